@@ -1,0 +1,1 @@
+"""What the probe runs; the host imports the same files."""

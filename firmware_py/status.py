@@ -1,0 +1,54 @@
+"""Status codes that cross module borders and the wire; numbers are stable, new ones are added at the end."""
+
+OK = 0
+BAD_CRC = -1  # a frame whose checksum does not fit its bytes
+BAD_LENGTH = -2  # shorter or longer than its type allows
+BAD_TYPE = -3  # a message type this firmware does not know
+BAD_VALUE = -4  # a field outside its range
+BAD_STATE = -5  # right message, wrong moment (data before begin, confirm before verify)
+BUSY = -6  # the probe is in the middle of something that excludes this
+NO_MODEL = -7  # no confirmed model in either slot
+NO_LUMP = -8  # the stroke shows no lump
+TOO_SHORT = -9  # the stroke did not cover what the features need
+FORCE_RANGE = -10  # mean force outside the model's range
+NO_FIT = -11  # the Gaussian fit found nothing to fit
+BAD_MAGIC = -12  # not a model image
+BAD_VERSION = -13  # a format, or feature list, that this firmware does not know
+BAD_SIGNATURE = -14  # the signature does not verify with this probe's public key
+BAD_PROBE = -15  # made for another probe's geometry or sensor
+MISSING_FEATURE = -16  # the model needs a feature that this build does not compute
+TOO_OLD = -17  # security counter below the one already seen, and not signed as a rollback
+SELF_TEST = -18  # the image's own vectors did not give the stated integers
+NO_SPACE = -19  # the image does not fit into a slot, or the store is full
+STORE_ERROR = -20  # the store could not be read or written
+OVERFLOW = -21  # an intermediate left +-2^30
+NOT_SUPPORTED = -22  # this build leaves the function out (for example flashing without SHA-256)
+FULL = -23  # a buffer or queue is full; nothing was stored
+
+# One clear sentence for each, for the host's errors and the probe's log; kept beside the numbers.
+TEXT = {
+    OK: "ok",
+    BAD_CRC: "the checksum does not fit the bytes",
+    BAD_LENGTH: "the message has a wrong length",
+    BAD_TYPE: "the probe does not know this message",
+    BAD_VALUE: "a field is outside its range",
+    BAD_STATE: "the probe is not in the state for this message",
+    BUSY: "the probe is busy",
+    NO_MODEL: "the probe holds no confirmed model",
+    NO_LUMP: "no lump found",
+    TOO_SHORT: "the stroke is too short for its features",
+    FORCE_RANGE: "the mean force is outside the model's range",
+    NO_FIT: "the tactile map has no bump to fit",
+    BAD_MAGIC: "this is not a model image",
+    BAD_VERSION: "the probe does not know this version",
+    BAD_SIGNATURE: "the signature does not fit the probe's key",
+    BAD_PROBE: "the model was made for another probe",
+    MISSING_FEATURE: "the model needs a feature that this firmware does not compute",
+    TOO_OLD: "the model is older than one the probe has already accepted",
+    SELF_TEST: "the model failed its self-test",
+    NO_SPACE: "there is no room for it on the probe",
+    STORE_ERROR: "the probe's store could not be read or written",
+    OVERFLOW: "a number left the integer range",
+    NOT_SUPPORTED: "this firmware is built without that function",
+    FULL: "the buffer is full",
+}

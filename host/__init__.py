@@ -1,0 +1,1 @@
+"""Palpate on the host: features, regression, link, recording, command line."""
