@@ -1,0 +1,44 @@
+# Two commands do it all: `make demo` and `make test`. Each sets up what it needs first.
+
+PY := .venv/bin/python
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+export PYTHONUNBUFFERED = 1
+
+.PHONY: setup demo test test-long lint format bench docs clean
+
+setup: ## the environment in .venv/
+	@.ci/setup
+
+demo: setup ## tissue, fit, export, flash, stroke, estimate: the whole chain
+	@.venv/bin/palpate demo
+
+test: lint ## every promise, in under ten minutes
+	@.ci/setup test
+	$(PY) -m pytest -n 2 -m "not long" --dist loadfile
+
+test-long: ## the campaigns: 2000 random strokes, fuzzing, power cuts
+	@.ci/setup test
+	@.ci/setup bench
+	$(PY) -m pytest -n 2 --dist loadfile -m long --timeout 7200
+
+lint: setup ## format, style and types
+	$(PY) -m ruff format --check .
+	$(PY) -m ruff check .
+	$(PY) -m mypy
+	@.ci/lint-firmware
+
+format: setup
+	$(PY) -m ruff check --fix .
+	$(PY) -m ruff format .
+
+bench: ## speed and memory, beside the tools people would pick instead
+	@.ci/setup test
+	@.ci/setup bench
+	$(PY) -m tests.benchmarks
+
+docs: setup ## the documentation as a site, in site/
+	.venv/bin/mkdocs build --strict -q
+
+clean:
+	rm -rf .venv build dist site out sim/probe/wasm/node_modules *.egg-info
