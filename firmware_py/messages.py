@@ -1,0 +1,319 @@
+"""Every message of the wire, defined once; both ends pack and unpack with it. docs/protocol.md explains.
+
+A body is  type (1 byte)                               for what the probe sends unasked,
+           type, id (2)                                for a command,
+           type | 0x80, id (2), status (1, signed)     for its answer,
+followed by the fields below, little-endian, without padding. Numbers that grow for ever (sequence, time_us,
+counters) count modulo 2**30, so that a 32-bit MicroPython holds them without allocating.
+"""
+
+import struct
+
+PROTOCOL = 1
+WRAP = 1 << 30  # modulus of sequence numbers, device time and counters
+COMMAND_WIRE = 64  # a command's longest wire form, its zeros before and behind included
+COMMAND_BODY = COMMAND_WIRE - 7  # what CRC (4), COBS (1) and two zeros leave for type, id and fields
+FLASH_PIECE = 48  # bytes of a model image in one flash_data
+
+ROWS = 16  # along the stroke
+COLUMNS = 26  # across it
+CELLS = ROWS * COLUMNS
+PACKED = CELLS * 3 // 2
+
+ANSWER = 0x80
+
+# type, name, fields (struct format, little-endian), their names, tail ("", "B" bytes, "i" 32-bit ints)
+COMMANDS = (
+    (0x01, "identify", "I", "nonce", ""),
+    (0x02, "get_setting", "B", "key", ""),
+    (0x03, "set_setting", "Bi", "key value", ""),
+    (0x04, "calibrate", "BBi", "kind frames pressure_pa", ""),
+    (0x05, "stream_start", "BBH", "content every strokes", ""),
+    (0x06, "stream_stop", "", "", ""),
+    (0x07, "statistics", "", "", ""),
+    (0x08, "time_sync", "", "", ""),
+    (0x09, "stroke_ack", "IB", "stroke have", ""),
+    (0x0A, "flash_begin", "I", "size", ""),
+    (0x0B, "flash_data", "I", "offset", "B"),
+    (0x0C, "flash_verify", "", "", ""),
+    (0x0D, "flash_confirm", "", "", ""),
+    (0x0E, "flash_abort", "", "", ""),
+    (0x0F, "read_back", "BI", "what offset", ""),
+)
+
+ANSWERS = (
+    (
+        0x81,
+        "identify",
+        "IBI3s8sBBHBHBb8sII",
+        "nonce protocol schema firmware serial rows columns pitch_um bits capabilities features_version "
+        "model_status model_id boots time_us",
+        "",
+    ),
+    (0x82, "get_setting", "Biii", "key value low high", ""),
+    (0x83, "set_setting", "Bi", "key value", ""),
+    (0x84, "calibrate", "BBHi", "kind frames dead_cells noise_millicounts", ""),
+    (0x85, "stream_start", "II", "next_seq time_us", ""),
+    (0x86, "stream_stop", "II", "next_seq time_us", ""),
+    (0x87, "statistics", "", "", "i"),
+    (0x88, "time_sync", "II", "received_us sent_us", ""),
+    (0x89, "stroke_ack", "IB", "stroke have", ""),
+    (0x8A, "flash_begin", "I", "received", ""),
+    (0x8B, "flash_data", "I", "received", ""),
+    (0x8C, "flash_verify", "8s", "model_id", ""),
+    (0x8D, "flash_confirm", "8s", "model_id", ""),
+    (0x8E, "flash_abort", "8s", "model_id", ""),
+    (0x8F, "read_back", "BII", "what offset size", "B"),
+    (
+        0xFF,
+        "unknown",
+        "",
+        "",
+        "",
+    ),  # answers a type that the probe does not know, or a body too short for an id
+)
+
+EVENTS = (
+    (0x40, "frame", "IIii", "seq time_us position_um displacement_um", "B"),
+    (0x41, "frame_rice", "IIii", "seq time_us position_um displacement_um", "B"),
+    (0x42, "stroke_state", "HIBIIi", "event_seq stroke state time_us frame_seq value", ""),
+    (
+        0x43,
+        "map",
+        "IbBBBbiiii",
+        "stroke status first_column last_column points first_mm base amplitude centre_um stdev_um",
+        "i",
+    ),
+    (
+        0x44,
+        "estimate",
+        "IbBH8sHIIII",
+        "stroke status flags level_permille model_id frames first_seq last_seq lost time_us",
+        "i",
+    ),
+    (0x45, "log", "BI", "level time_us", "B"),
+    (0x46, "boot", "Ib", "boots status", ""),
+    (0x47, "features", "IbB", "stroke status version", "i"),
+)
+
+# what a stream carries (stream_start.content, bits)
+CONTENT_FRAMES = 1
+CONTENT_COMPRESSED = 2
+CONTENT_STROKES = 4  # stroke states, maps and estimates
+
+# capabilities (identify, bits)
+CAN_FLASH = 1
+CAN_COMPRESS = 2
+CAN_CALIBRATE = 4
+
+CALIBRATE_ZERO = 0
+CALIBRATE_GAIN = 1
+CALIBRATE_CLEAR = 2
+
+# stroke_state.state; value is the image's sum (Pa, mean over the cells) unless said otherwise
+STATE_CONTACT = 1
+STATE_STARTED = 2
+STATE_LUMP_PASSED = 3  # value: position_um of the lump's centre
+STATE_ENDED = 4  # value: frames in the stroke
+STATE_FORCE_LOW = 5
+STATE_FORCE_HIGH = 6
+STATE_TOO_FAST = 7  # value: speed, um/s
+STATE_LIFTED = 8
+STATES = {
+    STATE_CONTACT: "contact",
+    STATE_STARTED: "started",
+    STATE_LUMP_PASSED: "lump_passed",
+    STATE_ENDED: "ended",
+    STATE_FORCE_LOW: "force_low",
+    STATE_FORCE_HIGH: "force_high",
+    STATE_TOO_FAST: "too_fast",
+    STATE_LIFTED: "lifted",
+}
+
+# estimate.flags (bits); hardness in bits 2 and 3
+FLAG_LUMP = 1
+FLAG_IN_DOMAIN = 2
+HARDNESS_SHIFT = 2
+FLAG_FORCE = 16
+FLAG_INVALID = 32
+OUTPUTS = ("F_mN_per_m", "t_um", "d_um", "h_ppm", "E_inv23_ppm")  # of each: value, low, high
+
+HAVE_MAP = 1  # stroke_ack.have (bits)
+HAVE_FEATURES = 2
+HAVE_ESTIMATE = 4
+HAVE_ALL = 7
+
+READ_CALIBRATION = 0  # read_back.what: the stored bytes, so that a host can replay the probe's integers
+READ_MODEL = 1
+READ_PIECE = 200  # bytes of it in one answer, at most
+
+LOG_INFO = 0
+LOG_WARNING = 1
+LOG_ERROR = 2
+
+# key, name, unit, lowest, highest, default
+SETTINGS = (
+    (0, "frame_rate", "mHz", 100, 1000000, 50000),
+    (1, "contact_threshold", "Pa", 10, 20000, 300),
+    (2, "force_low", "mN/m", 0, 1000000, 15000),
+    (3, "force_high", "mN/m", 1000, 10000000, 150000),
+    (4, "speed_limit", "um/s", 1000, 1000000, 100000),
+    (5, "stroke_start", "um", -500000, 500000, 26000),
+    (6, "stroke_end", "um", -500000, 500000, 0),
+    (7, "min_frames", "frames", 4, 1000, 8),
+    (8, "resend_estimate", "ms", 50, 60000, 500),
+    (9, "stroke_timeout", "ms", 100, 600000, 30000),
+)
+
+# the 32-bit counters of a statistics answer, in order; the host keeps its own beside them
+COUNTERS = (
+    "uptime_ms",
+    "frames_acquired",
+    "frames_sent",
+    "frames_dropped",  # whole frames, oldest first, that the link could not carry
+    "frames_overrun",  # acquisitions that came late for the rate asked
+    "messages_sent",  # everything but frames
+    "events_resent",  # maps and estimates sent again for want of an acknowledgement
+    "commands",  # accepted and executed
+    "commands_duplicate",  # answered again from memory
+    "commands_refused",  # answered with an error status
+    "packets_bad_crc",
+    "packets_bad_frame",
+    "packets_oversize",
+    "bytes_received",
+    "bytes_sent",
+    "strokes",
+    "estimates",
+    "free_bytes",
+)
+
+
+def _table():
+    table = {}
+    for definition in COMMANDS + ANSWERS + EVENTS:
+        table[definition[0]] = definition
+    return table
+
+
+TABLE = _table()
+TYPE = dict([(d[1], d[0]) for d in COMMANDS + EVENTS])
+
+
+def head_size(kind):
+    """Bytes before the fields: type, and for commands id, and for answers id and status."""
+    if kind & ANSWER:
+        return 4
+    return 1 if kind & 0x40 else 3
+
+
+def schema_text():
+    """The tables above as one string: what the schema hash is taken of."""
+    lines = ["palpate %d" % PROTOCOL]
+    for kind, name, fields, names, tail in COMMANDS + ANSWERS + EVENTS:
+        lines.append("%02x %s %s %s %s" % (kind, name, fields, names, tail))
+    for key, name, unit, low, high, default in SETTINGS:
+        lines.append("%d %s %s %d %d %d" % (key, name, unit, low, high, default))
+    lines.append(" ".join(COUNTERS))
+    return "\n".join(lines)
+
+
+# CRC-32 of schema_text(), kept as a number: not every probe can compute it; a test holds it true.
+SCHEMA = 0xAD87706B
+
+
+def pack(body, kind, message_id, status, values, tail=b""):
+    """Write a message into body (a bytearray); return its length.
+
+    kind: type byte; message_id: of the command (ignored for events); status: of an answer (else ignored);
+    values: the fields, in order; tail: bytes, or ints where the table says so. ValueError if too long.
+    """
+    definition = TABLE[kind]
+    body[0] = kind
+    at = head_size(kind)
+    if at > 1:
+        body[1] = message_id & 255
+        body[2] = message_id >> 8
+    if at > 3:
+        body[3] = status & 255
+        if status < 0:
+            return at
+    fields = "<" + definition[2]
+    n = struct.calcsize(fields)
+    if definition[4] == "i":
+        size = n + 4 * len(tail)
+    else:
+        size = n + len(tail)
+    if at + size > len(body):
+        raise ValueError("message too long")
+    struct.pack_into(fields, body, at, *values)
+    at += n
+    if definition[4] == "i":
+        for value in tail:
+            struct.pack_into("<i", body, at, value)
+            at += 4
+    else:
+        for byte in tail:
+            body[at] = byte
+            at += 1
+    return at
+
+
+def message_id(body):
+    """The id of a command or answer."""
+    return body[1] | body[2] << 8
+
+
+def answer_status(body):
+    """The status of an answer, one of firmware_py.status."""
+    return body[3] - 256 if body[3] > 127 else body[3]
+
+
+def unpack(body, length):
+    """The fields of body[:length] as a tuple (its tail, bytes or a tuple of ints, last), or None.
+
+    None means: not a message of this table, or not of its length. The fields of a refused command
+    (an answer with a negative status) are ().
+    """
+    if length < 1:
+        return None
+    definition = TABLE.get(body[0])
+    if definition is None:
+        return None
+    kind, _, fields, _, tail = definition
+    at = head_size(kind)
+    if length < at:
+        return None
+    if kind & ANSWER and answer_status(body) < 0:
+        return ()
+    fields = "<" + fields
+    n = struct.calcsize(fields)
+    left = length - at - n
+    if left < 0 or (left and not tail) or (tail == "i" and left % 4):
+        return None
+    values = struct.unpack_from(fields, body, at)
+    if tail == "B":
+        return values + (bytes(body[at + n : length]),)
+    if tail == "i":
+        return values + (struct.unpack_from("<%di" % (left // 4), body, at + n),)
+    return values
+
+
+FRAME_HEAD = 17  # bytes before the packed counts of a frame
+FRAME_BODY = FRAME_HEAD + PACKED
+
+
+def put_int(body, at, value):
+    """Write a signed number of |value| < 2**30 as four bytes, least significant first, without allocating."""
+    body[at] = value & 255
+    body[at + 1] = value >> 8 & 255
+    body[at + 2] = value >> 16 & 255
+    body[at + 3] = value >> 24 & 255
+
+
+def put_frame_head(body, seq, time_us, position_um, displacement_um):
+    """Write all of a frame but its counts, which belong at body[FRAME_HEAD:], without allocating."""
+    body[0] = 0x40
+    put_int(body, 1, seq)
+    put_int(body, 5, time_us)
+    put_int(body, 9, position_um)
+    put_int(body, 13, displacement_um)
