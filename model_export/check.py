@@ -1,0 +1,171 @@
+"""The checks of a ModelSpec; every failure is a ModelError of one sentence."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from model_export.errors import ModelError
+
+if TYPE_CHECKING:
+    from model_export.schema import ModelSpec
+
+MAX_FEATURES = 24
+MAX_TERMS = 400
+MAX_DEGREE = 3
+
+
+def _need(condition: bool, sentence: str) -> None:
+    if not condition:
+        raise ModelError(sentence)
+
+
+def _number(value: Any, where: str) -> float:
+    ok = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    _need(ok, f"{where} must be a finite number, not {value!r}")
+    return float(value)
+
+
+def _numbers(values: Any, n: int, where: str) -> list[float]:
+    _need(isinstance(values, tuple) and len(values) == n, f"{where} must be a list of {n} numbers")
+    return [_number(v, f"{where}[{i}]") for i, v in enumerate(values)]
+
+
+def _terms(terms: Any, n_features: int, where: str) -> None:
+    _need(
+        isinstance(terms, tuple) and len(terms) <= MAX_TERMS,
+        f"{where} must be a list of at most {MAX_TERMS} terms",
+    )
+    for k, term in enumerate(terms):
+        ok = isinstance(term, tuple) and all(type(i) is int and 0 <= i < n_features for i in term)
+        _need(ok, f"{where}[{k}] must be a list of indices below {n_features}, not {term!r}")
+        _need(
+            len(term) <= MAX_DEGREE,
+            f"{where}[{k}] has degree {len(term)}, the evaluator knows up to {MAX_DEGREE}",
+        )
+        _need(tuple(sorted(term)) == term, f"{where}[{k}] must be sorted, not {term!r}")
+    _need(len(set(terms)) == len(terms), f"{where} names a term twice")
+
+
+def spec(model: ModelSpec) -> None:
+    """Raise ModelError with the first thing that is wrong with `model`."""
+    _head(model)
+    n = len(model.features)
+    _features(model, n)
+    _terms(model.terms, n, "terms")
+    _outputs(model)
+    _interval(model, n)
+    _domain(model, n)
+    _rules(model)
+
+
+def _head(model: ModelSpec) -> None:
+    from model_export.schema import KINDS
+
+    _need(model.kind in KINDS, f"kind must be one of {', '.join(KINDS)}, not {model.kind!r}")
+    ok = isinstance(model.probe, str) and model.probe.isascii() and 0 < len(model.probe) <= 16
+    _need(ok, f"probe must be 1 to 16 ASCII characters, not {model.probe!r}")
+    version = model.features_version
+    _need(type(version) is int and 0 < version < 256, "features_version must be an integer from 1 to 255")
+    _need(isinstance(model.training, dict), "training must be an object")
+    digest = model.training.get("hash")
+    ok = isinstance(digest, str) and len(digest) == 64 and all(c in "0123456789abcdef" for c in digest)
+    _need(ok, 'training["hash"] must be 64 lower-case hex digits (SHA-256 of the training set)')
+    n = model.training.get("n")
+    _need(type(n) is int and n > 0, 'training["n"] must be the number of training strokes')
+    _need(model.force_map is None or isinstance(model.force_map, dict), "force_map must be an object or null")
+    _finite(model.training, "training")
+    _finite(model.notes, "notes")
+    _finite(model.force_map, "force_map")
+
+
+def _finite(value: Any, where: str) -> None:
+    """NaN and infinity anywhere inside free-form parts are refused too: JSON has no word for them."""
+    if isinstance(value, float):
+        _need(math.isfinite(value), f"{where} must be finite, not {value!r}")
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            _finite(item, f"{where}[{key!r}]")
+    elif isinstance(value, list | tuple):
+        for i, item in enumerate(value):
+            _finite(item, f"{where}[{i}]")
+
+
+def _features(model: ModelSpec, n: int) -> None:
+    _need(0 < n <= MAX_FEATURES, f"a model has 1 to {MAX_FEATURES} features, not {n}")
+    _need(all(isinstance(f, str) for f in model.features), "features must be names")
+    _need(len(set(model.features)) == n, "features names a feature twice")
+    centre = _numbers(model.centre, n, "centre")
+    scale = _numbers(model.scale, n, "scale")
+    lo = _numbers(model.clip_lo, n, "clip_lo")
+    hi = _numbers(model.clip_hi, n, "clip_hi")
+    for i, name in enumerate(model.features):
+        _need(scale[i] > 0, f"scale of {name} must be positive, not {scale[i]}")
+        _need(lo[i] < hi[i], f"clip_lo of {name} must be below its clip_hi")
+        _need(lo[i] <= centre[i] <= hi[i], f"centre of {name} must lie between clip_lo and clip_hi")
+        _need(
+            max(abs(lo[i]), abs(hi[i])) < 32,
+            f"{name}: the firmware's features end at +-32, the clip does not",
+        )
+
+
+def _outputs(model: ModelSpec) -> None:
+    from model_export.schema import LINKS, OUTPUTS
+
+    names = tuple(getattr(o, "name", None) for o in model.outputs)
+    wanted = tuple(name for name, _ in OUTPUTS)
+    _need(names == wanted, f"outputs must be {', '.join(wanted)} in this order, not {names}")
+    for o in model.outputs:
+        _need(o.link in LINKS, f"the link of {o.name} must be one of {', '.join(LINKS)}, not {o.link!r}")
+        lo, hi = _number(o.lo, f"lo of {o.name}"), _number(o.hi, f"hi of {o.name}")
+        _need(lo < hi, f"lo of {o.name} must be below its hi")
+        if o.link == "ln":
+            _need(
+                lo >= 1e-5 and hi <= 500, f"{o.name}: with a ln link lo and hi must lie within 1e-5 and 500"
+            )
+        else:
+            _need(
+                lo >= -7.9 and hi <= 7.9, f"{o.name}: with an identity link lo and hi must lie within +-7.9"
+            )
+        _numbers(o.coefficients, len(model.terms), f"coefficients of {o.name}")
+
+
+def _interval(model: ModelSpec, n: int) -> None:
+    interval = model.interval
+    level = _number(interval.level, "interval.level")
+    _need(0 < level < 1, f"interval.level must lie between 0 and 1, not {level}")
+    _terms(interval.terms, n, "interval.terms")
+    m = len(model.outputs)
+    _need(len(interval.coefficients) == m, f"interval.coefficients must have a row for each of {m} outputs")
+    _need(len(interval.quantiles) == m, f"interval.quantiles must have a pair for each of {m} outputs")
+    for j, row in enumerate(interval.coefficients):
+        _numbers(row, len(interval.terms) + m, f"interval.coefficients[{j}]")
+        pair = _numbers(interval.quantiles[j], 2, f"interval.quantiles[{j}]")
+        _need(min(pair) >= 0, f"interval.quantiles[{j}] must not be negative")
+
+
+def _domain(model: ModelSpec, n: int) -> None:
+    domain = model.domain
+    lo, hi = _numbers(domain.lo, n, "domain.lo"), _numbers(domain.hi, n, "domain.hi")
+    for i, name in enumerate(model.features):
+        inside = model.clip_lo[i] <= lo[i] < hi[i] <= model.clip_hi[i]
+        _need(inside, f"the domain of {name} must be a range within its clip")
+    _numbers(domain.centre, n, "domain.centre")
+    _need(len(domain.precision) == n, f"domain.precision must be {n} x {n}")
+    rows = [_numbers(row, n, f"domain.precision[{i}]") for i, row in enumerate(domain.precision)]
+    size = max(abs(v) for row in rows for v in row)
+    even = all(abs(rows[i][j] - rows[j][i]) <= 1e-9 * size for i in range(n) for j in range(i))
+    _need(even, "domain.precision must be symmetric")
+    _need(_number(domain.threshold, "domain.threshold") > 0, "domain.threshold must be positive")
+
+
+def _rules(model: ModelSpec) -> None:
+    for i, limit in enumerate(model.lump):
+        _need(isinstance(limit.feature, str), f"lump[{i}].feature must be a name")
+        for word, value in (("lo", limit.lo), ("hi", limit.hi)):
+            if value is not None:
+                size = abs(_number(value, f"lump[{i}].{word}"))
+                _need(size < 32, f"lump[{i}].{word} must lie within +-32, where the firmware's features end")
+    _need(_number(model.hard_below, "hard_below") > 0, "hard_below must be positive")
+    lo, hi = _numbers(model.force_range, 2, "force_range")
+    _need(0 <= lo < hi <= 1000, "force_range must be two increasing numbers from 0 to 1000 N/m")
