@@ -1,0 +1,76 @@
+"""The tissue under a stroke: contact finite elements in plane strain (thesis, "Finite Element Simulations").
+
+    from sim.tissue import Case, simulate
+    stroke = simulate(Case.from_code("d10h08e10f10"))
+    stroke.displacement_mm, stroke.images_kPa
+
+Importing this package is cheap: compiled kernels load at the first stroke.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from sim.tissue.case import FORCE_UNIT_N_PER_M, THESIS_CODES, Case
+from sim.tissue.errors import CaseError, StrokeError, TissueError
+
+if TYPE_CHECKING:
+    from sim.tissue.design import WIDEST, Ranges, one_factor_cases, read_design, sobol_cases
+    from sim.tissue.probe_shape import SENSORS_MM
+    from sim.tissue.result import Stroke
+    from sim.tissue.settings import SOLVER_VERSION, Settings, case_key
+    from sim.tissue.stroke import load_curve, simulate, simulate_forces
+    from sim.tissue.sweeps import Progress, load_strokes, read_table, sweep
+
+_HOMES = {
+    "SENSORS_MM": "probe_shape",
+    "Stroke": "result",
+    "SOLVER_VERSION": "settings",
+    "Settings": "settings",
+    "case_key": "settings",
+    "load_curve": "stroke",
+    "simulate": "stroke",
+    "simulate_forces": "stroke",
+    "Ranges": "design",
+    "WIDEST": "design",
+    "one_factor_cases": "design",
+    "read_design": "design",
+    "sobol_cases": "design",
+    "Progress": "sweeps",
+    "load_strokes": "sweeps",
+    "read_table": "sweeps",
+    "sweep": "sweeps",
+}
+
+__all__ = [
+    "FORCE_UNIT_N_PER_M",
+    "SENSORS_MM",
+    "SOLVER_VERSION",
+    "THESIS_CODES",
+    "WIDEST",
+    "Case",
+    "CaseError",
+    "Progress",
+    "Ranges",
+    "Settings",
+    "Stroke",
+    "StrokeError",
+    "TissueError",
+    "case_key",
+    "load_curve",
+    "load_strokes",
+    "one_factor_cases",
+    "read_design",
+    "read_table",
+    "simulate",
+    "simulate_forces",
+    "sobol_cases",
+    "sweep",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(import_module(f"sim.tissue.{_HOMES[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,107 @@
+"""Designs: which cases a sweep runs."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from sim.tissue.case import THESIS_CODES, Case
+from sim.tissue.errors import CaseError
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """What a Sobol design covers; E is even in E^-2/3, the rest in themselves."""
+
+    d_mm: tuple[float, float] = (5.0, 20.0)
+    h: tuple[float, float] = (0.3, 1.5)
+    E_ratio: tuple[float, float] = (2.0, 1000.0)
+    F_rel: tuple[float, float] = (0.3, 1.0)
+    probe_radius_mm: tuple[float, float] | None = None
+
+
+USUAL = Ranges()
+WIDEST = Ranges((4.0, 25.0), (0.2, 2.0), (1.0, 1000.0), (0.1, 1.2), (25.0, 100.0))
+
+
+def read_design(text: str) -> list[Case]:
+    """Cases of `thesis`, `one-factor`, `sobol:N[:SEED]` or a file (CSV of fields, or one code per line).
+
+    Raises
+    ------
+    CaseError
+        The design or a case of it cannot be read.
+    """
+    if text == "thesis":
+        return [Case.from_code(code) for code in THESIS_CODES]
+    if text == "one-factor":
+        return one_factor_cases()
+    name, *numbers = text.split(":")
+    if name == "sobol":
+        try:
+            n, seed = int(numbers[0]), int(numbers[1]) if len(numbers) > 1 else 1
+        except (ValueError, IndexError):
+            n, seed = 0, 0
+        if n < 1 or seed < 0 or len(numbers) > 2:
+            raise CaseError(f"{text!r} is not a design; write sobol:N or sobol:N:SEED")
+        return sobol_cases(n, seed)
+    path = Path(text)
+    if not path.is_file():
+        raise CaseError(
+            f"{text!r} is not a design (thesis, one-factor, sobol:N:SEED) and not a file of cases"
+        )
+    return _read_file(path)
+
+
+def sobol_cases(n: int, seed: int, ranges: Ranges = USUAL) -> list[Case]:
+    """`n` scrambled Sobol points over `ranges`; the same seed gives the same cases."""
+    from scipy.stats import qmc
+
+    bits = max(0, (n - 1).bit_length())
+    columns = 4 + (ranges.probe_radius_mm is not None)
+    points = qmc.Sobol(columns, seed=np.random.default_rng(seed)).random_base2(bits)[:n]
+
+    def spread(column: int, limits: tuple[float, float]) -> np.ndarray:
+        return limits[0] + (limits[1] - limits[0]) * points[:, column]
+
+    low, high = ranges.E_ratio
+    E = spread(2, (high ** (-2 / 3), low ** (-2 / 3))) ** -1.5
+    parts = [spread(0, ranges.d_mm), spread(1, ranges.h), np.clip(E, low, high), spread(3, ranges.F_rel)]
+    cases = [Case(*map(float, row)) for row in zip(*parts)]
+    if ranges.probe_radius_mm is not None:
+        radii = spread(4, ranges.probe_radius_mm)
+        cases = [replace(case, probe_radius_mm=float(radius)) for case, radius in zip(cases, radii)]
+    return cases
+
+
+def one_factor_cases() -> list[Case]:
+    """One input changed at a time round the reference, and the strain-force curves (Figures 12 to 16)."""
+    reference = Case.from_code(THESIS_CODES[0])
+    forces = (0.2, 0.4, 0.6, 0.8, 1.0)
+    lumps = [replace(reference, E_ratio=E) for E in (1.0, 2.0, 5.0, 10.0, 50.0, 1000.0)]
+    lumps.append(Case.from_code("d10h08eNLf10"))
+    lumps += [replace(reference, d_mm=d) for d in (5.0, 15.0, 20.0)]
+    lumps += [replace(reference, h=h) for h in (0.3, 0.5, 1.2, 1.5)]
+    return [replace(case, F_rel=F) for case in lumps for F in forces]
+
+
+def _read_file(path: Path) -> list[Case]:
+    lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
+    if not lines:
+        raise CaseError(f"{path} holds no cases")
+    known = {f.name for f in fields(Case)}
+    header = [name.strip() for name in lines[0].split(",")]
+    if not known & set(header):
+        return [Case.from_code(line) for line in lines if not line.lstrip().startswith("#")]
+    if unknown := set(header) - known:
+        raise CaseError(f"{path} has unknown columns: {', '.join(sorted(unknown))}")
+    cases = []
+    for number, row in enumerate(csv.DictReader(lines), start=2):
+        try:
+            cases.append(Case(**{name.strip(): float(value) for name, value in row.items() if value}))
+        except (TypeError, ValueError) as error:
+            raise CaseError(f"{path}, line {number}: {error}") from None
+    return cases

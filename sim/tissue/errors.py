@@ -1,0 +1,39 @@
+"""What can go wrong, as a tree.
+
+TissueError
+  CaseError    (ValueError)    the words were wrong: a case or a setting that does not make sense
+  StrokeError  (RuntimeError)  the work failed: no equilibrium at one position, with its reason
+"""
+
+from __future__ import annotations
+
+
+class TissueError(Exception):
+    """Any error of `sim.tissue`."""
+
+
+class CaseError(TissueError, ValueError):
+    """A case, its code or a setting is not one that can be simulated; the text is one sentence."""
+
+
+class StrokeError(TissueError, RuntimeError):
+    """The stroke could not be computed.
+
+    Parameters
+    ----------
+    code : str
+        The case's code.
+    position_mm : float
+        The probe's position at which it failed.
+    reason : str
+        Why, in words.
+    """
+
+    def __init__(self, code: str, position_mm: float, reason: str) -> None:
+        self.code = code
+        self.position_mm = float(position_mm)
+        self.reason = reason
+        super().__init__(f"{code} failed at {position_mm:+.1f} mm: {reason}")
+
+    def __reduce__(self) -> tuple[type[StrokeError], tuple[str, float, str]]:
+        return type(self), (self.code, self.position_mm, self.reason)

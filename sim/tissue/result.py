@@ -1,0 +1,150 @@
+"""A stroke: what the probe felt and how deep it sank, position by position. Units: mm, kPa, N/m."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.tissue.case import Case
+from sim.tissue.probe_shape import SENSORS_MM
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """Result of one simulated stroke.
+
+    Attributes
+    ----------
+    case : Case
+        What was simulated.
+    positions_mm : ndarray (n,)
+        The probe's positions; the lump is under 0.
+    displacement_mm : ndarray (n,)
+        How far the probe's lowest point stands under the undeformed surface.
+    images_kPa : ndarray (n, 16)
+        Tactile images: mean pressure on each sensor of `sensors_mm`.
+    peak_mm, peak_kPa : ndarray (n,)
+        Where on the probe the contact pressure is greatest, and how great it is there.
+    contact_mm : ndarray (n, 2)
+        First and last place on the probe that touches.
+    iterations : ndarray (n,), int
+        Newton iterations at each position.
+    factorisations : int
+        Of the whole stroke.
+    nodes : int
+        Size of the mesh.
+    cpu_s : float
+        CPU time.
+    """
+
+    case: Case
+    positions_mm: Floats
+    displacement_mm: Floats
+    images_kPa: Floats
+    peak_mm: Floats
+    peak_kPa: Floats
+    contact_mm: Floats
+    iterations: NDArray[np.int64]
+    factorisations: int
+    nodes: int
+    cpu_s: float
+
+    @property
+    def code(self) -> str:
+        """The case's code."""
+        return self.case.code
+
+    @property
+    def F_N_per_m(self) -> float:
+        """Force per metre of probe width."""
+        return self.case.F_N_per_m
+
+    @property
+    def sensors_mm(self) -> Floats:
+        """Places of the sixteen sensors on the probe."""
+        return SENSORS_MM
+
+    @property
+    def strain(self) -> Floats:
+        """Nominal strain of the fat, (n,): displacement over undeformed thickness."""
+        return self.displacement_mm / self.case.t_mm
+
+    def mirrored(self) -> Stroke:
+        """The same stroke made from the other side."""
+        return replace(
+            self,
+            positions_mm=-self.positions_mm[::-1],
+            displacement_mm=self.displacement_mm[::-1],
+            images_kPa=self.images_kPa[::-1, ::-1],
+            peak_mm=-self.peak_mm[::-1],
+            peak_kPa=self.peak_kPa[::-1],
+            contact_mm=-self.contact_mm[::-1, ::-1],
+            iterations=self.iterations[::-1],
+        )
+
+    def full(self) -> Stroke:
+        """The stroke continued to the other side by mirror symmetry, where it ends over the lump.
+
+        Raises
+        ------
+        ValueError
+            The stroke stops before the lump, or friction breaks the symmetry.
+        """
+        if self.positions_mm[-1] > 1e-9:
+            return self
+        if self.positions_mm[-1] < -1e-9 or self.case.friction > 0.0:
+            raise ValueError(
+                f"{self.code}: only a frictionless stroke that ends over the lump has a mirror half"
+            )
+        back = self.mirrored()
+        names = (
+            "positions_mm",
+            "displacement_mm",
+            "images_kPa",
+            "peak_mm",
+            "peak_kPa",
+            "contact_mm",
+            "iterations",
+        )
+        joined: dict[str, Any] = {
+            name: np.concatenate([getattr(self, name), getattr(back, name)[1:]]) for name in names
+        }
+        return replace(self, **joined)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain lists and numbers, for JSON; `from_dict` reads them back exactly."""
+        arrays = (
+            "positions_mm",
+            "displacement_mm",
+            "sensors_mm",
+            "images_kPa",
+            "peak_mm",
+            "peak_kPa",
+            "contact_mm",
+        )
+        out: dict[str, Any] = {"code": self.code, "F_N_per_m": self.F_N_per_m, "t_mm": self.case.t_mm}
+        out |= {name: getattr(self, name).tolist() for name in arrays}
+        out |= {"strain": self.strain.tolist(), "iterations": self.iterations.tolist()}
+        out |= {"factorisations": self.factorisations, "nodes": self.nodes, "cpu_s": self.cpu_s}
+        return out | {"case": asdict(self.case)}
+
+    @classmethod
+    def from_dict(cls, record: dict[str, Any]) -> Stroke:
+        """Read what `to_dict` wrote."""
+        n = len(record["positions_mm"])
+        floats = ("positions_mm", "displacement_mm", "peak_mm", "peak_kPa")
+        return cls(
+            case=Case(**record["case"]),
+            **{name: np.asarray(record[name], float) for name in floats},
+            images_kPa=np.asarray(record["images_kPa"], float).reshape(n, len(SENSORS_MM)),
+            contact_mm=np.asarray(record["contact_mm"], float).reshape(n, 2),
+            iterations=np.asarray(record["iterations"], np.int64),
+            factorisations=int(record["factorisations"]),
+            nodes=int(record["nodes"]),
+            cpu_s=float(record["cpu_s"]),
+        )

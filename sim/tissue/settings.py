@@ -1,0 +1,105 @@
+"""How a stroke is computed: mesh sizes, positions, tolerance, solver; and the key of a result.
+
+Units: mm.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from sim.tissue.case import Case
+from sim.tissue.errors import CaseError
+
+SOLVER_VERSION = "tissue-1"
+"""Changes whenever the same case and settings would give other numbers."""
+
+_FAR_STEP_MM = 4.0
+
+SOLVERS = ("auto", "strip", "cholmod", "superlu")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Numerical settings of a stroke.
+
+    Parameters
+    ----------
+    hx_mm : float
+        Width of the element columns under the stroke.
+    increment_mm : float
+        Step between the probe's positions; columns should divide it.
+    start_mm : float
+        First position; the stroke ends over the lump, and with friction beyond it at `-start_mm`.
+    far_start_mm : float, optional
+        Where a coarser approach to `start_mm` begins, in steps of 4 mm.
+    refine : int
+        Divides every element size (also rows and rings) by this number, for mesh studies.
+    row_mm, gland_row_mm : float
+        Largest height of element rows in fat and gland.
+    skin_mm : tuple of float
+        Heights of the thin rows under the surface.
+    left_mm, right_mm : float
+        Where the roller sides stand.
+    tolerance : float
+        Largest nodal force out of balance at convergence, as a fraction of the force on the probe.
+    solver : str
+        `auto`, `strip` (own column Cholesky), `cholmod` (needs cvxopt) or `superlu` (plain SciPy).
+    """
+
+    hx_mm: float = 2.0
+    increment_mm: float = 2.0
+    start_mm: float = -28.0
+    far_start_mm: float | None = None
+    refine: int = 1
+    row_mm: float = 3.5
+    gland_row_mm: float = 5.0
+    skin_mm: tuple[float, ...] = (0.35, 0.55)
+    left_mm: float = -120.0
+    right_mm: float = 100.0
+    tolerance: float = 1e-5
+    solver: str = "auto"
+
+    def __post_init__(self) -> None:
+        sizes = (self.hx_mm, self.increment_mm, self.row_mm, self.gland_row_mm, *self.skin_mm)
+        if not all(math.isfinite(s) and s > 0 for s in sizes):
+            raise CaseError("the mesh sizes and the increment must be positive numbers")
+        if not 0.1 <= self.hx_mm <= 4.0:
+            raise CaseError(f"hx_mm must lie between 0.1 and 4, not {self.hx_mm:g}")
+        if not -60.0 <= self.start_mm <= 0.0:
+            raise CaseError(f"start_mm must lie between -60 and 0, not {self.start_mm:g}")
+        if self.far_start_mm is not None and not -60.0 <= self.far_start_mm <= self.start_mm:
+            raise CaseError("far_start_mm must lie between -60 and start_mm")
+        if self.refine < 1 or int(self.refine) != self.refine:
+            raise CaseError(f"refine must be a whole number from 1, not {self.refine}")
+        if self.left_mm > -75.0 or self.right_mm < 75.0:
+            raise CaseError("the sides must stand at least 75 mm from the lump")
+        if not 1e-10 <= self.tolerance <= 1e-3:
+            raise CaseError(f"tolerance must lie between 1e-10 and 1e-3, not {self.tolerance:g}")
+        if self.solver not in SOLVERS:
+            raise CaseError(f"solver must be one of {', '.join(SOLVERS)}, not {self.solver!r}")
+
+    def positions_mm(self, friction: bool = False) -> np.ndarray:
+        """The probe's positions, shape (n,): to the lump's middle, with friction to the other side."""
+        n = round(-self.start_mm / self.increment_mm)
+        if abs(n * self.increment_mm + self.start_mm) > 1e-9:
+            raise CaseError("start_mm must be a whole number of increments from the lump")
+        half = self.start_mm + self.increment_mm * np.arange(n + 1)
+        if self.far_start_mm is not None:
+            half = np.concatenate([np.arange(self.far_start_mm, self.start_mm - 1e-9, _FAR_STEP_MM), half])
+        return np.concatenate([half, -half[-2::-1]]) if friction else half
+
+    def refined(self, factor: int) -> Settings:
+        """The same with every element `factor` times smaller."""
+        return replace(self, refine=self.refine * factor)
+
+
+def case_key(case: Case, settings: Settings) -> str:
+    """Hash that names a result: of the case, the settings and the solver's version; 32 hex digits."""
+    record = {"case": asdict(case), "settings": asdict(settings), "solver": SOLVER_VERSION}
+    text = json.dumps(record, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:32]

@@ -1,0 +1,227 @@
+"""The stroke: press, slide from position to position, read the sensors. Units: mm, kPa, N/m."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.tissue.case import Case
+from sim.tissue.contact import Contact, read_sensors
+from sim.tissue.element import ElementIntegrals, integrate
+from sim.tissue.errors import CaseError, StrokeError
+from sim.tissue.linear import LinearSolver, make_solver
+from sim.tissue.material import Tissue, elasticity
+from sim.tissue.mesh import TissueMesh, build_mesh
+from sim.tissue.newton import Newton, NoConvergence
+from sim.tissue.predictor import Shift, State
+from sim.tissue.probe_shape import ProbeShape
+from sim.tissue.result import Stroke
+from sim.tissue.settings import Settings
+
+Floats = NDArray[np.float64]
+
+_REMEMBERED = 3
+_HALVINGS = 6
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What cases of the same shape share: mesh, integrals, the solver's analysis."""
+
+    mesh: TissueMesh
+    integrals: ElementIntegrals
+    solver: LinearSolver
+
+
+_local = threading.local()
+
+
+def _geometry(case: Case, settings: Settings, first: float, last: float) -> Geometry:
+    """The geometry of a case, remembered per thread: stiffness and force do not change it."""
+    memory: OrderedDict[tuple, Geometry] = _local.__dict__.setdefault("memory", OrderedDict())
+    key = (case.d_mm, case.h, case.gland_mm, settings, first, last)
+    if key not in memory:
+        mesh = build_mesh(case, settings, first, last)
+        try:
+            integrals = integrate(mesh)
+        except ValueError as error:
+            raise CaseError(f"{case.code} cannot be meshed: {error}") from None
+        memory[key] = Geometry(mesh, integrals, make_solver(settings.solver, mesh))
+        while len(memory) > _REMEMBERED:
+            memory.popitem(last=False)
+    memory.move_to_end(key)
+    return memory[key]
+
+
+def simulate(
+    case: Case, settings: Settings | None = None, positions_mm: Sequence[float] | None = None
+) -> Stroke:
+    """Simulate one stroke.
+
+    Parameters
+    ----------
+    case : Case
+        Lump, tissue, probe and force.
+    settings : Settings, optional
+        How finely.
+    positions_mm : sequence of float, optional
+        The probe's positions, ascending, in place of the settings'.
+
+    Raises
+    ------
+    CaseError
+        The case or the positions make no sense.
+    StrokeError
+        There is no equilibrium at some position.
+    """
+    return simulate_forces(case, [case.F_rel], settings, positions_mm)[0]
+
+
+def simulate_forces(
+    case: Case,
+    forces: Sequence[float],
+    settings: Settings | None = None,
+    positions_mm: Sequence[float] | None = None,
+) -> list[Stroke]:
+    """Load, stroke, load more, stroke again: one stroke for each force of `forces` (units of 100 N/m).
+
+    The geometry's set-up is shared and each load starts from the one before; otherwise as `simulate`.
+    """
+    settings = settings or Settings()
+    positions = _checked(settings.positions_mm(case.friction > 0) if positions_mm is None else positions_mm)
+    strokes = []
+    began = time.thread_time()
+    geometry = _geometry(case, settings, float(positions[0]), float(positions[-1]))
+    pressed: State | None = None
+    for force in forces:
+        loaded = replace(case, F_rel=force)
+        run = _Run(loaded, settings, geometry)
+        pressed = run.press(positions[0], pressed)
+        strokes.append(run.stroke(positions, pressed, began))
+        began = time.thread_time()
+    return strokes
+
+
+def load_curve(
+    case: Case, forces: Sequence[float], position_mm: float = 0.0, settings: Settings | None = None
+) -> list[Stroke]:
+    """Press harder and harder at one position: strokes of a single position, one per force."""
+    return simulate_forces(case, forces, settings, [position_mm])
+
+
+def _checked(positions: Sequence[float] | Floats) -> Floats:
+    out = np.asarray(positions, float)
+    if out.ndim != 1 or not len(out) or not np.isfinite(out).all() or (np.diff(out) <= 0).any():
+        raise CaseError("positions_mm must be a non-empty ascending list of numbers")
+    if out[0] < -60.0 or out[-1] > 60.0:
+        raise CaseError("positions_mm must lie between -60 and 60")
+    return out
+
+
+class _Run:
+    """One case on one geometry."""
+
+    def __init__(self, case: Case, settings: Settings, geometry: Geometry) -> None:
+        self.case, self.mesh = case, geometry.mesh
+        self.areas = geometry.integrals.dx.sum(1)
+        self.tissue = Tissue(geometry.mesh, geometry.integrals, elasticity(case, geometry.mesh))
+        shape = ProbeShape(case.probe_radius_mm, case.face_half_mm, case.fillet_per_mm2)
+        self.contact = Contact(geometry.mesh, shape, case.friction)
+        self.newton = Newton(self.tissue, self.contact, geometry.solver, settings.tolerance)
+        self.shifts: dict[float, Shift] = {}
+
+    def press(self, position: float, pressed: State | None) -> State:
+        """The state at the first position, reached from `pressed` or from nothing by raising the force."""
+        if pressed is None:
+            rest = np.zeros(2 * len(self.mesh.nodes_mm))
+            pressure = np.zeros((len(self.areas), 3))
+            start = State(rest, self.case.t_mm - 0.1, np.zeros(len(self.mesh.surface)), pressure)
+            return self._raise_force(start, position, 0.0)
+        return self._raise_force(pressed, position, self.case.F_N_per_m / 2)
+
+    def _raise_force(self, state: State, position: float, done: float) -> State:
+        """Raise the force from `done`, halving what does not converge."""
+        goal, halvings = self.case.F_N_per_m, 0
+        target = 0.35 * goal if done == 0.0 else goal
+        while True:
+            try:
+                state, done = self.newton.solve(state, position, target), target
+                target, halvings = goal, max(0, halvings - 1)
+            except NoConvergence as error:
+                halvings += 1
+                target = done + (target - done) / 3
+                if halvings > _HALVINGS:
+                    raise StrokeError(self.case.code, position, f"pressing, {error}") from None
+                continue
+            if done == goal:
+                return state
+
+    def _slide(self, state: State, old: float, new: float) -> State:
+        """The state at `new` from that at `old`; what does not converge is done in halves."""
+        force = self.case.F_N_per_m
+        distance = round(new - old, 9)
+        if distance not in self.shifts:
+            self.shifts[distance] = Shift(self.mesh, self.areas, distance)
+        reason: NoConvergence | None = None
+        for keep in (True, False):
+            try:
+                return self.newton.solve(self.shifts[distance](state), new, force, keep=keep)
+            except NoConvergence as error:
+                reason = error
+        if distance < 2.0 / 2**_HALVINGS:
+            raise StrokeError(self.case.code, new, f"sliding, {reason}")
+        middle = (old + new) / 2
+        return self._slide(self._slide(state, old, middle), middle, new)
+
+    def stroke(self, positions: Floats, state: State, began: float) -> Stroke:
+        """Slide through all positions and collect what the probe feels."""
+        rows, iterations, before = [], [], 0
+        for i, position in enumerate(positions):
+            if i:
+                state = self._slide(state, float(positions[i - 1]), float(position))
+            elif self.case.friction:
+                state = self.newton.solve(state, float(position), self.case.F_N_per_m)
+            iterations.append(self.newton.counts.iterations - before)
+            before = self.newton.counts.iterations
+            rows.append(self._read(state, float(position)))
+        displacement, images, peak_mm, peak_kPa, contact = zip(*rows)
+        return Stroke(
+            case=self.case,
+            positions_mm=positions,
+            displacement_mm=np.array(displacement),
+            images_kPa=np.array(images),
+            peak_mm=np.array(peak_mm),
+            peak_kPa=np.array(peak_kPa),
+            contact_mm=np.array(contact),
+            iterations=np.array(iterations),
+            factorisations=self.newton.counts.factorisations,
+            nodes=len(self.mesh.nodes_mm),
+            cpu_s=time.thread_time() - began,
+        )
+
+    def _read(self, state: State, position: float) -> tuple[float, Floats, float, float, tuple[float, float]]:
+        x, pressure = self.contact.pressure(state.u, state.multiplier)
+        s = x - position
+        image = read_sensors(s, pressure)
+        displacement = self.case.t_mm - state.height
+        if not (np.isfinite(image).all() and np.isfinite(displacement)):
+            raise StrokeError(self.case.code, position, "the result is not a number")
+        if (jacobian := self.tissue.smallest_jacobian(state.u)) <= 0.0:
+            raise StrokeError(
+                self.case.code, position, f"an element is turned inside out (det F = {jacobian:.2g})"
+            )
+        touching = np.nonzero(pressure > 0)[0]
+        peak = int(pressure.argmax())
+        return (
+            displacement,
+            image,
+            float(s[peak]),
+            float(pressure[peak]),
+            (float(s[touching[0]]), float(s[touching[-1]])),
+        )

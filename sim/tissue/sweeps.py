@@ -1,0 +1,240 @@
+"""Many strokes: one code path over any `concurrent.futures.Executor`, results kept as they come."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+import pyarrow.parquet as pq
+
+from sim.tissue.case import Case
+from sim.tissue.errors import CaseError, TissueError
+from sim.tissue.result import Stroke
+from sim.tissue.settings import Settings, case_key
+from sim.tissue.store import Record, StrokeStore, record_of, stroke_of
+
+_GROUP = 4
+"""Most cases in one task: neighbours that share their geometry share its set-up."""
+
+_SYNC_S = 2.0
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a sweep is: cases done (of which re-used and failed) of a total, rate and seconds left."""
+
+    done: int
+    total: int
+    reused: int
+    failed: int
+    rate_per_s: float
+    left_s: float
+
+
+def sweep(
+    cases: Sequence[Case],
+    settings: Settings | None = None,
+    out_dir: str | Path = "sweep",
+    executor: Executor | None = None,
+    workers: int | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> pd.DataFrame:
+    """Simulate all cases that `out_dir` does not hold yet.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+        The design; its order is the table's.
+    settings : Settings, optional
+        The same for all.
+    out_dir : path
+        Where the strokes are kept (`store.py`); interrupt at will, a second call goes on.
+    executor : Executor, optional
+        Where to compute, for example `distributed.Client(address).get_executor()`; by default a pool of
+        processes.
+    workers : int, optional
+        Size of that pool; all cores by default.
+    progress : callable, optional
+        Called with a `Progress` now and then.
+
+    Returns
+    -------
+    DataFrame
+        One row per case: key, code, status (`ok` or `failed`), reason, inputs and results.
+
+    Raises
+    ------
+    CaseError
+        There is nothing to do, or `out_dir` cannot be written.
+    """
+    settings = settings or Settings()
+    if not cases:
+        raise CaseError("the design holds no cases")
+    keys = [case_key(case, settings) for case in cases]
+    try:
+        store = StrokeStore(Path(out_dir))
+    except OSError as error:
+        raise CaseError(f"cannot keep strokes in {out_dir}: {error}") from None
+    todo = {key: case for key, case in zip(keys, cases) if key not in store}
+    reporter = _Reporter(len(set(keys)), len(set(keys)) - len(todo), progress)
+    try:
+        if todo:
+            if executor is not None:
+                _run(_groups(todo), settings, executor, 64, store, reporter)
+            else:
+                _run_in_pool(todo, settings, workers, store, reporter)
+        reporter.show()
+    except BaseException:
+        store.sync()
+        store.close()
+        raise
+    store.seal(list(dict.fromkeys(keys)))
+    return read_table(out_dir)
+
+
+def read_table(out_dir: str | Path) -> pd.DataFrame:
+    """The table of a finished sweep.
+
+    Raises
+    ------
+    CaseError
+        There is none.
+    """
+    path = Path(out_dir) / "strokes.parquet"
+    if not path.exists():
+        unfinished = path.with_name("finished.journal").exists()
+        hint = (
+            "the sweep in it is unfinished; run it again to go on"
+            if unfinished
+            else "run a sweep into it first"
+        )
+        raise CaseError(f"{out_dir} holds no finished sweep; {hint}")
+    return pq.read_table(path).to_pandas()
+
+
+def load_strokes(out_dir: str | Path) -> list[Stroke]:
+    """The strokes of a finished sweep that did not fail, in the design's order."""
+    read_table(out_dir)
+    table = pq.ParquetFile(Path(out_dir) / "strokes.parquet")
+    records = (row for batch in table.iter_batches(1024) for row in batch.to_pylist())
+    return [stroke_of(record) for record in records if record["status"] == "ok"]
+
+
+def compute_group(cases: Sequence[tuple[str, Case]], settings: Settings) -> list[Record]:
+    """What a worker does: simulate a few cases; a failure becomes a record, not an end."""
+    from sim.tissue.stroke import simulate
+
+    records = []
+    for key, case in cases:
+        try:
+            records.append(record_of(key, case, simulate(case, settings)))
+        except TissueError as error:
+            records.append(record_of(key, case, error))
+    return records
+
+
+def _groups(todo: dict[str, Case]) -> Iterator[list[tuple[str, Case]]]:
+    group: list[tuple[str, Case]] = []
+    for key, case in todo.items():
+        if group:
+            other = group[0][1]
+            same = (case.d_mm, case.h, case.gland_mm) == (other.d_mm, other.h, other.gland_mm)
+            if not same or len(group) == _GROUP:
+                yield group
+                group = []
+        group.append((key, case))
+    if group:
+        yield group
+
+
+def _run(
+    groups: Iterable[list[tuple[str, Case]]],
+    settings: Settings,
+    executor: Executor,
+    outstanding: int,
+    store: StrokeStore,
+    reporter: _Reporter,
+) -> None:
+    """Keep `outstanding` tasks with the executor until all groups are done."""
+    source, pending = iter(groups), set[Future]()
+    synced = time.monotonic()
+    try:
+        while True:
+            while len(pending) < outstanding and (group := next(source, None)) is not None:
+                pending.add(executor.submit(compute_group, group, settings))
+            if not pending:
+                return
+            done, pending = wait(pending, return_when=FIRST_COMPLETED)
+            for future in done:
+                for record in future.result():
+                    store.add(record)
+                    reporter.count(record["status"] == "failed")
+            if time.monotonic() - synced > _SYNC_S:
+                store.sync()
+                synced = time.monotonic()
+    except BaseException:
+        for future in pending:
+            future.cancel()
+        raise
+
+
+def _run_in_pool(
+    todo: dict[str, Case], settings: Settings, workers: int | None, store: StrokeStore, reporter: _Reporter
+) -> None:
+    workers = min(workers or os.cpu_count() or 1, len(todo))
+    method = "forkserver" if sys.platform == "linux" else "spawn"
+    context = multiprocessing.get_context(method)
+    if method == "forkserver":
+        context.set_forkserver_preload(["sim.tissue.stroke"])
+    with _one_thread_each(), ProcessPoolExecutor(workers, mp_context=context) as pool:
+        _run(_groups(todo), settings, pool, 4 * workers, store, reporter)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Processes started meanwhile use one thread each in their linear algebra."""
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+    before = {name: os.environ.get(name) for name in names}
+    os.environ.update(dict.fromkeys(names, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+class _Reporter:
+    """Counts, and calls back a few times a second."""
+
+    def __init__(self, total: int, reused: int, progress: Callable[[Progress], None] | None) -> None:
+        self.total, self.reused, self.progress = total, reused, progress
+        self.computed = self.failed = 0
+        self.began = self.shown = time.monotonic()
+
+    def count(self, failed: bool) -> None:
+        self.computed += 1
+        self.failed += failed
+        if time.monotonic() - self.shown > 0.2:
+            self.show()
+
+    def show(self) -> None:
+        if self.progress is None:
+            return
+        self.shown = time.monotonic()
+        rate = self.computed / max(self.shown - self.began, 1e-9)
+        left = self.total - self.reused - self.computed
+        left_s = left / rate if rate > 0 else 0.0
+        self.progress(
+            Progress(self.reused + self.computed, self.total, self.reused, self.failed, rate, left_s)
+        )
