@@ -1,0 +1,139 @@
+"""The frame of the command line: commands imported when used, errors as one sentence, exit statuses.
+
+Exit status: 0 done, 1 the work failed, 2 the words were wrong, 130 stopped by Ctrl-C, 143 by SIGTERM.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import signal
+import sys
+from typing import Any
+
+import click
+
+CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
+    "Tissue": (),
+    "Model": (),
+    "Probe": (),
+    "Recordings": (),
+    "This machine": (),
+}
+"""Chapter of `palpate --help` -> (command, its module, its one line); the module holds `command`."""
+
+
+class Commands(click.Group):
+    """The command group; a command's module is imported only when that command is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return [name for chapter in CHAPTERS.values() for name, _, _ in chapter]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        for chapter in CHAPTERS.values():
+            for name, module, _ in chapter:
+                if name == cmd_name:
+                    found = importlib.import_module(module).command
+                    assert isinstance(found, click.Command)
+                    return found
+        return None
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        try:
+            return super().resolve_command(ctx, args)
+        except click.UsageError as error:
+            import difflib
+
+            near = difflib.get_close_matches(args[0], self.list_commands(ctx), n=1) if args else []
+            hint = f"did you mean {near[0]!r}?" if near else "`palpate --help` lists the commands"
+            raise click.UsageError(f"there is no command {args[0]!r}; {hint}", ctx) from error
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Chapters in the order in which one works; nothing is imported for it."""
+        for title, chapter in CHAPTERS.items():
+            if chapter:
+                with formatter.section(title):
+                    formatter.write_dl([(name, line) for name, _, line in chapter], col_max=12)
+
+
+def exit_status(error: BaseException) -> int:
+    """2 where the words were wrong (any `ValueError` of a known tree, any click error), else 1."""
+    status = getattr(error, "exit_status", None)
+    if isinstance(status, int):
+        return status
+    if isinstance(error, click.ClickException):
+        return 2
+    return 2 if isinstance(error, ValueError) and is_expected(error) else 1
+
+
+def is_expected(error: BaseException) -> bool:
+    """True for errors that a room of ours raised on purpose (they carry a sentence for the user)."""
+    room = type(error).__module__.partition(".")[0]
+    return room in {"host", "sim", "model_export", "firmware_py"}
+
+
+def sentence(error: BaseException) -> str:
+    """One line, one sentence, that says what was wrong and what to do.
+
+    Parameters
+    ----------
+    error : BaseException
+        Whatever ended a command.
+    """
+    if isinstance(error, click.ClickException):
+        text = error.format_message()
+        context = getattr(error, "ctx", None)
+        if context is not None and "--help" not in text:
+            text = f"{text.rstrip('.')}; see `{context.command_path} --help`"
+    elif is_expected(error):
+        text = str(error)
+    elif isinstance(error, OSError) and error.strerror:
+        where = f"{error.filename}: " if error.filename else ""
+        text = f"{where}{error.strerror.lower()}"
+    elif isinstance(error, ModuleNotFoundError):
+        text = f"the Python package {error.name!r} is missing; `palpate doctor` says what to install"
+    elif isinstance(error, MemoryError):
+        text = "the machine ran out of memory; use fewer --workers or a coarser --hx"
+    else:
+        text = (
+            f"unexpected {type(error).__name__}: {error}; "
+            "run again with PALPATE_DEBUG=1 for the traceback and report it"
+        )
+    return " ".join(text.split()) or type(error).__name__
+
+
+def _on_sigterm(signum: int, _frame: Any) -> None:
+    raise SystemExit(128 + signum)
+
+
+def run(cli: click.Command, args: list[str] | None = None) -> int:
+    """Run the command line and turn every ending into an exit status.
+
+    `PALPATE_DEBUG=1` shows the traceback of an error instead of its sentence.
+    """
+    debug = os.environ.get("PALPATE_DEBUG", "") not in ("", "0")
+    try:
+        signal.signal(signal.SIGTERM, _on_sigterm)  # so that files are closed as on Ctrl-C
+    except ValueError:
+        pass  # not the main thread: a test or a notebook
+    try:
+        result = cli.main(args=args, prog_name="palpate", standalone_mode=False)
+        sys.stdout.flush()
+        return result if isinstance(result, int) else 0
+    except click.exceptions.Exit as ending:
+        return ending.exit_code
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("palpate: stopped; everything finished so far is kept.", err=True)
+        return 130
+    except BrokenPipeError:
+        # The reader of our output (head, less) has gone: not an error, but Python must not complain at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        if debug:
+            raise
+        text = sentence(error)
+        click.echo(f"palpate: {text}{'' if text.endswith(('.', '?', '`')) else '.'}", err=True)
+        return exit_status(error)

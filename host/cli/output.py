@@ -1,0 +1,93 @@
+"""What commands print: one JSON document with `--json`, a table or a line for people without."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def json_option(function: F) -> F:
+    """The option `--json`, the same words everywhere; the command gets `as_json: bool`."""
+    text = "Print the result as JSON, and nothing else, on standard output."
+    return click.option("--json", "as_json", is_flag=True, help=text)(function)
+
+
+def plain(value: Any) -> Any:
+    """`value` with numpy's and our own types turned into what JSON knows; NaN and infinity become null.
+
+    Parameters
+    ----------
+    value : object
+        Nested dicts, sequences, numpy arrays and scalars, bytes (as hex), paths.
+    """
+    if isinstance(value, bool | int | str) or value is None:
+        return value
+    if isinstance(value, float):
+        return value if value - value == 0.0 else None
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, bytes | bytearray):
+        return bytes(value).hex()
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, Iterable):
+        return [plain(item) for item in value]
+    return str(value)
+
+
+def print_json(value: Any) -> None:
+    """One JSON document on standard output: indented for a terminal, on one line for a program."""
+    indent = 2 if sys.stdout.isatty() else None
+    sys.stdout.write(json.dumps(plain(value), indent=indent, allow_nan=False, ensure_ascii=False) + "\n")
+    sys.stdout.flush()
+
+
+def console(stderr: bool = False) -> Console:
+    """A rich console; what is not a result (progress, hints) goes to standard error."""
+    from rich.console import Console
+
+    return Console(stderr=stderr, highlight=False, soft_wrap=True)
+
+
+def note(text: str) -> None:
+    """One line to people, on standard error, so that results can be piped."""
+    click.echo(text, err=True)
+
+
+def progress(unit: str = "") -> Progress:
+    """A progress bar with the time left, on standard error; silent where that is not a terminal."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn(unit),
+        TimeRemainingColumn(compact=True),
+        console=console(stderr=True),
+        disable=not sys.stderr.isatty(),
+        transient=True,
+    )
+
+
+def table(columns: Iterable[str], rows: Iterable[Iterable[Any]], title: str | None = None) -> None:
+    """A plain table on standard output; the columns after the first are aligned to the right."""
+    from rich import box
+    from rich.table import Table
+
+    shown = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left")
+    for i, name in enumerate(columns):
+        shown.add_column(name, justify="left" if i == 0 else "right", overflow="fold")
+    for row in rows:
+        shown.add_row(*(cell if isinstance(cell, str) else f"{cell:g}" for cell in row))
+    console().print(shown)

@@ -1,0 +1,102 @@
+"""Every sequence number accounted for: what came, what is missing, what came twice, what came late."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+WRAP = 1 << 30
+"""Sequence numbers count modulo 2^30 on the probe."""
+WINDOW = 256
+"""A number this far behind the newest may still be a late or doubled one; further back the probe restarted."""
+
+
+@dataclass
+class Counts:
+    """What the host counted of one stream.
+
+    Parameters
+    ----------
+    received : int
+        Different messages accepted.
+    lost : int
+        Numbers that never came, so far.
+    duplicate : int
+        Messages that had come before; they are dropped.
+    late : int
+        Messages that came after a younger one; each was counted lost before and is no longer.
+    restarts : int
+        Times the numbers began anew (the probe was reset).
+    """
+
+    received: int = 0
+    lost: int = 0
+    duplicate: int = 0
+    late: int = 0
+    restarts: int = 0
+
+    def as_dict(self) -> dict[str, int]:
+        return asdict(self)
+
+
+class Sequence:
+    """Counts one stream by its sequence numbers modulo 2^30; needs 32 bytes however long it runs."""
+
+    def __init__(self) -> None:
+        self.counts = Counts()
+        self._newest: int | None = None
+        self._seen = 0  # bit k: newest - k has come
+        self.gap = 0
+        """Numbers skipped just before the last accepted message."""
+
+    def add(self, number: int) -> bool:
+        """Count one message; False if it came before (then it must not be used again)."""
+        self.gap = 0
+        counts = self.counts
+        if self._newest is None:
+            self._begin(number)
+            return True
+        ahead = (number - self._newest + WRAP // 2) % WRAP - WRAP // 2
+        if ahead > 0:
+            self.gap = ahead - 1
+            counts.lost += self.gap
+            self._seen = (self._seen << ahead | 1) & ((1 << WINDOW) - 1) if ahead < WINDOW else 1
+            self._newest = number
+            counts.received += 1
+            return True
+        if -ahead >= WINDOW:
+            counts.restarts += 1
+            self._begin(number)
+            return True
+        if self._seen >> -ahead & 1:
+            counts.duplicate += 1
+            return False
+        self._seen |= 1 << -ahead
+        counts.received += 1
+        counts.late += 1
+        counts.lost -= 1
+        return True
+
+    def expect_from(self, number: int) -> None:
+        """A stream begins with `number`: those before it are not missing, the ones from it on are promised."""
+        self._begin((number - 1) % WRAP)
+        self.counts.received -= 1
+
+    def expect_until(self, number: int) -> None:
+        """A stream has ended before `number`: what has not come by now is lost."""
+        if self._newest is not None:
+            ahead = (number - 1 - self._newest + WRAP // 2) % WRAP - WRAP // 2
+            if ahead > 0:
+                self.counts.lost += ahead
+                self._newest = (number - 1) % WRAP
+                self._seen = self._seen << ahead & ((1 << WINDOW) - 1) if ahead < WINDOW else 0
+
+    def restart(self) -> None:
+        """The stream begins anew (a new connection): the next number is no gap."""
+        self._newest = None
+        self._seen = 0
+
+    def _begin(self, number: int) -> None:
+        # What lies before the first number was never promised to us: it counts as seen, not as lost.
+        self._newest = number
+        self._seen = (1 << WINDOW) - 1
+        self.counts.received += 1

@@ -1,0 +1,103 @@
+"""Putting a model image onto the probe: begin, data, verify, confirm, read back.
+
+The probe believes nothing before `verify` (signature, versions, self-test) and keeps its old model until
+`confirm`, so that a cut at any moment leaves a model that works. Every piece can be sent again; after a cut the
+transfer goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from firmware_py import messages, status
+from host.errors import CommandRefused, FlashError, ImageRefused, ImageUnreadable
+from host.link.probe import Probe
+
+VERIFY_TIMEOUT_S = 5.0
+"""A small probe needs seconds for SHA-256 over its image; the command is harmless to repeat."""
+
+REFUSALS = {
+    status.BAD_SIGNATURE: "it is not signed with the key this probe trusts",
+    status.BAD_PROBE: "it was made for another probe",
+    status.BAD_VERSION: "it has a format this firmware does not know; update the firmware",
+    status.MISSING_FEATURE: "it needs a feature this firmware does not compute; update the firmware",
+    status.TOO_OLD: "it is older than a model the probe has held; export it again",
+    status.SELF_TEST: "it failed the self-test on the probe",
+    status.NO_SPACE: "it does not fit into the probe",
+    status.BAD_MAGIC: "it is not a model image",
+    status.BAD_CRC: "it is damaged; export it again",
+}
+
+
+@dataclass(frozen=True)
+class Flashed:
+    """How a flash went: the live model's id (hex), the bytes sent, the pieces that had to be sent again."""
+
+    model_id: str
+    size: int
+    resumed_at: int
+
+
+def flash(probe: Probe, image: bytes, progress: Callable[[int, int], None] | None = None) -> Flashed:
+    """Make `image` the live model of a probe.
+
+    Parameters
+    ----------
+    probe : Probe
+        Live, past its handshake.
+    image : bytes
+        A signed model image (docs/model-image.md).
+    progress : callable, optional
+        Called with bytes done and bytes in all.
+
+    Returns
+    -------
+    Flashed
+        With the id that the probe now answers with in its handshake.
+
+    Raises
+    ------
+    ImageRefused
+        The probe refused it; its old model stays.
+    FlashError
+        The probe says it is live but does not answer with its id.
+    """
+    if not image:
+        raise ImageUnreadable("the model image is empty; export it again with `palpate export`")
+    if "flash" not in probe.identity.capabilities:
+        raise ImageRefused("this probe's firmware is built without flashing; see docs/firmware.md")
+    try:
+        start = at = int(probe.command("flash_begin", len(image))[0])
+        while at < len(image):
+            if progress is not None:
+                progress(at, len(image))
+            at = _send_piece(probe, image, at)
+        if progress is not None:
+            progress(at, len(image))
+        (made_ready,) = probe.command("flash_verify", timeout_s=VERIFY_TIMEOUT_S)
+        probe.command("flash_confirm", timeout_s=VERIFY_TIMEOUT_S)
+    except CommandRefused as refusal:
+        why = REFUSALS.get(
+            refusal.status, f"{refusal.reason} (status {refusal.status}, at {refusal.command})"
+        )
+        message = f"the probe refused the model image: {why}; the model it had stays"
+        raise ImageRefused(message, refusal.status) from refusal
+    live = probe.refresh_identity()
+    if live.model_id != made_ready.hex():
+        raise FlashError(
+            f"the probe confirmed model {made_ready.hex()} but answers with {live.model_id or 'none'}; flash it again"
+        )
+    return Flashed(live.model_id, len(image), start)
+
+
+def _send_piece(probe: Probe, image: bytes, at: int) -> int:
+    """Send the piece at `at`; return how far the probe is (after a restart it may be behind)."""
+    try:
+        piece = image[at : at + messages.FLASH_PIECE]
+        return int(probe.command("flash_data", at, tail=piece)[0])
+    except CommandRefused as refusal:
+        if refusal.status not in (status.BAD_STATE, status.BAD_VALUE):
+            raise
+        # The probe was reset in between and waits for a new beginning; it says how much it kept.
+        return int(probe.command("flash_begin", len(image))[0])

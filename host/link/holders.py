@@ -1,0 +1,82 @@
+"""Who holds a port and who may open it, as far as the system tells (Linux: /proc; elsewhere: None)."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+def lock_holder(path: str) -> int | None:
+    """Process id that holds the exclusive lock (flock) on a device, or None.
+
+    Parameters
+    ----------
+    path : str
+        Device path, as /dev/ttyACM0.
+    """
+    try:
+        status = os.stat(path)
+        lines = Path("/proc/locks").read_text().splitlines()
+    except OSError:
+        return None
+    wanted = (os.major(status.st_dev), os.minor(status.st_dev), status.st_ino)
+    for line in lines:
+        # "1: FLOCK  ADVISORY  WRITE 12098 00:1a:3 0 EOF": device numbers in hex, inode in decimal.
+        words = line.split()
+        if len(words) < 6 or words[1] not in ("FLOCK", "OFDLCK", "POSIX"):
+            continue
+        major, minor, inode = words[5].split(":")
+        if (int(major, 16), int(minor, 16), int(inode)) == wanted and int(words[4]) > 0:
+            return int(words[4])
+    return None
+
+
+def open_by(path: str) -> list[int]:
+    """Other processes that have a device open, seen through /proc/*/fd (own and root's see most)."""
+    try:
+        wanted = os.stat(path)
+    except OSError:
+        return []
+    found = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        if int(entry.name) == os.getpid():
+            continue
+        try:
+            for fd in (entry / "fd").iterdir():
+                if not os.readlink(fd).startswith("/dev/"):
+                    continue
+                status = fd.stat()
+                if status.st_rdev == wanted.st_rdev and status.st_rdev != 0:
+                    found.append(int(entry.name))
+                    break
+        except OSError:
+            continue  # gone meanwhile, or another user's
+    return found
+
+
+def program(pid: int) -> str:
+    """ "name (process 123)", the name as the system knows it."""
+    try:
+        name = Path(f"/proc/{pid}/comm").read_text().strip()
+    except OSError:
+        name = "a program"
+    return f"{name} (process {pid})"
+
+
+def holder(path: str) -> str | None:
+    """The program that holds a port, in words, or None where the system does not tell."""
+    pid = lock_holder(path)
+    if pid is None:
+        others = open_by(path)
+        pid = others[0] if others else None
+    return None if pid is None else program(pid)
+
+
+def owner_group(path: str) -> str | None:
+    """Name of the group that owns a device: the one to join to be allowed to open it."""
+    try:
+        import grp
+
+        return grp.getgrgid(os.stat(path).st_gid).gr_name
+    except (ImportError, OSError, KeyError):
+        return None

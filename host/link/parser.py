@@ -1,0 +1,268 @@
+"""The live parser: bytes from the wire become typed events; a live port and a recording feed the same one.
+
+Nothing is dropped unseen: `take_raw` gives back every byte that was fed, cut behind each good packet, so that
+a recording holds the wire exactly, damaged packets included, and a replay counts the same damage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import Any
+
+from firmware_py import messages, wire
+from host.link.accounting import Counts, Sequence
+from host.link.clock import Unwrapper
+from host.link.events import (
+    Answer,
+    Boot,
+    Estimate,
+    Event,
+    Features,
+    Frame,
+    Log,
+    StrokeState,
+    TactileMap,
+)
+
+LONGEST_BODY = 2048
+"""Longest body taken, bytes; a frame has 641. Longer ones are counted as oversize."""
+
+_FRAME = messages.TYPE["frame"]
+_FRAME_RICE = messages.TYPE["frame_rice"]
+_STATE = messages.TYPE["stroke_state"]
+_MAP = messages.TYPE["map"]
+_ESTIMATE = messages.TYPE["estimate"]
+_LOG = messages.TYPE["log"]
+_BOOT = messages.TYPE["boot"]
+_FEATURES = messages.TYPE["features"]
+_IDENTIFIED = messages.TYPE["identify"] | messages.ANSWER
+_STREAM_STARTED = messages.TYPE["stream_start"] | messages.ANSWER
+_STREAM_STOPPED = messages.TYPE["stream_stop"] | messages.ANSWER
+
+HAVE = {TactileMap: messages.HAVE_MAP, Features: messages.HAVE_FEATURES, Estimate: messages.HAVE_ESTIMATE}
+"""Results of a stroke that the probe sends until they are acknowledged, and their bit in stroke_ack."""
+
+
+@dataclass
+class LinkCounts:
+    """What this end of the link has counted since it was opened.
+
+    Parameters
+    ----------
+    packets, bytes_received : int
+        Good packets, and all bytes.
+    bad_crc, bad_frame, oversize, unreadable : int
+        Damaged packets: wrong checksum, impossible stuffing, too long, not of their type's length.
+    resent : int
+        Results of a stroke that came again because an acknowledgement was late.
+    states_lost : int
+        Stroke states that never came.
+    late_answers : int
+        Answers nobody waited for any more; they are dropped.
+    commands, retries : int
+        Commands given, and times one had to be sent again.
+    queue_dropped : int
+        Frames dropped, oldest first, because the program that reads them was too slow.
+    reconnects : int
+        Times the link came back.
+    """
+
+    packets: int = 0
+    bytes_received: int = 0
+    bad_crc: int = 0
+    bad_frame: int = 0
+    oversize: int = 0
+    unreadable: int = 0
+    resent: int = 0
+    states_lost: int = 0
+    late_answers: int = 0
+    commands: int = 0
+    retries: int = 0
+    queue_dropped: int = 0
+    reconnects: int = 0
+
+    def as_dict(self) -> dict[str, int]:
+        return {item.name: getattr(self, item.name) for item in fields(self)}
+
+
+class LiveParser:
+    """Bytes in, events out, every sequence number accounted for.
+
+    Use: `for event in parser.feed(data, host_ns)`: events in the wire's order; duplicates are dropped and
+    counted. After each event `parser.raw` holds the wire's bytes since the event before (its own packet last).
+    """
+
+    def __init__(self) -> None:
+        self.counts = LinkCounts()
+        self.frames = Sequence()
+        self.raw = b""
+        self._receiver = wire.Receiver(LONGEST_BODY)
+        self._tail = bytearray()
+        self._clock = Unwrapper()
+        self._event_seq: int | None = None
+        self._results: dict[tuple[type, int], None] = {}
+        self._boots: int | None = None
+        self._streaming = False
+        self._ends_before: int | None = None
+
+    @property
+    def frame_counts(self) -> Counts:
+        """Received, lost, duplicate, late frames."""
+        return self.frames.counts
+
+    def feed(self, data: bytes, host_ns: int) -> Iterator[Event]:
+        """Take bytes as they came; yield what they complete.
+
+        Parameters
+        ----------
+        data : bytes
+            Any cut of the stream.
+        host_ns : int
+            When they reached the host, Unix time in ns.
+        """
+        receiver = self._receiver
+        counts = self.counts
+        n = len(data)
+        counts.bytes_received += n
+        start = at = 0
+        while at < n:
+            at = receiver.feed(data, at, n)
+            if receiver.length:
+                counts.packets += 1
+                self.raw = bytes(self._tail) + data[start:at] if self._tail else data[start:at]
+                self._tail.clear()
+                start = at
+                event = self._event(receiver.packet, receiver.length, host_ns)
+                if event is not None:
+                    yield event
+                else:
+                    self._tail += self.raw  # nobody asks for it now: it goes with the next event
+        self._tail += data[start:]
+        counts.bad_crc = receiver.bad_crc
+        counts.bad_frame = receiver.bad_frame
+        counts.oversize = receiver.oversize
+
+    def take_tail(self) -> bytes:
+        """The bytes behind the last good packet; they are then forgotten (the link is closing)."""
+        tail = bytes(self._tail)
+        self._tail.clear()
+        return tail
+
+    def settle(self) -> None:
+        """The wire is quiet: what a stopped stream had promised and has not come by now is lost."""
+        if self._ends_before is not None:
+            self.frames.expect_until(self._ends_before)
+            self._ends_before = None
+
+    def restarted(self) -> None:
+        """The probe began anew: its sequence numbers, clock and stroke numbers do too."""
+        self.frames.restart()
+        self.frames.counts.restarts += 1
+        self._clock = Unwrapper()
+        self._event_seq = None
+        self._results.clear()
+        self._streaming = False
+        self._ends_before = None
+
+    def _event(self, body: bytearray, length: int, host_ns: int) -> Event | None:
+        kind = body[0]
+        values = messages.unpack(body, length)
+        if values is None:
+            self.counts.unreadable += 1
+            return None
+        if kind == _FRAME or kind == _FRAME_RICE:
+            return self._frame(kind, values, host_ns)
+        if kind & messages.ANSWER:
+            answer = Answer(host_ns, kind, messages.message_id(body), messages.answer_status(body), values)
+            self._learn(answer)
+            return answer
+        return self._rare(kind, values, host_ns)
+
+    def _learn(self, answer: Answer) -> None:
+        """What answers say about the streams, in the wire's own order, so that a replay learns the same."""
+        if answer.status < 0:
+            return
+        if answer.kind == _IDENTIFIED:
+            self._booted(answer.values[-2])
+        elif answer.kind == _STREAM_STARTED and not self._streaming:
+            # While a stream runs (an answer sent again, a reconnect), the numbers go on: a gap is a loss.
+            self._streaming = True
+            self.settle()
+            self.frames.expect_from(answer.values[0])
+        elif answer.kind == _STREAM_STOPPED and self._streaming:
+            self._streaming = False
+            self._ends_before = answer.values[0]
+
+    def _booted(self, boots: int) -> None:
+        if self._boots is not None and self._boots != boots:
+            self.restarted()
+        self._boots = boots
+
+    def _frame(self, kind: int, values: tuple[Any, ...], host_ns: int) -> Frame | None:
+        seq, time_us, position_um, displacement_um, packed = values
+        if kind == _FRAME and len(packed) != messages.PACKED:
+            self.counts.unreadable += 1
+            return None
+        if not self.frames.add(seq):
+            return None
+        return Frame(
+            host_ns,
+            seq,
+            self._clock(time_us, host_ns // 1000),
+            position_um,
+            displacement_um,
+            packed,
+            self.frames.gap,
+        )
+
+    def _rare(self, kind: int, values: tuple[Any, ...], host_ns: int) -> Event | None:
+        if kind == _STATE:
+            event_seq, stroke, state, time_us, frame_seq, value = values
+            if not self._next_state(event_seq):
+                return None
+            word = messages.STATES.get(state, f"state_{state}")
+            return StrokeState(
+                host_ns, event_seq, stroke, word, self._clock(time_us, host_ns // 1000), frame_seq, value
+            )
+        if kind == _BOOT:
+            self._booted(values[0])
+            return Boot(host_ns, *values)
+        if kind == _LOG:
+            level, time_us, text = values
+            return Log(host_ns, level, self._clock(time_us, host_ns // 1000), text.decode("utf-8", "replace"))
+        if kind == _MAP:
+            return self._result(TactileMap(host_ns, *values))
+        if kind == _FEATURES:
+            return self._result(Features(host_ns, *values))
+        if kind == _ESTIMATE:
+            return self._result(Estimate(host_ns, *values))
+        return None  # a command's type: an echo of our own bytes, or a chatty other program
+
+    def _next_state(self, number: int) -> bool:
+        """Count the stroke states that are missing (their numbers count modulo 2^16)."""
+        if self._event_seq is not None:
+            ahead = (number - self._event_seq + (1 << 15)) % (1 << 16) - (1 << 15)
+            if ahead <= 0:
+                return False
+            self.counts.states_lost += ahead - 1
+        self._event_seq = number
+        return True
+
+    def _result(self, event: TactileMap | Features | Estimate) -> Event:
+        """A stroke's result; one that came before is still handed on as `Again`, to be acknowledged again."""
+        key = (type(event), event.stroke)
+        if key in self._results:
+            self.counts.resent += 1
+            return Again(event.host_ns, event)
+        self._results[key] = None
+        if len(self._results) > 96:
+            del self._results[next(iter(self._results))]
+        return event
+
+
+@dataclass(slots=True)
+class Again(Event):
+    """A result that had come before; clients acknowledge it and use it no further."""
+
+    event: TactileMap | Features | Estimate

@@ -1,0 +1,236 @@
+"""Bytes to and from a probe: serial ports, pseudo-terminals and TCP, behind one small protocol.
+
+Bytes travel here, not lines: ports are opened raw (no echo, no newline translation, no byte that means
+"interrupt") and for this program alone.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import select
+import socket
+import sys
+from typing import Protocol, runtime_checkable
+from urllib.parse import urlsplit
+
+from host.errors import LinkGone, PortBusy, PortError, PortForbidden, PortMissing, UsageError
+from host.link import holders
+
+READ_BYTES = 1 << 16
+WRITE_TIMEOUT_S = 5.0
+
+
+@runtime_checkable
+class Transport(Protocol):
+    """What a client needs of a link.
+
+    `read` returns what has come, at the latest after `timeout_s` (then b""); it raises `LinkGone` when the
+    other end has vanished. `live` is False for a recording, which takes no commands.
+    """
+
+    name: str
+    live: bool
+
+    def read(self, timeout_s: float) -> bytes: ...
+
+    def write(self, data: bytes) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class FdTransport:
+    """A link on a file descriptor: one `select` and one `os.read` for whatever has come."""
+
+    live = True
+
+    def __init__(self, name: str, fd: int) -> None:
+        self.name = name
+        self._fd = fd
+        os.set_blocking(fd, False)
+        self._closed = False
+
+    def read(self, timeout_s: float) -> bytes:
+        if self._closed:
+            raise LinkGone(f"{self.name} was closed")
+        try:
+            ready, _, _ = select.select([self._fd], [], [], timeout_s)
+            if not ready:
+                return b""
+            data = os.read(self._fd, READ_BYTES)
+        except (BlockingIOError, InterruptedError):
+            return b""
+        except (OSError, ValueError) as error:
+            raise self._gone() from error
+        if not data:
+            raise self._gone()
+        return data
+
+    def write(self, data: bytes) -> None:
+        view = memoryview(data)
+        while view:
+            try:
+                _, ready, _ = select.select([], [self._fd], [], WRITE_TIMEOUT_S)
+                if not ready:
+                    raise LinkGone(
+                        f"{self.name} has not taken a byte for {WRITE_TIMEOUT_S:g} s; reset the probe"
+                    )
+                view = view[os.write(self._fd, view) :]
+            except (BlockingIOError, InterruptedError):
+                continue
+            except (OSError, ValueError) as error:
+                raise self._gone() from error
+
+    def close(self) -> None:
+        if not self._closed:
+            self._closed = True
+            self._close_port()
+
+    def _close_port(self) -> None:
+        os.close(self._fd)
+
+    def _gone(self) -> LinkGone:
+        return LinkGone(
+            f"{self.name} is gone: the probe was unplugged or its program ended; plug it in again"
+        )
+
+
+class SerialTransport(FdTransport):
+    """A serial port or a pseudo-terminal, through pyserial (raw, exclusive)."""
+
+    def __init__(self, port: str, baud: int = 921_600) -> None:
+        self._serial = _open_serial(port, baud)
+        super().__init__(port, self._serial.fileno())
+
+    def _close_port(self) -> None:
+        self._serial.close()
+
+
+class SocketTransport(FdTransport):
+    """`socket://HOST:PORT`, as pyserial spells it, but read in blocks and not byte by byte."""
+
+    def __init__(self, url: str, connect_timeout_s: float = 5.0) -> None:
+        host, port = _host_port(url)
+        try:
+            self._socket = socket.create_connection((host, port), timeout=connect_timeout_s)
+        except socket.gaierror as error:
+            raise PortMissing(url, f"{url}: there is no machine called {host!r}; check the name") from error
+        except TimeoutError as error:
+            raise PortMissing(url, f"{url} does not answer; check the address and the firewall") from error
+        except ConnectionRefusedError as error:
+            message = f"nothing listens at {url}; start the probe there, as with `palpate emulate --listen`"
+            raise PortMissing(url, message) from error
+        except OSError as error:
+            raise PortMissing(url, f"{url} cannot be reached: {error.strerror or error}") from error
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        super().__init__(url, self._socket.fileno())
+
+    def _close_port(self) -> None:
+        self._socket.close()
+
+
+class PyserialTransport:
+    """Any other port pyserial knows (Windows' COM ports, `rfc2217://`), through its own reads."""
+
+    live = True
+
+    def __init__(self, port: str, baud: int = 921_600) -> None:
+        self.name = port
+        self._serial = _open_serial(port, baud)
+
+    def read(self, timeout_s: float) -> bytes:
+        from serial import SerialException
+
+        try:
+            self._serial.timeout = timeout_s
+            return bytes(self._serial.read(max(1, self._serial.in_waiting)))
+        except (SerialException, OSError, TypeError) as error:
+            raise LinkGone(f"{self.name} is gone: the probe was unplugged; plug it in again") from error
+
+    def write(self, data: bytes) -> None:
+        from serial import SerialException
+
+        try:
+            self._serial.write(data)
+        except (SerialException, OSError) as error:
+            raise LinkGone(f"{self.name} is gone: the probe was unplugged; plug it in again") from error
+
+    def close(self) -> None:
+        self._serial.close()
+
+
+def open_transport(port: str, baud: int = 921_600) -> Transport:
+    """Open a port by its name: a device path, `COM5`, `socket://HOST:PORT` or another pyserial URL.
+
+    Parameters
+    ----------
+    port : str
+        As pyserial takes it. `auto` and serial numbers are `host.link.devices.resolve`'s.
+    baud : int
+        Bits per second of a UART; USB and pseudo-terminals do not care.
+
+    Raises
+    ------
+    PortMissing, PortBusy, PortForbidden, PortError
+        It cannot be opened; the sentence says why and what to do.
+    UsageError
+        The URL cannot be read.
+    """
+    if port.startswith("socket://"):
+        return SocketTransport(port)
+    if "://" in port or sys.platform == "win32":
+        return PyserialTransport(port, baud)
+    return SerialTransport(port, baud)
+
+
+def _host_port(url: str) -> tuple[str, int]:
+    parts = urlsplit(url)
+    try:
+        if not parts.hostname or parts.port is None:
+            raise ValueError
+        return parts.hostname, parts.port
+    except ValueError:
+        raise UsageError(
+            f"{url!r} is no address; write socket://HOST:PORT, as socket://localhost:7624"
+        ) from None
+
+
+def _open_serial(port: str, baud: int):  # type: ignore[no-untyped-def]
+    """A pyserial port, or the exception that says in a sentence why not."""
+    import serial
+
+    real = port.startswith("/dev/") and not port.startswith("/dev/pts/")
+    if real and os.path.exists(port) and (pids := holders.open_by(port)):
+        raise _busy(port, holders.program(pids[0]))
+    try:
+        return serial.serial_for_url(port, baudrate=baud, timeout=0, exclusive=True)
+    except ValueError as error:
+        raise UsageError(f"{port!r} is no port: {error}; `palpate devices` lists the ports") from error
+    except (serial.SerialException, OSError) as error:
+        code = getattr(error, "errno", None)
+        if code in (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.ENOTDIR) or "FileNotFound" in str(error):
+            message = f"there is no port {port}; plug the probe in, and see `palpate devices`"
+            raise PortMissing(port, message) from error
+        if code in (errno.EAGAIN, errno.EBUSY) or "PermissionError" in str(error):
+            raise _busy(port, holders.holder(port)) from error
+        if code in (errno.EACCES, errno.EPERM):
+            raise _forbidden(port) from error
+        if code in (errno.ENOTTY, errno.EINVAL, errno.EISDIR) or "Could not configure port" in str(error):
+            raise PortError(
+                port, f"{port} is not a serial port; `palpate devices` lists the ports"
+            ) from error
+        raise PortError(port, f"{port} cannot be opened: {error}") from error
+
+
+def _busy(port: str, holder: str | None) -> PortBusy:
+    who = holder or "another program"
+    return PortBusy(port, f"{port} is busy: {who} holds it; close that program and try again", holder)
+
+
+def _forbidden(port: str) -> PortForbidden:
+    group = holders.owner_group(port)
+    if group and group != "root":
+        todo = f"join the group {group!r} (sudo usermod -aG {group} $USER) and log in again"
+    else:
+        todo = "a udev rule must give it to a group of yours; docs/troubleshooting.md has one"
+    return PortForbidden(port, f"you may not open {port}; {todo}", group)
