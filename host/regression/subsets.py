@@ -1,0 +1,75 @@
+"""Which terms belong in an equation: every subset tried, the one kept that predicts left-out runs best.
+
+The thesis chose terms by their t-stats, P-values and adjusted R2; with six features and their squares every
+subset can be tried instead, and PRESS (the sum of squared leave-one-out residuals, Allen 1974) judges them.
+The choice is part of the model: `nested_leave_one_out` makes it afresh without each run in turn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from host.features import Floats
+
+_LEVERAGE_MAX = 1 - 1e-6
+
+
+@dataclass(frozen=True)
+class Subset:
+    """The columns kept, the weights (intercept first) and the PRESS they reach."""
+
+    columns: tuple[int, ...]
+    weights: Floats
+    press: float
+
+    def predict(self, X: Floats) -> Floats:
+        """The equation's value for rows X (n, p)."""
+        return self.weights[0] + X[:, list(self.columns)] @ self.weights[1:]
+
+
+def best_subset(X: Floats, y: Floats, most_terms: int) -> Subset:
+    """The subset of at most `most_terms` columns of X (n, p) with the least PRESS, an intercept always in.
+
+    Raises
+    ------
+    ValueError
+        Fewer rows than an equation with one term needs.
+    """
+    n, p = X.shape
+    most_terms = min(most_terms, p, n - 3)
+    if most_terms < 1:
+        raise ValueError(f"{n} runs are too few to choose terms from")
+    best: Subset | None = None
+    for size in range(1, most_terms + 1):
+        subsets = np.array(list(combinations(range(p), size)))
+        A = np.concatenate([np.ones((len(subsets), n, 1)), X[:, subsets].transpose(1, 0, 2)], axis=2)
+        # A is short and thin: a QR of each gives weights and leverages without squaring its condition.
+        Q, R = np.linalg.qr(A)
+        sound = np.abs(np.diagonal(R, axis1=1, axis2=2)).min(1) > 1e-8
+        Q, R, subsets = Q[sound], R[sound], subsets[sound]
+        if not len(subsets):
+            continue
+        Qy = np.einsum("sni,n->si", Q, y)
+        left = y - np.einsum("sni,si->sn", Q, Qy)
+        leverage = np.minimum(np.einsum("sni,sni->sn", Q, Q), _LEVERAGE_MAX)
+        press = ((left / (1 - leverage)) ** 2).sum(1)
+        k = int(press.argmin())
+        if best is None or press[k] < best.press:
+            best = Subset(tuple(int(j) for j in subsets[k]), np.linalg.solve(R[k], Qy[k]), float(press[k]))
+    if best is None:
+        raise ValueError("every term is a copy of another")
+    return best
+
+
+def nested_leave_one_out(X: Floats, y: Floats, most_terms: int) -> tuple[Floats, list[tuple[int, ...]]]:
+    """Estimate of every row by an equation chosen and fitted without it; and the terms chosen each time."""
+    estimates, chosen = np.empty(len(y)), []
+    for k in range(len(y)):
+        rest = np.arange(len(y)) != k
+        found = best_subset(X[rest], y[rest], most_terms)
+        estimates[k] = found.predict(X[k : k + 1])[0]
+        chosen.append(found.columns)
+    return estimates, chosen

@@ -1,0 +1,1 @@
+"""Figures and reports of fitted models, in the thesis' numbering."""
