@@ -87,8 +87,9 @@ EVENTS = (
     (
         0x44,
         "estimate",
-        "IbBH8sHIIII",
-        "stroke status flags level_permille model_id frames first_seq last_seq lost time_us",
+        "IbBHH8sHIIII",
+        "stroke status flags level_permille distance_permille model_id frames first_seq last_seq "
+        "overrun time_us",
         "i",
     ),
     (0x45, "log", "BI", "level time_us", "B"),
@@ -136,7 +137,8 @@ FLAG_IN_DOMAIN = 2
 HARDNESS_SHIFT = 2
 FLAG_FORCE = 16
 FLAG_INVALID = 32
-OUTPUTS = ("F_mN_per_m", "t_um", "d_um", "h_ppm", "E_inv23_ppm")  # of each: value, low, high
+# of each value, low and high, in millionths of its unit (N/m, mm, mm, 1, 1)
+OUTPUTS = ("F_N_per_m", "t_mm", "d_mm", "h", "E_inv23")
 
 HAVE_MAP = 1  # stroke_ack.have (bits)
 HAVE_FEATURES = 2
@@ -153,16 +155,14 @@ LOG_ERROR = 2
 
 # key, name, unit, lowest, highest, default
 SETTINGS = (
-    (0, "frame_rate", "mHz", 100, 1000000, 50000),
+    (0, "frame_rate", "mHz", 100, 10000000, 50000),
     (1, "contact_threshold", "Pa", 10, 20000, 300),
     (2, "force_low", "mN/m", 0, 1000000, 15000),
     (3, "force_high", "mN/m", 1000, 10000000, 150000),
     (4, "speed_limit", "um/s", 1000, 1000000, 100000),
-    (5, "stroke_start", "um", -500000, 500000, 26000),
-    (6, "stroke_end", "um", -500000, 500000, 0),
-    (7, "min_frames", "frames", 4, 1000, 8),
-    (8, "resend_estimate", "ms", 50, 60000, 500),
-    (9, "stroke_timeout", "ms", 100, 600000, 30000),
+    (5, "stroke_start", "um", 0, 50000, 500),  # travel since contact that makes a stroke
+    (6, "stroke_pause", "ms", 50, 60000, 1000),  # standing still for so long ends it
+    (7, "resend_results", "ms", 50, 60000, 500),
 )
 
 # the 32-bit counters of a statistics answer, in order; the host keeps its own beside them
@@ -185,6 +185,8 @@ COUNTERS = (
     "strokes",
     "estimates",
     "free_bytes",
+    "events_dropped",  # stroke states and logs that found no room; event_seq shows the gap
+    "results_replaced",  # strokes whose results were never acknowledged before their memory was needed
 )
 
 
@@ -218,7 +220,7 @@ def schema_text():
 
 
 # CRC-32 of schema_text(), kept as a number: not every probe can compute it; a test holds it true.
-SCHEMA = 0xAD87706B
+SCHEMA = 0xD32B1D6D
 
 
 def pack(body, kind, message_id, status, values, tail=b""):

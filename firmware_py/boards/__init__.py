@@ -1,0 +1,19 @@
+"""What the probe needs of a board; each module here is one.
+
+A board has
+    serial               8 bytes that no other board has
+    boots                how often it has started (an int)
+    ticks_us()           device time, modulo 2**30
+    idle(us)             wait that long, or until a byte arrives
+    read(buffer)         bytes from the host into buffer; how many (0: none). Never waits
+    write(buffer, start, stop)
+                         bytes to the host; how many the link took (0: none now). Never waits
+    begin(), end()       a stream starts, stops (power up and down the analogue part)
+    scan(counts)         measure all 416 cells into 624 bytes, two counts of 12 bits in three
+    position_um()        of the stroke, signed
+    displacement_um()    of the probe into the tissue, signed
+    kept_settings(), keep_settings(data)
+                         the stored settings (bytes or None); store them, returning a status
+
+`read`, `write`, `scan`, `position_um`, `displacement_um` and `ticks_us` run in the frame path and allocate nothing.
+"""

@@ -1,0 +1,285 @@
+"""The probe: sensors to frames to strokes to estimates, and commands in between. `run(board)` never returns."""
+
+import gc
+
+from firmware_py import (
+    acquire,
+    commands,
+    counters,
+    messages,
+    outbox,
+    results,
+    settings,
+    status,
+    stroke_state,
+    wire,
+)
+
+FIRMWARE = b"\x00\x01\x00"  # major, minor, patch
+_CHUNK = 64  # bytes taken from the link at a time
+_MASK = counters.MASK
+
+
+class Probe:
+    """Everything on one board. `step()` does what is due and returns; `run` calls it for ever.
+
+    Parameters
+    board: see firmware_py/boards/__init__.py
+    estimator: what turns a stroke into an estimate, keeps calibration and model (estimator.Estimator), or None
+        for a probe that only streams
+    """
+
+    def __init__(self, board, estimator=None):
+        self.board = board
+        self.estimator = estimator
+        self.counts = counters.fresh()
+        self.settings = settings.Settings(board.keep_settings, board.kept_settings())
+        values = self.settings.values
+        self.box = outbox.Outbox(self.counts)
+        self.receiver = wire.Receiver(messages.COMMAND_BODY)
+        self.acquire = acquire.Acquire(board, self.counts, values)
+        self.strokes = stroke_state.StrokeState(values)
+        self.results = results.Results(self.counts, self.box, values, settings.RESEND_RESULTS)
+        self.commands = commands.Commands(self.counts, self.box, self._handlers())
+        self._input = bytearray(_CHUNK)
+        self._event = bytearray(outbox.MESSAGE_BODY)
+        self._event_seq = 0
+        self._stroke = 0
+        self._first_seq = 0
+        self._overrun_before = 0
+        self._content = 0
+        self._every = 1
+        self._skipped = 0
+        self._strokes_left = 0
+        self._received_us = 0
+        self._ms_rest_us = 0
+        self._last_us = board.ticks_us()
+        self._post(messages.TYPE["boot"], (board.boots, status.OK))
+
+    # ---- the loop
+
+    def step(self):
+        """Do what is due: listen, acquire, send. Returns the microseconds until a frame is due (at most 1000)."""
+        board = self.board
+        now_us = board.ticks_us()
+        self._uptime(now_us)
+        self._listen()
+        wait_us = 1000
+        if self._content or self.commands.pending():
+            wait_us = self.acquire.wait_us(now_us)
+            if wait_us <= 0:
+                self._frame(now_us)
+                wait_us = 0
+        self.results.step(now_us)
+        self.box.pump(board)
+        return wait_us if wait_us < 1000 else 1000
+
+    def _uptime(self, now_us):
+        self._ms_rest_us += counters.elapsed(now_us, self._last_us)
+        self._last_us = now_us
+        counters.add(self.counts, counters.UPTIME_MS, self._ms_rest_us // 1000)
+        self._ms_rest_us %= 1000
+
+    def _listen(self):
+        data = self._input
+        receiver = self.receiver
+        # an answer must find room: what cannot be answered yet stays in the board's buffer
+        while self.box.room() > 1:
+            n = self.board.read(data)
+            if n <= 0:
+                return
+            counters.add(self.counts, counters.BYTES_RECEIVED, n)
+            at = 0
+            while at < n:
+                at = receiver.feed(data, at, n)
+                if receiver.length:
+                    self._received_us = self.board.ticks_us()
+                    self.commands.take(receiver.packet, receiver.length)
+            if n < len(data):
+                return
+
+    def _frame(self, now_us):
+        """Acquire one frame, watch it, queue it. Allocates nothing unless something happens."""
+        box = self.box
+        counts = box.counts()
+        body = box.frame()
+        take = self.acquire
+        seq = take.seq
+        take.read(body, counts, now_us)
+        if self._content & messages.CONTENT_FRAMES:
+            self._skipped += 1
+            if self._skipped >= self._every:
+                self._skipped = 0
+                box.commit_frame(messages.FRAME_BODY)
+        if self._content & messages.CONTENT_STROKES:
+            events = self.strokes.update(counts, take.position_um, take.time_us)
+            if self.estimator and self.strokes.state == stroke_state.STROKE:
+                if events & 1 << messages.STATE_STARTED:
+                    self.estimator.begin()
+                self.estimator.add_frame(counts, take.position_um, take.displacement_um)
+            if events:
+                self._tell(events, seq)
+
+    # ---- strokes
+
+    def _tell(self, events, seq):
+        state = 0
+        while events >> state:
+            if events >> state & 1:
+                self._tell_one(state, seq)
+            state += 1
+
+    def _tell_one(self, state, seq):
+        strokes = self.strokes
+        if state == messages.STATE_STARTED:
+            self._stroke = (self._stroke + 1) & _MASK
+            self._first_seq = seq
+            self._overrun_before = self.counts[counters.FRAMES_OVERRUN]
+            counters.add(self.counts, counters.STROKES, 1)
+        if state == messages.STATE_LUMP_PASSED:
+            value = strokes.lump_um
+        elif state == messages.STATE_ENDED:
+            value = strokes.frames
+        elif state in (messages.STATE_FORCE_LOW, messages.STATE_FORCE_HIGH):
+            value = strokes.force_mN_per_m
+        elif state == messages.STATE_TOO_FAST:
+            value = strokes.speed_um_per_s
+        else:
+            value = strokes.pressure_pa
+        self._event_seq = (self._event_seq + 1) & 0xFFFF
+        self._post(
+            messages.TYPE["stroke_state"],
+            (self._event_seq, self._stroke, state, self.acquire.time_us, seq, value),
+        )
+        if state == messages.STATE_ENDED:
+            self._end_stroke(seq)
+
+    def _end_stroke(self, seq):
+        if self.estimator:
+            result = self.results.new(self._stroke)
+            overrun = counters.elapsed(self.counts[counters.FRAMES_OVERRUN], self._overrun_before)
+            self.estimator.finish(
+                self.results,
+                result,
+                (self.strokes.frames, self._first_seq, seq, overrun, self.acquire.time_us),
+            )
+            counters.add(self.counts, counters.ESTIMATES, 1)
+            self.acquire.start(self.board.ticks_us())  # the time it took is no overrun
+        if self._strokes_left:
+            self._strokes_left -= 1
+            if not self._strokes_left:
+                self._stop()
+
+    # ---- commands
+
+    def _handlers(self):
+        names = {
+            "identify": self._identify,
+            "get_setting": self._get_setting,
+            "set_setting": self._set_setting,
+            "stream_start": self._stream_start,
+            "stream_stop": self._stream_stop,
+            "statistics": self._statistics,
+            "time_sync": self._time_sync,
+            "stroke_ack": self._stroke_ack,
+        }
+        table = {}
+        for name in names:
+            table[messages.TYPE[name]] = names[name]
+        if self.estimator:
+            self.estimator.add_handlers(table, self)
+        return table
+
+    def _identify(self, fields):
+        board = self.board
+        capabilities = 0
+        model = (0, status.NO_MODEL, bytes(8))
+        if self.estimator:
+            capabilities, features_version, model_status, model_id = self.estimator.describe()
+            model = (features_version, model_status, model_id)
+        values = (
+            fields[0],
+            messages.PROTOCOL,
+            messages.SCHEMA,
+            FIRMWARE,
+            board.serial,
+            messages.ROWS,
+            messages.COLUMNS,
+            1500,
+            12,
+            capabilities,
+        )
+        return status.OK, values + model + (board.boots, board.ticks_us()), b""
+
+    def _get_setting(self, fields):
+        key = fields[0]
+        if key >= len(self.settings.values):
+            return status.BAD_VALUE, (), b""
+        definition = messages.SETTINGS[key]
+        return status.OK, (key, self.settings.values[key], definition[3], definition[4]), b""
+
+    def _set_setting(self, fields):
+        key, value = fields
+        return self.settings.set(key, value), (key, value), b""
+
+    def _stream_start(self, fields):
+        content, every, strokes = fields
+        if not content & (messages.CONTENT_FRAMES | messages.CONTENT_STROKES):
+            return status.BAD_VALUE, (), b""
+        if self.commands.pending():
+            return status.BUSY, (), b""
+        self.box.drop_frames()
+        self.strokes.reset()
+        self._content = content
+        self._every = every or 1
+        self._skipped = self._every - 1
+        self._strokes_left = strokes
+        now_us = self.board.ticks_us()
+        self.board.begin()
+        self.acquire.start(now_us)
+        return status.OK, (self.acquire.seq, now_us), b""
+
+    def _stop(self):
+        self._content = 0
+        self.strokes.reset()
+        self.board.end()
+
+    def _stream_stop(self, _fields):
+        self._stop()
+        return status.OK, (self.acquire.seq, self.board.ticks_us()), b""
+
+    def _statistics(self, _fields):
+        counts = self.counts
+        receiver = self.receiver
+        counts[counters.PACKETS_BAD_CRC] = receiver.bad_crc & _MASK
+        counts[counters.PACKETS_BAD_FRAME] = receiver.bad_frame & _MASK
+        counts[counters.PACKETS_OVERSIZE] = receiver.oversize & _MASK
+        counts[counters.FREE_BYTES] = min(gc.mem_free(), _MASK) if hasattr(gc, "mem_free") else 0
+        return status.OK, (), counts
+
+    def _time_sync(self, _fields):
+        return status.OK, (self._received_us, self.board.ticks_us()), b""
+
+    def _stroke_ack(self, fields):
+        self.results.acknowledge(fields[0], fields[1])
+        return status.OK, fields, b""
+
+    def log(self, level, text):
+        """Tell the host something in words (at most 200 bytes)."""
+        self._post(messages.TYPE["log"], (level, self.board.ticks_us()), text.encode()[:200])
+
+    def _post(self, kind, values, tail=b""):
+        length = messages.pack(self._event, kind, 0, 0, values, tail)
+        # the last places are for answers and results
+        if self.box.room() <= 4 or not self.box.post(self._event, length):
+            counters.add(self.counts, counters.EVENTS_DROPPED, 1)
+
+
+def run(board, estimator=None):
+    """Serve for ever. An error of the firmware's own is told to the host and survived."""
+    probe = Probe(board, estimator)
+    while True:
+        try:
+            board.idle(probe.step())
+        except Exception as error:  # noqa: BLE001  a probe that falls silent helps nobody
+            probe.log(messages.LOG_ERROR, "%s: %s" % (type(error).__name__, error))

@@ -1,0 +1,57 @@
+"""The probe's settings: 32-bit numbers with limits (messages.SETTINGS), kept in the store."""
+
+import struct
+
+from firmware_py import messages, status
+
+NAME = "settings"
+
+FRAME_RATE = 0
+CONTACT_THRESHOLD = 1
+FORCE_LOW = 2
+FORCE_HIGH = 3
+SPEED_LIMIT = 4
+STROKE_START = 5
+STROKE_PAUSE = 6
+RESEND_RESULTS = 7
+
+
+class Settings:
+    """Values by key; `keep` is called with the packed values whenever one changes, and returns a status."""
+
+    def __init__(self, keep=None, stored=None):
+        self.values = [definition[5] for definition in messages.SETTINGS]
+        self._keep = keep
+        if stored:
+            self._restore(stored)
+
+    def _restore(self, stored):
+        """Take what an earlier run kept; a key that is gone or out of its limits falls back to its default."""
+        for i in range(len(stored) // 5):
+            key, value = struct.unpack_from("<Bi", stored, 5 * i)
+            if self.check(key, value) == status.OK:
+                self.values[key] = value
+
+    def check(self, key, value):
+        """OK, or BAD_VALUE if there is no such key or the value is outside its limits."""
+        if key >= len(self.values):
+            return status.BAD_VALUE
+        definition = messages.SETTINGS[key]
+        return status.OK if definition[3] <= value <= definition[4] else status.BAD_VALUE
+
+    def set(self, key, value):
+        """Change and keep a value; return a status. A value that could not be kept is not changed."""
+        code = self.check(key, value)
+        if code != status.OK or self.values[key] == value:
+            return code
+        before = self.values[key]
+        self.values[key] = value
+        if self._keep:
+            code = self._keep(self.pack())
+            if code != status.OK:
+                self.values[key] = before
+        return code
+
+    def pack(self):
+        """The values as they are kept: key (1 byte) and value (4), one after the other."""
+        return b"".join([struct.pack("<Bi", i, v) for i, v in enumerate(self.values)])

@@ -1,0 +1,205 @@
+"""Watches the frames go by: contact made, stroke started, lump passed, stroke ended, force and speed out of range.
+
+Integers only, and nothing is allocated. Pressures are means over the cells at the nominal scale (25 kPa over
+4095 counts above the zero), which is enough to tell events; estimates use the calibrated pipeline.
+"""
+
+from firmware_py import counters, messages, settings
+
+IDLE = 0
+CONTACT = 1
+STROKE = 2
+
+_MASK = counters.MASK
+_PAIRS_A_ROW = messages.COLUMNS // 2
+_EDGE_FIRST = (
+    2  # rows 2 to 4 at either end see the lump before the middle does and are well inside the contact
+)
+_EDGE_ROWS = 3
+_EDGE_UM = 6750  # from the probe's centre to the middle one of these rows
+_RISE = 33  # share of an edge's pressure, over 1024: rise that tells a lump, about 3 %
+NO_EVENTS = 0
+
+
+def bit(state):
+    """The bit of a messages.STATE_... in what `update` returns."""
+    return 1 << state
+
+
+_LIFTED = 1 << messages.STATE_LIFTED
+_CONTACT = 1 << messages.STATE_CONTACT
+_STARTED = 1 << messages.STATE_STARTED
+_PASSED = 1 << messages.STATE_LUMP_PASSED
+_ENDED = 1 << messages.STATE_ENDED
+_LOW = 1 << messages.STATE_FORCE_LOW
+_HIGH = 1 << messages.STATE_FORCE_HIGH
+_FAST = 1 << messages.STATE_TOO_FAST
+
+
+class Edge:
+    """One end of the probe: its share of the pressure, and whether a bump has come and gone."""
+
+    def __init__(self):
+        self.reset()
+
+    def reset(self):
+        """A new stroke begins."""
+        self.low = 0
+        self.high = 0
+        self.peak_um = 0
+        self.passed = False
+
+    def update(self, share, position_um):
+        """Take the next share (over 1024, smoothed by the caller); True once, when a bump has been passed."""
+        if self.passed:
+            return False
+        if self.low == 0 or share < self.low:
+            self.low = share
+            self.high = share
+        if share > self.high:
+            self.high = share
+            self.peak_um = position_um
+        rise = self.high - self.low
+        if rise * 1024 > _RISE * self.low and share < self.high - (rise >> 1):
+            self.passed = True
+        return self.passed
+
+
+class StrokeState:
+    """Parameters: values, the list of Settings.values (read at each frame); zero_counts, sum of all cells' zeros."""
+
+    def __init__(self, values, zero_counts=34070):
+        self.values = values
+        self.zero_counts = zero_counts
+        self.head = Edge()
+        self.tail = Edge()
+        self.state = IDLE
+        self.pressure_pa = 0
+        self.force_mN_per_m = 0
+        self.speed_um_per_s = 0
+        self.lump_um = 0
+        self.frames = 0
+        self._head_sum = 0
+        self._tail_sum = 0
+        self.reset()
+
+    def reset(self):
+        """As if lifted off."""
+        self.state = IDLE
+        self.frames = 0
+        self._told = 0  # which warnings stand
+        self._contact_um = 0
+        self._last_um = 0
+        self._last_us = 0
+        self._moved_us = 0
+        self._moved_um = 0
+
+    def _sum(self, packed):
+        """Sum of the 416 counts, and of those of the edges' rows."""
+        total = 0
+        head = 0
+        tail = 0
+        at = 0
+        for row in range(messages.ROWS):
+            line = 0
+            for _ in range(_PAIRS_A_ROW):
+                b = packed[at + 1]
+                line += (packed[at] | (b & 15) << 8) + (b >> 4 | packed[at + 2] << 4)
+                at += 3
+            total += line
+            if _EDGE_FIRST <= row < _EDGE_FIRST + _EDGE_ROWS:
+                head += line
+            elif _EDGE_FIRST <= messages.ROWS - 1 - row < _EDGE_FIRST + _EDGE_ROWS:
+                tail += line
+        self._head_sum = head
+        self._tail_sum = tail
+        return total
+
+    def _warn(self, which, stands):
+        """The event's bit, once when the condition begins to hold."""
+        if not stands:
+            self._told &= ~which
+            return 0
+        if self._told & which:
+            return 0
+        self._told |= which
+        return which
+
+    def update(self, packed, position_um, time_us):
+        """Take one frame (624 bytes); return the events as bits `1 << messages.STATE_...`."""
+        values = self.values
+        total = self._sum(packed)
+        pressure = (total - self.zero_counts) * 100 // 6814  # 25000 Pa / (4095 counts * 416 cells)
+        self.pressure_pa = pressure
+        self.force_mN_per_m = pressure * 24  # 16 rows of 1.5 mm
+        events = 0
+        threshold = values[settings.CONTACT_THRESHOLD]
+        if self.state == IDLE:
+            if pressure >= threshold:
+                self.state = CONTACT
+                self._contact_um = position_um
+                self._moved_um = position_um
+                self._moved_us = time_us
+                self._told = 0
+                events = _CONTACT
+        elif pressure < threshold - (threshold >> 2):
+            events = _LIFTED
+            if self.state == STROKE:
+                events |= _ENDED
+            self.state = IDLE
+        else:
+            events = self._in_contact(position_um, time_us)
+        self._last_um = position_um
+        self._last_us = time_us
+        return events
+
+    def _in_contact(self, position_um, time_us):
+        values = self.values
+        events = 0
+        ms = counters.elapsed(time_us, self._last_us) // 1000
+        step = position_um - self._last_um
+        if step < 0:
+            step = -step
+        if step > 1000000:
+            step = 1000000
+        self.speed_um_per_s = step * 1000 // ms if ms > 0 else 0
+        if self.state == CONTACT:
+            travel = position_um - self._contact_um
+            if travel >= values[settings.STROKE_START] or -travel >= values[settings.STROKE_START]:
+                self.state = STROKE
+                self.frames = 0
+                self.head.reset()
+                self.tail.reset()
+                self._moved_um = position_um
+                self._moved_us = time_us
+                events = _STARTED
+        if self.state == STROKE:
+            self.frames += 1
+            events |= self._warn(_FAST, self.speed_um_per_s > values[settings.SPEED_LIMIT])
+            events |= self._warn(_LOW, self.force_mN_per_m < values[settings.FORCE_LOW])
+            events |= self._warn(_HIGH, self.force_mN_per_m > values[settings.FORCE_HIGH])
+            events |= self._look_for_lump(position_um)
+            moved = position_um - self._moved_um
+            if moved > 100 or moved < -100:
+                self._moved_um = position_um
+                self._moved_us = time_us
+            elif counters.elapsed(time_us, self._moved_us) // 1000 >= values[settings.STROKE_PAUSE]:
+                self.state = CONTACT
+                self._contact_um = position_um
+                events |= _ENDED
+        return events
+
+    def _look_for_lump(self, position_um):
+        zero = self.zero_counts * _EDGE_ROWS // messages.ROWS
+        total = self.pressure_pa * 68 // 16 + 1  # back in counts of three rows, times 16/3 / 16
+        found = 0
+        if self.head.update((self._head_sum - zero) * 64 // total, position_um):
+            self.lump_um = self.head.peak_um - _EDGE_UM
+            found = _PASSED
+        elif self.tail.update((self._tail_sum - zero) * 64 // total, position_um):
+            self.lump_um = self.tail.peak_um + _EDGE_UM
+            found = _PASSED
+        if found:
+            self.head.passed = True
+            self.tail.passed = True
+        return found

@@ -1,0 +1,1 @@
+"""The emulated probe: what its sensors read of a stroke, the runtimes that carry the firmware, and faults on its link."""

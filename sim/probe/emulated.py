@@ -1,0 +1,197 @@
+"""The emulated probe: the firmware in an interpreter of its own, its link on a pseudo-terminal or TCP port."""
+
+import contextlib
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterable
+from pathlib import Path
+
+from firmware_py import status
+from sim.probe import node, source
+from sim.probe.faults import Faults
+from sim.probe.relay import Relay
+
+ROOT = Path(__file__).parent.parent.parent
+DEVICE = Path(__file__).parent / "device"
+RUNTIMES = ("micropython", "cpython")
+_HEAP = 512 * 1024
+
+
+class EmulatedProbe:
+    """A probe without hardware. Use it as a context manager, or `start` and `stop` it.
+
+    Parameters
+    runtime: "micropython" (the real interpreter, WASM under Node) or "cpython"; "microbit" runs only vectors,
+        see sim.probe.microbit
+    strokes: what the sensors read once a stream starts: strokes one after the other (sim.probe.sensors.FrameStream)
+    listen: "pty", or "tcp:HOST:PORT" (port 0: any)
+    store: directory that keeps model, calibration and settings over restarts; None: a new one, removed at the end
+    repeat: begin again with the first stroke after the last
+    public_key: the LMS public key whose models the probe accepts
+    to_host, to_device, seed, baud: a bad or slow link, see sim.probe.relay.Relay
+
+    Attributes: port (what pyserial takes), complaints (lines the firmware wrote to its error output).
+    """
+
+    def __init__(
+        self,
+        runtime: str = "micropython",
+        strokes: Iterable[source.Frames] = (),
+        listen: str = "pty",
+        store: Path | None = None,
+        repeat: bool = False,
+        public_key: bytes | None = None,
+        serial: bytes = b"EMULATED",
+        to_host: Faults | None = None,
+        to_device: Faults | None = None,
+        seed: int = 0,
+        baud: int = 0,
+    ) -> None:
+        if runtime not in RUNTIMES:
+            raise ValueError(f"there is no runtime '{runtime}'; there are {', '.join(RUNTIMES)}")
+        if runtime == "micropython":
+            node.node()
+            node.check_wasm()
+        self.runtime = runtime
+        self.complaints: list[str] = []
+        self._dir = Path(tempfile.mkdtemp(prefix="palpate-probe-"))
+        self._store = store or self._dir / "store"
+        self._store.mkdir(parents=True, exist_ok=True)
+        self._repeat = repeat
+        self._serial = serial
+        self._public_key = public_key
+        self._source = source.write_source(self._dir / "source-0", strokes)
+        self._sources = 1
+        self._ours, self._theirs = socket.socketpair()
+        for end in (self._ours, self._theirs):
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+        self._ours.setblocking(False)
+        self._theirs.setblocking(False)
+        self.relay = Relay(self._ours.fileno(), listen, to_host, to_device, seed, baud)
+        self._process: subprocess.Popen[bytes] | None = None
+        self._orders: int | None = None
+        self._reader: threading.Thread | None = None
+
+    @property
+    def port(self) -> str:
+        """What a host opens: a path, or socket://HOST:PORT."""
+        return self.relay.port
+
+    @property
+    def store(self) -> Path:
+        """The directory that is the probe's flash memory."""
+        return self._store
+
+    @property
+    def running(self) -> bool:
+        """False before the start, and after a power cut."""
+        return self._process is not None and self._process.poll() is None
+
+    def _boots(self) -> int:
+        """Count this start, in a file beside the probe's own."""
+        counter = self._store / "boots"
+        boots = int(counter.read_text()) + 1 if counter.exists() else 1
+        counter.write_text(str(boots))
+        return boots
+
+    def start(self, power_bytes: int | None = None) -> "EmulatedProbe":
+        """Switch on. power_bytes: cut the power when so many more bytes have been written to the store."""
+        if self.running:
+            return self
+        orders, self._orders = os.pipe()
+        os.set_blocking(orders, False)
+        config = {
+            "orders": orders,
+            "firmware": str(ROOT / "firmware_py"),
+            "programs": [str(DEVICE / "emulated_board.py"), str(DEVICE / "main.py")],
+            "main": "main",
+            "heap": _HEAP,
+            "store": str(self._store),
+            "store_error": status.STORE_ERROR,
+            "source": str(self._source),
+            "repeat": self._repeat,
+            "serial": list(self._serial),
+            "public_key": list(self._public_key) if self._public_key else None,
+            "boots": self._boots(),
+            "power_bytes": power_bytes,
+        }
+        path = self._dir / "config.json"
+        path.write_text(json.dumps(config))
+        if self.runtime == "micropython":
+            command = [node.node(), str(node.WASM / "device.mjs"), str(path)]
+        else:
+            command = [sys.executable, "-m", "sim.probe.device", str(path)]
+        errors, errors_in = os.pipe()
+        self._process = subprocess.Popen(
+            command,
+            stdin=self._theirs.fileno(),
+            stdout=self._theirs.fileno(),
+            stderr=errors_in,
+            pass_fds=(orders,),
+            cwd=ROOT,
+        )
+        os.close(errors_in)
+        os.close(orders)
+        self._reader = threading.Thread(target=self._listen, args=(errors,), daemon=True)
+        self._reader.start()
+        return self
+
+    def _listen(self, fd: int) -> None:
+        with os.fdopen(fd, "r", errors="replace") as stream:
+            for line in stream:
+                self.complaints.append(line.rstrip())
+
+    def _order(self, text: str) -> None:
+        if self._orders is not None:
+            os.write(self._orders, text.encode() + b"\n")
+
+    def set_strokes(self, strokes: Iterable[source.Frames]) -> None:
+        """What the sensors will read from the next stream on."""
+        self._source = source.write_source(self._dir / f"source-{self._sources}", strokes)
+        self._sources += 1
+        if self.running:
+            self._order(f"source {self._source}")
+
+    def cut_power(self) -> None:
+        """Switch off without a word; `start` switches on again."""
+        if self._process:
+            with contextlib.suppress(ProcessLookupError):
+                self._process.send_signal(signal.SIGKILL)
+            self._process.wait(10)
+        if self._reader:
+            self._reader.join(5)
+        if self._orders is not None:
+            os.close(self._orders)
+        self._process = self._orders = None
+        with contextlib.suppress(BlockingIOError):
+            while self._ours.recv(65536):
+                pass
+
+    def cut_power_after(self, store_bytes: int) -> None:
+        """Cut the power when so many more bytes have been written to the store, in the middle of the write."""
+        self._order(f"power {store_bytes}")
+
+    def unplug(self) -> None:
+        """Cut the connection; the probe keeps running, and a host may connect again."""
+        self.relay.cut()
+
+    def stop(self) -> None:
+        """Switch off and clean up."""
+        self.cut_power()
+        self.relay.close()
+        self._ours.close()
+        self._theirs.close()
+        shutil.rmtree(self._dir, ignore_errors=True)
+
+    def __enter__(self) -> "EmulatedProbe":
+        return self.start()
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()

@@ -1,0 +1,142 @@
+"""Writes what is derived from firmware_py/messages.py: SCHEMA, docs/protocol.md's tables, tests/vectors/protocol.
+
+    python -m tests.probe.protocol_files
+
+`test_protocol_files.py` fails while they do not agree.
+"""
+
+import binascii
+import json
+import random
+import re
+import struct
+from pathlib import Path
+
+from firmware_py import messages, wire
+
+ROOT = Path(__file__).parent.parent.parent
+PAGE = ROOT / "docs" / "protocol.md"
+MESSAGES = ROOT / "firmware_py" / "messages.py"
+VECTORS = ROOT / "tests" / "vectors" / "protocol"
+KINDS = {"B": "u8", "b": "i8", "H": "u16", "I": "u32", "i": "i32", "3s": "3 bytes", "8s": "8 bytes"}
+
+
+def schema() -> int:
+    return binascii.crc32(messages.schema_text().encode())
+
+
+def fields_of(fields: str) -> list[str]:
+    return re.findall(r"\d+s|[BbHIi]", fields)
+
+
+def message_rows(definitions) -> str:
+    rows = ["| type | name | fields |", "|---|---|---|"]
+    for kind, name, fields, names, tail in definitions:
+        cells = [f"`{n}` {KINDS[f]}" for n, f in zip(names.split(), fields_of(fields), strict=True)]
+        if tail:
+            cells.append({"B": "then bytes to the end", "i": "then i32 to the end"}[tail])
+        rows.append(f"| 0x{kind:02X} | {name} | {', '.join(cells) or '(none)'} |")
+    return "\n".join(rows)
+
+
+def setting_rows() -> str:
+    rows = ["| key | name | unit | lowest | highest | default |", "|---|---|---|---|---|---|"]
+    rows += ["| " + " | ".join(str(x) for x in setting) + " |" for setting in messages.SETTINGS]
+    return "\n".join(rows)
+
+
+def tables() -> dict[str, str]:
+    """What belongs between the page's markers `<!-- NAME -->` and `<!-- / -->`."""
+    return {
+        "commands": message_rows(messages.COMMANDS),
+        "answers": message_rows(messages.ANSWERS),
+        "events": message_rows(messages.EVENTS),
+        "settings": setting_rows(),
+        "counters": ", ".join(f"`{c}`" for c in messages.COUNTERS),
+        "schema": f"`0x{schema():08X}`",
+    }
+
+
+def page() -> str:
+    """docs/protocol.md as it should be."""
+    text = PAGE.read_text()
+    for name, table in tables().items():
+        text, n = re.subn(
+            rf"(<!-- {name} -->\n\n).*?(\n\n<!-- / -->)", lambda m, t=table: m[1] + t + m[2], text, flags=re.S
+        )
+        assert n == 1, f"docs/protocol.md has no place for {name}"
+    return text
+
+
+def _value(field: str, draw: random.Random):
+    if field.endswith("s"):
+        return draw.randbytes(int(field[:-1]))
+    bits = 8 * struct.calcsize(field)
+    top = min(bits, 30)
+    return draw.randrange(1 << top) if field.isupper() else draw.randrange(-(1 << top - 1), 1 << top - 1)
+
+
+def vectors() -> dict[str, list[dict]]:
+    """Three of every message, by file name: fields, body and wire bytes."""
+    draw = random.Random(1)
+    files: dict[str, list[dict]] = {}
+    for group, definitions in (
+        ("commands", messages.COMMANDS),
+        ("answers", messages.ANSWERS),
+        ("events", messages.EVENTS),
+    ):
+        out = files[group] = []
+        for kind, name, fields, names, tail in definitions:
+            for trial in range(3):
+                values = tuple(_value(f, draw) for f in fields_of(fields))
+                extra: bytes | list[int] = b""
+                if name == "frame":
+                    extra = draw.randbytes(messages.PACKED)
+                elif tail == "B":
+                    extra = draw.randbytes(
+                        (0, 48, 200)[trial] if kind != messages.TYPE["flash_data"] else 16 * trial
+                    )
+                elif tail == "i":
+                    extra = [_value("i", draw) for _ in range((1, 20, 57)[trial])]
+                number = draw.randrange(1 << 16)
+                code = -4 if trial == 2 and kind & messages.ANSWER else 0
+                body = bytearray(700)
+                length = messages.pack(body, kind, number, code, values, extra)
+                body = body[:length]
+                target = bytearray(wire.wire_size(length))
+                end = wire.seal(bytearray(body + bytes(4)), length, target, 0)
+                out.append(
+                    {
+                        "name": name,
+                        "type": kind,
+                        "id": number if messages.head_size(kind) > 1 else None,
+                        "status": code if kind & messages.ANSWER else None,
+                        "fields": {
+                            n: v.hex() if isinstance(v, bytes) else v
+                            for n, v in zip(names.split(), values, strict=True)
+                        }
+                        if code == 0
+                        else {},
+                        "tail": extra.hex() if isinstance(extra, bytes) else extra,
+                        "body": body.hex(),
+                        "wire": target[:end].hex(),
+                    }
+                )
+    return files
+
+
+def vector_text(rows: list[dict]) -> str:
+    return "[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n"
+
+
+def main() -> None:
+    text = MESSAGES.read_text()
+    MESSAGES.write_text(re.sub(r"^SCHEMA = .*$", f"SCHEMA = 0x{schema():08X}", text, flags=re.M))
+    PAGE.write_text(page())
+    VECTORS.mkdir(parents=True, exist_ok=True)
+    for name, rows in vectors().items():
+        (VECTORS / f"{name}.json").write_text(vector_text(rows))
+
+
+if __name__ == "__main__":
+    main()
