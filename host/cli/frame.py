@@ -5,16 +5,21 @@ Exit status: 0 done, 1 the work failed, 2 the words were wrong, 130 stopped by C
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 import signal
 import sys
+import traceback
 from typing import Any
 
 import click
 
 CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
-    "Tissue": (),
+    "Tissue": (
+        ("simulate", "host.cli.simulate", "one finite-element stroke: map, features, displacement"),
+        ("sweep", "host.cli.sweep", "many strokes, on all cores or a cluster; goes on where it stopped"),
+    ),
     "Model": (),
     "Probe": (),
     "Recordings": (),
@@ -85,7 +90,7 @@ def sentence(error: BaseException) -> str:
     if isinstance(error, click.ClickException):
         text = error.format_message()
         context = getattr(error, "ctx", None)
-        if context is not None and "--help" not in text:
+        if context is not None and "--help" not in text and not text.endswith("?"):
             text = f"{text.rstrip('.')}; see `{context.command_path} --help`"
     elif is_expected(error):
         text = str(error)
@@ -114,10 +119,8 @@ def run(cli: click.Command, args: list[str] | None = None) -> int:
     `PALPATE_DEBUG=1` shows the traceback of an error instead of its sentence.
     """
     debug = os.environ.get("PALPATE_DEBUG", "") not in ("", "0")
-    try:
+    with contextlib.suppress(ValueError):  # not the main thread: a test or a notebook
         signal.signal(signal.SIGTERM, _on_sigterm)  # so that files are closed as on Ctrl-C
-    except ValueError:
-        pass  # not the main thread: a test or a notebook
     try:
         result = cli.main(args=args, prog_name="palpate", standalone_mode=False)
         sys.stdout.flush()
@@ -133,7 +136,8 @@ def run(cli: click.Command, args: list[str] | None = None) -> int:
         return 0
     except Exception as error:
         if debug:
-            raise
+            traceback.print_exc()
+            return exit_status(error)
         text = sentence(error)
         click.echo(f"palpate: {text}{'' if text.endswith(('.', '?', '`')) else '.'}", err=True)
         return exit_status(error)

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 WRAP = 1 << 30
 """Sequence numbers count modulo 2^30 on the probe."""
 WINDOW = 256
-"""A number this far behind the newest may still be a late or doubled one; further back the probe restarted."""
+"""A number this far behind the newest may still be a late or doubled one; further back it restarted."""
 
 
 @dataclass
@@ -45,8 +45,10 @@ class Sequence:
         self.counts = Counts()
         self._newest: int | None = None
         self._seen = 0  # bit k: newest - k has come
+        self.every = 1
+        """The stream sends each n-th number; those between are not missing."""
         self.gap = 0
-        """Numbers skipped just before the last accepted message."""
+        """Messages skipped just before the last accepted message."""
 
     def add(self, number: int) -> bool:
         """Count one message; False if it came before (then it must not be used again)."""
@@ -56,6 +58,8 @@ class Sequence:
             self._begin(number)
             return True
         ahead = (number - self._newest + WRAP // 2) % WRAP - WRAP // 2
+        if self.every > 1:
+            ahead = -(-ahead // self.every)  # in messages; upwards, for the first may stand off the grid
         if ahead > 0:
             self.gap = ahead - 1
             counts.lost += self.gap
@@ -77,7 +81,7 @@ class Sequence:
         return True
 
     def expect_from(self, number: int) -> None:
-        """A stream begins with `number`: those before it are not missing, the ones from it on are promised."""
+        """A stream begins with `number`: those before it are not missing, those from it on are promised."""
         self._begin((number - 1) % WRAP)
         self.counts.received -= 1
 
@@ -85,6 +89,7 @@ class Sequence:
         """A stream has ended before `number`: what has not come by now is lost."""
         if self._newest is not None:
             ahead = (number - 1 - self._newest + WRAP // 2) % WRAP - WRAP // 2
+            ahead //= self.every
             if ahead > 0:
                 self.counts.lost += ahead
                 self._newest = (number - 1) % WRAP

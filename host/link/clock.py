@@ -15,7 +15,7 @@ WRAP = 1 << 30
 class Unwrapper:
     """Turns a counter modulo 2^30 us into one that goes on growing, also through late and reordered values.
 
-    The host's clock helps through long silences: a value is taken in the turn nearest to what the host expects.
+    The host's clock helps through long silences: a value belongs to the turn nearest to what is expected.
     """
 
     def __init__(self) -> None:

@@ -156,7 +156,7 @@ def _the_only_one(devices: list[Device]) -> tuple[str, str]:
             raise LinkError(device.message)
     raise PortMissing(
         "auto",
-        "no probe found; plug one in, or start one with `palpate emulate d10h08e10f10`, or name it with --port",
+        "no probe found; plug one in, start one with `palpate emulate d10h08e10f10`, or name it with --port",
     )
 
 

@@ -1,4 +1,4 @@
-"""Where emulated probes leave a note of their port, so that `devices` and `auto` find them as they find USB."""
+"""Where emulated probes leave a note of their port, so that `auto` finds them as it finds USB."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def leave(note: Note) -> Path:
 
 
 def running() -> list[Note]:
-    """The notes of processes that live; those of dead ones (killed before they could clean up) are removed."""
+    """The notes of processes that live; those of dead ones (killed, not ended) are removed."""
     found = []
     for path in sorted(directory().glob("*.json")):
         try:

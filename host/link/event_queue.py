@@ -1,4 +1,4 @@
-"""The bounded queue between the thread that reads and the program that uses: frames give way, results never."""
+"""The bounded queue between the thread that reads and the program: frames give way, results never."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a probe tells, as typed values; the wire's integers stay as they are, properties give mm, kPa and words.
+"""What a probe tells, as typed values: the wire's integers, with properties in mm, kPa and words.
 
 Units: mm, kPa, N per metre of probe width, microseconds of the probe's own clock (unwrapped).
 """

@@ -1,8 +1,8 @@
 """Putting a model image onto the probe: begin, data, verify, confirm, read back.
 
 The probe believes nothing before `verify` (signature, versions, self-test) and keeps its old model until
-`confirm`, so that a cut at any moment leaves a model that works. Every piece can be sent again; after a cut the
-transfer goes on where it stopped.
+`confirm`, so that a cut at any moment leaves a model that works. Every piece can be sent again;
+after a cut the transfer goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -86,7 +86,8 @@ def flash(probe: Probe, image: bytes, progress: Callable[[int, int], None] | Non
     live = probe.refresh_identity()
     if live.model_id != made_ready.hex():
         raise FlashError(
-            f"the probe confirmed model {made_ready.hex()} but answers with {live.model_id or 'none'}; flash it again"
+            f"the probe confirmed model {made_ready.hex()} but answers with "
+            f"{live.model_id or 'none'}; flash it again"
         )
     return Flashed(live.model_id, len(image), start)
 

@@ -100,13 +100,15 @@ class Identity:
                 "probe's firmware (docs/firmware.md)" if newer == "host" else "host (pip install -U palpate)"
             )
             raise VersionMismatch(
-                f"the probe speaks protocol {self.protocol} and this program {messages.PROTOCOL}; update the {older}",
+                f"the probe speaks protocol {self.protocol} and this program {messages.PROTOCOL}; "
+                f"update the {older}",
                 ("protocol",),
             )
         if self.schema != messages.SCHEMA:
             raise VersionMismatch(
-                f"the probe's message tables (schema {self.schema:08x}, firmware {self.firmware}) are not this "
-                f"program's (schema {messages.SCHEMA:08x}); install the firmware that came with this version of palpate",
+                f"the probe's message tables (schema {self.schema:08x}, firmware {self.firmware}) are not "
+                f"this program's (schema {messages.SCHEMA:08x}); "
+                "install the firmware that came with this version of palpate",
                 ("schema",),
             )
         if (self.rows, self.columns) != (messages.ROWS, messages.COLUMNS):

@@ -90,7 +90,7 @@ class LiveParser:
     """Bytes in, events out, every sequence number accounted for.
 
     Use: `for event in parser.feed(data, host_ns)`: events in the wire's order; duplicates are dropped and
-    counted. After each event `parser.raw` holds the wire's bytes since the event before (its own packet last).
+    counted. With each event `parser.raw` holds the wire's bytes since the one before (its own packet last).
     """
 
     def __init__(self) -> None:
@@ -98,6 +98,8 @@ class LiveParser:
         self.frames = Sequence()
         self.raw = b""
         self._receiver = wire.Receiver(LONGEST_BODY)
+        self._sent = wire.Receiver(messages.COMMAND_BODY)
+        self._next_every = 1
         self._tail = bytearray()
         self._clock = Unwrapper()
         self._event_seq: int | None = None
@@ -143,6 +145,17 @@ class LiveParser:
         counts.bad_frame = receiver.bad_frame
         counts.oversize = receiver.oversize
 
+    def commanded(self, raw: bytes) -> None:
+        """A command that went out, as on the wire: some say what the stream will be."""
+        self._sent.length = 0
+        at = 0
+        while at < len(raw):
+            at = self._sent.feed(raw, at, len(raw))
+            if self._sent.length and self._sent.packet[0] == messages.TYPE["stream_start"]:
+                fields = messages.unpack(self._sent.packet, self._sent.length)
+                if fields is not None:
+                    self._next_every = max(1, fields[1])
+
     def take_tail(self) -> bytes:
         """The bytes behind the last good packet; they are then forgotten (the link is closing)."""
         tail = bytes(self._tail)
@@ -171,7 +184,7 @@ class LiveParser:
         if values is None:
             self.counts.unreadable += 1
             return None
-        if kind == _FRAME or kind == _FRAME_RICE:
+        if kind in (_FRAME, _FRAME_RICE):
             return self._frame(kind, values, host_ns)
         if kind & messages.ANSWER:
             answer = Answer(host_ns, kind, messages.message_id(body), messages.answer_status(body), values)
@@ -189,6 +202,7 @@ class LiveParser:
             # While a stream runs (an answer sent again, a reconnect), the numbers go on: a gap is a loss.
             self._streaming = True
             self.settle()
+            self.frames.every = self._next_every
             self.frames.expect_from(answer.values[0])
         elif answer.kind == _STREAM_STOPPED and self._streaming:
             self._streaming = False

@@ -7,42 +7,27 @@
                 case Estimate():
                     print(event.as_dict())
 
-A thread reads the port, counts, records and acknowledges; the program takes events from a bounded queue at
-its own pace (frames that it is too slow for are dropped, oldest first, and counted; the recording has them
-all). After an unplug the thread waits for the probe, resumes the stream and hands on a `Gap`.
+The program takes events from a bounded queue at its own pace (frames that it is too slow for are dropped, oldest
+first, and counted; the recording has them all). After an unplug the stream goes on by itself, with a `Gap`.
 """
 
 from __future__ import annotations
 
 import random
-import threading
 import time
 from collections.abc import Callable, Iterator
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
-from firmware_py import messages, status, wire
-from host.errors import CommandRefused, CommandTimeout, LinkGone, NotAProbe, NotLive, PalpateError, PortError
+from firmware_py import messages, status
+from host.errors import CommandRefused, CommandTimeout, LinkGone, NotAProbe, NotLive
+from host.link.accounting import Counts
 from host.link.clock import ClockState, ClockSync
-from host.link.event_queue import EventQueue
-from host.link.events import Answer, Boot, Event, Gap
+from host.link.commands import setting_key
+from host.link.events import Answer, Boot, Estimate, Event, Gap
 from host.link.identity import Identity
-from host.link.parser import HAVE, Again, LinkCounts, LiveParser
+from host.link.line import ANSWER_TIMEOUT_S, RETRIES, Line, Recorder
+from host.link.parser import Again, LinkCounts, LiveParser
 from host.link.transport import Transport
-
-ANSWER_TIMEOUT_S = 0.4
-RETRIES = 12
-POLL_S = 0.05
-RECONNECT_EVERY_S = 0.25
-
-
-class Recorder(Protocol):
-    """What a client tells about the wire; `host.record.writer.RecordingWriter` is one."""
-
-    def received(self, raw: bytes, event: Event, host_ns: int) -> None: ...
-
-    def sent(self, raw: bytes, host_ns: int) -> None: ...
-
-    def mark(self, event: Event) -> None: ...
 
 
 class Probe:
@@ -71,32 +56,18 @@ class Probe:
         recorder: Recorder | None = None,
         reopen: Callable[[], Transport] | None = None,
     ) -> None:
-        self.parser = LiveParser()
-        self.recorder = recorder
         self._transport = transport
-        self._reopen = reopen
-        self._events = EventQueue()
-        self._pending: dict[int, Answer | None] = {}
-        self._answered = threading.Condition()
-        self._unawaited: dict[int, None] = {}
-        self._next_id = random.randrange(1 << 16)
-        self._writing = threading.Lock()
-        self._stopping = threading.Event()
-        self._up = threading.Event()
-        self._failure: PalpateError | None = None
+        self._line = Line(transport, recorder, reopen) if transport.live else None
+        self._parser = LiveParser() if self._line is None else self._line.parser
         self._sync = ClockSync()
-        self._stream: tuple[int, int, int] | None = None
-        self._thread: threading.Thread | None = None
-        self._up.set()
-        if transport.live:
-            self._thread = threading.Thread(target=self._read_forever, name="palpate-link", daemon=True)
-            self._thread.start()
         try:
-            self.identity = self._handshake()
-            self.identity.check()
+            self._identity = self._handshake()
+            self._identity.check()
         except BaseException:
             self.close()
             raise
+        if self._line is not None:
+            self._line.identity = self._identity
 
     @classmethod
     def open(cls, port: str = "auto", baud: int = 921_600, recorder: Recorder | None = None) -> Self:
@@ -118,13 +89,13 @@ class Probe:
         NotAProbe, VersionMismatch
             Something else answers, or nothing.
         """
-        from host.link.devices import resolve
-        from host.link.transport import open_transport
-
         if port.endswith(".mcap"):
             from host.record.playback import PlaybackTransport
 
             return cls(PlaybackTransport(port))
+        from host.link.devices import resolve
+        from host.link.transport import open_transport
+
         path, serial = resolve(port, baud)
 
         def reopen() -> Transport:
@@ -146,19 +117,29 @@ class Probe:
     @property
     def live(self) -> bool:
         """False for a recording."""
-        return self._transport.live
+        return self._line is not None
 
     @property
     def connected(self) -> bool:
-        """False while the probe is unplugged."""
-        return self._up.is_set() and self._failure is None
+        """False while the probe is unplugged; a recording is always there."""
+        return self._line is None or self._line.connected
+
+    @property
+    def identity(self) -> Identity:
+        """Who answered the last handshake."""
+        return self._identity if self._line is None or self._line.identity is None else self._line.identity
 
     @property
     def counts(self) -> LinkCounts:
-        """What this end counted (`probe.statistics()` has the other end's)."""
-        counts = self.parser.counts
-        counts.queue_dropped = self._events.dropped
-        return counts
+        """What this end counted of the link (`statistics` asks for the other end's)."""
+        if self._line is not None:
+            self._parser.counts.queue_dropped = self._line.events.dropped
+        return self._parser.counts
+
+    @property
+    def frame_counts(self) -> Counts:
+        """Frames received, lost, duplicate, late."""
+        return self._parser.frames.counts
 
     @property
     def clock(self) -> ClockState | None:
@@ -166,12 +147,11 @@ class Probe:
         return self._sync.state
 
     def close(self) -> None:
-        """Stop reading and close the port; harmless when repeated. What was recorded stays the recorder's."""
-        self._stopping.set()
-        if self._thread is not None and self._thread is not threading.current_thread():
-            self._thread.join()
-        self.parser.settle()
-        self._transport.close()
+        """Stop reading and close the port; harmless when repeated. The recorder stays its owner's to close."""
+        if self._line is not None:
+            self._line.close()
+        else:
+            self._transport.close()
 
     # Commands
 
@@ -212,87 +192,22 @@ class Probe:
         NotLive
             The source is a recording.
         """
-        return self._ask(name, values, tail, timeout_s, retries).values
-
-    def _ask(self, name: str, values: tuple[int, ...], tail: bytes, timeout_s: float, retries: int) -> Answer:
-        if not self.live:
-            raise NotLive(f"{self.name} is a recording: it cannot be given the command {name}")
-        number = self._take_id()
-        raw = pack_command(name, number, values, tail)
-        self.counts.commands += 1
-        with self._answered:
-            self._pending[number] = None
-        try:
-            answer = self._converse(name, number, raw, timeout_s, retries)
-        finally:
-            with self._answered:
-                self._pending.pop(number, None)
-        if answer.kind != messages.TYPE[name] | messages.ANSWER:
-            raise CommandRefused(name, answer.status, status.TEXT[status.BAD_TYPE])
-        if answer.status < 0:
-            reason = status.TEXT.get(answer.status, "for a reason this program does not know")
-            raise CommandRefused(name, answer.status, reason)
-        return answer
-
-    def _converse(self, name: str, number: int, raw: bytes, timeout_s: float, retries: int) -> Answer:
-        for attempt in range(retries + 1):
-            self._wait_until_up()
-            if attempt:
-                self.counts.retries += 1
-            self._write(raw)
-            deadline = time.monotonic() + timeout_s
-            with self._answered:
-                while True:
-                    answer = self._pending.get(number)
-                    if answer is not None:
-                        return answer
-                    left = deadline - time.monotonic()
-                    if left <= 0 or self._failure is not None:
-                        break
-                    self._answered.wait(left)
-        if self._failure is not None:
-            raise self._failure
-        raise CommandTimeout(
-            f"the probe at {self.name} did not answer {name} in {timeout_s * (retries + 1):.1f} s; "
-            "reset it or plug it in again"
-        )
-
-    def _take_id(self) -> int:
-        with self._answered:
-            self._next_id = (self._next_id + 1) % (1 << 16)
-            return self._next_id
-
-    def _write(self, raw: bytes) -> None:
-        try:
-            with self._writing:
-                self._transport.write(raw)
-        except LinkGone:
-            if self._reopen is None:
-                raise
-            return  # the reader notices, too, and reconnects; the retry goes out then
-        if self.recorder is not None:
-            self.recorder.sent(raw, time.time_ns())
-
-    def _wait_until_up(self) -> None:
-        while not self._up.wait(POLL_S):
-            if self._stopping.is_set():
-                raise LinkGone(f"{self.name} was closed")
-        if self._failure is not None:
-            raise self._failure
+        return self._live(name).ask(name, values, tail, timeout_s, retries).values
 
     def sync_clock(self, exchanges: int = 8) -> ClockState:
-        """Compare the clocks a few times; may be repeated for a better drift.
+        """Compare the clocks a few times; more often, and over longer, makes the drift better.
 
         Returns
         -------
         ClockState
             Offset, drift and their doubt.
         """
+        line = self._live("time_sync")
         for _ in range(exchanges):
             asked_ns = time.time_ns()
-            answer = self._ask("time_sync", (), b"", ANSWER_TIMEOUT_S, RETRIES)
-            taken, answered = answer.values
-            self._sync.add(asked_ns / 1000, taken, answered, answer.host_ns / 1000)
+            answer = line.ask("time_sync")
+            taken_us, answered_us = answer.values
+            self._sync.add(asked_ns / 1000, taken_us, answered_us, answer.host_ns / 1000)
         state = self._sync.state
         assert state is not None
         return state
@@ -312,8 +227,10 @@ class Probe:
 
     def refresh_identity(self) -> Identity:
         """Shake hands again: what the probe is now (after a flash: which model is live)."""
-        self.identity = self._identify()
-        return self.identity
+        self._identity = self._identify()
+        if self._line is not None:
+            self._line.identity = self._identity
+        return self._identity
 
     def read_back(self, what: int) -> bytes:
         """The stored calibration (0) or the live model image (1), bit for bit; b"" where there is none."""
@@ -322,7 +239,7 @@ class Probe:
             try:
                 _, offset, size, piece = self.command("read_back", what, len(found))
             except CommandRefused as refusal:
-                if refusal.status in (status.NO_MODEL, status.NOT_SUPPORTED, status.BAD_STATE):
+                if refusal.status in (status.NO_MODEL, status.NOT_SUPPORTED, status.BAD_TYPE):
                     return b""
                 raise
             if offset == len(found):
@@ -335,7 +252,7 @@ class Probe:
     def start_stream(
         self, strokes: int = 0, every: int = 1, frames: bool = True, compressed: bool = False
     ) -> None:
-        """Ask for frames and stroke results; after an unplug the stream is asked for again by itself.
+        """Ask for frames and stroke results; after an unplug they are asked for again without a word.
 
         Parameters
         ----------
@@ -348,124 +265,61 @@ class Probe:
         compressed : bool
             Allow losslessly compressed frames.
         """
+        line = self._live("stream_start")
         content = messages.CONTENT_STROKES
         content |= messages.CONTENT_FRAMES if frames else 0
         content |= messages.CONTENT_COMPRESSED if compressed else 0
-        self._stream = (content, every, strokes)
-        self.command("stream_start", *self._stream)
+        line.stream = (content, every, strokes)
+        line.ask("stream_start", line.stream)
 
     def stop_stream(self) -> None:
         """Stop the stream; what is still on its way can be read from `events`."""
-        self._stream = None
-        self.command("stream_stop")
+        line = self._live("stream_stop")
+        line.stream = None
+        line.ask("stream_stop")
 
     def events(self, timeout_s: float | None = None) -> Iterator[Event]:
-        """Events as they come, until `timeout_s` passes without one, the recording ends or the link fails.
+        """Events as they come, until `timeout_s` passes without one, or the recording ends.
 
         Raises
         ------
         LinkGone
             The port vanished and cannot be opened again.
         """
-        if not self.live:
+        if self._line is None:
             yield from self._play()
             return
-        while True:
-            event = self._events.get(timeout_s)
-            if event is None:
-                if self._failure is not None:
-                    raise self._failure
-                return
+        while (event := self._line.events.get(timeout_s)) is not None:
+            if isinstance(event, Boot):
+                self._sync.restart()
             yield event
+        if self._line.failure is not None:
+            raise self._line.failure
 
     def stream(self, strokes: int = 0, every: int = 1, timeout_s: float | None = None) -> Iterator[Event]:
         """Start the stream, hand on its events, and stop it when `strokes` estimates have come (0: never).
 
         A recording plays from its beginning, as it came.
         """
-        from host.link.events import Estimate
-
-        if not self.live:
-            yield from self.events()
+        if self._line is None:
+            yield from self._play()
             return
         self.start_stream(0, every)
         done = 0
         try:
             for event in self.events(timeout_s):
                 yield event
-                if isinstance(event, Estimate):
-                    done += 1
-                    if done == strokes:
-                        break
+                done += isinstance(event, Estimate)
+                if strokes and done == strokes:
+                    return
         finally:
-            if self.connected and not self._stopping.is_set():
+            if self.connected:
                 self.stop_stream()
 
-    # The thread that reads
-
-    def _read_forever(self) -> None:
-        try:
-            while not self._stopping.is_set():
-                try:
-                    self._pump(POLL_S)
-                except LinkGone as gone:
-                    if self._reopen is None or self._stopping.is_set():
-                        raise
-                    self._reconnect(gone)
-        except PalpateError as error:
-            self._fail(error)
-        except Exception as error:
-            self._fail(LinkGone(f"reading {self.name} failed: {error!r}"))
-
-    def _fail(self, error: PalpateError) -> None:
-        if isinstance(error, LinkGone) and self._stopping.is_set():
-            return
-        self._failure = error
-        self._up.set()
-        self._events.close()
-        with self._answered:
-            self._answered.notify_all()
-
-    def _pump(self, timeout_s: float) -> None:
-        data = self._transport.read(timeout_s)
-        if not data:
-            self.parser.settle()
-            return
-        host_ns = time.time_ns()
-        for event in self.parser.feed(data, host_ns):
-            if self.recorder is not None:
-                self.recorder.received(self.parser.raw, event, host_ns)
-            self._dispatch(event)
-
-    def _dispatch(self, event: Event) -> None:
-        if isinstance(event, Answer):
-            self._take_answer(event)
-            return
-        if type(event) is Again:
-            self._acknowledge(event.event)
-            return
-        if type(event) in HAVE:
-            self._acknowledge(event)
-        if isinstance(event, Boot):
-            self._sync.restart()
-        self._events.put(event)
-
-    def _take_answer(self, answer: Answer) -> None:
-        with self._answered:
-            if self._pending.get(answer.message_id, answer) is None:
-                self._pending[answer.message_id] = answer
-                self._answered.notify_all()
-            elif answer.message_id in self._unawaited:
-                del self._unawaited[answer.message_id]
-            else:
-                self.parser.counts.late_answers += 1
-
-    def _acknowledge(self, event: Any) -> None:
-        number = self._take_id()
-        self._unawaited[number] = None
-        if len(self._unawaited) > 256:
-            del self._unawaited[next(iter(self._unawaited))]
-        self._write(pack_command("stroke_ack", number, (event.stroke, HAVE[type(event)])))
+    def _live(self, command: str) -> Line:
+        if self._line is None:
+            raise NotLive(f"{self.name} is a recording: it cannot be given the command {command}")
+        return self._line
 
     def _play(self) -> Iterator[Event]:
         """A recording has no thread: it is read as fast as its reader goes."""
@@ -473,24 +327,28 @@ class Probe:
             try:
                 data = self._transport.read(0.0)
             except LinkGone:
-                self.parser.settle()
+                self._parser.settle()
                 return
-            host_ns = getattr(self._transport, "host_ns", 0)
-            for event in self.parser.feed(data, host_ns):
+            if command := getattr(self._transport, "command", b""):
+                self._parser.commanded(command)
+            mark: Gap | None = getattr(self._transport, "mark", None)
+            if mark is not None:
+                yield mark
+            for event in self._parser.feed(data, getattr(self._transport, "host_ns", 0)):
                 if not isinstance(event, Answer | Again):
                     yield event
 
-    # Handshake and reconnection
+    # Handshake
 
     def _handshake(self) -> Identity:
-        if not self.live:
-            identity = getattr(self._transport, "identity", None)
-            if identity is None:
-                raise NotAProbe(f"{self.name} holds no handshake; it is not a Palpate recording")
-            return Identity.from_answer(identity)
+        if self._line is None:
+            values = getattr(self._transport, "identity", None)
+            if values is None:
+                raise NotAProbe(f"{self.name} holds no handshake; it is not a recording of a probe")
+            return Identity.from_answer(values)
         try:
             return self._identify()
-        except CommandTimeout as error:
+        except (CommandTimeout, CommandRefused) as error:
             raise NotAProbe(
                 f"{self.name} does not answer as a Palpate probe; check the port (`palpate devices`) "
                 "and that the firmware runs"
@@ -498,95 +356,4 @@ class Probe:
 
     def _identify(self) -> Identity:
         nonce = random.randrange(1 << 30)
-        values = self.command("identify", nonce, timeout_s=0.5, retries=5)
-        if values[0] != nonce:
-            values = self.command("identify", nonce, timeout_s=0.5, retries=5)
-        return Identity.from_answer(values)
-
-    def _reconnect(self, gone: LinkGone) -> None:
-        """Wait for the probe, shake hands, ask for the stream again; the gap is marked at both its ends."""
-        assert self._reopen is not None
-        began = time.monotonic()
-        self._up.clear()
-        self._transport.close()
-        self._tell(Gap(time.time_ns(), 0.0, str(gone), ended=False))
-        while not self._stopping.is_set():
-            try:
-                self._transport = self._reopen()
-                identity = self._ask_inline("identify", (random.randrange(1 << 30),))
-                if identity is None:
-                    raise LinkGone(f"{self.name} does not answer")
-                self._welcome_back(Identity.from_answer(identity), began, str(gone))
-                return
-            except (PortError, LinkGone):
-                self._transport.close()
-                self._stopping.wait(RECONNECT_EVERY_S)
-
-    def _welcome_back(self, identity: Identity, began: float, reason: str) -> None:
-        identity.check()
-        restarted = identity.boots != self.identity.boots or identity.serial != self.identity.serial
-        if restarted:
-            self._sync.restart()
-        self.identity = identity
-        if self._stream is not None and self._ask_inline("stream_start", self._stream) is None:
-            raise LinkGone(f"{self.name} does not answer")
-        self.counts.reconnects += 1
-        self._tell(Gap(time.time_ns(), time.monotonic() - began, reason, restarted=restarted))
-        self._up.set()
-
-    def _ask_inline(self, name: str, values: tuple[int, ...]) -> tuple[Any, ...] | None:
-        """A command given by the reading thread itself, which reads its own answer."""
-        number = self._take_id()
-        raw = pack_command(name, number, values)
-        with self._answered:
-            self._pending[number] = None
-        try:
-            for _ in range(8):
-                self._transport.write(raw)
-                if self.recorder is not None:
-                    self.recorder.sent(raw, time.time_ns())
-                deadline = time.monotonic() + ANSWER_TIMEOUT_S
-                while (left := deadline - time.monotonic()) > 0 and not self._stopping.is_set():
-                    self._pump(min(left, POLL_S))
-                    answer = self._pending.get(number)
-                    if answer is not None:
-                        return answer.values if answer.status >= 0 else None
-            return None
-        finally:
-            with self._answered:
-                self._pending.pop(number, None)
-
-    def _tell(self, event: Event) -> None:
-        if self.recorder is not None:
-            self.recorder.mark(event)
-        self._events.put(event)
-
-
-def pack_command(name: str, number: int, values: tuple[int, ...] = (), tail: bytes = b"") -> bytes:
-    """A command's bytes on the wire: a zero, the packet, its closing zero; at most 64 bytes.
-
-    Parameters
-    ----------
-    name : str
-        Of `firmware_py.messages.COMMANDS`.
-    number : int
-        Its id, 16 bit.
-    values, tail
-        Its fields.
-    """
-    body = bytearray(messages.COMMAND_BODY)
-    length = messages.pack(body, messages.TYPE[name], number, 0, values, tail)
-    body += bytes(4)
-    target = bytearray(1 + wire.wire_size(length))
-    end = wire.seal(body, length, target, 1)
-    return bytes(target[:end])
-
-
-def setting_key(name: str) -> int:
-    """The key of a setting by its name; `UsageError` names the known ones."""
-    from host.errors import UsageError
-
-    keys = {row[1]: row[0] for row in messages.SETTINGS}
-    if name not in keys:
-        raise UsageError(f"there is no setting {name!r}; known are {', '.join(keys)}")
-    return int(keys[name])
+        return Identity.from_answer(self.command("identify", nonce, timeout_s=0.5, retries=5))

@@ -1,0 +1,110 @@
+"""`palpate sweep`: many finite-element strokes, resumable."""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from host.cli.output import json_option, note, print_json, progress
+from host.errors import LinkError, MissingExtra, PalpateError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sim.tissue import Progress
+
+
+@click.command("sweep")
+@click.option(
+    "--design", required=True, help="thesis | one-factor | sobol:N[:SEED] | a file with one code per line."
+)
+@click.option(
+    "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Directory of the strokes."
+)
+@click.option("--workers", type=click.IntRange(1), help="Processes on this machine; all cores by default.")
+@click.option("--scheduler", help="A Dask cluster instead: its address, as tcp://10.0.0.5:8786.")
+@click.option("--hx", "hx_mm", type=float, default=2.0, show_default=True, help="Element width, mm.")
+@json_option
+def command(
+    design: str, out: Path, workers: int | None, scheduler: str | None, hx_mm: float, as_json: bool
+) -> None:
+    """Simulate the strokes of a design; a sweep that was stopped goes on where it was.
+
+    \b
+    Designs:
+      thesis           the thesis' thirty runs
+      one-factor       one input varied at a time, finely
+      sobol:N[:SEED]   N cases that fill the space of d, h, E, F evenly
+      FILE             one case code per line
+
+    \b
+    Example:
+      palpate sweep --design thesis --out out/thesis
+      palpate sweep --design sobol:64:1 --out out/field --workers 2
+    """
+    from sim.tissue import Settings, read_design, sweep
+
+    if workers is not None and scheduler is not None:
+        raise UsageError("--workers is for this machine and --scheduler for a cluster; give one of them")
+    cases = read_design(design)
+    settings = Settings(hx_mm=hx_mm)
+    began = time.monotonic()
+    last: list[Progress] = []
+    with _executor(scheduler) as executor, progress("strokes") as bar:
+        task = bar.add_task("simulating", total=len(cases))
+
+        def show(now: Progress) -> None:
+            last[:] = [now]
+            bar.update(task, completed=now.done, total=now.total)
+
+        result = sweep(cases, settings, out, executor=executor, workers=workers, progress=show)
+    failed = result[result.status != "ok"]
+    failures = {str(row.code): str(row.reason) for row in failed.itertuples()}
+    seconds = time.monotonic() - began
+    reused = last[0].reused if last else 0
+    summary = {
+        "design": design,
+        "out": str(out),
+        "strokes": len(result),
+        "reused": reused,
+        "failed": failures,
+        "seconds": seconds,
+    }
+    if as_json:
+        print_json(summary)
+    else:
+        click.echo(f"{len(result)} strokes in {out} ({reused} were there already), {seconds:.1f} s")
+    for code, reason in list(failures.items())[:10]:
+        note(f"  {code}: {reason}")
+    if len(failed) == len(result):
+        raise PalpateError(f"none of the {len(result)} strokes could be computed; the first says why")
+    if len(failed):
+        note(
+            f"{len(failed)} strokes could not be computed; they are marked in the table and left out of fits"
+        )
+
+
+@contextmanager
+def _executor(scheduler: str | None) -> Iterator[Executor | None]:
+    """The cluster's executor, or None for processes of our own."""
+    if scheduler is None:
+        yield None
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise MissingExtra("distributed", "cluster", "a Dask scheduler") from None
+    try:
+        client = Client(scheduler, timeout=10)
+    except (OSError, ValueError, TimeoutError) as error:
+        message = (
+            f"no Dask scheduler answers at {scheduler}; start one with `dask scheduler` and check the address"
+        )
+        raise LinkError(message) from error
+    with client:
+        yield client.get_executor()

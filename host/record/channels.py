@@ -1,0 +1,203 @@
+"""What a recording holds: topics, their JSON schemas (which Foxglove shows) and how an event becomes JSON.
+
+Two topics carry the wire itself, byte for byte; they alone are enough to replay. The others are the same
+session decoded, for people and other programs. Units: mm, kPa, N/m, us; images in Pa (16 bit).
+
+Source of the schemas `foxglove.RawImage` and `foxglove.Log`: Foxglove's documentation of well-known schemas.
+"""
+
+from __future__ import annotations
+
+import json
+from base64 import b64encode
+from typing import Any
+
+import numpy as np
+
+from host.link.events import (
+    FULL_SCALE_KPA,
+    OUTPUTS,
+    PEDESTAL_KPA,
+    Boot,
+    Estimate,
+    Event,
+    Features,
+    Frame,
+    Gap,
+    Log,
+    StrokeState,
+    TactileMap,
+    unpack_counts,
+)
+
+WIRE_IN = "/wire/probe_to_host"
+WIRE_OUT = "/wire/host_to_probe"
+WIRES = (WIRE_IN, WIRE_OUT)
+WIRE_ENCODING = "palpate-wire"
+IMAGE, MOTION, STROKE, MAP, FEATURES, ESTIMATE, LOG, LINK = (
+    "/image", "/motion", "/stroke", "/map", "/features", "/estimate", "/log", "/link",
+)  # fmt: skip
+
+_NUMBER = {"type": "number"}
+_INTEGER = {"type": "integer"}
+_TEXT = {"type": "string"}
+_FLAG = {"type": "boolean"}
+_NUMBERS = {"type": "array", "items": _NUMBER}
+_TIME = {"type": "object", "title": "time", "properties": {"sec": _INTEGER, "nsec": _INTEGER}}
+_BOUNDED = {"type": "object", "properties": {"value": _NUMBER, "low": _NUMBER, "high": _NUMBER}}
+
+SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
+    IMAGE: (
+        "foxglove.RawImage",
+        {
+            "timestamp": _TIME,
+            "frame_id": _TEXT,
+            "width": _INTEGER,
+            "height": _INTEGER,
+            "encoding": _TEXT,
+            "step": _INTEGER,
+            "data": {"type": "string", "contentEncoding": "base64"},
+        },
+    ),
+    MOTION: (
+        "palpate.Motion",
+        {
+            "seq": _INTEGER,
+            "time_us": _INTEGER,
+            "position_mm": _NUMBER,
+            "displacement_mm": _NUMBER,
+            "pressure_mean_kPa": _NUMBER,
+            "lost_before": _INTEGER,
+        },
+    ),
+    STROKE: (
+        "palpate.StrokeState",
+        {"stroke": _INTEGER, "state": _TEXT, "time_us": _INTEGER, "frame_seq": _INTEGER, "value": _INTEGER},
+    ),
+    MAP: (
+        "palpate.TactileMap",
+        {
+            "stroke": _INTEGER,
+            "x_mm": _NUMBERS,
+            "values": _NUMBERS,
+            "base": _NUMBER,
+            "amplitude": _NUMBER,
+            "centre_mm": _NUMBER,
+            "stdev_mm": _NUMBER,
+            "status": _INTEGER,
+        },
+    ),
+    FEATURES: ("palpate.Features", {"stroke": _INTEGER, "version": _INTEGER, "q24": _NUMBERS}),
+    ESTIMATE: (
+        "palpate.Estimate",
+        {
+            "stroke": _INTEGER,
+            **dict.fromkeys(OUTPUTS, _BOUNDED),
+            "lump": _FLAG,
+            "hardness": _TEXT,
+            "in_domain": _FLAG,
+            "level": _NUMBER,
+            "model_id": _TEXT,
+            "valid": _FLAG,
+            "reason": _TEXT,
+        },
+    ),
+    LOG: (
+        "foxglove.Log",
+        {
+            "timestamp": _TIME,
+            "level": _INTEGER,
+            "message": _TEXT,
+            "name": _TEXT,
+            "file": _TEXT,
+            "line": _INTEGER,
+        },
+    ),
+    LINK: ("palpate.Link", {"event": _TEXT, "seconds": _NUMBER, "reason": _TEXT, "restarted": _FLAG}),
+}
+"""Topic -> name of its schema and the properties of its JSON object."""
+
+_PASCAL = np.clip(np.arange(4096) * (1000 * FULL_SCALE_KPA / 4095) - 1000 * PEDESTAL_KPA, 0, 65535)
+_PASCAL_LE = np.round(_PASCAL).astype("<u2")
+_FOXGLOVE_LEVEL = (2, 3, 4)  # info, warning, error
+
+
+def schema_json(topic: str) -> tuple[str, bytes]:
+    """Name and JSON schema of a topic."""
+    name, properties = SCHEMAS[topic]
+    text = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": name, "type": "object"}
+    return name, json.dumps({**text, "properties": properties}).encode()
+
+
+def device_time_us(event: Event) -> int | None:
+    """The probe's own time of an event, us, unwrapped, where it has one."""
+    return getattr(event, "time_us", None)
+
+
+def decoded(event: Event) -> list[tuple[str, bytes]]:
+    """An event as messages of the decoded topics: (topic, JSON)."""
+    if type(event) is Frame:
+        return _frame(event)
+    if isinstance(event, Estimate):
+        return [(ESTIMATE, _json(event.as_dict()))]
+    if isinstance(event, StrokeState):
+        words = {"stroke": event.stroke, "state": event.state, "time_us": event.time_us}
+        return [(STROKE, _json({**words, "frame_seq": event.frame_seq, "value": event.value}))]
+    if isinstance(event, TactileMap):
+        return [(MAP, _json(map_dict(event)))]
+    if isinstance(event, Features):
+        return [(FEATURES, _json({"stroke": event.stroke, "version": event.version, "q24": event.values}))]
+    if isinstance(event, Log):
+        words = {"timestamp": _time(event.host_ns), "level": _FOXGLOVE_LEVEL[min(event.level, 2)]}
+        return [(LOG, _json({**words, "message": event.text, "name": "probe", "file": "", "line": 0}))]
+    if isinstance(event, Gap):
+        words = {"event": "up" if event.ended else "down", "seconds": event.seconds, "reason": event.reason}
+        return [(LINK, _json({**words, "restarted": event.restarted}))]
+    if isinstance(event, Boot):
+        return [(LINK, _json({"event": "boot", "seconds": 0.0, "reason": f"start {event.boots}"}))]
+    return []
+
+
+def map_dict(event: TactileMap) -> dict[str, Any]:
+    """A tactile map as JSON has it; places in mm, pressures in the probe's integers."""
+    return {
+        "stroke": event.stroke,
+        "x_mm": [event.first_mm + i for i in range(len(event.values))],
+        "values": list(event.values),
+        "base": event.base,
+        "amplitude": event.amplitude,
+        "centre_mm": event.centre_um / 1000,
+        "stdev_mm": event.stdev_um / 1000,
+        "status": event.status,
+    }
+
+
+def _frame(event: Frame) -> list[tuple[str, bytes]]:
+    """The hot path: written as text at once, five times as fast as `json.dumps` of a dict."""
+    pascal = _PASCAL_LE[unpack_counts(event.packed)]
+    second, nanosecond = divmod(event.host_ns, 1_000_000_000)
+    image = (
+        b'{"timestamp":{"sec":%d,"nsec":%d},"frame_id":"probe","width":26,"height":16,'
+        b'"encoding":"mono16","step":52,"data":"%b"}' % (second, nanosecond, b64encode(pascal.tobytes()))
+    )
+    motion = (
+        b'{"seq":%d,"time_us":%d,"position_mm":%.3f,"displacement_mm":%.3f,'
+        b'"pressure_mean_kPa":%.4f,"lost_before":%d}'
+        % (
+            event.seq,
+            event.time_us,
+            event.position_um * 1e-3,
+            event.displacement_um * 1e-3,
+            pascal.sum(dtype=np.int64) / 416e3,
+            event.lost_before,
+        )
+    )
+    return [(IMAGE, image), (MOTION, motion)]
+
+
+def _time(ns: int) -> dict[str, int]:
+    return {"sec": ns // 1_000_000_000, "nsec": ns % 1_000_000_000}
+
+
+def _json(value: dict[str, Any]) -> bytes:
+    return json.dumps(value, allow_nan=False).encode()
