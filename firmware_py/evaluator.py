@@ -1,0 +1,256 @@
+"""The model's arithmetic: features in, the five outputs with their intervals out, integers only.
+
+`Tables` holds a model as arrays; `evaluate` works on arrays the caller owns and allocates nothing.
+`compute` has no branch on data other than `clip` and `pick`, so the exporter runs this very code on
+intervals to prove that no intermediate leaves +-2^30 (model_export/bounds.py).
+
+Numbers: features Q24; u, a feature moved and scaled into +-1 over the model's clip box, and its
+monomials Q28; predictions y, ln sigma and widths on the link scale Q24; outputs in millionths.
+A Q28 number meets its coefficients as a high part (Q13) and a low part of `low` bits, a coefficient
+as a high word of 16 and a low one of 8 bits; the product of the two low parts is below what is kept.
+"""
+
+from array import array
+
+from firmware_py import fixed
+
+OUTPUTS = 5
+NO_LUMP = -8  # status.NO_LUMP, repeated: the core of a small board does not carry that table
+OUT_SIZE = 18  # value, low, high of each output; then FLAGS, DISTANCE, LEVEL
+FLAGS = 15
+DISTANCE = 16
+LEVEL = 17
+
+LUMP = 1
+IN_DOMAIN = 2
+SOFT = 4
+HARD = 8
+FORCE_OUT = 16
+
+# The tables are indexed by plain numbers below, which cost no dictionary look-up; these are their names.
+# head: what `compute` and `verdict` need of the model, one integer each
+N_FEATURES = 0
+N_TERMS = 1  # without the constant; the features themselves come first
+N_SIGMA = 2  # leading terms that ln sigma uses
+LOW_BITS = 3  # at most 8
+N_LIMITS = 4
+HARD_BELOW = 5  # millionths of E_inv23
+FORCE_LO = 6  # millionths of N/m
+FORCE_HI = 7
+LEVEL_PERMILLE = 8
+HEAD = 9
+
+# feature table: one row of seven for each feature
+CLIP_LO = 0
+CLIP_HI = 1
+CENTRE = 2
+SHIFT = 3
+FACTOR = 4
+BOX_LO = 5
+BOX_HI = 6
+FEATURE_ROW = 7
+
+# output table: one row of eight for each output
+LINK = 0  # 1: ln of millionths, 0: the value itself
+Y_LO = 1
+Y_HI = 2
+Y_MID = 3  # and the shift that takes y - Y_MID into +-1 in Q28
+Y_SHIFT = 4
+LN_Q_SOFT = 5  # ln of the conformal quantile for each predicted class
+LN_Q_HARD = 6
+E_OUTPUT = 4  # which output the hardness rule looks at
+OUTPUT_ROW = 8
+
+# row table: intercept (Q24) and shift of each sum: outputs, ln sigmas, whitened coordinates
+ROW = 2
+
+_MAX_LN_WIDTH = 34887240  # ln 8
+_MIN_LN_WIDTH = -268435456  # -16: a width below 2e-7
+NO_WIDTH = -536870912  # stands for ln 0
+
+exp = fixed.exp
+
+
+def clip(v, lo, hi):
+    """v held between lo and hi."""
+    if v < lo:
+        return lo
+    if v > hi:
+        return hi
+    return v
+
+
+def pick(v, limit, below, above):
+    """`below` where v < limit, else `above`."""
+    if v < limit:
+        return below
+    return above
+
+
+def mul28(a, b):
+    """a * b / 2^28 for |a| <= 2^28, |b| <= 2^29."""
+    c = a >> 14
+    a &= 16383
+    d = b >> 14
+    b &= 16383
+    return c * d + ((c * b + a * d + (a * b >> 14)) >> 14)
+
+
+def dot(c, d, at, high, low, first, n, bits):
+    """Sum of n coefficients (c, d from `at`) times inputs (high, low from `first`)."""
+    a = 0
+    b = 0
+    for i in range(n):
+        x = c[at]
+        h = high[first]
+        a += x * h
+        b += x * low[first] + d[at] * h
+        at += 1
+        first += 1
+    return a + (b >> bits)
+
+
+def scaled(v, s):
+    """v / 2^s, s of either sign; held at +-2^29, far outside what any output is clipped to."""
+    if s >= 0:
+        return clip(v >> s, -536870912, 536870912)
+    most = 1 << (29 + s)
+    return clip(v, -most, most) << -s
+
+
+def width(ln_width):
+    """Half an interval on the link scale, Q24, at most 8."""
+    return exp(clip(ln_width, _MIN_LN_WIDTH, _MAX_LN_WIDTH), 0)
+
+
+def value(y, link):
+    """Millionths of the output's unit from y on the link scale."""
+    if link:
+        return exp(y, 24)
+    return ((y >> 12) * 15625 + ((y & 4095) * 15625 >> 12) + 32) >> 6
+
+
+def compute(x, ids, feats, steps, c, d, rows, outs, head, u, high, low, work, out):
+    """All outputs and intervals into `out`, the squared distance from the domain's centre as its permille.
+
+    high and low hold the predictions first, then the terms; work holds y of each output.
+    """
+    n = head[0]
+    terms = head[1]
+    n_sigma = head[2]
+    bits = head[3]
+    mask = (1 << bits) - 1
+    down = 15 - bits
+    at = 0
+    for i in range(n):
+        v = clip(x[ids[i]], feats[at], feats[at + 1]) - feats[at + 2]
+        v = mul28(scaled(v, feats[at + 3]), feats[at + 4])
+        u[i] = v
+        high[5 + i] = v >> 15
+        low[5 + i] = (v >> down) & mask
+        at += 7
+    at = 0
+    for i in range(n, terms):
+        v = mul28(u[steps[at]], u[steps[at + 1]])
+        u[i] = v
+        high[5 + i] = v >> 15
+        low[5 + i] = (v >> down) & mask
+        at += 2
+    at = 0
+    row = 0
+    o = 0
+    for j in range(5):
+        v = scaled(dot(c, d, at, high, low, 5, terms, bits), rows[row + 1]) + rows[row]
+        v = clip(v, outs[o + 1], outs[o + 2])
+        work[j] = v
+        out[3 * j] = value(v, outs[o])
+        v = scaled(v - outs[o + 3], outs[o + 4])
+        high[j] = v >> 15
+        low[j] = (v >> down) & mask
+        at += terms
+        row += 2
+        o += 8
+    o = 0
+    e = out[12]
+    for j in range(5):
+        v = scaled(dot(c, d, at, high, low, 0, 5 + n_sigma, bits), rows[row + 1]) + rows[row]
+        v = clip(v, _MIN_LN_WIDTH, _MAX_LN_WIDTH)
+        v = width(v + pick(e, head[5], outs[o + 6], outs[o + 5]))
+        out[3 * j + 1] = value(clip(work[j] - v, outs[o + 1], outs[o + 2]), outs[o])
+        out[3 * j + 2] = value(clip(work[j] + v, outs[o + 1], outs[o + 2]), outs[o])
+        at += 5 + n_sigma
+        row += 2
+        o += 8
+    total = 0
+    for i in range(n):
+        v = scaled(dot(c, d, at, high, low, 5, i + 1, bits), rows[row + 1]) + rows[row]
+        v = clip(v, -16384, 16384)
+        total += v * v >> 3
+        at += i + 1
+        row += 2
+    out[16] = (total >> 11) * 1000 >> 10
+
+
+def verdict(x, ids, feats, limits, head, out):
+    """Flags from the features and from what `compute` left in `out`; returns a status."""
+    out[17] = head[8]
+    flags = 1
+    at = 0
+    for i in range(head[4]):
+        v = x[limits[at]]
+        if v < limits[at + 1] or v > limits[at + 2]:
+            flags = 0
+        at += 3
+    inside = out[16] <= 1000
+    at = 0
+    for i in range(head[0]):
+        v = x[ids[i]]
+        if v < feats[at + 5] or v > feats[at + 6]:
+            inside = False
+        at += 7
+    if inside:
+        flags |= 2
+    if flags & 1 == 0:
+        for i in range(15):
+            out[i] = 0
+        out[15] = flags
+        return NO_LUMP
+    if out[14] < head[5]:
+        flags |= 8
+    elif out[13] >= head[5]:
+        flags |= 4
+    if out[0] < head[6] or out[0] > head[7]:
+        flags |= 16
+    out[15] = flags
+    return 0
+
+
+class Tables:
+    """A model as arrays; `evaluate(features, out)` is all that a probe does with it."""
+
+    def __init__(self, ids, feats, steps, c, d, rows, outs, limits, head):
+        self.ids = ids
+        self.feats = feats
+        self.steps = steps
+        self.c = c
+        self.d = d
+        self.rows = rows
+        self.outs = outs
+        self.limits = limits
+        self.head = head
+        n = head[N_TERMS]
+        self.u = array("i", bytearray(4 * n))
+        self.high = array("h", bytearray(2 * (n + OUTPUTS)))
+        self.low = array("h", bytearray(2 * (n + OUTPUTS)))
+        self.work = array("i", bytearray(4 * OUTPUTS))
+
+    def evaluate(self, x, out):
+        """Estimate from the features x (array 'i', Q24, all of the firmware's) into out (OUT_SIZE integers).
+
+        Returns OK, or NO_LUMP with zeros for the outputs; the flags stand in out[FLAGS] in either case.
+        """
+        compute(
+            x, self.ids, self.feats, self.steps, self.c, self.d, self.rows, self.outs, self.head,
+            self.u, self.high, self.low, self.work, out,
+        )  # fmt: skip
+        return verdict(x, self.ids, self.feats, self.limits, self.head, out)
