@@ -1,0 +1,111 @@
+"""Position bins: raw frames are summed where the probe stood, so that a frame costs no multiplication.
+
+Calibration is linear, so it is applied once to each bin's sum when the stroke is over. A bin holds
+at most 16 frames: the sum of 16 counts of 12 bits still fits 16 bits. Bins form a ring, so the probe
+may move either way from wherever it starts. Lengths in micrometres.
+"""
+
+from array import array
+
+from firmware_py import calib, status
+
+BINS = 64
+WIDTH_UM = 1500
+IGNORED = 1  # the frame's bin is full (the probe stands still): nothing is lost by leaving it out
+BEYOND = 2  # the frame lies further from the others than the ring reaches
+
+_FAR = 0x20000000
+_DEEP = 0x20000
+
+
+def put_cells(packed, at, cells, base):
+    """Unpack 416 counts of 12 bits from `packed[at:]` into `cells[base:]`."""
+    end = at + 624
+    while at < end:
+        b = packed[at + 1]
+        cells[base] = packed[at] | (b & 15) << 8
+        cells[base + 1] = b >> 4 | packed[at + 2] << 4
+        at += 3
+        base += 2
+
+
+def add_cells(packed, at, cells, base):
+    """Unpack 416 counts of 12 bits from `packed[at:]` and add them to `cells[base:]`."""
+    end = at + 624
+    while at < end:
+        b = packed[at + 1]
+        cells[base] += packed[at] | (b & 15) << 8
+        cells[base + 1] += b >> 4 | packed[at + 2] << 4
+        at += 3
+        base += 2
+
+
+class Bins:
+    """The stroke so far: per bin the cells' raw sums, how many frames, where, and how deep."""
+
+    def __init__(self, bins=BINS, width_um=WIDTH_UM):
+        self.bins = bins
+        self.width_um = width_um
+        self.cells = array("H", bytes(2 * calib.CELLS * bins))
+        self.count = bytearray(bins)
+        self.x_sum = array("i", bytes(4 * bins))
+        self.d_sum = array("i", bytes(4 * bins))
+        self.reset()
+
+    def reset(self):
+        """Forget the stroke."""
+        self.origin_um = 0
+        self.low = 0
+        self.high = -1
+        self.frames = 0
+        for i in range(self.bins):
+            self.count[i] = 0
+
+    def add(self, packed, at, position_um, displacement_um):
+        """Add one frame; OK, IGNORED, BEYOND or BAD_VALUE. Allocates nothing."""
+        if not -_FAR < position_um < _FAR or not -_DEEP < displacement_um < _DEEP:
+            return status.BAD_VALUE
+        if self.high < self.low:
+            self.origin_um = position_um
+            self.low = self.high = 0
+        x = position_um - self.origin_um
+        b = x // self.width_um
+        if b >= self.low + self.bins or b <= self.high - self.bins:
+            return BEYOND
+        k = b % self.bins
+        n = self.count[k]
+        if n >= 16:
+            return IGNORED
+        if n == 0:
+            put_cells(packed, at, self.cells, k * 416)
+            self.x_sum[k] = x - b * self.width_um
+            self.d_sum[k] = displacement_um
+        else:
+            add_cells(packed, at, self.cells, k * 416)
+            self.x_sum[k] += x - b * self.width_um
+            self.d_sum[k] += displacement_um
+        self.count[k] = n + 1
+        self.frames += 1
+        if b < self.low:
+            self.low = b
+        elif b > self.high:
+            self.high = b
+        return status.OK
+
+    def order(self, x_um, d_um, slot):
+        """Write the filled bins in rising position: mean place from the origin, mean depth (1/16 um), slot.
+
+        Returns how many there are.
+        """
+        n = 0
+        b = self.low
+        while b <= self.high:
+            k = b % self.bins
+            c = self.count[k]
+            if c:
+                x_um[n] = b * self.width_um + self.x_sum[k] // c
+                d_um[n] = (self.d_sum[k] << 4) // c
+                slot[n] = k
+                n += 1
+            b += 1
+        return n

@@ -1,0 +1,172 @@
+"""Per-cell calibration: offset, gain and the dead cells, which live neighbours stand in for.
+
+Calibrated pressure is kept in eighths of a nominal count; `count_mpa` (millipascal per nominal
+count) turns it into a pressure at the very end.
+"""
+
+from array import array
+
+from firmware_py import status
+
+ROWS = 16  # along the stroke
+COLS = 26  # across it
+CELLS = ROWS * COLS
+FRAME_BYTES = CELLS * 3 // 2
+PITCH_UM = 1500
+UNIT_GAIN = 8192  # gain 1 in Q13
+BIAS = 4096  # added to a calibrated cell, so that noise below zero survives in 16 bits
+COUNT_MPA = 6105  # 25 kPa over 4095 counts
+PEDESTAL = 655  # .5 kPa in eighths of a count
+BLOB_BYTES = 8 + 4 * CELLS + CELLS // 8
+
+_VERSION = 1
+
+
+def cell_value(total, count, offset, gain):
+    """Mean of `count` raw readings adding up to `total`: calibrated, in 1/8 count, BIAS added, 16 bits."""
+    v = ((((total << 3) // count) - offset) * gain >> 13) + BIAS
+    if v < 0:
+        return 0
+    if v > 65535:
+        return 65535
+    return v
+
+
+def calibrate_bin(cells, base, count, offset, gain, fill, fills):
+    """Turn a bin's raw sums into calibrated means, in place, then fill its dead cells."""
+    for i in range(416):
+        v = ((((cells[base + i] << 3) // count) - offset[i]) * gain[i] >> 13) + 4096
+        if v < 0:
+            v = 0
+        elif v > 65535:
+            v = 65535
+        cells[base + i] = v
+    i = 0
+    while i < fills:
+        cells[base + fill[i]] = (cells[base + fill[i + 1]] + cells[base + fill[i + 2]]) >> 1
+        i += 3
+
+
+def plan_fill(dead, fill):
+    """List (dead cell, one source, other source) in `fill`; returns how many numbers were written.
+
+    The sources are the nearest live cells of the same row on either side, else of the same column.
+    """
+    n = 0
+    for i in range(416):
+        if not (dead[i >> 3] >> (i & 7)) & 1:
+            continue
+        col = i % 26
+        a = -1
+        b = -1
+        k = 1
+        while k < 26 and (a < 0 or b < 0):
+            if a < 0 and col - k >= 0 and not (dead[(i - k) >> 3] >> ((i - k) & 7)) & 1:
+                a = i - k
+            if b < 0 and col + k < 26 and not (dead[(i + k) >> 3] >> ((i + k) & 7)) & 1:
+                b = i + k
+            k += 1
+        k = 26
+        while k < 416 and a < 0 and b < 0:
+            if i - k >= 0 and not (dead[(i - k) >> 3] >> ((i - k) & 7)) & 1:
+                a = i - k
+            if i + k < 416 and not (dead[(i + k) >> 3] >> ((i + k) & 7)) & 1:
+                b = i + k
+            k += 26
+        if a < 0:
+            a = b
+        if b < 0:
+            b = a
+        if a >= 0:
+            fill[n] = i
+            fill[n + 1] = a
+            fill[n + 2] = b
+            n += 3
+    return n
+
+
+class Calibration:
+    """What turns counts into pressure: `offset` (1/8 count), `gain` (Q13), `dead` (one bit a cell)."""
+
+    def __init__(self, count_mpa=COUNT_MPA):
+        self.count_mpa = count_mpa
+        self.offset = array("H", bytes(2 * CELLS))
+        self.gain = array("H", bytes(2 * CELLS))
+        for i in range(CELLS):
+            self.offset[i] = PEDESTAL
+            self.gain[i] = UNIT_GAIN
+        self.dead = bytearray(CELLS // 8)
+        self.fill = array("H", bytes(6))
+        self.fills = 0
+
+    def set_dead(self, cells):
+        """Name the dead cells (an iterable of cell indices) and plan their filling."""
+        for i in range(CELLS // 8):
+            self.dead[i] = 0
+        for i in cells:
+            self.dead[i >> 3] |= 1 << (i & 7)
+        self._plan()
+
+    def _plan(self):
+        n = 0
+        for i in range(CELLS):
+            n += self.dead[i >> 3] >> (i & 7) & 1
+        self.fill = array("H", bytes(6 * (n or 1)))
+        self.fills = plan_fill(self.dead, self.fill)
+
+    def zero(self, total, count):
+        """Take offsets from `count` unloaded frames whose raw sums are in `total`; dead is what never moves.
+
+        A cell at either rail has no offset and is marked dead.
+        """
+        for i in range(CELLS):
+            v = (total[i] << 3) // count
+            if v < 8 or v > 32751:
+                self.dead[i >> 3] |= 1 << (i & 7)
+            else:
+                self.offset[i] = v
+        self._plan()
+
+    def to_bytes(self):
+        """The calibration as BLOB_BYTES bytes, little endian, for the store and the wire."""
+        out = bytearray(BLOB_BYTES)
+        out[0] = 0x43
+        out[1] = _VERSION
+        out[2] = ROWS
+        out[3] = COLS
+        for i in range(4):
+            out[4 + i] = self.count_mpa >> (8 * i) & 255
+        p = 8
+        for values in (self.offset, self.gain):
+            for v in values:
+                out[p] = v & 255
+                out[p + 1] = v >> 8
+                p += 2
+        out[p:] = self.dead
+        return bytes(out)
+
+    def load(self, blob):
+        """Take over a calibration written by `to_bytes`; returns a status and changes nothing on failure."""
+        if len(blob) != BLOB_BYTES:
+            return status.BAD_LENGTH
+        if blob[0] != 0x43 or blob[1] != _VERSION:
+            return status.BAD_VERSION
+        if blob[2] != ROWS or blob[3] != COLS:
+            return status.BAD_PROBE
+        mpa = blob[4] | blob[5] << 8 | blob[6] << 16
+        if blob[7] or mpa < 1:
+            return status.BAD_VALUE
+        for i in range(8, 8 + 4 * CELLS, 2):
+            # an offset or gain of 2^15 and more would leave the integer range
+            if blob[i + 1] > 127:
+                return status.BAD_VALUE
+        self.count_mpa = mpa
+        p = 8
+        for values in (self.offset, self.gain):
+            for i in range(CELLS):
+                values[i] = blob[p] | blob[p + 1] << 8
+                p += 2
+        for i in range(CELLS // 8):
+            self.dead[i] = blob[p + i]
+        self._plan()
+        return status.OK

@@ -1,0 +1,110 @@
+"""Which columns see the lump: all of them for one that runs right across, about six for a ball.
+
+Each column's tactile map is compared with the bump found in their mean. Columns are used from the
+best one outwards for as long as they show at least half of it; unless the bump stands out from the
+columns' own scatter, and is clearly smaller elsewhere, all are used.
+"""
+
+from firmware_py import fixed
+
+_exp = fixed.exp
+
+COLS = 26
+CLEAR = 6  # the best column must stand this many times the scatter above the columns that see nothing
+NEARLY_ALL = 22
+
+
+def respond(maps, points, centre, stdev, answer, bump):
+    """Each column's amplitude of the bump (centre and stdev in Q16 mm): answer[c] in Q3 counts.
+
+    maps: points x 26, Q7 counts; bump: working space for `points` numbers. Returns 0 if the bump is flat.
+    """
+    wide = stdev >> 4
+    s = 0
+    for i in range(points):
+        z = (((i << 16) - centre) << 8) // wide
+        bump[i] = _exp(-(z * z >> 1), 14) if -21000 < z < 21000 else 0
+        s += bump[i]
+    mean = s // points
+    norm = 0
+    for i in range(points):
+        bump[i] -= mean
+        norm += bump[i] * bump[i]
+    if norm < 4096:
+        return 0
+    norm >>= 10
+    for c in range(26):
+        s = 0
+        j = c
+        for i in range(points):
+            s += bump[i] * (maps[j] >> 4)
+            j += 26
+        answer[c] = s // norm
+    return 1
+
+
+def smooth(answer, half, out):
+    """Running mean of 2 half + 1 columns, fewer at the edges."""
+    for c in range(26):
+        a = c - half if c > half else 0
+        b = c + half + 1 if c + half < 26 else 26
+        s = 0
+        for k in range(a, b):
+            s += answer[k]
+        out[c] = s // (b - a)
+
+
+def scatter(answer):
+    """Median of |second difference|, made to stand for one column's standard error."""
+    low = 0
+    high = 0x100000
+    while high - low > 1:
+        mid = (low + high) >> 1
+        n = 0
+        for c in range(1, 25):
+            v = answer[c - 1] + answer[c + 1] - 2 * answer[c]
+            if -mid < v < mid:
+                n += 1
+        if n >= 12:
+            high = mid
+        else:
+            low = mid
+    # median |N(0, 6 sigma^2)| = 1.65 sigma
+    return high * 39 // 64
+
+
+def choose(answer, out, span):
+    """Set span[0], span[1] to the first column used and the one after the last; returns the best column."""
+    span[0] = 0
+    span[1] = 26
+    smooth(answer, 1, out)
+    best = 0
+    for c in range(26):
+        if out[c] > out[best]:
+            best = c
+    peak = out[best]
+    noise = scatter(answer) + 1
+    # standard error of three columns' mean: .58 of one's
+    if peak * 12 < CLEAR * noise * 7:
+        return best
+    half = peak >> 1
+    a = best
+    while a > 0 and out[a - 1] >= half:
+        a -= 1
+    b = best + 1
+    while b < 26 and out[b] >= half:
+        b += 1
+    if b - a >= NEARLY_ALL:
+        return best
+    # elsewhere, the mean must be clearly below half of the peak too
+    s = 0
+    n = 0
+    for c in range(26):
+        if c < a - 2 or c >= b + 2:
+            s += answer[c]
+            n += 1
+    if n >= 4 and s * 3 > peak * n:
+        return best
+    span[0] = a
+    span[1] = b
+    return best

@@ -1,0 +1,141 @@
+"""The force map: moves each frame to the stroke's mean force, as if the hand had pressed evenly.
+
+The map gives d p_s / d ln F (16 values, in units of the image's mean) and d ln D / d ln F from the
+image itself: linear in the 16 relative pressures, quadratic in ln F and ln D. Layers and probe are
+symmetric, so it works on the image's even and odd halves apart, with half of the numbers. A frame
+takes two steps, the second with the map evaluated half way (midpoint rule). Learned from
+finite-element strokes at two forces by `model_export.force_map`.
+
+Blob, little endian: "F", version, shift of the coefficients' Q format, 0; ln F centre and ln D
+centre (int32, Q24, of the image sum in Q5 counts and of the displacement in 1/16 um);
+then int16: 14 x 9 even coefficients and 8 x 8 odd ones, input by input.
+"""
+
+from array import array
+
+from firmware_py import fixed
+
+_ln = fixed.ln
+_mul = fixed.mul
+_exp = fixed.exp
+
+VERSION = 1
+EVEN_IN = 14  # 1, lnF, lnD, lnF^2, lnF lnD, lnD^2, eight even pressures
+EVEN_OUT = 9  # eight even pressures, ln D
+COEFS = EVEN_IN * EVEN_OUT + 64
+HEAD = 3  # numbers of the unpacked map before the coefficients
+BLOB_BYTES = 12 + 2 * COEFS
+WORK = 48  # inputs 14, odd pressures 8, even outputs 9, the image from 32 to 47
+_TWO = 0x2000000
+MOST = 0x1FFFF  # a row, Q5 counts: full scale
+DEEPEST = 0x1FFFFF  # a depth, 1/16 um
+
+
+def load(blob):
+    """The blob as array('i'): shift, centres, coefficients; None if it is not a force map of this version."""
+    if len(blob) != BLOB_BYTES or blob[0] != 0x46 or blob[1] != VERSION or not 6 <= blob[2] <= 14 or blob[3]:
+        return None
+    out = array("i", bytes(4 * (HEAD + COEFS)))
+    out[0] = blob[2]
+    for k in range(2):
+        p = 4 + 4 * k
+        top = blob[p + 3]
+        if 31 < top < 224:
+            return None
+        if top > 127:
+            top -= 256
+        # multiplied, not shifted: 2^29 and its negative pass through small integers only
+        out[1 + k] = top * 0x1000000 + (blob[p] | blob[p + 1] << 8 | blob[p + 2] << 16)
+    p = 12
+    for k in range(COEFS):
+        v = blob[p] | blob[p + 1] << 8
+        out[HEAD + k] = v - 65536 if v > 32767 else v
+        p += 2
+    return out
+
+
+def limit(v, most):
+    """v held within +-most."""
+    if v > most:
+        return most
+    if v < -most:
+        return -most
+    return v
+
+
+def slopes(f, w, lf, ld, total):
+    """Evaluate the map f for the image in w[32..47] with sum `total`; outputs in w[0..16], Q12.
+
+    lf, ld: ln F and ln D less their centres, Q12. Image sensor s gets w[s], displacement w[16].
+    """
+    mean = total >> 4
+    w[0] = 4096
+    w[1] = limit(lf, 16383)
+    w[2] = limit(ld, 16383)
+    w[3] = limit(w[1] * w[1] >> 12, 16383)
+    w[4] = limit(w[1] * w[2] >> 12, 16383)
+    w[5] = limit(w[2] * w[2] >> 12, 16383)
+    for i in range(8):
+        a = w[32 + i]
+        b = w[47 - i]
+        w[6 + i] = limit(((a + b) << 11) // mean, 16383)
+        w[14 + i] = limit(((a - b) << 11) // mean, 16383)
+    down = f[0] - 6
+    for j in range(9):
+        s = 0
+        k = 3 + j
+        for i in range(14):
+            s += w[i] * f[k] >> 6
+            k += 9
+        w[22 + j] = limit(s >> down, 32767)
+    # the inputs are no longer needed: outputs take their places
+    for j in range(8):
+        s = 0
+        k = 129 + j
+        for i in range(8):
+            s += w[14 + i] * f[k] >> 6
+            k += 8
+        w[j] = s >> down
+    for j in range(8):
+        a = w[22 + j]
+        b = w[j]
+        w[j] = limit(a + b, 32767)
+        w[15 - j] = limit(a - b, 32767)
+    w[16] = w[30]
+
+
+def move(f, rows, at, depth, u, w):
+    """Move the image rows[at..at+16) (Q5 counts) and depth (1/16 um) by u = ln(force wanted / force), Q24.
+
+    Returns the new depth.
+    """
+    total = 0
+    for i in range(16):
+        v = rows[at + i]
+        w[32 + i] = v
+        total += v
+    if total < 2048 or depth < 16:
+        return depth
+    if u > 11000000:
+        u = 11000000
+    elif u < -11000000:
+        u = -11000000
+    lf = (_ln(total) - f[1]) >> 12
+    ld = (_ln(depth) - f[2]) >> 12
+    slopes(f, w, lf, ld, total)
+    # half a step
+    uu = u >> 10
+    mean = total >> 4
+    total = 0
+    for i in range(16):
+        v = rows[at + i] + _mul(limit(uu * w[i] >> 3, _TWO), mean)
+        w[32 + i] = v
+        total += v
+    if total < 2048:
+        return depth
+    slopes(f, w, lf + (u >> 13), ld + ((uu * w[16] >> 3) >> 12), total)
+    uu = u >> 9
+    mean = total >> 4
+    for i in range(16):
+        rows[at + i] = limit(rows[at + i] + _mul(limit(uu * w[i] >> 3, _TWO), mean), MOST)
+    return limit(_mul(depth << 4, _exp(limit(uu * w[16] >> 3, _TWO), 4)), DEEPEST)

@@ -1,0 +1,270 @@
+"""Gaussian on a base, by damped least squares (Levenberg 1944, Marquardt 1963) in integers.
+
+y(x) = base + amp exp(-(x - centre)^2 / 2 stdev^2) on a 1 mm grid. Map, base and amp in Q11 counts, centre
+and stdev in Q16 mm. The base is eliminated; the other three steps are relative: dA/A, dc/S, dS/S.
+
+The residual is scaled to fill 12 bits before it is multiplied, so the gradient is exact to a few parts in
+ten thousand of itself however small the noise is: the fit ends where the gradient vanishes, and the
+coarser Hessian only says how fast.
+"""
+
+from firmware_py import fixed
+
+_mul = fixed.mul
+_ratio = fixed.ratio
+_ln = fixed.ln
+_exp = fixed.exp
+
+BASE = 0
+AMP = 1
+CENTRE = 2
+STDEV = 3
+COST = 4  # ln of the sum of squared residuals, Q24
+PARAMS = 5
+WORK = 256  # numbers of working space: four for each of up to 64 points
+SUMS = 16
+MIN_STDEV = 98304  # 1.5 mm
+MAX_STDEV = 1638400  # 25 mm
+EDGE = 917504  # the centre stays 14 mm inside the grid's ends
+MAX_AMP = 0x4000000
+TURNS = 40
+
+
+def start(y, n, p, width_um):
+    """Amplitude and stdev to start from, for a bump of width_um at p[CENTRE]; base from the map's mean."""
+    total = 0
+    for i in range(n):
+        total += y[i] >> 3
+    k = p[2] >> 16
+    top = (y[k - 1] + y[k] + y[k + 1]) // 3
+    p[3] = (width_um << 8) // 1000 << 8
+    amp = top - total * 8 // n
+    p[1] = amp if amp > 64 else 64
+
+
+def flat(y, n, p):
+    """What stands in p where there is no bump: the mean as base, amplitude 0, the widest stdev."""
+    total = 0
+    for i in range(n):
+        total += y[i] >> 3
+    base = total * 8 // n
+    cost = 1
+    for i in range(n):
+        v = (y[i] - base) >> 6
+        v = v if v >= 0 else -v
+        v = v if v < 4096 else 4095
+        cost += v * v
+    p[0] = base
+    p[1] = 0
+    p[2] = (n >> 1) << 16
+    p[3] = MAX_STDEV
+    p[4] = _ln(cost) + 12 * 11629080
+
+
+def evaluate(y, n, p, work, s):
+    """Residuals of the parameters p; sets p[BASE] and p[COST], fills work and the sums s."""
+    amp = p[1]
+    wide = p[3] >> 4
+    half = wide >> 1
+    total = 0
+    x = -p[2]
+    for i in range(n):
+        z = ((x << 8) + half) // wide
+        if -21000 < z < 21000:
+            g = _exp(-(z * z >> 1), 0)
+        else:
+            g = 0
+            z = 0
+        r = y[i] - _mul(amp, g)
+        work[i] = (g + 2048) >> 12
+        work[n + i] = z
+        work[2 * n + i] = r
+        total += r >> 3
+        x += 65536
+    base = total * 8 // n
+    top = 1
+    for i in range(n):
+        r = work[2 * n + i] - base
+        work[2 * n + i] = r
+        if r < 0:
+            r = -r
+        if r > top:
+            top = r
+    down = 0
+    while top >= 4096:
+        top >>= 1
+        down += 1
+    up = 0
+    while top < 2048 and up < 3:
+        top <<= 1
+        up += 1
+    sa = sb = sc = se = 0
+    aa = ab = ac = ae = bb = bc = be = cc = ce = ee = 0
+    for i in range(n):
+        a = work[i]
+        z = work[n + i]
+        e = (work[2 * n + i] << up) >> down
+        b = a * z >> 12
+        c = b * z >> 12
+        sa += a
+        sb += b
+        sc += c
+        se += e
+        aa += a * a
+        ab += a * b
+        ac += a * c
+        ae += a * e
+        bb += b * b
+        bc += b * c
+        be += b * e
+        cc += c * c
+        ce += c * e
+        ee += e * e
+    # what the base takes away: sum(u v) - sum(u) sum(v) / n, halved twice to stay below 2^28
+    qa = sa // n
+    ra = sa - qa * n
+    qb = sb // n
+    rb = sb - qb * n
+    qc = sc // n
+    rc = sc - qc * n
+    s[0] = (aa - (sa * qa + sa * ra // n)) >> 2
+    s[1] = (ab - (sb * qa + sb * ra // n)) >> 2
+    s[2] = (ac - (sc * qa + sc * ra // n)) >> 2
+    s[3] = (bb - (sb * qb + sb * rb // n)) >> 2
+    s[4] = (bc - (sc * qb + sc * rb // n)) >> 2
+    s[5] = (cc - (sc * qc + sc * rc // n)) >> 2
+    s[6] = (ae - (se * qa + se * ra // n)) >> 2
+    s[7] = (be - (se * qb + se * rb // n)) >> 2
+    s[8] = (ce - (se * qc + se * rc // n)) >> 2
+    s[9] = up - down
+    p[0] = base
+    p[4] = _ln(ee) - 2 * (up - down) * 11629080
+
+
+def solve(s, damp, hold, d):
+    """The step (dA, dc/S, dS/S in units of the scaled residual, Q24) of the damped 3 x 3 system.
+
+    `hold` fixes stdev (bit 0) or centre (bit 1) at its bound. Returns 0 where the system is singular.
+    """
+    h00 = s[0] + (s[0] >> damp) + 4
+    h01 = s[1]
+    h02 = s[2]
+    h11 = s[3] + (s[3] >> damp) + 4
+    h12 = s[4]
+    h22 = s[5] + (s[5] >> damp) + 4
+    g0 = s[6]
+    g1 = s[7]
+    g2 = s[8]
+    if hold & 1:
+        h02 = h12 = g2 = 0
+    if hold & 2:
+        h01 = h12 = g1 = 0
+    l10 = _ratio(h01, h00)
+    l20 = _ratio(h02, h00)
+    h11 -= _mul(l10, h01)
+    h12 -= _mul(l10, h02)
+    h22 -= _mul(l20, h02)
+    if h11 <= 0:
+        return 0
+    l21 = _ratio(h12, h11)
+    h22 -= _mul(l21, h12)
+    if h22 <= 0:
+        return 0
+    g1 -= _mul(l10, g0)
+    g2 -= _mul(l20, g0) + _mul(l21, g1)
+    x2 = _ratio(g2, h22)
+    x1 = _ratio(g1, h11) - _mul(l21, x2)
+    d[0] = _ratio(g0, h00) - _mul(l10, x1) - _mul(l20, x2)
+    d[1] = x1
+    d[2] = x2
+    return 1
+
+
+def limit(v, most):
+    """v held within +-most."""
+    if v > most:
+        return most
+    if v < -most:
+        return -most
+    return v
+
+
+def relative(x, amp, scale):
+    """x (scaled residual, Q24) over amp: the relative step in Q24."""
+    while scale > 0 and amp < 0x20000:
+        amp <<= 1
+        scale -= 1
+    while scale < 0 and amp > 1:
+        amp >>= 1
+        scale += 1
+    while scale > 0:
+        x >>= 1
+        scale -= 1
+    while amp >= 0x20000:
+        amp >>= 1
+        x >>= 1
+    return _ratio(x, amp << 12)
+
+
+def fit(y, n, p, best, work, s, d):
+    """Least squares from the start in p (amp, centre, stdev); leaves the best parameters in p.
+
+    best, d: space for PARAMS numbers. Returns how many turns it took, or 0 if p holds no bump to start from.
+    """
+    if p[1] < 1:
+        return 0
+    high = (n - 1) * 65536 - EDGE
+    evaluate(y, n, p, work, s)
+    for i in range(5):
+        best[i] = p[i]
+    damp = 7
+    turn = 0
+    while turn < TURNS:
+        turn += 1
+        hold = 0
+        if (p[3] <= MIN_STDEV and s[8] < 0) or (p[3] >= MAX_STDEV and s[8] > 0):
+            hold = 1
+        if (p[2] <= EDGE and s[7] < 0) or (p[2] >= high and s[7] > 0):
+            hold |= 2
+        if not solve(s, damp, hold, d):
+            damp = damp - 2 if damp > 2 else 1
+            if damp == 1:
+                break
+            continue
+        for i in range(3):
+            d[i] = limit(relative(d[i], p[1], s[9]), 8388608)
+        p[1] += _mul(p[1], d[0])
+        p[1] = limit(p[1], MAX_AMP)
+        if p[1] < 1:
+            p[1] = 1
+        p[2] += _mul(p[3], d[1])
+        if p[2] < EDGE:
+            p[2] = EDGE
+        elif p[2] > high:
+            p[2] = high
+        p[3] += _mul(p[3], limit(d[2], 5033164))
+        if p[3] < MIN_STDEV:
+            p[3] = MIN_STDEV
+        elif p[3] > MAX_STDEV:
+            p[3] = MAX_STDEV
+        small = -1000 < d[0] < 1000 and -1000 < d[1] < 1000 and -1000 < d[2] < 1000
+        evaluate(y, n, p, work, s)
+        if p[4] <= best[4]:
+            for i in range(5):
+                best[i] = p[i]
+            if damp < 20:
+                damp += 4
+            if small:
+                break
+        else:
+            if small:
+                break
+            for i in range(5):
+                p[i] = best[i]
+            evaluate(y, n, p, work, s)
+            damp -= 3
+            if damp < 1:
+                break
+    for i in range(5):
+        p[i] = best[i]
+    return turn
