@@ -6,7 +6,10 @@ _MASK = counters.MASK
 
 
 class Acquire:
-    """Paces the sensors. `seq` is the next frame's number, `time_us`, `position_um`, `displacement_um` the last's."""
+    """Paces the sensors.
+
+    `seq` is the next frame's number; `time_us`, `position_um`, `displacement_um` are the last frame's.
+    """
 
     def __init__(self, board, counts, values):
         self._board = board

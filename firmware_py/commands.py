@@ -7,7 +7,7 @@ UNKNOWN = 0xFF
 
 
 class Commands:
-    """Dispatches commands to `handlers`: type -> function(fields) -> (status, values, tail), or None for later.
+    """Dispatches commands to `handlers`: type -> function(fields) -> (status, values, tail) or None.
 
     A handler that returns None answers later by `finish`; until then a repetition of its command is ignored.
     """

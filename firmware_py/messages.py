@@ -80,8 +80,9 @@ EVENTS = (
     (
         0x43,
         "map",
-        "IbBBBbiiii",
-        "stroke status first_column last_column points first_mm base amplitude centre_um stdev_um",
+        "IbBBBbiIiiii",
+        "stroke status first_column end_column points first_mm place_um count_mpa "
+        "base_q11 amplitude_q11 centre_q16 stdev_q16",
         "i",
     ),
     (
@@ -220,7 +221,7 @@ def schema_text():
 
 
 # CRC-32 of schema_text(), kept as a number: not every probe can compute it; a test holds it true.
-SCHEMA = 0xD32B1D6D
+SCHEMA = 0xCDBF87B8
 
 
 def pack(body, kind, message_id, status, values, tail=b""):

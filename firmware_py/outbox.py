@@ -1,7 +1,7 @@
-"""What waits for the link: whole frames, of which the oldest make room, and messages, which go first and stay.
+"""What waits for the link: whole frames, the oldest of which make room, and messages, which go first.
 
-All memory is taken at the start. One packet at a time is encoded and handed to the board piece by piece, as the
-link takes it; a packet that has begun is finished.
+All memory is taken at the start. One packet at a time is encoded and handed to the board piece by piece,
+as the link takes it; a packet that has begun is finished.
 """
 
 from array import array

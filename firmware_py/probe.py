@@ -1,4 +1,7 @@
-"""The probe: sensors to frames to strokes to estimates, and commands in between. `run(board)` never returns."""
+"""The probe: sensors to frames to strokes to estimates, and commands in between.
+
+`run(board)` never returns.
+"""
 
 import gc
 
@@ -25,7 +28,8 @@ class Probe:
 
     Parameters
     board: see firmware_py/boards/__init__.py
-    estimator: what turns a stroke into an estimate, keeps calibration and model (estimator.Estimator), or None
+    estimator: what turns a stroke into an estimate, keeps calibration and model (estimator.Estimator),
+        or None
         for a probe that only streams
     """
 
@@ -59,7 +63,10 @@ class Probe:
     # ---- the loop
 
     def step(self):
-        """Do what is due: listen, acquire, send. Returns the microseconds until a frame is due (at most 1000)."""
+        """Do what is due: listen, acquire, send.
+
+        Returns the microseconds until a frame is due (at most 1000).
+        """
         board = self.board
         now_us = board.ticks_us()
         self._uptime(now_us)

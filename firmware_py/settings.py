@@ -26,7 +26,7 @@ class Settings:
             self._restore(stored)
 
     def _restore(self, stored):
-        """Take what an earlier run kept; a key that is gone or out of its limits falls back to its default."""
+        """Take what an earlier run kept; a key that is gone or out of limits falls back to its default."""
         for i in range(len(stored) // 5):
             key, value = struct.unpack_from("<Bi", stored, 5 * i)
             if self.check(key, value) == status.OK:

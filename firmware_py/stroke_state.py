@@ -1,4 +1,4 @@
-"""Watches the frames go by: contact made, stroke started, lump passed, stroke ended, force and speed out of range.
+"""Watches the frames go by: contact, start, lump passed, end of a stroke; force and speed out of range.
 
 Integers only, and nothing is allocated. Pressures are means over the cells at the nominal scale (25 kPa over
 4095 counts above the zero), which is enough to tell events; estimates use the calibrated pipeline.
@@ -66,7 +66,10 @@ class Edge:
 
 
 class StrokeState:
-    """Parameters: values, the list of Settings.values (read at each frame); zero_counts, sum of all cells' zeros."""
+    """What is going on.
+
+    Parameters: values, the list Settings.values (read at each frame); zero_counts, sum of all cells' zeros.
+    """
 
     def __init__(self, values, zero_counts=34070):
         self.values = values

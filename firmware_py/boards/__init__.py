@@ -15,5 +15,6 @@ A board has
     kept_settings(), keep_settings(data)
                          the stored settings (bytes or None); store them, returning a status
 
-`read`, `write`, `scan`, `position_um`, `displacement_um` and `ticks_us` run in the frame path and allocate nothing.
+`read`, `write`, `scan`, `position_um`, `displacement_um` and `ticks_us` run in the frame path and
+allocate nothing.
 """

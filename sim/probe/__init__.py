@@ -1,1 +1,4 @@
-"""The emulated probe: what its sensors read of a stroke, the runtimes that carry the firmware, and faults on its link."""
+"""The emulated probe: what its sensors read of a stroke, the runtimes that carry the firmware.
+
+And faults on its link.
+"""

@@ -1,4 +1,7 @@
-"""The emulated probe: the firmware in an interpreter of its own, its link on a pseudo-terminal or TCP port."""
+"""The emulated probe: the firmware in an interpreter of its own.
+
+Its link on a pseudo-terminal or TCP port.
+"""
 
 import contextlib
 import json
@@ -30,9 +33,11 @@ class EmulatedProbe:
     Parameters
     runtime: "micropython" (the real interpreter, WASM under Node) or "cpython"; "microbit" runs only vectors,
         see sim.probe.microbit
-    strokes: what the sensors read once a stream starts: strokes one after the other (sim.probe.sensors.FrameStream)
+    strokes: what the sensors read once a stream starts: strokes one after the other
+        (sim.probe.sensors.FrameStream)
     listen: "pty", or "tcp:HOST:PORT" (port 0: any)
-    store: directory that keeps model, calibration and settings over restarts; None: a new one, removed at the end
+    store: directory that keeps model, calibration and settings over restarts; None: a new one, removed
+        at the end
     repeat: begin again with the first stroke after the last
     public_key: the LMS public key whose models the probe accepts
     to_host, to_device, seed, baud: a bad or slow link, see sim.probe.relay.Relay
@@ -175,7 +180,10 @@ class EmulatedProbe:
                 pass
 
     def cut_power_after(self, store_bytes: int) -> None:
-        """Cut the power when so many more bytes have been written to the store, in the middle of the write."""
+        """Cut the power when so many more bytes have been written to the store.
+
+        In the middle of the write.
+        """
         self._order(f"power {store_bytes}")
 
     def unplug(self) -> None:

@@ -1,4 +1,7 @@
-"""Where a host connects to an emulated probe: a pseudo-terminal or a TCP port. Both outlive the host's visits."""
+"""Where a host connects to an emulated probe: a pseudo-terminal or a TCP port.
+
+Both outlive the host's visits.
+"""
 
 import os
 import socket

@@ -10,9 +10,10 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Faults:
-    """A bad link. `flip`, `lose`, `double`, `swap`: probability that a byte has one bit flipped, is lost, comes
-    twice, changes places with the next; `burst`: that a burst begins here, which replaces `burst_bytes` bytes by
-    noise; `chatter`: that another program writes a line of text here; `stall`: that the link stands still for
+    """A bad link. `flip`, `lose`, `double`, `swap`: probability that a byte has one bit flipped, is
+    lost, comes twice, changes places with the next; `burst`: that a burst begins here, which replaces
+    `burst_bytes` bytes by noise; `chatter`: that another program writes a line of text here; `stall`:
+    that the link stands still for
     `stall_s` seconds; `cut`: that the connection is cut here (and may be made again)."""
 
     flip: float = 0.0

@@ -1,4 +1,5 @@
-"""Writes what is derived from firmware_py/messages.py: SCHEMA, docs/protocol.md's tables, tests/vectors/protocol.
+"""Writes what is derived from firmware_py/messages.py: SCHEMA, docs/protocol.md's tables,
+tests/vectors/protocol.
 
     python -m tests.probe.protocol_files
 

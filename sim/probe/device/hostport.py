@@ -1,8 +1,8 @@
 """The hardware of the emulated probe for CPython; ../wasm/device.mjs is the same for MicroPython.
 
 Link: file descriptors 0 (from the host) and 1 (to the host), both non-blocking. Orders of the emulator
-(sim/probe/emulated.py): on the one that the configuration names, a line each; its end means that the emulator is
-gone.
+(sim/probe/emulated.py): on the one that the configuration names, a line each; its end means that the
+emulator is gone.
 """
 
 import json
@@ -43,7 +43,10 @@ def _load(path: str) -> None:
 
 
 def _take(fd: int, n: int) -> bytes:
-    """What is there to read, or b"" where nothing is yet; ends the process where nothing will come any more."""
+    """What is there to read, or b"" where nothing is yet.
+
+    Ends the process where nothing will come any more.
+    """
     try:
         data = os.read(fd, n)
     except BlockingIOError:

@@ -6,6 +6,7 @@
 import fs from 'node:fs';
 import path from 'node:path';
 import { loadMicroPython } from '@micropython/micropython-webassembly-pyscript/micropython.mjs';
+import { install } from './install.mjs';
 
 const LINK_IN = 0, LINK_OUT = 1, ERRORS = 2;
 const RECORD = 632, COUNTS = 624; // a source record: position_um, displacement_um (i32), packed counts
@@ -176,15 +177,7 @@ mp.registerJsModule('hostport', {
 
 // ---- the program
 
-/** Copy a directory's Python files into MicroPython's file system. */
-function install(from, to) {
-  mp.FS.mkdirTree(to);
-  for (const entry of fs.readdirSync(from, { withFileTypes: true })) {
-    if (entry.isDirectory() && entry.name !== '__pycache__') install(path.join(from, entry.name), `${to}/${entry.name}`);
-    else if (/\.py$/.test(entry.name)) mp.FS.writeFile(`${to}/${entry.name}`, fs.readFileSync(path.join(from, entry.name)));
-  }
-}
-install(config.firmware, '/flash/firmware_py');
+install(mp, config.firmware, '/flash/firmware_py');
 for (const name of config.programs) mp.FS.writeFile(`/flash/${path.basename(name)}`, fs.readFileSync(name));
 
 try {

@@ -1,0 +1,73 @@
+"""Runs a script beside `firmware_py` in one of the interpreters and gives what it printed.
+
+For vectors and proofs.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from sim.probe import node
+
+ROOT = Path(__file__).parent.parent.parent
+FIRMWARE = ROOT / "firmware_py"
+
+
+class ScriptFailed(RuntimeError):
+    """The script ended with an error; the message is what it said."""
+
+
+def run_micropython(
+    script: str, files: Mapping[str, bytes] | None = None, heap: int = 1 << 20, timeout_s: float = 300
+) -> str:
+    """Run a script in real MicroPython (WASM under Node).
+
+    Parameters
+    script: its text; `firmware_py` can be imported, the working directory holds `files`
+    files: name -> contents
+    heap: of MicroPython, in bytes (it grows: it proves nothing about memory)
+    timeout_s: give up after so many seconds
+
+    Returns what it printed. Raises ScriptFailed, sim.probe.node.RuntimeMissing, subprocess.TimeoutExpired.
+    """
+    node.check_wasm()
+    with tempfile.TemporaryDirectory(prefix="palpate-script-") as scratch:
+        folder = Path(scratch)
+        (folder / "script.py").write_text(script)
+        names = {}
+        for i, (name, contents) in enumerate((files or {}).items()):
+            (folder / f"file-{i}").write_bytes(contents)
+            names[name] = str(folder / f"file-{i}")
+        config = {
+            "firmware": str(FIRMWARE),
+            "files": names,
+            "script": str(folder / "script.py"),
+            "heap": heap,
+        }
+        (folder / "config.json").write_text(json.dumps(config))
+        return _run([node.node(), str(node.WASM / "run.mjs"), str(folder / "config.json")], folder, timeout_s)
+
+
+def run_cpython(script: str, files: Mapping[str, bytes] | None = None, timeout_s: float = 300) -> str:
+    """Run the same script in CPython, in a process of its own; see `run_micropython`."""
+    with tempfile.TemporaryDirectory(prefix="palpate-script-") as scratch:
+        folder = Path(scratch)
+        (folder / "script.py").write_text(script)
+        for name, contents in (files or {}).items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(contents)
+        return _run([sys.executable, "script.py"], folder, timeout_s)
+
+
+def _run(command: list[str], folder: Path, timeout_s: float) -> str:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=timeout_s, env=environment
+    )
+    if done.returncode:
+        raise ScriptFailed((done.stderr or done.stdout).strip()[-4000:])
+    return done.stdout

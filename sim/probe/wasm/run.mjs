@@ -1,0 +1,30 @@
+// Runs one script in MicroPython/WASM: node run.mjs CONFIG.json; its output goes to stdout.
+// CONFIG: firmware (directory), files (path in the interpreter -> path on the host), script (path), heap (bytes).
+import fs from 'node:fs';
+import path from 'node:path';
+import { loadMicroPython } from '@micropython/micropython-webassembly-pyscript/micropython.mjs';
+import { install } from './install.mjs';
+
+const config = JSON.parse(fs.readFileSync(process.argv[2], 'utf8'));
+const say = (fd) => (data) => {
+  for (let at = 0; at < data.length; )
+    try {
+      at += fs.writeSync(fd, data, at);
+    } catch (error) {
+      if (error.code !== 'EAGAIN') throw error;
+    }
+};
+const mp = await loadMicroPython({ heapsize: config.heap, stdout: say(1), stderr: say(2), linebuffer: false });
+install(mp, config.firmware, '/flash/firmware_py');
+for (const [name, from] of Object.entries(config.files)) {
+  mp.FS.mkdirTree(path.posix.dirname(path.posix.join('/flash', name)));
+  mp.FS.writeFile(path.posix.join('/flash', name), fs.readFileSync(from));
+}
+try {
+  mp.runPython(`import sys\nsys.path.insert(0, '/flash')\nimport os\nos.chdir('/flash')\n`);
+  mp.runPython(fs.readFileSync(config.script, 'utf8'));
+} catch (error) {
+  say(2)(Buffer.from(`${error.message ?? error}\n`.slice(0, 8000)));
+  process.exit(1);
+}
+process.exit(0);
