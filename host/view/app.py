@@ -1,0 +1,206 @@
+"""The web application: one page, one web socket, and exports.
+
+Routes name what they serve; no path comes from outside.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import contextlib
+import json
+import math
+import mimetypes
+import time
+from importlib.resources import files
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import JSONResponse, PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
+
+from host.view import exports
+from host.view.commands import Commands
+from host.view.guard import Guard
+from host.view.mailbox import Mailbox, Message
+from host.view.session import Session
+
+SEND_INTERVAL_S = 1 / 125
+"""Twice a screen's rate, so that a new frame waits there each time it is drawn."""
+MAX_UNDRAWN = 3
+"""Frames on their way to a page that has not said it drew them; beyond that we wait, and send the newest."""
+MAX_COMMAND_BYTES = 4096
+
+
+def page_files() -> dict[str, bytes]:
+    """The page's files by name, read once; nothing else can be asked for."""
+    folder = files("host.view") / "page"
+    return {f.name: f.read_bytes() for f in folder.iterdir() if f.is_file()}
+
+
+def color_maps() -> dict[str, str]:
+    """Perceptually even colour maps as 256 RGB triples in base64, from matplotlib's tables."""
+    import matplotlib
+
+    tables = {}
+    for name in ("viridis", "cividis", "magma"):
+        rgb = (matplotlib.colormaps[name](range(256))[:, :3] * 255).round().astype("uint8")
+        tables[name] = base64.b64encode(rgb.tobytes()).decode("ascii")
+    return tables
+
+
+def make_app(session: Session, commands: Commands, *, token: str | None = None) -> Starlette:
+    """The viewer as an ASGI application.
+
+    Parameters
+    ----------
+    token : str or None
+        Asked of every request; None only for a server on the loopback address.
+    """
+    page = page_files()
+
+    async def index(request: Request) -> Response:
+        return Response(page["index.html"], media_type="text/html")
+
+    async def static(request: Request) -> Response:
+        name = request.path_params["name"]
+        if name not in page:
+            return PlainTextResponse("There is no such file.\n", 404)
+        return Response(page[name], media_type=mimetypes.guess_type(name)[0] or "application/octet-stream")
+
+    async def maps(request: Request) -> Response:
+        return JSONResponse(color_maps(), headers={"cache-control": "max-age=86400"})
+
+    async def stroke(request: Request) -> Response:
+        with session.lock:
+            found = session.visits.get(request.path_params["number"])
+            if found is None:
+                return PlainTextResponse("There is no such stroke.\n", 404)
+            detail = found.detail()
+        kind = request.path_params["kind"]
+        if kind not in exports.STROKE_KINDS:
+            return PlainTextResponse("Strokes come as json, csv, png or svg.\n", 404)
+        body, media_type = await run_in_threadpool(exports.stroke, detail, kind)
+        return _download(body, media_type, f"stroke-{detail['number']}.{kind}", inline=kind == "json")
+
+    async def table(request: Request) -> Response:
+        with session.lock:
+            snapshot = session.visits.snapshot()
+        return _download(exports.table(snapshot), "text/csv", "strokes.csv")
+
+    async def socket(ws: WebSocket) -> None:
+        await ws.accept()
+        await _Page(session, commands, ws).run()
+
+    return Starlette(
+        routes=[
+            Route("/", index),
+            Route("/static/{name}", static),
+            Route("/api/colormaps.json", maps),
+            Route("/api/strokes.csv", table),
+            Route("/api/stroke-{number:int}.{kind}", stroke),
+            WebSocketRoute("/ws", socket),
+        ],
+        middleware=[Middleware(Guard, token=token)],
+    )
+
+
+def _download(body: bytes, media_type: str, name: str, *, inline: bool = False) -> Response:
+    way = "inline" if inline else "attachment"
+    return Response(body, media_type=media_type, headers={"content-disposition": f'{way}; filename="{name}"'})
+
+
+class _Page:
+    """One open page: a task that sends what is newest, and one that reads its commands."""
+
+    def __init__(self, session: Session, commands: Commands, ws: WebSocket) -> None:
+        self._session = session
+        self._commands = commands
+        self._ws = ws
+        self._mailbox: Mailbox = session.join()
+        self._undrawn: list[tuple[int, float]] = []
+        self._sending = asyncio.Lock()
+
+    async def run(self) -> None:
+        """Serve the page until it goes away."""
+        reader = asyncio.create_task(self._read())
+        writer = asyncio.create_task(self._write())
+        try:
+            await asyncio.wait((reader, writer), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            self._session.leave(self._mailbox)
+            for task in (reader, writer):
+                task.cancel()
+            await asyncio.gather(reader, writer, return_exceptions=True)
+            if self._ws.application_state is WebSocketState.CONNECTED:
+                with contextlib.suppress(RuntimeError):
+                    await self._ws.close()
+
+    async def _write(self) -> None:
+        await self._send({**self._session.snapshot(), "server_time_s": time.time()})
+        while True:
+            begin = time.monotonic()
+            if self._mailbox.overflowed:
+                self._mailbox.reset()
+                await self._send(self._session.snapshot())
+            for message in self._mailbox.take(with_frame=len(self._undrawn) < MAX_UNDRAWN):
+                if isinstance(message, bytes):
+                    self._undrawn.append((int.from_bytes(message[4:8], "little"), time.monotonic()))
+                await self._send(message)
+            await asyncio.sleep(max(SEND_INTERVAL_S - (time.monotonic() - begin), 0.001))
+
+    async def _read(self) -> None:
+        while True:
+            try:
+                message = await self._ws.receive()
+            except (WebSocketDisconnect, RuntimeError):
+                return
+            if message["type"] == "websocket.disconnect":
+                return
+            text = message.get("text") or ""
+            if not text or len(text) > MAX_COMMAND_BYTES:
+                continue
+            try:
+                command = json.loads(text)
+            except (ValueError, RecursionError):
+                continue
+            if isinstance(command, dict) and "drawn" in command:
+                self._drawn(command["drawn"])
+            else:
+                await self._send(await run_in_threadpool(self._commands.run, command))
+
+    def _drawn(self, seq: Any) -> None:
+        """The page drew this frame, and will not draw those sent before it."""
+        for n, (sent_seq, sent_at) in enumerate(self._undrawn):
+            if sent_seq == seq:
+                del self._undrawn[: n + 1]
+                age_ms = (time.monotonic() - sent_at) * 1000
+                self._mailbox.put_slot("draw", {"type": "draw", "age_ms": round(age_ms, 1)})
+                return
+
+    async def _send(self, message: Message) -> None:
+        async with self._sending:
+            if isinstance(message, bytes):
+                await self._ws.send_bytes(message)
+            else:
+                await self._ws.send_text(to_json(message))
+
+
+def to_json(message: Any) -> str:
+    """JSON that browsers read: what is not finite becomes null."""
+    try:
+        return json.dumps(message, separators=(",", ":"), allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(message), separators=(",", ":"), allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,160 @@
+"""What a source tells the viewer. Units: mm, kPa, s; times are the probe's own unless the name says host."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+ROWS = 16
+COLUMNS = 26
+PITCH_MM = 1.5
+ROW_MM = (np.arange(ROWS) - (ROWS - 1) / 2) * PITCH_MM
+"""Place of each row along the stroke, from the middle of the face."""
+
+
+class LinkState(Enum):
+    """Where the source stands."""
+
+    CONNECTING = "connecting"
+    CONNECTED = "connected"
+    GONE = "gone"
+    ENDED = "ended"
+
+
+@dataclass(frozen=True)
+class Device:
+    """Who is at the other end: a probe, or the file that stands for it."""
+
+    name: str
+    serial: str = ""
+    firmware: str = ""
+    runtime: str = ""
+    model_id: str = ""
+    full_scale_kPa: float = 25.0
+
+
+@dataclass(frozen=True)
+class LinkChanged:
+    """The link came, went, or cannot be had; `text` is the sentence to show."""
+
+    state: LinkState
+    text: str
+    device: Device | None = None
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One tactile image, calibrated: `pressure_kPa` is rows x columns."""
+
+    seq: int
+    time_s: float
+    host_time_s: float
+    position_mm: float
+    displacement_mm: float
+    pressure_kPa: NDArray[np.float32]
+
+    @property
+    def force_N_per_m(self) -> float:
+        """Force per metre of probe width: the pressures' integral along the stroke, mean over the columns."""
+        return float(self.pressure_kPa.sum() * PITCH_MM / COLUMNS)
+
+
+@dataclass(frozen=True)
+class StrokeState:
+    """What the probe says about the stroke at this moment."""
+
+    time_s: float
+    contact: bool = False
+    stroke: bool = False
+    lump: bool = False
+    force_low: bool = False
+    force_high: bool = False
+    too_fast: bool = False
+
+
+@dataclass(frozen=True)
+class MapFit:
+    """Base + Amp exp(-(x - centre)^2 / (2 stdev^2)), kPa and mm."""
+
+    base_kPa: float
+    amp_kPa: float
+    centre_mm: float
+    stdev_mm: float
+
+
+@dataclass(frozen=True)
+class ProbeMap:
+    """The finished stroke's tactile map as the probe computed it."""
+
+    x_mm: tuple[float, ...]
+    pressure_kPa: tuple[float, ...]
+    fit: MapFit | None = None
+
+
+@dataclass(frozen=True)
+class Interval:
+    """One number with the interval that holds it with the estimate's level."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The probe's answer after a stroke. `status_text` is empty, or says why there are no numbers."""
+
+    time_s: float
+    F_N_per_m: Interval | None = None
+    t_mm: Interval | None = None
+    d_mm: Interval | None = None
+    h: Interval | None = None
+    E_inv23: Interval | None = None
+    lump: bool = False
+    hardness: str = "unsure"
+    in_domain: bool = False
+    force_out: bool = False
+    invalid: bool = False
+    level: float = 0.9
+    model_id: str = ""
+    status_text: str = ""
+
+
+@dataclass(frozen=True)
+class Health:
+    """The link's counts since it came up."""
+
+    frames_per_s: float = 0.0
+    received: int = 0
+    lost: int = 0
+    crc_errors: int = 0
+    resent: int = 0
+    duplicates: int = 0
+    dropped_by_probe: int = 0
+    latency_ms: float | None = None
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A note that somebody set while recording."""
+
+    time_s: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Playback:
+    """Where a replayed recording stands."""
+
+    position_s: float
+    length_s: float
+    playing: bool
+    speed: float
+    strokes_s: tuple[float, ...] = field(default=())
+    marks: tuple[Mark, ...] = field(default=())
+
+
+Event = LinkChanged | Frame | StrokeState | ProbeMap | Estimate | Health | Mark | Playback

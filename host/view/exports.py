@@ -1,0 +1,136 @@
+"""Pictures and tables to take away. Every one carries the model's id and says that it is no diagnosis."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+import json
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from host.view.events import COLUMNS, PITCH_MM, ROWS
+from host.view.tactile_map import gaussian
+from host.view.words import NOT_A_DIAGNOSIS
+
+STROKE_KINDS = ("json", "csv", "png", "svg")
+_COLUMNS = ("d_mm", "depth_mm", "t_mm", "F_N_per_m")
+
+
+def table(snapshot: dict[str, Any]) -> bytes:
+    """All strokes as CSV, one line each: what the card says, with intervals."""
+    visits = {v["number"]: v["name"] for v in snapshot["visits"]}
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    head = ["stroke", "visit", "utc", "verdict"]
+    for key in _COLUMNS:
+        head += [key, f"{key}_low", f"{key}_high"]
+    head += [
+        "hardness",
+        "E_ratio",
+        "E_ratio_low",
+        "E_ratio_high",
+        "level",
+        "model_id",
+        "frames",
+        "lost",
+        "notice",
+    ]
+    writer.writerow(head)
+    for stroke in snapshot["strokes"]:
+        card = stroke["card"]
+        rows = {row["key"]: row for row in card["rows"]}
+        when = datetime.fromtimestamp(stroke["wall_time"], UTC).isoformat(timespec="seconds")
+        line: list[Any] = [stroke["number"], _plain(visits.get(stroke["visit"], "")), when, card["title"]]
+        for key in _COLUMNS:
+            row = rows.get(key)
+            line += ["", "", ""] if row is None else [f"{row[k]:.6g}" for k in ("value", "low", "high")]
+        ratio = card["E_ratio"] or {}
+        line.append(card["hardness"] or "")
+        line += [f"{v:.6g}" if (v := ratio.get(k)) is not None else "" for k in ("value", "low", "high")]
+        line += [card["level"] or "", card["model_id"], stroke["frames"], stroke["gaps"], NOT_A_DIAGNOSIS]
+        writer.writerow(line)
+    return out.getvalue().encode()
+
+
+def stroke(detail: dict[str, Any], kind: str) -> tuple[bytes, str]:
+    """One stroke (`Stroke.detail()`) as json, csv, png or svg: the bytes and their media type."""
+    if kind == "json":
+        return json.dumps(detail).encode(), "application/json"
+    if kind == "csv":
+        return _traces(detail), "text/csv"
+    out = io.BytesIO()
+    stroke_figure(detail).savefig(
+        out, format=kind, dpi=160, metadata={"Date": None} if kind == "svg" else None
+    )
+    return out.getvalue(), "image/png" if kind == "png" else "image/svg+xml"
+
+
+def stroke_figure(detail: dict[str, Any]) -> Figure:
+    """Image at its highest pressure, tactile map with its fit, displacement, and the card's numbers."""
+    figure = Figure(figsize=(9, 5.6), layout="constrained")
+    axes = figure.subplots(2, 2, width_ratios=(1, 1.15))
+    images = detail["images"]
+    stack = np.frombuffer(base64.b64decode(images["uint16"]), "<u2").reshape(-1, ROWS, COLUMNS)
+    ax = axes[0, 0]
+    if len(stack):
+        best = int(stack.max(axis=(1, 2)).argmax())
+        half = (COLUMNS * PITCH_MM / 2, ROWS * PITCH_MM / 2)
+        shown = ax.imshow(
+            stack[best] * images["step_kPa"],
+            cmap="viridis",
+            origin="lower",
+            extent=(-half[0], half[0], -half[1], half[1]),
+        )
+        figure.colorbar(shown, ax=ax, label="pressure (kPa)", shrink=0.8)
+        ax.set_title(f"Tactile image at {images['position_mm'][best]:.1f} mm", fontsize=10)
+    ax.set(xlabel="across (mm)", ylabel="along (mm)")
+
+    ax = axes[0, 1]
+    x, p = np.asarray(detail["map"]["x_mm"]), np.asarray(detail["map"]["pressure_kPa"])
+    ax.plot(x, p, "o", ms=3, color="#31688e", label="tactile map")
+    if (fit := detail["fit"]) is not None and x.size:
+        fine = np.linspace(x.min(), x.max(), 300)
+        curve = gaussian(fine, fit["base_kPa"], fit["amp_kPa"], fit["centre_mm"], fit["stdev_mm"])
+        ax.plot(fine, curve, color="#d1495b", label="Gaussian fit")
+    ax.set(xlabel="place on the tissue (mm)", ylabel="pressure (kPa)", title="Tactile map")
+    ax.title.set_fontsize(10)
+    ax.legend(frameon=False, fontsize=8)
+
+    ax = axes[1, 1]
+    traces = detail["traces"]
+    ax.plot(traces["position_mm"], traces["displacement_mm"], color="#31688e")
+    ax.set(xlabel="probe position (mm)", ylabel="displacement (mm)")
+
+    ax = axes[1, 0]
+    ax.axis("off")
+    card = detail["card"]
+    lines = [
+        f"{r['label']}: {r['value']:.1f} {r['unit']}  ({r['low']:.1f} to {r['high']:.1f})"
+        for r in card["rows"]
+    ]
+    if card["hardness_text"]:
+        lines.append(f"Stiffness: {card['hardness_text']}")
+    if card["level"]:
+        lines.append(f"Intervals hold the truth {card['level']:.0%} of the time.")
+    lines += ["", f"Stroke {detail['number']}, model {card['model_id'] or 'none'}", NOT_A_DIAGNOSIS]
+    ax.text(0, 1, card["title"], fontsize=13, weight="bold", va="top", transform=ax.transAxes)
+    ax.text(0, 0.84, "\n".join(lines), fontsize=8.5, va="top", linespacing=1.5, transform=ax.transAxes)
+    return figure
+
+
+def _traces(detail: dict[str, Any]) -> bytes:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    names = ("position_mm", "displacement_mm", "force_N_per_m")
+    writer.writerow(names)
+    writer.writerows(zip(*(detail["traces"][n] for n in names), strict=True))
+    return out.getvalue().encode()
+
+
+def _plain(text: str) -> str:
+    """Keep a spreadsheet from reading a visit's name as a formula."""
+    return f"'{text}" if text[:1] in tuple("=+-@\t\r") else text

@@ -1,0 +1,70 @@
+"""What waits to be sent to one page: bounded, and the newest wins.
+
+Frames, the running stroke and the link's health are *slots*: a new one replaces an unsent old one, so a slow
+page shows the present and never a growing past. Finished strokes and notices are *events*, kept in order; a
+page that falls hundreds of events behind is told everything afresh instead (`overflowed`).
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from typing import Any
+
+Message = dict[str, Any] | bytes
+
+
+class Mailbox:
+    """Messages for one page; safe to fill from any thread.
+
+    Parameters
+    ----------
+    max_events : int
+        Events kept before the page is given up as too far behind.
+    """
+
+    def __init__(self, max_events: int = 256) -> None:
+        self._lock = threading.Lock()
+        self._slots: dict[str, Message] = {}
+        self._events: deque[Message] = deque()
+        self._max_events = max_events
+        self.overflowed = False
+        self.replaced = 0
+        """Slot messages that gave way to a newer one before they were sent."""
+
+    def put_slot(self, name: str, message: Message) -> None:
+        """Offer the newest message of its kind."""
+        with self._lock:
+            if name in self._slots:
+                self.replaced += 1
+            self._slots[name] = message
+
+    def put_event(self, message: Message) -> None:
+        """Add a message that must not be skipped."""
+        with self._lock:
+            if len(self._events) >= self._max_events:
+                self._events.clear()
+                self.overflowed = True
+            if not self.overflowed:
+                self._events.append(message)
+
+    def take(self, *, with_frame: bool = True) -> list[Message]:
+        """Everything that waits, events first; the slot "frame" only if the page can draw one."""
+        with self._lock:
+            messages: list[Message] = list(self._events)
+            self._events.clear()
+            for name in list(self._slots):
+                if name != "frame" or with_frame:
+                    messages.append(self._slots.pop(name))
+            return messages
+
+    def reset(self) -> None:
+        """Forget everything: the page is about to get the whole state."""
+        with self._lock:
+            self._slots.clear()
+            self._events.clear()
+            self.overflowed = False
+
+    def __len__(self) -> int:
+        with self._lock:
+            return len(self._slots) + len(self._events)

@@ -1,0 +1,88 @@
+// The three charts of a stroke: tactile map with its fit, displacement and force, with the stroke before as a shadow.
+
+import { Plot, extent } from "./plot.js";
+
+const FACE_HALF_MM = 12;
+
+export class StrokeCharts {
+  constructor(get) {
+    this.map = new Plot(get("map"), { xLabel: "place on the tissue (mm)", yLabel: "kPa", yTicks: 6 });
+    this.displacement = new Plot(get("displacement"), { xLabel: "position (mm)", yLabel: "mm" });
+    this.force = new Plot(get("force"), { xLabel: "position (mm)", yLabel: "N/m" });
+    this.legend = get("map-legend");
+    this.shadow = null;
+    this.stroke = null;
+  }
+
+  /** Show a stroke, running or finished; a new one leaves the last as a shadow. */
+  show(stroke) {
+    if (this.stroke && stroke && stroke.number !== this.stroke.number) this.shadow = this.stroke;
+    this.stroke = stroke;
+  }
+
+  /** position_mm: where the probe is now, or null. */
+  draw(position_mm) {
+    const stroke = this.stroke;
+    const map = stroke?.map ?? { x_mm: [], pressure_kPa: [] };
+    const old = this.shadow?.map ?? { x_mm: [], pressure_kPa: [] };
+    const fit = stroke?.fit;
+    const x = extent([map.x_mm, old.x_mm], [-40, 40], 0.02, 20);
+    const y = extent([map.pressure_kPa, old.pressure_kPa], [0, 8], 0.12, 1);
+    if (y[0] < 1.5) y[0] = Math.min(0, y[0]);
+    const curve = fit && gaussian(fit, Math.max(x[0], map.x_mm[0]), Math.min(x[1], map.x_mm.at(-1)));
+    this.map.draw(
+      [
+        position_mm !== null && { kind: "span", from: position_mm - FACE_HALF_MM, to: position_mm + FACE_HALF_MM },
+        { kind: "line", x: old.x_mm, y: old.pressure_kPa, color: "ghost", width: 1.5 },
+        fit && { kind: "level", at: fit.base_kPa, color: "fit" },
+        curve && { kind: "line", ...curve, color: "fit", width: 2.5 },
+        { kind: "points", x: map.x_mm, y: map.pressure_kPa, color: "points" },
+      ],
+      x,
+      y,
+    );
+    this.trace(this.displacement, "displacement_mm", [0, 4], 0.5, position_mm);
+    this.trace(this.force, "force_N_per_m", [0, 120], 20, position_mm);
+    this.describe(fit, map.by);
+  }
+
+  trace(plot, key, fallback, least, position_mm) {
+    const now = this.stroke?.traces;
+    const old = this.shadow?.traces;
+    const x = extent([now?.position_mm, old?.position_mm], [-30, 30], 0.03, 10);
+    const y = extent([now?.[key], old?.[key]], fallback, 0.1, least);
+    plot.draw(
+      [
+        old && { kind: "line", x: old.position_mm, y: old[key], color: "ghost", width: 1.2 },
+        now && { kind: "line", x: now.position_mm, y: now[key], color: "points", width: 1.8 },
+        now && position_mm !== null && now.position_mm.length > 0 && {
+          kind: "points",
+          x: [now.position_mm.at(-1)],
+          y: [now[key].at(-1)],
+          color: "accent",
+          radius: 4,
+        },
+      ],
+      x,
+      y,
+    );
+  }
+
+  describe(fit, by) {
+    const text = fit
+      ? `<i style="color:var(--points)"></i>map <i style="color:var(--fit)"></i>fit by the ${by === "probe" ? "probe" : "viewer"}: ` +
+        `Base ${fit.base_kPa.toFixed(2)}, Amp ${fit.amp_kPa.toFixed(2)} kPa, Stdev ${fit.stdev_mm.toFixed(1)} mm`
+      : this.stroke
+        ? `<i style="color:var(--points)"></i>map, no bump to fit yet`
+        : "grows as the probe strokes";
+    if (text !== this.described) {
+      this.legend.innerHTML = text;
+      this.described = text;
+    }
+  }
+}
+
+function gaussian({ base_kPa, amp_kPa, centre_mm, stdev_mm }, from, to) {
+  const x = Array.from({ length: 161 }, (_, i) => from + ((to - from) * i) / 160);
+  return { x, y: x.map((v) => base_kPa + amp_kPa * Math.exp(-0.5 * ((v - centre_mm) / stdev_mm) ** 2)) };
+}

@@ -1,0 +1,178 @@
+// Wires the page: what the server tells goes to the parts; one loop draws what has changed.
+
+import { drawCard } from "./card.js";
+import { StrokeCharts } from "./charts.js";
+import { Connection, unpackFrame } from "./connection.js";
+import { startKeys } from "./keys.js";
+import { TactileImage } from "./image.js";
+import { Replay } from "./replay.js";
+import { Selected } from "./selected.js";
+import { startTheme } from "./theme.js";
+import { startTools } from "./tools.js";
+import { History } from "./visits.js";
+
+const get = (id) => document.getElementById(id);
+const page = { frame: null, frameNew: false, chartsNew: true, historyNew: true, held: false, running: null, drawn: [], link: null };
+const redraw = () => Object.assign(page, { frameNew: true, chartsNew: true, historyNew: true });
+
+const ask = (command, options) => connection.ask(command, options);
+const quietly = (command, options) => ask(command, options).catch((error) => tools.toast(error.message));
+const image = new TactileImage(get("image"));
+const charts = new StrokeCharts(get);
+const history = new History(get, { ask, pick: (number) => selected.pick(number), toast: (text) => tools.toast(text) });
+const replay = new Replay(get, quietly);
+const selected = new Selected(get, { image, charts, history, page, redraw });
+const toggleTheme = startTheme(redraw);
+const connection = new Connection({ message: receive, frame: receiveFrame, open: () => {}, closed: offline });
+const tools = startTools(get, { ask, image, selected, page });
+startKeys({ get, history, page, replay, selected, toggleTheme, tools });
+get("theme").addEventListener("click", toggleTheme);
+image.loadColors().then(redraw);
+new ResizeObserver(redraw).observe(document.querySelector("main"));
+
+function receiveFrame(buffer) {
+  page.frame = unpackFrame(buffer);
+  page.frameNew = true;
+}
+
+function receive(message) {
+  switch (message.type) {
+    case "hello":
+      document.body.dataset.mode = message.mode;
+      document.title = `Palpate: ${message.name}`;
+      showLink(message.link);
+      showHealth(message.health);
+      showState(message.state);
+      tools.recording(message.recording);
+      replay.set(message.playback);
+      history.set(message);
+      page.running = message.running;
+      selected.start(message.strokes.at(-1)?.number ?? null);
+      break;
+    case "link":
+      showLink(message.link);
+      break;
+    case "health":
+      showHealth(message.health);
+      break;
+    case "draw":
+      get("h-age").textContent = message.age_ms.toFixed(0);
+      break;
+    case "state":
+      showState(message.state);
+      break;
+    case "progress":
+      page.running = message.number === null ? null : message;
+      if (page.running && !selected.picked && !page.held) charts.show(page.running);
+      page.chartsNew = true;
+      break;
+    case "stroke":
+      page.running = null;
+      selected.finished(message);
+      break;
+    case "visits":
+      history.set(message);
+      break;
+    case "recording":
+      tools.recording(message.recording);
+      break;
+    case "mark":
+      tools.toast(`Mark: ${message.text}`);
+      break;
+    case "playback":
+      replay.set(message.playback);
+      break;
+  }
+}
+
+function showLink({ state, text, device }) {
+  page.link = state;
+  document.body.dataset.link = state;
+  const short = { connected: "Connected", gone: "Probe gone", connecting: "Looking for the probe", ended: "End of file" };
+  get("link-text").textContent = document.body.dataset.mode === "replay" && state === "connected" ? "Recording" : short[state];
+  get("banner").hidden = state === "connected" || state === "ended";
+  get("banner").textContent = text;
+  if (device) {
+    image.full = device.full_scale_kPa;
+    const parts = [device.name, device.serial, device.firmware && `firmware ${device.firmware}`, device.runtime];
+    parts.push(device.model_id && `model ${device.model_id}`);
+    get("device").textContent = parts.filter(Boolean).join(" · ");
+    get("device").title = get("device").textContent;
+  }
+}
+
+function offline() {
+  document.body.dataset.link = "offline";
+  get("link-text").textContent = "Viewer stopped";
+  get("banner").hidden = false;
+  get("banner").textContent = "The viewer program does not answer. This page goes on by itself when it is back.";
+}
+
+function showHealth(health) {
+  get("h-rate").textContent = health.frames_per_s.toFixed(0);
+  for (const [id, value] of [["h-lost", health.lost], ["h-crc", health.crc_errors], ["h-resent", health.resent]]) {
+    get(id).textContent = value;
+    get(id).classList.toggle("bad", value > 0 && id !== "h-resent");
+  }
+  get("h-latency").textContent = health.latency_ms === null ? "–" : health.latency_ms.toFixed(1);
+}
+
+function showState(state) {
+  for (const item of get("steps").querySelectorAll("[data-step]")) item.classList.toggle("on", state[item.dataset.step]);
+  const hint = state.too_fast ? "Too fast" : state.force_high ? "Force too high" : state.force_low ? "Press harder" : "";
+  get("hint").hidden = !hint;
+  get("hint").textContent = hint;
+}
+
+function drawFrame() {
+  const { frame } = page;
+  if (!selected.picked) {
+    image.draw(frame.pressure);
+  }
+  connection.drawn(frame.seq);
+  const now = performance.now();
+  page.drawn.push(now);
+  while (page.drawn[0] < now - 1000) page.drawn.shift();
+}
+
+function loop() {
+  requestAnimationFrame(loop);
+  if (page.frameNew && page.frame && page.frame.seq !== page.lastDrawn) {
+    page.frameNew = false;
+    page.lastDrawn = page.frame.seq;
+    if (page.held) connection.drawn(page.frame.seq);
+    else drawFrame();
+    if (page.running && !page.held) page.positionNew = true;
+  } else if (page.frameNew) {
+    page.frameNew = false;
+    image.draw();
+  }
+  if (page.chartsNew) {
+    page.chartsNew = false;
+    charts.draw(page.running && !selected.picked ? page.frame?.position_mm ?? null : selected.place);
+  }
+  if (page.historyNew) {
+    page.historyNew = false;
+    history.draw();
+  }
+}
+
+function readouts() {
+  const { frame } = page;
+  if (!frame || selected.picked || page.held) return;
+  const show = (id, value, digits) => (get(id).textContent = Number.isFinite(value) ? value.toFixed(digits) : "–");
+  show("now-force", frame.force, 0);
+  show("now-displacement", frame.displacement_mm, 2);
+  show("now-position", frame.position_mm, 1);
+  show("now-peak", frame.peak_kPa, 1);
+}
+
+setInterval(readouts, 125);
+setInterval(() => {
+  const now = performance.now();
+  get("image").setAttribute("aria-label", `Pressure under the probe, peak ${(image.peak_kPa ?? 0).toFixed(1)} kPa`);
+  get("h-drawn").textContent = page.drawn.filter((t) => t > now - 1000).length;
+}, 500);
+
+drawCard(get("card"), null, false);
+requestAnimationFrame(loop);

@@ -1,0 +1,169 @@
+// A small plotter on a canvas: axes with round ticks, lines, points, bands and error bars.
+
+import { color } from "./theme.js";
+
+export const FONT = '11px Inter, "Segoe UI", -apple-system, Roboto, "Noto Sans", "Liberation Sans", Arial, system-ui, sans-serif';
+
+/** Round ticks that cover low..high. */
+export function ticks(low, high, count = 5) {
+  const raw = (high - low) / Math.max(count, 1);
+  const power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 2.5, 5, 10].map((m) => m * power).find((s) => s >= raw) ?? raw;
+  const out = [];
+  for (let v = Math.ceil(low / step - 1e-9) * step; v <= high + step * 1e-6; v += step) out.push(Math.abs(v) < step * 1e-6 ? 0 : v);
+  return out;
+}
+
+/** Lowest and highest finite value of several lists, with a margin; `fallback` if there is none. */
+export function extent(lists, fallback, margin = 0.08, least = 0) {
+  let low = Infinity;
+  let high = -Infinity;
+  for (const list of lists) {
+    for (const v of list ?? []) {
+      if (v === null || !Number.isFinite(v)) continue;
+      if (v < low) low = v;
+      if (v > high) high = v;
+    }
+  }
+  if (low > high) return fallback;
+  const missing = Math.max(least - (high - low), 0) / 2;
+  const pad = Math.max(high - low, least, 1e-9) * margin;
+  return [low - pad - missing, high + pad + missing];
+}
+
+/** Fit a canvas to its box at the screen's resolution; returns its context in CSS pixels, cleared. */
+export function prepare(canvas) {
+  const ratio = Math.min(devicePixelRatio || 1, 3);
+  const width = canvas.clientWidth;
+  const height = canvas.clientHeight;
+  const [w, h] = [Math.round(width * ratio), Math.round(height * ratio)];
+  if (canvas.width !== w || canvas.height !== h) {
+    canvas.width = w;
+    canvas.height = h;
+  }
+  const context = canvas.getContext("2d");
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  context.clearRect(0, 0, width, height);
+  context.font = FONT;
+  return { context, width, height };
+}
+
+export class Plot {
+  constructor(canvas, { xLabel, yLabel, yTicks = 4 }) {
+    Object.assign(this, { canvas, xLabel, yLabel, yTicks });
+  }
+
+  /** Draw layers over round axes. x and y are [low, high]. */
+  draw(layers, x, y) {
+    const { context: c, width, height } = prepare(this.canvas);
+    if (width < 40 || height < 40) return;
+    const box = { left: 42, right: width - 8, top: 8, bottom: height - (this.xLabel ? 32 : 18) };
+    const toX = (v) => box.left + ((v - x[0]) / (x[1] - x[0])) * (box.right - box.left);
+    const toY = (v) => box.bottom - ((v - y[0]) / (y[1] - y[0])) * (box.bottom - box.top);
+    this.place = { toX, toY, box, x, y };
+    this.axes(c, box, x, y, toX, toY);
+    c.save();
+    c.beginPath();
+    c.rect(box.left, box.top - 2, box.right - box.left, box.bottom - box.top + 4);
+    c.clip();
+    for (const layer of layers) if (layer) this[layer.kind](c, layer, toX, toY, box);
+    c.restore();
+  }
+
+  axes(c, box, x, y, toX, toY) {
+    c.lineWidth = 1;
+    c.strokeStyle = color("grid");
+    c.fillStyle = color("soft");
+    c.textBaseline = "middle";
+    c.textAlign = "right";
+    const marks = ticks(y[0], y[1], Math.min(this.yTicks, (box.bottom - box.top) / 28));
+    const step = marks.length > 1 ? marks[1] - marks[0] : 1;
+    const digits = [0, 1, 2, 3].find((n) => Math.abs(step * 10 ** n - Math.round(step * 10 ** n)) < 1e-6) ?? 3;
+    for (const v of marks) {
+      line(c, box.left, toY(v), box.right, toY(v));
+      c.fillText(v.toFixed(digits), box.left - 6, toY(v));
+    }
+    c.textAlign = "center";
+    c.textBaseline = "top";
+    if (this.xLabel) {
+      for (const v of ticks(x[0], x[1], Math.min(8, (box.right - box.left) / 44))) {
+        line(c, toX(v), box.bottom, toX(v), box.bottom + 4);
+        c.fillText(`${+v.toFixed(3)}`, toX(v), box.bottom + 5);
+      }
+      c.fillText(this.xLabel, (box.left + box.right) / 2, box.bottom + 18);
+    }
+    c.save();
+    c.translate(9, (box.top + box.bottom) / 2);
+    c.rotate(-Math.PI / 2);
+    c.textBaseline = "middle";
+    c.fillText(this.yLabel, 0, 0);
+    c.restore();
+  }
+
+  line(c, { x, y, color: paint, width = 2, dash = [] }, toX, toY) {
+    c.strokeStyle = color(paint);
+    c.lineWidth = width;
+    c.lineJoin = "round";
+    c.setLineDash(dash);
+    c.beginPath();
+    let pen = false;
+    for (let i = 0; i < x.length; i++) {
+      if (y[i] === null || !Number.isFinite(y[i])) pen = false;
+      else if (pen) c.lineTo(toX(x[i]), toY(y[i]));
+      else {
+        c.moveTo(toX(x[i]), toY(y[i]));
+        pen = true;
+      }
+    }
+    c.stroke();
+    c.setLineDash([]);
+  }
+
+  points(c, { x, y, color: paint, radius = 2.6 }, toX, toY) {
+    c.fillStyle = color(paint);
+    c.beginPath();
+    for (let i = 0; i < x.length; i++) {
+      if (y[i] === null) continue;
+      c.moveTo(toX(x[i]) + radius, toY(y[i]));
+      c.arc(toX(x[i]), toY(y[i]), radius, 0, 7);
+    }
+    c.fill();
+  }
+
+  span(c, { from, to, color: paint = "shade" }, toX, toY, box) {
+    c.fillStyle = color(paint);
+    c.fillRect(toX(from), box.top, toX(to) - toX(from), box.bottom - box.top);
+  }
+
+  belt(c, { from, to, color: paint = "shade" }, toX, toY, box) {
+    c.fillStyle = color(paint);
+    c.fillRect(box.left, toY(to), box.right - box.left, toY(from) - toY(to));
+  }
+
+  level(c, { at, color: paint, dash = [4, 4] }, toX, toY, box) {
+    c.strokeStyle = color(paint);
+    c.lineWidth = 1;
+    c.setLineDash(dash);
+    line(c, box.left, toY(at), box.right, toY(at));
+    c.setLineDash([]);
+  }
+
+  bars(c, { items, picked }, toX, toY) {
+    for (const { x, value, low, high, paint, key } of items) {
+      c.strokeStyle = color(paint);
+      c.fillStyle = color(paint);
+      c.lineWidth = key === picked ? 4 : 2;
+      line(c, toX(x), toY(low), toX(x), toY(high));
+      c.beginPath();
+      c.arc(toX(x), toY(value), key === picked ? 5.5 : 3.8, 0, 7);
+      c.fill();
+    }
+  }
+}
+
+function line(c, x0, y0, x1, y1) {
+  c.beginPath();
+  c.moveTo(x0, y0);
+  c.lineTo(x1, y1);
+  c.stroke();
+}

@@ -1,0 +1,141 @@
+"""Runs the viewer: the source in its thread, the web server in this one."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import secrets
+import socket
+import threading
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+
+import uvicorn
+
+from host.view.app import make_app
+from host.view.commands import Commands, LoadStrokes
+from host.view.events import LinkChanged, LinkState
+from host.view.guard import is_loopback
+from host.view.session import Session
+from host.view.source import Recordable, Source
+
+
+class Viewer:
+    """A viewer that can be started, asked for its address, and stopped (a context manager).
+
+    Parameters
+    ----------
+    source : Source
+    mode : "live" or "replay"
+    host, port : where to listen; port 0 takes a free one
+    recordings : the folder for recordings
+    load_strokes : reads the strokes of an earlier recording
+    token : ask for this token; made up when `host` is not the loopback address
+
+    Raises
+    ------
+    OSError
+        The address cannot be listened on.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        *,
+        mode: str,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        recordings: Path = Path("recordings"),
+        load_strokes: LoadStrokes = lambda path: (),
+        token: str | None = None,
+    ) -> None:
+        if token is None and not is_loopback(host):
+            token = secrets.token_urlsafe(24)
+        self.token = token
+        self.source = source
+        self.session = Session(mode=mode, name=source.name)
+        self.commands = Commands(self.session, source, recordings, load_strokes)
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        self._socket = socket.socket(family, socket.SOCK_STREAM)
+        try:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            self._socket.bind((host, port))
+        except OSError:
+            self._socket.close()
+            raise
+        self._host = host
+        self._stop = threading.Event()
+        self._server = uvicorn.Server(
+            uvicorn.Config(
+                make_app(self.session, self.commands, token=token),
+                log_level="warning",
+                access_log=False,
+                ws="websockets-sansio",
+                ws_max_size=64 * 1024,
+                ws_ping_interval=10.0,
+                timeout_graceful_shutdown=1,
+                lifespan="off",
+            )
+        )
+        self._threads: list[threading.Thread] = []
+
+    @property
+    def url(self) -> str:
+        """What to open in the browser, with the token if one is needed."""
+        host, port = self._socket.getsockname()[:2]
+        name = {"0.0.0.0": socket.gethostname(), "::": socket.gethostname()}.get(host, host)
+        if is_loopback(host):
+            name = "localhost" if host == "127.0.0.1" else f"[{host}]" if ":" in host else host
+        elif ":" in name:
+            name = f"[{name}]"
+        return f"http://{name}:{port}/" + (f"?token={self.token}" if self.token else "")
+
+    def run(self, *, open_browser: bool = False, on_ready: Callable[[str], None] | None = None) -> None:
+        """Serve in this thread until interrupted."""
+        self._start_source()
+        url = self.url
+        if on_ready is not None:
+            on_ready(url)
+        if open_browser:
+            threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+        try:
+            self._serve()
+        finally:
+            self.close()
+
+    def __enter__(self) -> Viewer:
+        self._start_source()
+        thread = threading.Thread(target=self._serve, name="viewer", daemon=True)
+        thread.start()
+        self._threads.append(thread)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._server.should_exit = True
+        self.close()
+
+    def close(self) -> None:
+        """Stop the source, close a running recording, give the port back."""
+        self._stop.set()
+        if self.session.recording is not None and isinstance(self.source, Recordable):
+            with contextlib.suppress(OSError):
+                self.source.stop_recording()
+            self.session.set_recording(None)
+        for thread in self._threads:
+            thread.join(5.0)
+        self._socket.close()
+
+    def _serve(self) -> None:
+        asyncio.run(self._server.serve(sockets=[self._socket]))
+
+    def _start_source(self) -> None:
+        thread = threading.Thread(target=self._run_source, name="source", daemon=True)
+        thread.start()
+        self._threads.append(thread)
+
+    def _run_source(self) -> None:
+        try:
+            self.source.run(self.session.on_event, self._stop)
+        except Exception as error:  # the page must say what happened, whatever it was
+            self.session.on_event(LinkChanged(LinkState.GONE, f"The source stopped: {error}"))

@@ -1,0 +1,220 @@
+"""What has been seen since the viewer was started, and what every page is told about it.
+
+The source's thread brings events in (`on_event`); pages read snapshots and mailboxes from the server's
+thread.
+"""
+
+from __future__ import annotations
+
+import struct
+import threading
+import time
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from host.view.events import (
+    Device,
+    Estimate,
+    Event,
+    Frame,
+    Health,
+    LinkChanged,
+    LinkState,
+    Mark,
+    Playback,
+    ProbeMap,
+    StrokeState,
+)
+from host.view.mailbox import Mailbox
+from host.view.stroke import Stroke
+from host.view.visits import Visits
+
+PROGRESS_INTERVAL_S = 0.1
+_FRAME_HEAD = struct.Struct("<BBHIddffff")
+
+
+def pack_frame(frame: Frame) -> bytes:
+    """A frame for the page: head (see `_FRAME_HEAD`), then 16 x 26 float32 kPa, all little-endian."""
+    head = _FRAME_HEAD.pack(
+        1,
+        0,
+        0,
+        frame.seq & 0xFFFFFFFF,
+        frame.time_s,
+        frame.host_time_s,
+        frame.position_mm,
+        frame.displacement_mm,
+        frame.force_N_per_m,
+        float(frame.pressure_kPa.max()),
+    )
+    return head + np.ascontiguousarray(frame.pressure_kPa, dtype="<f4").tobytes()
+
+
+class Session:
+    """State and history, told to every page.
+
+    Parameters
+    ----------
+    mode : "live" or "replay"
+    name : what the page calls the source
+    """
+
+    def __init__(self, *, mode: str, name: str) -> None:
+        self.mode = mode
+        self.name = name
+        self.visits = Visits(first="This visit" if mode == "live" else name)
+        self.lock = threading.RLock()
+        self.link = LinkChanged(LinkState.CONNECTING, "Looking for the probe.")
+        self.device: Device | None = None
+        self.health = Health()
+        self.state = StrokeState(0.0)
+        self.playback: Playback | None = None
+        self.recording: dict[str, Any] | None = None
+        self._mailboxes: set[Mailbox] = set()
+        self._frame: Frame | None = None
+        self._stroke: Stroke | None = None
+        self._waiting: Stroke | None = None
+        self._progress_at = 0.0
+
+    # ---- pages
+
+    def join(self) -> Mailbox:
+        """A mailbox for a page that has just opened."""
+        mailbox = Mailbox()
+        with self.lock:
+            self._mailboxes.add(mailbox)
+        return mailbox
+
+    def leave(self, mailbox: Mailbox) -> None:
+        """The page is gone."""
+        with self.lock:
+            self._mailboxes.discard(mailbox)
+
+    def snapshot(self) -> dict[str, Any]:
+        """All that a page must know to start."""
+        with self.lock:
+            return {
+                "type": "hello",
+                "mode": self.mode,
+                "name": self.name,
+                "link": self._link_json(),
+                "health": asdict(self.health),
+                "state": asdict(self.state),
+                "recording": self.recording,
+                "playback": None if self.playback is None else asdict(self.playback),
+                "running": None if self._stroke is None else self._stroke.progress(),
+                **self.visits.snapshot(),
+            }
+
+    def tell(self, message: dict[str, Any]) -> None:
+        """Tell every page something that it must not miss."""
+        with self.lock:
+            for mailbox in self._mailboxes:
+                mailbox.put_event(message)
+
+    def tell_slot(self, name: str, message: dict[str, Any] | bytes) -> None:
+        """Tell every page the newest of its kind."""
+        with self.lock:
+            for mailbox in self._mailboxes:
+                mailbox.put_slot(name, message)
+
+    def set_recording(self, recording: dict[str, Any] | None) -> None:
+        """What is being written, or None."""
+        with self.lock:
+            self.recording = recording
+        self.tell({"type": "recording", "recording": recording})
+
+    # ---- events from the source
+
+    def on_event(self, event: Event) -> None:
+        """Take one event; called in the source's thread."""
+        with self.lock:
+            match event:
+                case Frame():
+                    self._on_frame(event)
+                case StrokeState():
+                    self._on_state(event)
+                case ProbeMap():
+                    if (stroke := self._stroke or self._waiting) is not None:
+                        stroke.probe_map = event
+                case Estimate():
+                    self._on_estimate(event)
+                case Health():
+                    self.health = event
+                    self.tell_slot("health", {"type": "health", "health": asdict(event)})
+                case LinkChanged():
+                    self._on_link(event)
+                case Mark():
+                    self.tell({"type": "mark", "time_s": event.time_s, "text": event.text})
+                case Playback():
+                    self.playback = event
+                    self.tell_slot("playback", {"type": "playback", "playback": asdict(event)})
+
+    def restart_stroke(self) -> None:
+        """Forget a half-seen stroke: somebody moved along the recording."""
+        with self.lock:
+            self._stroke = self._waiting = None
+            self.tell_slot("progress", {"type": "progress", "number": None})
+
+    def _on_frame(self, frame: Frame) -> None:
+        self._frame = frame
+        if self._mailboxes:
+            self.tell_slot("frame", pack_frame(frame))
+        if self._stroke is None:
+            return
+        self._stroke.add(frame)
+        now = time.monotonic()
+        if self._mailboxes and now - self._progress_at >= PROGRESS_INTERVAL_S:
+            self.tell_slot("progress", self._stroke.progress())
+            self._progress_at = time.monotonic()
+
+    def _on_state(self, state: StrokeState) -> None:
+        if state.stroke and self._stroke is None:
+            if self._waiting is not None:
+                self._finish(self._waiting)
+            self._stroke = self.visits.new_stroke(state.time_s)
+        elif not state.stroke and self._stroke is not None:
+            self._waiting, self._stroke = self._stroke, None
+            self.tell_slot("progress", self._waiting.progress())
+        if (stroke := self._stroke) is not None:
+            stroke.force_low |= state.force_low
+            stroke.force_high |= state.force_high
+            stroke.too_fast |= state.too_fast
+        if state != self.state:
+            self.state = state
+            self.tell_slot("state", {"type": "state", "state": asdict(state)})
+
+    def _on_estimate(self, estimate: Estimate) -> None:
+        stroke = self._stroke or self._waiting
+        if stroke is None:
+            stroke = self.visits.new_stroke(estimate.time_s)
+        stroke.estimate = estimate
+        if self._stroke is not None:
+            self._waiting, self._stroke = self._stroke, None
+        self._finish(stroke)
+
+    def _finish(self, stroke: Stroke) -> None:
+        self._waiting = None
+        self.visits.add(stroke)
+        self.tell({**stroke.detail(images=False), "fresh": True})
+        self.tell({"type": "visits", **self.visits.snapshot()})
+
+    def _on_link(self, link: LinkChanged) -> None:
+        self.link = link
+        self.device = link.device or self.device
+        if link.state is not LinkState.CONNECTED:
+            self.state = StrokeState(self.state.time_s)
+            if self._waiting is not None:
+                self._finish(self._waiting)
+            self._stroke = None
+            self.tell({"type": "state", "state": asdict(self.state)})
+        self.tell({"type": "link", "link": self._link_json()})
+
+    def _link_json(self) -> dict[str, Any]:
+        return {
+            "state": self.link.state.value,
+            "text": self.link.text,
+            "device": None if self.device is None else asdict(self.device),
+        }

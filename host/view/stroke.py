@@ -1,0 +1,161 @@
+"""One stroke, from its first frame to its estimate. Units: mm, kPa, N/m, s."""
+
+from __future__ import annotations
+
+import base64
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from host.view.events import Estimate, Frame, MapFit, ProbeMap
+from host.view.tactile_map import fit_gaussian, method_2
+from host.view.words import card
+
+MAX_IMAGES = 96
+MAX_FRAMES = 4096
+MAX_TRACE_POINTS = 400
+_IMAGE_STEP_KPA = 1e-3
+
+
+def _rounded(values: Any, digits: int) -> list[float]:
+    return [float(v) for v in np.round(np.asarray(values, dtype=np.float64), digits)]
+
+
+@dataclass
+class Stroke:
+    """What is kept of one stroke: at most `MAX_IMAGES` images and `MAX_FRAMES` points of the traces (a
+    probe left in contact for hours must not fill the memory); beyond that, every second one is dropped."""
+
+    number: int
+    visit: int
+    started_s: float
+    wall_time: float = field(default_factory=time.time)
+    ended_s: float = 0.0
+    frames: int = 0
+    force_low: bool = False
+    force_high: bool = False
+    too_fast: bool = False
+    gaps: int = 0
+    estimate: Estimate | None = None
+    probe_map: ProbeMap | None = None
+    position_mm: list[float] = field(default_factory=list)
+    displacement_mm: list[float] = field(default_factory=list)
+    force_N_per_m: list[float] = field(default_factory=list)
+    rows_kPa: list[NDArray[np.float32]] = field(default_factory=list)
+    image_position_mm: list[float] = field(default_factory=list)
+    images: list[NDArray[np.uint16]] = field(default_factory=list)
+    _image_every: int = 1
+    _trace_every: int = 1
+    _last_seq: int | None = None
+
+    def add(self, frame: Frame) -> None:
+        """Take one more frame."""
+        if self._last_seq is not None and frame.seq > self._last_seq + 1:
+            self.gaps += frame.seq - self._last_seq - 1
+        self._last_seq = frame.seq
+        self.ended_s = frame.time_s
+        if self.frames % self._trace_every == 0:
+            self.position_mm.append(frame.position_mm)
+            self.displacement_mm.append(frame.displacement_mm)
+            self.force_N_per_m.append(frame.force_N_per_m)
+            self.rows_kPa.append(frame.pressure_kPa.mean(axis=1))
+            if len(self.position_mm) > MAX_FRAMES:
+                for trace in (self.position_mm, self.displacement_mm, self.force_N_per_m, self.rows_kPa):
+                    del trace[1::2]  # type: ignore[attr-defined]
+                self._trace_every *= 2
+        if self.frames % self._image_every == 0:
+            steps = np.clip(np.round(frame.pressure_kPa / _IMAGE_STEP_KPA), 0, 65535)
+            self.images.append(steps.astype(np.uint16))
+            self.image_position_mm.append(frame.position_mm)
+            if len(self.images) > MAX_IMAGES:
+                self.images, self.image_position_mm = self.images[::2], self.image_position_mm[::2]
+                self._image_every *= 2
+        self.frames += 1
+
+    def tactile_map(self) -> tuple[list[float], list[float], MapFit | None]:
+        """The map as far as it goes, computed here from the frames."""
+        x, p, rows = method_2(np.asarray(self.position_mm), np.asarray(self.rows_kPa, dtype=np.float64))
+        whole = rows >= (rows.max() if rows.size else 0)
+        return _rounded(x, 2), _rounded(p, 4), fit_gaussian(x[whole], p[whole])
+
+    def progress(self) -> dict[str, Any]:
+        """The running stroke for the page."""
+        x, p, fit = self.tactile_map()
+        return {
+            "type": "progress",
+            "number": self.number,
+            "map": {"x_mm": x, "pressure_kPa": p, "by": "viewer"},
+            "fit": _fit_json(fit),
+            "traces": self._traces(),
+        }
+
+    def summary(self) -> dict[str, Any]:
+        """One line of the history."""
+        return {
+            "number": self.number,
+            "visit": self.visit,
+            "started_s": round(self.started_s, 3),
+            "duration_s": round(self.ended_s - self.started_s, 3),
+            "wall_time": self.wall_time,
+            "frames": self.frames,
+            "gaps": self.gaps,
+            "too_fast": self.too_fast,
+            "card": card(self.estimate, force_low=self.force_low, force_high=self.force_high),
+        }
+
+    def detail(self, *, images: bool = True) -> dict[str, Any]:
+        """The whole stroke, to show it again: the probe's own map and fit where it sent them."""
+        x, p, fit = self.tactile_map()
+        by = "viewer"
+        if self.probe_map is not None:
+            x, p = _rounded(self.probe_map.x_mm, 3), _rounded(self.probe_map.pressure_kPa, 5)
+            fit, by = self.probe_map.fit or fit, "probe"
+        out = {
+            "type": "stroke",
+            **self.summary(),
+            "map": {"x_mm": x, "pressure_kPa": p, "by": by},
+            "fit": _fit_json(fit),
+            "traces": self._traces(),
+        }
+        if images:
+            stack = np.stack(self.images) if self.images else np.empty((0, 16, 26), np.uint16)
+            out["images"] = {
+                "position_mm": _rounded(self.image_position_mm, 3),
+                "step_kPa": _IMAGE_STEP_KPA,
+                "uint16": base64.b64encode(stack.astype("<u2").tobytes()).decode("ascii"),
+            }
+        return out
+
+    def drop_images(self) -> None:
+        """Keep numbers and traces only: an old stroke of a long session."""
+        self.images, self.image_position_mm = [], []
+
+    def value(self, key: str) -> float | None:
+        """A number of the card (`d_mm`, `depth_mm`, `t_mm`, `F_N_per_m`) if the card vouches for it, else
+        None."""
+        found = self.summary()["card"]
+        if found["kind"] != "lump":
+            return None
+        return next((float(row["value"]) for row in found["rows"] if row["key"] == key), None)
+
+    def _traces(self) -> dict[str, list[float]]:
+        step = -(-len(self.position_mm) // MAX_TRACE_POINTS) or 1
+        return {
+            "position_mm": _rounded(self.position_mm[::step], 3),
+            "displacement_mm": _rounded(self.displacement_mm[::step], 4),
+            "force_N_per_m": _rounded(self.force_N_per_m[::step], 3),
+        }
+
+
+def _fit_json(fit: MapFit | None) -> dict[str, float] | None:
+    if fit is None:
+        return None
+    return {
+        "base_kPa": round(fit.base_kPa, 5),
+        "amp_kPa": round(fit.amp_kPa, 5),
+        "centre_mm": round(fit.centre_mm, 3),
+        "stdev_mm": round(fit.stdev_mm, 3),
+    }

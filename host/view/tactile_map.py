@@ -1,0 +1,80 @@
+"""The tactile map of a stroke that is still running, and its Gaussian fit. Units: mm, kPa.
+
+Method 2 of the thesis (Figure 9): each row of sensors leaves a trace over the tissue; the traces are
+averaged on a 1 mm grid. The probe computes the final map itself, in integers; this one only has to keep up
+with the eye.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import OptimizeWarning, curve_fit
+
+from host.view.events import ROW_MM, ROWS, MapFit
+
+Array = NDArray[np.float64]
+MIN_ROWS = ROWS // 2
+_WORST_FIT = 0.6
+
+
+def method_2(position_mm: Array, row_kPa: Array) -> tuple[Array, Array, Array]:
+    """Average the rows' traces over the tissue.
+
+    Parameters
+    ----------
+    position_mm : (n,) probe positions along the stroke, mm
+    row_kPa : (n, 16) pressure of each row, mean over the columns, kPa
+
+    Returns
+    -------
+    x_mm : (m,) places on the tissue, 1 mm apart
+    pressure_kPa : (m,) mean of the traces that reach there
+    rows : (m,) how many of the 16 rows do; places that fewer than half of them reach are left out
+    """
+    order = np.argsort(position_mm, kind="stable")
+    position, row = position_mm[order], row_kPa[order]
+    if position.size < 2 or position[-1] - position[0] < 1.0:
+        return np.empty(0), np.empty(0), np.empty(0)
+    x = np.arange(np.ceil(position[0] + ROW_MM[0]), np.floor(position[-1] + ROW_MM[-1]) + 0.5)
+    traces = np.full((ROWS, x.size), np.nan)
+    for i, s in enumerate(ROW_MM):
+        traces[i] = np.interp(x, position + s, row[:, i], left=np.nan, right=np.nan)
+    rows = np.isfinite(traces).sum(axis=0)
+    keep = rows >= MIN_ROWS
+    return x[keep], np.nanmean(traces[:, keep], axis=0), rows[keep].astype(np.float64)
+
+
+def gaussian(x_mm: Array, base: float, amp: float, centre: float, stdev: float) -> Array:
+    """Base + Amp exp(-(x - centre)^2 / (2 stdev^2))."""
+    return base + amp * np.exp(-0.5 * ((x_mm - centre) / stdev) ** 2)
+
+
+def fit_gaussian(x_mm: Array, pressure_kPa: Array) -> MapFit | None:
+    """Fit the map's bump; None where there is none to see yet (too few points, no maximum, a poor fit)."""
+    if x_mm.size < 12:
+        return None
+    base, top = float(pressure_kPa.min()), float(pressure_kPa.max())
+    if top - base < 1e-6 * max(top, 1.0):
+        return None
+    start = (base, top - base, float(x_mm[int(pressure_kPa.argmax())]), 6.0)
+    span = float(x_mm[-1] - x_mm[0])
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", OptimizeWarning)
+            p, _ = curve_fit(
+                gaussian,
+                x_mm,
+                pressure_kPa,
+                p0=start,
+                bounds=([0.0, 0.0, x_mm[0], 1.5], [np.inf, 3.0 * (top - base), x_mm[-1], max(2.0, span)]),
+                max_nfev=60,
+            )
+    except (RuntimeError, ValueError):
+        return None
+    residual = float(np.std(pressure_kPa - gaussian(x_mm, *p)))
+    if p[3] > 0.5 * span or residual > _WORST_FIT * float(np.std(pressure_kPa)):
+        return None
+    return MapFit(float(p[0]), float(p[1]), float(p[2]), float(p[3]))

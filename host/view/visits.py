@@ -1,0 +1,113 @@
+"""Strokes, grouped into visits. Not locked: the session holds its lock round every call."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from host.view.repeatability import compare, spread
+from host.view.stroke import Stroke
+
+MAX_STROKES = 1000
+STROKES_WITH_IMAGES = 100
+QUANTITIES = {
+    "d_mm": ("diameter", "mm"),
+    "depth_mm": ("depth", "mm"),
+    "t_mm": ("tissue thickness", "mm"),
+    "F_N_per_m": ("force", "N/m"),
+}
+
+
+@dataclass
+class Visit:
+    """Strokes over the same lump on one occasion."""
+
+    number: int
+    name: str
+    wall_time: float = field(default_factory=time.time)
+    earlier: bool = False
+
+
+class Visits:
+    """All visits of a session; new strokes go into the current one."""
+
+    def __init__(self, first: str) -> None:
+        self._visits = [Visit(1, first)]
+        self._current = self._visits[0]
+        self._strokes: list[Stroke] = []
+        self._next_stroke = 1
+
+    def new_stroke(self, started_s: float) -> Stroke:
+        """A stroke that has just begun; `add` it when it is over."""
+        stroke = Stroke(number=self._next_stroke, visit=self._current.number, started_s=started_s)
+        self._next_stroke += 1
+        return stroke
+
+    def add(self, stroke: Stroke) -> None:
+        """Keep a finished stroke; the oldest give way beyond a thousand."""
+        self._strokes.append(stroke)
+        if len(self._strokes) > STROKES_WITH_IMAGES:
+            self._strokes[-STROKES_WITH_IMAGES - 1].drop_images()
+        del self._strokes[:-MAX_STROKES]
+
+    def get(self, number: int) -> Stroke | None:
+        """The stroke with this number."""
+        return next((s for s in self._strokes if s.number == number), None)
+
+    def strokes(self, visit: int | None = None) -> list[Stroke]:
+        """All strokes, or those of one visit, oldest first."""
+        return [s for s in self._strokes if visit is None or s.visit == visit]
+
+    def start(self, name: str) -> Visit:
+        """A new visit; strokes go there from now on."""
+        self._current = self._append(name)
+        return self._current
+
+    def add_earlier(self, name: str, strokes: Sequence[Stroke]) -> Visit:
+        """A visit from an earlier recording, to compare with."""
+        visit = self._append(name)
+        visit.earlier = True
+        if strokes:
+            visit.wall_time = strokes[0].wall_time
+        for stroke in strokes:
+            stroke.number, stroke.visit = self._next_stroke, visit.number
+            self._next_stroke += 1
+            self.add(stroke)
+        return visit
+
+    def snapshot(self) -> dict[str, Any]:
+        """Visits and one line for each stroke."""
+        return {
+            "visits": [asdict(v) for v in self._visits],
+            "current_visit": self._current.number,
+            "strokes": [s.summary() for s in self._strokes],
+        }
+
+    def repeatability(self, visit: int, last: int) -> dict[str, Any]:
+        """Mean and spread of the last strokes of a visit, for every quantity that the cards vouch for."""
+        strokes = [s for s in self.strokes(visit) if s.value("d_mm") is not None][-max(last, 1) :]
+        out: dict[str, Any] = {"visit": visit, "last": last, "used": [s.number for s in strokes]}
+        for key in QUANTITIES:
+            found = spread([v for s in strokes if (v := s.value(key)) is not None])
+            out[key] = None if found is None else asdict(found)
+        return out
+
+    def compare(self, a: int, b: int) -> dict[str, Any]:
+        """Visit `b` against visit `a`, quantity by quantity."""
+        out: dict[str, Any] = {"a": a, "b": b}
+        for key, (what, unit) in QUANTITIES.items():
+            values = [[v for s in self.strokes(n) if (v := s.value(key)) is not None] for n in (a, b)]
+            found = compare(values[0], values[1], what=what, unit=unit)
+            out[key] = None if found is None else asdict(found)
+        return out
+
+    def has(self, visit: int) -> bool:
+        """Is there such a visit?"""
+        return any(v.number == visit for v in self._visits)
+
+    def _append(self, name: str) -> Visit:
+        visit = Visit(len(self._visits) + 1, name)
+        self._visits.append(visit)
+        return visit
