@@ -43,6 +43,8 @@ class Probe:
         self.receiver = wire.Receiver(messages.COMMAND_BODY)
         self.acquire = acquire.Acquire(board, self.counts, values)
         self.strokes = stroke_state.StrokeState(values)
+        if estimator:
+            self.strokes.zero_counts = estimator.zero_counts()
         self.results = results.Results(self.counts, self.box, values, settings.RESEND_RESULTS)
         self.commands = commands.Commands(self.counts, self.box, self._handlers())
         self._input = bytearray(_CHUNK)
@@ -52,6 +54,7 @@ class Probe:
         self._first_seq = 0
         self._overrun_before = 0
         self._content = 0
+        self._measuring = False
         self._every = 1
         self._skipped = 0
         self._strokes_left = 0
@@ -72,7 +75,7 @@ class Probe:
         self._uptime(now_us)
         self._listen()
         wait_us = 1000
-        if self._content or self.commands.pending():
+        if self._content or self._measuring:
             wait_us = self.acquire.wait_us(now_us)
             if wait_us <= 0:
                 self._frame(now_us)
@@ -113,6 +116,9 @@ class Probe:
         take = self.acquire
         seq = take.seq
         take.read(body, counts, now_us)
+        if self._measuring:
+            self._measure(counts)
+            return
         if self._content & messages.CONTENT_FRAMES:
             self._skipped += 1
             if self._skipped >= self._every:
@@ -126,6 +132,23 @@ class Probe:
                 self.estimator.add_frame(counts, take.position_um, take.displacement_um)
             if events:
                 self._tell(events, seq)
+
+    def begin_measuring(self):
+        """Acquire frames for `estimator.measure` (a calibration); False while a stream runs or it is at it."""
+        if self._content or self._measuring:
+            return False
+        self._measuring = True
+        self.board.begin()
+        self.acquire.start(self.board.ticks_us())
+        return True
+
+    def _measure(self, counts):
+        answer = self.estimator.measure(counts)
+        if answer:
+            self._measuring = False
+            self.board.end()
+            self.strokes.zero_counts = self.estimator.zero_counts()
+            self.commands.finish(answer)
 
     # ---- strokes
 
@@ -233,7 +256,7 @@ class Probe:
         content, every, strokes = fields
         if not content & (messages.CONTENT_FRAMES | messages.CONTENT_STROKES):
             return status.BAD_VALUE, (), b""
-        if self.commands.pending():
+        if self._measuring:
             return status.BUSY, (), b""
         self.box.drop_frames()
         self.strokes.reset()

@@ -4,7 +4,7 @@ Units: um, counts of 12 bits.
 """
 
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -19,33 +19,15 @@ ZERO_COUNTS = 82  # what a cell reads without pressure: .5 of 25 kPa
 class Frames(Protocol):
     """A stroke as frames: `sim.probe.sensors.FrameStream` is one."""
 
-    packed: np.ndarray  # (n, 624) uint8
+    packed: Sequence[bytes]  # 624 bytes each
     positions_um: np.ndarray  # (n,) int
     displacements_um: np.ndarray  # (n,) int
 
 
-def pack_counts(counts: np.ndarray) -> np.ndarray:
-    """Two counts of 12 bits in three bytes.
-
-    Parameters: counts (..., 2k) integers 0 to 4095. Returns (..., 3k) uint8.
-    """
-    low, high = counts[..., 0::2].astype(np.uint16), counts[..., 1::2].astype(np.uint16)
-    packed = np.stack([low & 255, low >> 8 | (high & 15) << 4, high >> 4], axis=-1)
-    return packed.reshape(*counts.shape[:-1], -1).astype(np.uint8)
-
-
-def unpack_counts(packed: np.ndarray) -> np.ndarray:
-    """The counts of `pack_counts`: (..., 3k) uint8 to (..., 2k) uint16."""
-    triples = packed.reshape(*packed.shape[:-1], -1, 3).astype(np.uint16)
-    first = triples[..., 0] | (triples[..., 1] & 15) << 8
-    second = triples[..., 1] >> 4 | triples[..., 2] << 4
-    return np.stack([first, second], axis=-1).reshape(*packed.shape[:-1], -1)
-
-
 def lifted_record(position_um: int = 0) -> bytes:
     """One frame of a probe in the air."""
-    counts = np.full(messages.CELLS, ZERO_COUNTS)
-    return struct.pack("<ii", position_um, 0) + pack_counts(counts).tobytes()
+    pair = ZERO_COUNTS | ZERO_COUNTS << 12
+    return struct.pack("<ii", position_um, 0) + pair.to_bytes(3, "little") * (messages.CELLS // 2)
 
 
 def records(frames: Frames) -> bytes:
