@@ -22,29 +22,26 @@ BLOB_BYTES = 8 + 4 * CELLS + CELLS // 8
 _VERSION = 1
 
 
-def cell_value(total, count, offset, gain):
-    """Mean of `count` raw readings adding up to `total`: calibrated, in 1/8 count, BIAS added, 16 bits."""
-    v = ((((total << 3) // count) - offset) * gain >> 13) + BIAS
-    if v < 0:
-        return 0
-    if v > 65535:
-        return 65535
-    return v
+def calibrate_bins(cells, slot, n, counts, offset, gain, fill, fills):
+    """Turn the raw sums of n bins into calibrated means, in place, then fill their dead cells.
 
-
-def calibrate_bin(cells, base, count, offset, gain, fill, fills):
-    """Turn a bin's raw sums into calibrated means, in place, then fill its dead cells."""
-    for i in range(416):
-        v = ((((cells[base + i] << 3) // count) - offset[i]) * gain[i] >> 13) + 4096
-        if v < 0:
-            v = 0
-        elif v > 65535:
-            v = 65535
-        cells[base + i] = v
-    i = 0
-    while i < fills:
-        cells[base + fill[i]] = (cells[base + fill[i + 1]] + cells[base + fill[i + 2]]) >> 1
-        i += 3
+    A cell becomes its pressure in 1/8 count, BIAS added, held in 16 bits.
+    """
+    for k in range(n):
+        base = slot[k] * 416
+        count = counts[slot[k]]
+        for i in range(416):
+            # times 8, not shifted: an unsigned number shifted would stay unsigned once compiled
+            v = ((cells[base + i] * 8 // count - offset[i]) * gain[i] >> 13) + 4096
+            if v < 0:
+                v = 0
+            elif v > 65535:
+                v = 65535
+            cells[base + i] = v
+        i = 0
+        while i < fills:
+            cells[base + fill[i]] = (cells[base + fill[i + 1]] + cells[base + fill[i + 2]]) >> 1
+            i += 3
 
 
 def plan_fill(dead, fill):

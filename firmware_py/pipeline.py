@@ -18,20 +18,32 @@ GAP_UM = 8000  # and leave no longer gap on the way
 PLACES = 128  # most places of the map that the lump is looked for in
 
 
-def sum_rows(cells, base, first, last, rows, at):
-    """Mean over the columns first..last-1 of a calibrated bin: 16 rows, Q5 counts; returns their sum."""
-    n = last - first
-    total = 0
-    base += first
-    for i in range(16):
-        s = -4096 * n
-        for j in range(base, base + n):
-            s += cells[j]
-        s = (s << 2) // n
-        rows[at + i] = s
-        total += s
-        base += 26
-    return total
+def sum_rows(cells, slot, n, first, last, rows, total):
+    """Mean over the columns first..last-1 of the n calibrated bins: 16 rows each, Q5 counts, and their sum."""
+    width = last - first
+    at = 0
+    for k in range(n):
+        base = slot[k] * 416 + first
+        t = 0
+        for i in range(16):
+            s = -4096 * width
+            for j in range(base, base + width):
+                s += cells[j]
+            s = (s << 2) // width
+            rows[at] = s
+            t += s
+            at += 1
+            base += 26
+        total[k] = t
+
+
+def levels(force, mean, n, level):
+    """mean / force of each bin in Q12, below 2."""
+    for k in range(n):
+        v = 4096
+        if force[k] > 2048:
+            v = (mean << 9) // (force[k] >> 3)
+        level[k] = v if v < 8191 else 8191
 
 
 def move_all(f, rows, depth, n, force, mean_ln, w):
@@ -111,13 +123,13 @@ class Pipeline:
         self._calibrate()
         if self.n < 8:
             return status.TOO_SHORT
-        self._sum(True)
+        self._sum(self._force)
         self._move(force_map, True)
         if not self._find():
             return status.TOO_SHORT
         code = self._fit()
         if not self.fixed_columns and code == status.OK and self._choose():
-            self._sum(False)
+            self._sum(self._work)
             self._move(force_map, False)
             code = self._fit()
         self._measure()
@@ -129,19 +141,13 @@ class Pipeline:
         c = self.calibration
         b = self.bins
         self.n = b.order(self._x, self._raw_depth, self._slot)
-        for k in range(self.n):
-            s = self._slot[k]
-            calib.calibrate_bin(b.cells, s * calib.CELLS, b.count[s], c.offset, c.gain, c.fill, c.fills)
+        calib.calibrate_bins(b.cells, self._slot, self.n, b.count, c.offset, c.gain, c.fill, c.fills)
         self.done = True
 
-    def _sum(self, first):
-        span = self.span
+    def _sum(self, force):
+        s = self.span
+        sum_rows(self.bins.cells, self._slot, self.n, s[0], s[1], self._rows, force)
         for k in range(self.n):
-            total = sum_rows(
-                self.bins.cells, self._slot[k] * calib.CELLS, span[0], span[1], self._rows, 16 * k
-            )
-            if first:
-                self._force[k] = total
             self._depth[k] = self._raw_depth[k]
 
     def _move(self, force_map, first):
@@ -194,9 +200,7 @@ class Pipeline:
         """Find the columns that see the lump; True if they are not all."""
         maps = array("i", bytes(4 * POINTS * calib.COLS))
         level = self._work
-        for k in range(self.n):
-            v = (self.force << 12) // self._force[k] if self._force[k] > 2048 else 4096
-            level[k] = v if v < 8191 else 8191
+        levels(self._force, self.force, self.n, level)
         x = self._place - HALF_UM
         traces.map_columns(self._x, self.n, self.bins.cells, self._slot, level, x, maps, POINTS)
         if not columns.respond(maps, POINTS, self.fit[2], self.fit[3], self.columns, self._work):

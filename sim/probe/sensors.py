@@ -78,7 +78,7 @@ class Noise:
 
     def without(self, *names: str) -> Noise:
         """The same with the named disturbances at 0."""
-        return replace(self, **dict.fromkeys(names, 0.0))
+        return self.with_(**dict.fromkeys(names, 0.0))
 
     def with_(self, **values: Any) -> Noise:
         """The same with some disturbances set."""
@@ -363,7 +363,10 @@ class SensorModel:
         return Truth(F, c.t_mm, c.d_mm, c.h, c.E_ratio ** (-2 / 3), c.has_lump, -self.start_mm)
 
     def stroke(self, n_frames: int = 50, frames_per_s: float = 37.5, origin_um: int = 0) -> FrameStream:
-        """A whole stroke of n_frames evenly timed frames; origin_um is what the encoder reads at its middle."""
+        """A whole stroke of n_frames evenly timed frames.
+
+        Origin_um is what the encoder reads at its middle.
+        """
         if n_frames < 2:
             raise ValueError(f"a stroke of {n_frames} frames: it takes 2 or more")
         x = np.linspace(-self.travel_mm / 2, self.travel_mm / 2, n_frames)
