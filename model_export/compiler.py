@@ -209,7 +209,7 @@ def _sigma_rows(
 
 
 def _distance_rows(spec: ModelSpec, gain: np.ndarray) -> list[Row]:
-    """Rows m, lower triangular, with |m (z - centre)|^2 = (z - centre)' precision (z - centre) / threshold."""
+    """Rows m, lower triangular: |m (z - centre)|^2 = (z - centre)' precision (z - centre) / threshold."""
     precision = np.array(spec.domain.precision)
     try:
         lower = np.linalg.cholesky(precision[::-1, ::-1])

@@ -1,0 +1,189 @@
+"""The model image: how a model lies in the probe's store, and how it becomes tables.
+
+Little endian. Head of 80 bytes, a table of sections (tag, 0, length as u16 each), the sections, each
+padded to a multiple of four, then the signature over all of it. docs/model-image.md has it in full.
+Everything here believes what it reads: the caller verifies the signature first (lms.py).
+"""
+
+from array import array
+
+from firmware_py import evaluator, status
+
+PROBE = b"palpate-16x26"
+MAGIC = b"PALP"
+VERSION = 1
+HEAD_SIZE = 80
+ROLLBACK = 1
+
+# sections
+NUMBERS = 1  # evaluator's head
+IDS = 2
+FEATURES = 3
+STEPS = 4
+HIGH = 5
+LOW = 6
+ROWS = 7
+OUTPUTS = 8
+LIMITS = 9
+INFO = 10  # text: names of the features, of the outputs, unit of the integers
+FORCE_MAP = 11
+SELF_TEST = 12
+LAST = 12
+
+TESTED = 17  # integers of an estimate that a self-test vector fixes
+
+
+def u32(b, at):
+    """Little-endian number of four bytes."""
+    return b[at] | b[at + 1] << 8 | b[at + 2] << 16 | b[at + 3] << 24
+
+
+class Header:
+    """What stands in front of an image's sections; `code` says what is wrong with it, if anything is."""
+
+    def __init__(self, read, body, probe=PROBE):
+        self.code = status.OK
+        b = read(0, HEAD_SIZE)
+        if len(b) < HEAD_SIZE or b[:4] != MAGIC:
+            self.code = status.BAD_MAGIC
+            return
+        if b[4] != VERSION:
+            self.code = status.BAD_VERSION
+            return
+        self.kind = b[5]
+        self.features_version = b[6]
+        self.rollback = b[7] & ROLLBACK
+        self.counter = u32(b, 12)
+        self.replaces = u32(b, 16)
+        self.probe = bytes(b[24:40])
+        self.model_id = bytes(b[40:48])
+        self.training = bytes(b[48:80])
+        if u32(b, 8) != body:
+            self.code = status.BAD_LENGTH
+            return
+        if self.probe != probe + bytes(16 - len(probe)):
+            self.code = status.BAD_PROBE
+            return
+        self.places = {}
+        table = read(HEAD_SIZE, 4 * b[20])
+        at = HEAD_SIZE + 4 * b[20]
+        for i in range(0, len(table), 4):
+            n = table[i + 2] | table[i + 3] << 8
+            if not 1 <= table[i] <= LAST:
+                self.code = status.BAD_VERSION
+                return
+            self.places[table[i]] = (at, n)
+            at += n + 3 & -4
+        if at != body:
+            self.code = status.BAD_LENGTH
+
+    def section(self, read, tag):
+        """Bytes of a section; empty if the image has none of that tag."""
+        at, n = self.places.get(tag, (0, 0))
+        return bytes(read(at, n)) if n else b""
+
+
+class Model:
+    """A model ready to evaluate."""
+
+    def __init__(self, header, tables, force_map):
+        self.header = header
+        self.tables = tables
+        self.force_map = force_map
+        self.model_id = header.model_id
+        self.kind = header.kind
+        self.evaluate = tables.evaluate
+
+
+def _fits(tables, feature_count):
+    """Do the tables' lengths agree with each other, and do the features exist? A status."""
+    if len(tables.head) != evaluator.HEAD or len(tables.outs) != 8 * evaluator.OUTPUTS:
+        return status.BAD_LENGTH
+    n = tables.head[0]
+    terms = tables.head[1]
+    sigma = tables.head[2]
+    words = 5 * terms + 5 * (5 + sigma) + n * (n + 1) // 2
+    if (
+        not 0 < n <= terms
+        or not 0 <= sigma <= terms
+        or not 1 <= tables.head[3] <= 8
+        or len(tables.ids) != n
+        or len(tables.feats) != 7 * n
+        or len(tables.steps) != 2 * (terms - n)
+        or len(tables.c) != words
+        or len(tables.d) != words
+        or len(tables.rows) != 2 * (10 + n)
+        or len(tables.limits) != 3 * tables.head[4]
+    ):
+        return status.BAD_LENGTH
+    for i in range(0, len(tables.steps), 2):
+        if tables.steps[i] >= n + i // 2 or tables.steps[i + 1] >= n:
+            return status.BAD_VALUE
+    for i in tables.ids:
+        if i >= feature_count:
+            return status.MISSING_FEATURE
+    for i in range(0, len(tables.limits), 3):
+        if not 0 <= tables.limits[i] < feature_count:
+            return status.MISSING_FEATURE
+    return status.OK
+
+
+def load(read, body, features_version, feature_count, probe=PROBE):
+    """(status, model) of an image of `body` bytes, signature not counted; the model is None unless OK.
+
+    read(offset, n) gives bytes; features_version and feature_count say what this firmware computes.
+    """
+    h = Header(read, body, probe)
+    if h.code != status.OK:
+        return h.code, None
+    if h.features_version != features_version:
+        return status.BAD_VERSION, None
+    head = h.section(read, NUMBERS)
+    if len(head) != 4 * evaluator.HEAD:
+        return status.BAD_LENGTH, None
+    head = array("i", head)
+    if not 0 < head[1] < 1000:
+        return status.BAD_LENGTH, None
+    tables = evaluator.Tables(
+        h.section(read, IDS),
+        array("i", h.section(read, FEATURES)),
+        h.section(read, STEPS),
+        array("h", h.section(read, HIGH)),
+        array("b", h.section(read, LOW)),
+        array("i", h.section(read, ROWS)),
+        array("i", h.section(read, OUTPUTS)),
+        array("i", h.section(read, LIMITS)),
+        head,
+    )
+    code = _fits(tables, feature_count)
+    if code != status.OK:
+        return code, None
+    return status.OK, Model(h, tables, h.section(read, FORCE_MAP) or None)
+
+
+def self_test(model, read, feature_count):
+    """Run the vectors that travel in the image; OK if every integer comes out as stated, else SELF_TEST."""
+    raw = model.header.section(read, SELF_TEST)
+    if len(raw) < 4:
+        return status.SELF_TEST
+    count = raw[0]
+    n = raw[1]
+    first = 2 + n + 3 & -4
+    if not count or len(raw) != first + 4 * count * (n + TESTED):
+        return status.SELF_TEST
+    x = array("i", bytearray(4 * feature_count))
+    out = array("i", bytearray(4 * evaluator.OUT_SIZE))
+    numbers = array("i", raw[first:])
+    at = 0
+    for _ in range(count):
+        for i in range(n):
+            if raw[2 + i] >= feature_count:
+                return status.SELF_TEST
+            x[raw[2 + i]] = numbers[at + i]
+        at += n
+        model.evaluate(x, out)
+        for i in range(TESTED):
+            if out[i] != numbers[at + i]:
+                return status.SELF_TEST
+        at += TESTED
+    return status.OK
