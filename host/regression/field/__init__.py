@@ -1,0 +1,1 @@
+"""The field kind: log-polynomials learned from space-filling lumps, seen through the probe's sensors."""

@@ -1,0 +1,86 @@
+"""What the field model is trained and judged on: lumps over the whole range, each at two forces.
+
+The hand's force wanders during a stroke. Two strokes of one lump, at F / sqrt(1.4) and F sqrt(1.4), hold
+what the sensor model needs to make up any force between, so every lump comes as such a pair.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from math import log10, sqrt
+
+import numpy as np
+from scipy.stats import qmc
+
+from sim.tissue import Case, Settings, Stroke, sobol_cases
+from sim.tissue.design import USUAL, Ranges
+
+FORCE_STEP = 1.4
+FIELD_SETTINGS = Settings(far_start_mm=-44.0)
+"""The usual steps of 2 mm, and a coarser approach so that a stroke may start 5 mm off."""
+
+NO_LUMP_THICKNESS_MM = (4.0, 40.0)
+_FAR_ONLY = (-30.0, -28.0)
+
+
+@dataclass(frozen=True)
+class LumpPair:
+    """Two strokes over one lump, or over plain tissue, whose forces are a factor of 1.4 apart."""
+
+    low: Stroke
+    high: Stroke
+
+    @property
+    def case(self) -> Case:
+        """The lump, with the force midway between the two (geometrically)."""
+        return replace(self.low.case, F_rel=sqrt(self.low.case.F_rel * self.high.case.F_rel))
+
+
+def pair_of(case: Case) -> tuple[Case, Case]:
+    """The two cases to simulate for one lump."""
+    step = sqrt(FORCE_STEP)
+    return replace(case, F_rel=case.F_rel / step), replace(case, F_rel=case.F_rel * step)
+
+
+def lump_cases(n: int, seed: int = 1, ranges: Ranges = USUAL, **tissue: float) -> list[Case]:
+    """2 n cases: Sobol lumps over `ranges`, in pairs; `tissue` changes fields of `Case`, as gland_ratio."""
+    return [c for case in sobol_cases(n, seed, ranges) for c in pair_of(replace(case, **tissue))]
+
+
+def no_lump_cases(n: int, seed: int = 2) -> list[Case]:
+    """2 n cases of plain tissue, its thickness even in its logarithm from 4 to 40 mm."""
+    points = qmc.Sobol(2, seed=np.random.default_rng(seed)).random_base2(max(0, (n - 1).bit_length()))[:n]
+    low, high = (log10(t) for t in NO_LUMP_THICKNESS_MM)
+    out: list[Case] = []
+    for u, v in points:
+        F_low, F_high = USUAL.F_rel
+        out += pair_of(Case.without_lump(10 ** (low + (high - low) * u), F_low + (F_high - F_low) * v))
+    return out
+
+
+def pairs_of(strokes: Iterable[Stroke]) -> tuple[list[LumpPair], list[str]]:
+    """Strokes put together in pairs; beside them the codes of strokes that have no partner.
+
+    Two strokes are partners if their cases differ in the force alone, by a factor of 1.4.
+    """
+    waiting: dict[Case, Stroke] = {}
+    pairs: list[LumpPair] = []
+    for stroke in strokes:
+        key = replace(stroke.case, F_rel=1.0)
+        other = waiting.pop(key, None)
+        if other is None:
+            waiting[key] = stroke
+            continue
+        low, high = sorted((other, stroke), key=lambda s: s.case.F_rel)
+        if abs(high.case.F_rel / low.case.F_rel - FORCE_STEP) > 1e-6:
+            waiting[key] = stroke
+            continue
+        pairs.append(LumpPair(low, high))
+    return pairs, [stroke.code for stroke in waiting.values()]
+
+
+def lumps_and_plain(pairs: Sequence[LumpPair]) -> tuple[list[LumpPair], list[LumpPair]]:
+    """Pairs over a lump, and pairs over plain tissue."""
+    lumps = [pair for pair in pairs if pair.low.case.has_lump]
+    return lumps, [pair for pair in pairs if not pair.low.case.has_lump]

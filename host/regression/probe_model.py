@@ -1,0 +1,196 @@
+"""A log-polynomial model of the probe's integer features, fitted in float64 and written as a ModelSpec.
+
+Both kinds end here: `fit_polynomial` learns the inverse from examples, `spec_of` adds intervals, domain and
+rules. Features are standardised; each output's link is the logarithm but for E^-2/3, which is used as it is.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py import features as firmware_features
+from firmware_py import image
+from host.features import Floats
+from host.regression.conformal import Widths
+from host.regression.domain import DomainCheck
+from host.regression.ridge import Term, fit_ridge, monomials
+from model_export.schema import OUTPUTS, Domain, Interval, Limit, ModelSpec, Output
+
+HARD_BELOW = 10.0 ** (-2 / 3)
+LEAST_AMP_SHARE = 0.01
+WIDEST_STDEV_MM = 20.0
+_TAIL, _ROOM = 0.001, 0.1
+_LINK_LN = np.array([True, True, True, True, False])
+E_INV23 = 4
+
+
+def to_link(values: Floats) -> Floats:
+    """Outputs (n, 5) in the units of the wire to the scale that the polynomials predict."""
+    out = np.array(values, float)
+    out[:, _LINK_LN] = np.log(out[:, _LINK_LN])
+    return out
+
+
+def from_link(y: Floats) -> Floats:
+    """Back from the link scale to F (N/m), t, d (mm), h, E^-2/3."""
+    out = np.array(y, float)
+    out[:, _LINK_LN] = np.exp(out[:, _LINK_LN])
+    return out
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """The inverse model proper: standardise, clip, multiply out, add up.
+
+    Attributes
+    ----------
+    names : names of the firmware's features
+    centre, scale, clip_lo, clip_hi : (features)
+    terms : monomials
+    coefficients : (terms, 5)
+    lo, hi : (5)
+        Range of the predictions on the link scale.
+    """
+
+    names: tuple[str, ...]
+    centre: Floats
+    scale: Floats
+    clip_lo: Floats
+    clip_hi: Floats
+    terms: tuple[Term, ...]
+    coefficients: Floats
+    lo: Floats
+    hi: Floats
+
+    def standard(self, X: Floats) -> Floats:
+        """Standardised features (n, features)."""
+        return (np.clip(X, self.clip_lo, self.clip_hi) - self.centre) / self.scale
+
+    def predict(self, X: Floats) -> Floats:
+        """Outputs on the link scale (n, 5)."""
+        return np.clip(monomials(self.standard(X), self.terms) @ self.coefficients, self.lo, self.hi)
+
+
+def columns(names: Sequence[str]) -> list[int]:
+    """Where the named features stand among the firmware's."""
+    return [firmware_features.NAMES.index(name) for name in names]
+
+
+def fit_polynomial(
+    names: Sequence[str],
+    X: Floats,
+    Y: Floats,
+    groups: NDArray[np.int64],
+    terms: Sequence[Term],
+    lo: Floats,
+    hi: Floats,
+) -> Polynomial:
+    """Fit the inverse by ridge regression, its strength cross-validated over whole lumps.
+
+    Parameters
+    ----------
+    names : names of the features in X
+    X : (n, features)
+    Y : (n, 5)
+        Link scale.
+    groups : (n)
+        Which lump each row belongs to.
+    terms : monomials to use
+    lo, hi : (5)
+        Range of the outputs, link scale.
+    """
+    centre, scale = np.median(X, axis=0), X.std(axis=0) + 1e-9
+    clip_lo, clip_hi = np.quantile(X, [_TAIL, 1 - _TAIL], axis=0)
+    room = _ROOM * (clip_hi - clip_lo)
+    shape = Polynomial(
+        tuple(names), centre, scale, clip_lo - room, clip_hi + room, tuple(terms), np.empty(0), lo, hi
+    )
+    A = monomials(shape.standard(X), terms)
+    B = fit_ridge(A, Y, [len(t) for t in terms], groups).coefficients
+    return Polynomial(shape.names, centre, scale, shape.clip_lo, shape.clip_hi, shape.terms, B, lo, hi)
+
+
+def spec_of(
+    kind: str,
+    model: Polynomial,
+    widths: Widths,
+    domain: DomainCheck,
+    force_range_N_per_m: tuple[float, float],
+    training: dict[str, Any],
+    force_map: dict[str, Any] | None = None,
+    notes: dict[str, Any] | None = None,
+    least_amp_share: float = LEAST_AMP_SHARE,
+) -> ModelSpec:
+    """Everything about a fitted model as the document that `palpate export` compiles."""
+    lo, hi = from_link(model.lo[None])[0], from_link(model.hi[None])[0]
+    outputs = tuple(
+        Output(
+            name,
+            "ln" if _LINK_LN[j] else "identity",
+            float(lo[j]),
+            float(hi[j]),
+            tuple(map(float, model.coefficients[:, j])),
+        )
+        for j, (name, _) in enumerate(OUTPUTS)
+    )
+    return ModelSpec(
+        kind=kind,
+        probe=image.PROBE.decode(),
+        features_version=firmware_features.FEATURES_VERSION,
+        features=model.names,
+        centre=_floats(model.centre),
+        scale=_floats(model.scale),
+        clip_lo=_floats(model.clip_lo),
+        clip_hi=_floats(model.clip_hi),
+        terms=model.terms,
+        outputs=outputs,
+        interval=Interval(
+            widths.level,
+            widths.terms,
+            tuple(_floats(c) for c in widths.coefficients.T),
+            tuple((float(a), float(b)) for a, b in widths.quantiles),
+        ),
+        domain=Domain(
+            _floats(np.maximum(domain.lo, model.clip_lo)),
+            _floats(np.minimum(domain.hi, model.clip_hi)),
+            _floats(domain.centre),
+            tuple(_floats(row) for row in domain.precision),
+            domain.threshold,
+        ),
+        lump=(
+            Limit("asinh_amp", lo=math.asinh(100 * least_amp_share)),
+            Limit("ln_stdev", hi=math.log(WIDEST_STDEV_MM)),
+        ),
+        hard_below=HARD_BELOW,
+        force_range=force_range_N_per_m,
+        training=training,
+        force_map=force_map,
+        notes=notes or {},
+    ).validate()
+
+
+def shows_lump(
+    X: Floats, names: Sequence[str], least_amp_share: float = LEAST_AMP_SHARE
+) -> NDArray[np.bool_]:
+    """The lump rule: Amp over 1 % of Base, Stdev under 20 mm, on features X with these names."""
+    amp, stdev = (X[:, list(names).index(n)] for n in ("asinh_amp", "ln_stdev"))
+    return (amp >= math.asinh(100 * least_amp_share)) & (stdev <= math.log(WIDEST_STDEV_MM))
+
+
+def training_hash(*arrays: Floats) -> str:
+    """SHA-256 of the numbers that a model was fitted to."""
+    digest = hashlib.sha256()
+    for a in arrays:
+        digest.update(np.ascontiguousarray(a, dtype="<f8").tobytes())
+    return digest.hexdigest()
+
+
+def _floats(values: Floats) -> tuple[float, ...]:
+    return tuple(map(float, values))

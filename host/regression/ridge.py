@@ -1,0 +1,97 @@
+"""Log-polynomials by ridge regression whose strength is chosen by cross-validation over whole lumps.
+
+Strokes over one lump share its folds: a model judged on a lump that it has seen would look too good.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+
+import numpy as np
+from numpy.typing import NDArray
+
+from host.features import Floats
+
+Term = tuple[int, ...]
+
+DEGREE_PENALTY = (0.0, 1e-2, 1.0, 4.0)
+"""Relative ridge on terms of degree 0 to 3: what is curved must earn its place."""
+
+STRENGTHS = 10.0 ** np.arange(-8.0, -0.4, 0.5)
+FOLDS = 4
+
+
+def all_terms(features: int, degree: int) -> tuple[Term, ...]:
+    """Every monomial up to `degree`, as sorted tuples of feature numbers; () is the constant."""
+    return tuple(t for k in range(degree + 1) for t in combinations_with_replacement(range(features), k))
+
+
+def monomials(z: Floats, terms: Sequence[Term]) -> Floats:
+    """(n, terms): products of the columns of z (n, features)."""
+    out = np.empty((len(z), len(terms)))
+    made: dict[Term, int] = {}
+    for k, term in enumerate(terms):
+        if not term:
+            out[:, k] = 1.0
+        elif term[:-1] in made:
+            np.multiply(out[:, made[term[:-1]]], z[:, term[-1]], out=out[:, k])
+        else:
+            out[:, k] = z[:, list(term)].prod(axis=1)
+        made[term] = k
+    return out
+
+
+@dataclass(frozen=True)
+class RidgeFit:
+    """Coefficients (terms, outputs), the strength chosen for each output, and its cross-validated error.
+
+    `error` is the mean squared error over left-out lumps, one per output.
+    """
+
+    coefficients: Floats
+    strength: Floats
+    error: Floats
+
+
+def fit_ridge(
+    A: Floats,
+    Y: Floats,
+    degrees: Sequence[int],
+    groups: NDArray[np.int64],
+    strengths: Floats = STRENGTHS,
+) -> RidgeFit:
+    """Ridge regression of Y (n, outputs) on A (n, terms), one strength for each output.
+
+    Parameters
+    ----------
+    A, Y : arrays
+    degrees : sequence of int
+        Degree of each term, for its penalty.
+    groups : int array (n)
+        Which lump each row belongs to.
+    strengths : array
+        Candidates, relative to the number of rows.
+    """
+    n = len(A)
+    penalty = np.array([max(DEGREE_PENALTY[k], 1e-9) for k in degrees])
+    A = A / np.sqrt(penalty)
+    G, H = A.T @ A, A.T @ Y
+    error = np.zeros((len(strengths), Y.shape[1]))
+    # A lump's fold must not depend on the order of the rows.
+    fold = np.unique(groups, return_inverse=True)[1] % FOLDS
+    for k in range(FOLDS):
+        out = fold == k
+        a, y = A[out], Y[out]
+        values, vectors = np.linalg.eigh(G - a.T @ a)
+        values = np.maximum(values, 0)
+        weights, seen = vectors.T @ (H - a.T @ y), a @ vectors
+        for j, strength in enumerate(strengths):
+            left = y - seen @ (weights / (values + strength * n)[:, None])
+            error[j] += (left**2).sum(axis=0)
+    best = error.argmin(axis=0)
+    values, vectors = np.linalg.eigh(G)
+    values, weights = np.maximum(values, 0), vectors.T @ H
+    B = np.column_stack([vectors @ (weights[:, k] / (values + strengths[j] * n)) for k, j in enumerate(best)])
+    return RidgeFit(B / np.sqrt(penalty)[:, None], strengths[best], error[best, np.arange(Y.shape[1])] / n)

@@ -1,0 +1,115 @@
+"""Strokes as the probe sees them: quantised noisy frames through the firmware's own integer pipeline."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py import features as firmware_features
+from firmware_py import status
+from host.features import Floats
+from host.replay_core import Replay
+from sim.probe.sensors import LEVELS, Noise, SensorModel, StrokeField
+
+NAMES = firmware_features.NAMES
+
+
+@dataclass(frozen=True)
+class Seen:
+    """n strokes as features with their truth.
+
+    Attributes
+    ----------
+    X : (n, features)
+        Every feature of the firmware, by `firmware_features.NAMES`.
+    status : (n), int
+        What the pipeline said: OK, NO_FIT (no bump: features hold), TOO_SHORT (they do not).
+    Y : (n, 5)
+        True F (N/m, of the force that the hand kept), t, d (mm), h, E^-2/3.
+    lump : (n), bool
+    group : (n), int
+        Which lump: strokes of one lump share it.
+    """
+
+    X: Floats
+    status: NDArray[np.int64]
+    Y: Floats
+    lump: NDArray[np.bool_]
+    group: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    def take(self, rows: NDArray[Any]) -> Seen:
+        """Some of the strokes."""
+        return Seen(self.X[rows], self.status[rows], self.Y[rows], self.lump[rows], self.group[rows])
+
+    def columns(self, names: Sequence[str]) -> Floats:
+        """The named features, (n, names)."""
+        return self.X[:, [NAMES.index(name) for name in names]]
+
+    @property
+    def whole(self) -> NDArray[np.bool_]:
+        """Strokes whose features hold."""
+        return np.isin(self.status, (status.OK, status.NO_FIT))
+
+
+def join(parts: Sequence[Seen]) -> Seen:
+    """Several sets of strokes as one."""
+    return Seen(
+        *(np.concatenate([getattr(p, name) for p in parts]) for name in ("X", "status", "Y", "lump", "group"))
+    )
+
+
+def noise_named(noise: Noise | str) -> Noise:
+    """A noise level by its name; `ValueError` names those there are."""
+    if isinstance(noise, Noise):
+        return noise
+    if noise not in LEVELS:
+        raise ValueError(f"there is no noise level {noise!r}; there are {', '.join(LEVELS)}")
+    return LEVELS[noise]
+
+
+def look(
+    fields: Sequence[StrokeField],
+    noise: Noise | str,
+    seed: int,
+    groups: Sequence[int] | None = None,
+    force_map: bytes | None = None,
+    n_frames: int = 50,
+    **sensor: Any,
+) -> Seen:
+    """One stroke of a probe of its own over each field; the same seed gives the same strokes.
+
+    Parameters
+    ----------
+    fields : one for each stroke
+    noise : Noise or name
+    seed : int
+    groups : which lump each field is; by default its place in `fields`
+    force_map : blob of `model_export.force_map`, or None
+    n_frames : int
+    **sensor : further words of `SensorModel`
+    """
+    noise = noise_named(noise)
+    replay = Replay(force_map)
+    X = np.empty((len(fields), len(NAMES)))
+    codes = np.empty(len(fields), int)
+    Y = np.empty((len(fields), 5))
+    lump = np.empty(len(fields), bool)
+    for k, field in enumerate(fields):
+        model = SensorModel(field, noise, _seed_of(seed, k), **sensor)
+        stream = model.stroke(n_frames)
+        codes[k] = replay.stream(stream, model.calibration())
+        X[k] = replay.features()
+        Y[k], lump[k] = list(stream.truth.outputs().values()), stream.truth.lump
+    group = np.arange(len(fields)) if groups is None else np.asarray(groups, int)
+    return Seen(X, codes, Y, lump, group)
+
+
+def _seed_of(seed: int, k: int) -> int:
+    return int(np.random.SeedSequence([seed, k]).generate_state(1, np.uint64)[0] >> 1)
