@@ -91,9 +91,7 @@ class Estimator:
             values = out[:_VALUES]
         level = out[evaluator.LEVEL] if values else 0
         distance = min(out[evaluator.DISTANCE], 0xFFFF) if values else 0
-        results.put(
-            result, 2, (result.stroke, code, flags, level, distance, self.model_id()) + place, values
-        )
+        results.put(result, 2, (result.stroke, code, flags, level, distance, self.model_id()) + place, values)
 
     # ---- commands
 
@@ -121,7 +119,10 @@ class Estimator:
         return None
 
     def measure(self, counts):
-        """Take a frame for the calibration that is under way; the command's answer when it is done, or None."""
+        """Take a frame for the calibration that is under way.
+
+        The command's answer when it is done, or None.
+        """
         c = self._calibrator
         if not c.take(counts):
             return None

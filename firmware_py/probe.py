@@ -20,7 +20,13 @@ from firmware_py import (
 
 FIRMWARE = b"\x00\x01\x00"  # major, minor, patch
 _CHUNK = 64  # bytes taken from the link at a time
+_IDLE_US = 50000  # longest wait between two looks at what is due
+_BUSY_US = 1000  # the same while the link has not taken everything
 _MASK = counters.MASK
+
+
+def _not_supported(_fields):
+    return status.NOT_SUPPORTED, (), b""
 
 
 class Probe:
@@ -66,15 +72,12 @@ class Probe:
     # ---- the loop
 
     def step(self):
-        """Do what is due: listen, acquire, send.
-
-        Returns the microseconds until a frame is due (at most 1000).
-        """
+        """Do what is due: listen, acquire, send; return for how many microseconds nothing will be."""
         board = self.board
         now_us = board.ticks_us()
         self._uptime(now_us)
         self._listen()
-        wait_us = 1000
+        wait_us = _IDLE_US
         if self._content or self._measuring:
             wait_us = self.acquire.wait_us(now_us)
             if wait_us <= 0:
@@ -82,7 +85,9 @@ class Probe:
                 wait_us = 0
         self.results.step(now_us)
         self.box.pump(board)
-        return wait_us if wait_us < 1000 else 1000
+        if wait_us > _BUSY_US and not self.box.idle():
+            return _BUSY_US
+        return wait_us if wait_us < _IDLE_US else _IDLE_US
 
     def _uptime(self, now_us):
         self._ms_rest_us += counters.elapsed(now_us, self._last_us)
@@ -214,6 +219,8 @@ class Probe:
             "stroke_ack": self._stroke_ack,
         }
         table = {}
+        for command in messages.COMMANDS:
+            table[command[0]] = _not_supported  # what this build leaves out
         for name in names:
             table[messages.TYPE[name]] = names[name]
         if self.estimator:

@@ -18,13 +18,7 @@ _EDGE_FIRST = (
 _EDGE_ROWS = 3
 _EDGE_UM = 6750  # from the probe's centre to the middle one of these rows
 _RISE = 33  # share of an edge's pressure, over 1024: rise that tells a lump, about 3 %
-NO_EVENTS = 0
-
-
-def bit(state):
-    """The bit of a messages.STATE_... in what `update` returns."""
-    return 1 << state
-
+_SPEED_MS = 100  # the encoder's noise would drown a speed taken from frame to frame
 
 _LIFTED = 1 << messages.STATE_LIFTED
 _CONTACT = 1 << messages.STATE_CONTACT
@@ -143,6 +137,9 @@ class StrokeState:
                 self._contact_um = position_um
                 self._moved_um = position_um
                 self._moved_us = time_us
+                self._last_um = position_um
+                self._last_us = time_us
+                self.speed_um_per_s = 0
                 self._told = 0
                 events = _CONTACT
         elif pressure < threshold - (threshold >> 2):
@@ -152,20 +149,21 @@ class StrokeState:
             self.state = IDLE
         else:
             events = self._in_contact(position_um, time_us)
-        self._last_um = position_um
-        self._last_us = time_us
         return events
 
     def _in_contact(self, position_um, time_us):
         values = self.values
         events = 0
         ms = counters.elapsed(time_us, self._last_us) // 1000
-        step = position_um - self._last_um
-        if step < 0:
-            step = -step
-        if step > 1000000:
-            step = 1000000
-        self.speed_um_per_s = step * 1000 // ms if ms > 0 else 0
+        if ms >= _SPEED_MS:
+            step = position_um - self._last_um
+            if step < 0:
+                step = -step
+            if step > 1000000:
+                step = 1000000
+            self.speed_um_per_s = step * 1000 // ms
+            self._last_um = position_um
+            self._last_us = time_us
         if self.state == CONTACT:
             travel = position_um - self._contact_um
             if travel >= values[settings.STROKE_START] or -travel >= values[settings.STROKE_START]:

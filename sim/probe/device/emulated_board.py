@@ -7,21 +7,7 @@ try:
 except ImportError:
     from sim.probe.device import hostport
 
-try:
-    from firmware_py import record
-except ImportError:
-
-    class record:
-        class Record:
-            def __init__(self, *a):
-                pass
-
-            def load(self):
-                return None
-
-            def save(self, d):
-                return 0
-
+from firmware_py import estimator, flash, record
 
 if sys.implementation.name == "micropython":
     from uctypes import addressof
@@ -31,6 +17,8 @@ else:
         """CPython's hostport takes the buffer itself."""
         return buffer
 
+
+KEY_BYTES = 64  # no public key is longer
 
 _read = hostport.read
 _write = hostport.write
@@ -43,21 +31,29 @@ class HostStore:
     def size(self, name):
         return hostport.store_size(name)
 
-    def read(self, name, offset, buffer):
-        return hostport.store_read(name, offset, addressof(buffer), len(buffer))
+    def read(self, name, offset, n):
+        buffer = bytearray(n)
+        got = hostport.store_read(name, offset, addressof(buffer), n)
+        return bytes(buffer[:got])
 
-    def write(self, name, offset, data):
-        return hostport.store_write(name, offset, addressof(data), len(data))
+    def create(self, name, data=b""):
+        hostport.store_remove(name)
+        return hostport.store_write(name, 0, addressof(data), len(data))
 
-    def sync(self):
-        return hostport.store_sync()
+    def append(self, name, data):
+        return hostport.store_write(name, max(self.size(name), 0), addressof(data), len(data))
 
     def remove(self, name):
-        return hostport.store_remove(name)
+        hostport.store_remove(name)
+
+    def sync(self):
+        hostport.store_sync()
 
 
 def estimator_of(board):
-    return None
+    """The part that makes estimates; it can be flashed if the emulator was given a public key."""
+    key = bytes([hostport.key_byte(i) for i in range(KEY_BYTES) if hostport.key_byte(i) >= 0])
+    return estimator.Estimator(board.store, flash.Flash(board.store, key) if key else None)
 
 
 class EmulatedBoard:
