@@ -8,6 +8,10 @@ _VALUES = 3 * evaluator.OUTPUTS
 _FIRST_MM = -(pipeline.HALF_UM // 1000)
 
 
+def _never():
+    return False
+
+
 class Estimator:
     """What the probe knows: its calibration and its models.
 
@@ -28,7 +32,7 @@ class Estimator:
         self._force_map = None
         self._out = array("i", bytes(4 * evaluator.OUT_SIZE))
         self._calibrator = None
-        self._probe = None
+        self._begin_measuring = _never
         if flash:
             self.take_model()
 
@@ -95,9 +99,12 @@ class Estimator:
 
     # ---- commands
 
-    def add_handlers(self, table, probe):
-        """Add this part's commands to the probe's table."""
-        self._probe = probe
+    def add_handlers(self, table, begin_measuring):
+        """Add this part's commands to the probe's table.
+
+        begin_measuring: starts the frames for `measure`; returns False if that cannot be now.
+        """
+        self._begin_measuring = begin_measuring
         table[messages.TYPE["calibrate"]] = self._calibrate
         table[messages.TYPE["read_back"]] = self._read_back
         if self.flash:
@@ -111,7 +118,7 @@ class Estimator:
             return self._keep(calib.Calibration(), kind, 0, 0)
         if not frames:
             return status.BAD_VALUE, (), b""
-        if not self._probe.begin_measuring():
+        if not self._begin_measuring():
             return status.BUSY, (), b""
         fresh = calib.Calibration()
         fresh.load(self.calibration.to_bytes())
@@ -124,7 +131,7 @@ class Estimator:
         The command's answer when it is done, or None.
         """
         c = self._calibrator
-        if not c.take(counts):
+        if c is None or not c.take(counts):
             return None
         self._calibrator = None
         code = c.finish()

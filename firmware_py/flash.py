@@ -12,7 +12,6 @@ class Flash:
     def __init__(self, store, key):
         self.slots = slots.Slots(store, key, features.FEATURES_VERSION, features.COUNT)
         self.status = self.slots.boot()
-        self._take_model = None
 
     def live(self):
         """The live model or None, and OK or why there is none."""
@@ -28,11 +27,17 @@ class Flash:
 
     def add_handlers(self, table, take_model):
         """Add the commands to the probe's table; `take_model` is called when another model went live."""
-        self._take_model = take_model
+
+        def confirm(_fields):
+            code = self.slots.confirm()
+            if code == status.OK:
+                take_model()
+            return code, (self.slots.live_id(),), b""
+
         table[messages.TYPE["flash_begin"]] = self._begin
         table[messages.TYPE["flash_data"]] = self._data
         table[messages.TYPE["flash_verify"]] = self._verify
-        table[messages.TYPE["flash_confirm"]] = self._confirm
+        table[messages.TYPE["flash_confirm"]] = confirm
         table[messages.TYPE["flash_abort"]] = self._abort
 
     def _begin(self, fields):
@@ -48,15 +53,10 @@ class Flash:
         code = self.slots.verify()
         if code == status.OK:
             code = self.slots.try_()
-        if code != status.OK:
+        trial = self.slots.trial
+        if code != status.OK or trial is None:
             return code, (), b""
-        return code, (self.slots.trial.model_id,), b""
-
-    def _confirm(self, _fields):
-        code = self.slots.confirm()
-        if code == status.OK:
-            self._take_model()
-        return code, (self.slots.live_id(),), b""
+        return code, (trial.model_id,), b""
 
     def _abort(self, _fields):
         return self.slots.abort(), (self.slots.live_id(),), b""

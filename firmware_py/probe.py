@@ -139,7 +139,10 @@ class Probe:
                 self._tell(events, seq)
 
     def begin_measuring(self):
-        """Acquire frames for `estimator.measure` (a calibration); False while a stream runs or it is at it."""
+        """Acquire frames for `estimator.measure` (a calibration).
+
+        False while a stream runs or it is at it.
+        """
         if self._content or self._measuring:
             return False
         self._measuring = True
