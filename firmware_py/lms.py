@@ -7,7 +7,9 @@ in pieces, so an image never has to fit into memory.
 from firmware_py import status
 
 try:
-    from hashlib import sha256
+    import hashlib
+
+    sha256 = getattr(hashlib, "sha256", None)
 except ImportError:  # a board without SHA-256: a build that cannot take models over the wire
     sha256 = None
 

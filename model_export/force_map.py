@@ -169,11 +169,11 @@ def blob(force_map: ForceMap | dict[str, Any], count_mpa: int = DEFAULT_COUNT_MP
     m = force_map if isinstance(force_map, ForceMap) else ForceMap.from_dict(force_map)
     flat = np.concatenate([m.even.ravel(), m.odd.ravel()])
     shift = 14
-    while shift >= 6 and np.abs(np.rint(flat * 2.0**shift)).max() > 32767:
+    while shift >= 12 and np.abs(np.rint(flat * 2.0**shift)).max() > 32767:
         shift -= 1
-    if shift < 6:
+    if shift < 12:
         raise ValueError(
-            f"a coefficient of the force map is {np.abs(flat).max():.3g}: more than 511 cannot be packed"
+            f"a coefficient of the force map is {np.abs(flat).max():.3g}: 8 and more cannot be packed"
         )
     ln_F = m.ln_F + np.log(1e6 / count_mpa * Q5_PER_COUNT)
     ln_D = m.ln_D + np.log(DEPTH_UNITS_PER_MM)

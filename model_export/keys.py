@@ -11,87 +11,24 @@ A key directory holds
 Before a signature leaves, the journal and then the state are on disk (fsync of file and directory).
 A directory that was copied back from a backup holds a state, or a journal, older than a leaf already
 used; the two are checked against each other, and against a third record outside the directory, in
-the user's own state directory. Using a leaf twice would let anyone forge signatures, so when in doubt
-the key is refused and a new one must be made.
+the user's own state directory, without which a key that has signed must be adopted. Using a leaf twice
+would let anyone forge signatures, so when in doubt the key is refused and a new one must be made.
 """
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import os
 import secrets
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from firmware_py import lms, status
+from model_export import key_files as files
 from model_export import lms_sign
 from model_export.errors import SigningError
-
-
-def witness_directory() -> Path:
-    """Where the third record lives: $PALPATE_STATE, or palpate/ in the user's state directory."""
-    own = os.environ.get("PALPATE_STATE")
-    if own:
-        return Path(own)
-    base = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
-    return Path(base or Path.home() / ".local" / "state") / "palpate"
-
-
-def _write(path: Path, data: bytes, mode: int = 0o644) -> None:
-    """Replace a file so that a cut leaves the old or the new one, and return once it is on disk."""
-    temporary = path.with_name(path.name + ".new")
-    handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, mode)
-    with os.fdopen(handle, "wb") as out:
-        out.write(data)
-        out.flush()
-        os.fsync(out.fileno())
-    os.replace(temporary, path)
-    _sync_directory(path.parent)
-
-
-def _append(path: Path, line: str) -> None:
-    with path.open("a", encoding="ascii") as out:
-        out.write(line + "\n")
-        out.flush()
-        os.fsync(out.fileno())
-    _sync_directory(path.parent)
-
-
-def _sync_directory(path: Path) -> None:
-    if os.name == "nt":
-        return
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
-@contextlib.contextmanager
-def _locked(directory: Path) -> Iterator[None]:
-    """Only one program signs with a key at a time; the lock goes with the process that holds it."""
-    lock = (directory / "lock").open("a+")
-    try:
-        try:
-            if os.name == "nt":
-                import msvcrt
-
-                msvcrt.locking(lock.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
-            else:
-                import fcntl
-
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise SigningError(
-                f"another program is signing with the key in {directory}; wait for it"
-            ) from None
-        yield
-    finally:
-        lock.close()
 
 
 def generate(
@@ -110,7 +47,7 @@ def generate(
     height : int
         5, 10 or 15: the key signs 32, 1024 or 32768 images.
     width : int
-        4 or 8 bits a digit: signatures of 2508 or 1452 bytes (height 10); 8 takes longer to make and to verify.
+        4 or 8 bits a digit: signatures of 2508 or 1452 bytes (height 10); 8 takes longer to verify.
     progress : callable, optional
         Called with the leaves done and all leaves.
     secret : Secret, optional
@@ -145,26 +82,16 @@ def generate(
             "width": secret.width,
         }
         word = secrets.token_hex(16)
-        _write(path / "tree.bin", b"".join(leaves))
-        _write(path / "public.key", public)
-        _write(path / "journal", b"")
-        _write(path / "state.json", _state(0, word))
-        _witness(secret.ident, 0, word)
+        files.write(path / "tree.bin", b"".join(leaves))
+        files.write(path / "public.key", public)
+        files.write(path / "journal", b"")
+        files.write(path / "state.json", files.state(0, word))
+        files.write_witness(secret.ident, 0, word)
         # last, so that a directory without it is no key
-        _write(path / "secret.json", json.dumps(content, indent=1).encode() + b"\n", 0o600)
+        files.write(path / "secret.json", json.dumps(content, indent=1).encode() + b"\n", 0o600)
     except OSError as error:
         raise SigningError(f"the key cannot be written to {path}: {error.strerror or error}") from None
     return public
-
-
-def _state(following: int, word: str) -> bytes:
-    return json.dumps({"next": following, "word": word}).encode() + b"\n"
-
-
-def _witness(ident: bytes, following: int, word: str) -> None:
-    directory = witness_directory()
-    directory.mkdir(parents=True, exist_ok=True)
-    _write(directory / f"{ident.hex()}.json", _state(following, word))
 
 
 @dataclass(frozen=True)
@@ -182,7 +109,7 @@ class Key:
         return 1 << self.secret.height
 
 
-def load(directory: str | os.PathLike[str]) -> Key:
+def load(directory: str | os.PathLike[str], adopt: bool = False) -> Key:
     """Read a key directory; SigningError if it is missing, damaged or copied back."""
     path = Path(directory)
     try:
@@ -201,32 +128,33 @@ def load(directory: str | os.PathLike[str]) -> Key:
         raise SigningError(
             f"the signing key in {path} is damaged; make a new one with `palpate keygen`"
         ) from None
-    return Key(path, secret, public, _used(path, secret))
+    return Key(path, secret, public, _used(path, secret, adopt))
 
 
-def _read_state(path: Path) -> tuple[int, str]:
-    data: Any = json.loads(path.read_text())
-    following, word = data["next"], data["word"]
-    if type(following) is not int or following < 0 or not isinstance(word, str):
-        raise ValueError
-    return following, word
+def _journal(path: Path) -> str:
+    """The journal; a last line that a power cut tore counts as a leaf used, and is made whole."""
+    text = (path / "journal").read_text(encoding="ascii")
+    if text and not text.endswith("\n"):
+        lines = text.split("\n")
+        text = "".join(line + "\n" for line in lines[:-1]) + f"{len(lines) - 1} torn torn\n"
+    return text
 
 
-def _used(path: Path, secret: lms_sign.Secret) -> int:
+def _used(path: Path, secret: lms_sign.Secret, adopt: bool) -> int:
     """Leaves used; refuses a directory whose records do not agree with each other and with the witness."""
     stale = SigningError(
         f"the key in {path} was copied back: a newer state of it has already signed, and signing again would "
         "give the key away; make a new one with `palpate keygen`"
     )
     try:
-        following, word = _read_state(path / "state.json")
-        lines = (path / "journal").read_text(encoding="ascii").splitlines()
-        entries = [line.split() for line in lines]
+        following, word = files.read_state(path / "state.json")
+        entries = [line.split() for line in _journal(path).splitlines()]
         if any(len(e) != 3 or int(e[0]) != k for k, e in enumerate(entries)):
             raise ValueError
     except (OSError, ValueError, KeyError, TypeError):
         raise SigningError(
-            f"the signing state in {path} is damaged, so its next leaf is not known; make a new key with `palpate keygen`"
+            f"the signing state in {path} is damaged, so its next leaf is not known; "
+            "make a new key with `palpate keygen`"
         ) from None
     # a cut between journal and state leaves the journal one ahead; that leaf counts as used
     if not following <= len(entries) <= following + 1:
@@ -235,19 +163,27 @@ def _used(path: Path, secret: lms_sign.Secret) -> int:
         raise stale
     used = len(entries)
     try:
-        seen, seen_word = _read_state(witness_directory() / f"{secret.ident.hex()}.json")
+        seen, seen_word = files.read_state(files.witness_file(secret.ident))
     except FileNotFoundError:
-        return used  # a machine that has not signed with this key before
+        if used and not adopt:
+            raise SigningError(
+                f"this machine has no record of the key in {path}, which has signed {used} times "
+                "elsewhere; if this is its only copy adopt it once (`--adopt`), otherwise make a new one"
+            ) from None
+        return used
     except (OSError, ValueError, KeyError, TypeError):
         raise SigningError(
-            f"the record of this key in {witness_directory()} is damaged; make a new key with `palpate keygen`"
+            f"the record of this key in {files.witness_directory()} is damaged; make a new key with "
+            "`palpate keygen`"
         ) from None
     if seen > used or (seen and entries[seen - 1][1] != seen_word):
         raise stale
     return used
 
 
-def sign(directory: str | os.PathLike[str], make: Callable[[int], bytes]) -> tuple[bytes, Key]:
+def sign(
+    directory: str | os.PathLike[str], make: Callable[[int], bytes], adopt: bool = False
+) -> tuple[bytes, Key]:
     """Use one leaf: sign `make(leaf number)` and return message with signature, and the key.
 
     The leaf is on disk as used before it signs; a failure after that wastes it, which does no harm.
@@ -259,10 +195,10 @@ def sign(directory: str | os.PathLike[str], make: Callable[[int], bytes]) -> tup
     """
     path = Path(directory)
     if not (path / "secret.json").is_file():
-        load(path)
+        load(path)  # says that there is none
     try:
-        with _locked(path):
-            key = load(path)
+        with files.locked(path):
+            key = load(path, adopt)
             if key.used >= key.count:
                 raise SigningError(
                     f"the key in {path} is exhausted: all of its {key.count} signatures are used; "
@@ -270,9 +206,12 @@ def sign(directory: str | os.PathLike[str], make: Callable[[int], bytes]) -> tup
                 )
             message = make(key.used)
             word = secrets.token_hex(16)
-            _append(path / "journal", f"{key.used} {word} {hashlib.sha256(message).hexdigest()}")
-            _write(path / "state.json", _state(key.used + 1, word))
-            _witness(key.secret.ident, key.used + 1, word)
+            whole = _journal(path)
+            if whole != (path / "journal").read_text(encoding="ascii"):
+                files.write(path / "journal", whole.encode("ascii"))
+            files.append(path / "journal", f"{key.used} {word} {hashlib.sha256(message).hexdigest()}")
+            files.write(path / "state.json", files.state(key.used + 1, word))
+            files.write_witness(key.secret.ident, key.used + 1, word)
             signature = lms_sign.sign(key.secret, _nodes(key), key.used, message, secrets.token_bytes(32))
     except OSError as error:
         raise SigningError(

@@ -1,0 +1,173 @@
+"""From a model to a signed image: compile, prove, measure, build, sign."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from firmware_py import lms
+from model_export import accuracy, bounds, compiler, image, keys, sampling
+from model_export.errors import ModelError
+from model_export.force_map import blob as pack_force_map
+from model_export.schema import ModelSpec
+
+SELF_TESTS = 3
+
+
+@dataclass(frozen=True)
+class Report:
+    """What `palpate export` prints.
+
+    Attributes
+    ----------
+    model_id : str
+        Hex.
+    size, signature_size : int
+        Bytes of the image, and of the signature in it.
+    counter, replaces : int
+        Security counter; for a rollback the highest counter it may replace, else 0.
+    errors : accuracy.Errors
+        Against float64, over `over`.
+    over : str
+        "the training set" or "random vectors of the domain".
+    proof : bounds.Proof
+    signatures_left : int
+    """
+
+    model_id: str
+    size: int
+    signature_size: int
+    counter: int
+    replaces: int
+    errors: accuracy.Errors
+    over: str
+    proof: bounds.Proof
+    signatures_left: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return asdict(self) | {"headroom_bits": self.proof.headroom_bits}
+
+    def lines(self) -> list[str]:
+        """For people."""
+        worst = max(self.errors.worst, key=lambda name: self.errors.worst[name])
+        return [
+            f"model {self.model_id}: {self.size} bytes signed ({self.signature_size} of them signature), "
+            f"security counter {self.counter}"
+            + (f", rollback of up to {self.replaces}" if self.replaces else ""),
+            f"worst error against float64 over {self.over} (n = {self.errors.n}): "
+            f"{self.errors.worst[worst]:.1e} in {worst}; "
+            f"medians at most {max(self.errors.median.values()):.1e}",
+            str(self.proof),
+            f"{self.signatures_left} signatures left in the key",
+        ]
+
+
+def prepare(spec: ModelSpec) -> tuple[Any, bounds.Proof, bytes | None]:
+    """Tables, proof and force map's blob of a model; ModelError or ProofError if it cannot be one."""
+    tables = compiler.compile_model(spec)
+    proof = bounds.prove(tables)
+    blob = None
+    if spec.force_map is not None:
+        try:
+            blob = pack_force_map(spec.force_map)
+        except (ValueError, KeyError, TypeError) as error:
+            raise ModelError(f"the model's force map cannot be packed: {error}") from None
+    return tables, proof, blob
+
+
+def training_features(spec: ModelSpec) -> np.ndarray | None:
+    """Feature vectors of the training set, if the model brings them (training["features"], n x features)."""
+    rows = spec.training.get("features")
+    if not rows:
+        return None
+    try:
+        table = np.array(rows, float)
+    except ValueError:
+        table = np.zeros(0)
+    if table.ndim != 2 or table.shape[1] != len(spec.features):
+        raise ModelError('training["features"] must have a row of all features for each stroke')
+    limit = 2.0**5 - 2.0**-23
+    return np.clip(table, -limit, limit)
+
+
+def self_test_vectors(spec: ModelSpec) -> list[list[int]]:
+    """Inputs of the self-test: vectors of the domain that pass the lump rule, its extra features included."""
+    extra: dict[str, int] = {}
+    inside = sampling.in_domain(spec, 400, seed=7)
+    passes = np.ones(len(inside), bool)
+    for limit in spec.lump:
+        lo = -31.0 if limit.lo is None else limit.lo
+        hi = 31.0 if limit.hi is None else limit.hi
+        if limit.feature in spec.features:
+            column = inside[:, spec.features.index(limit.feature)]
+            passes &= (column > lo) & (column < hi)
+        else:
+            extra[limit.feature] = round((lo + hi) / 2 * compiler.Q24)
+    if passes.sum() < SELF_TESTS:
+        raise ModelError("the model's lump rule and its domain leave nothing in common")
+    rows = np.round(inside[passes][:SELF_TESTS] * compiler.Q24).astype(int).tolist()
+    return [row + list(extra.values()) for row in rows]
+
+
+def export(
+    spec: ModelSpec,
+    key_dir: str | os.PathLike[str],
+    counter: int | None = None,
+    rollback: bool = False,
+    features: np.ndarray | None = None,
+    adopt: bool = False,
+) -> tuple[bytes, Report]:
+    """Signed image of a model, and a report.
+
+    Parameters
+    ----------
+    spec : ModelSpec
+    key_dir : path
+        Directory made by `keys.generate`.
+    counter : int, optional
+        Security counter; by default how many images this key has signed, so that a later one is newer.
+    rollback : bool
+        Sign the image as one that may replace any that this key has signed so far.
+    features : array, optional
+        Feature vectors (n x features) for the error report; by default the training set's, if the model
+        brings them, else 2000 random vectors of the domain.
+    adopt : bool
+        Take over a key that has signed on another machine (see `keys`).
+
+    Raises
+    ------
+    ModelError, ProofError, SigningError
+        Before anything is signed, except where signing itself fails.
+    """
+    tables, proof, blob = prepare(spec)
+    over = "the training set"
+    if features is None:
+        features = training_features(spec)
+    if features is None:
+        features = sampling.in_domain(spec, 2000)
+        over = "random vectors of the domain"
+    errors = accuracy.measure(spec, tables, features)
+    vectors = self_test_vectors(spec)
+
+    def make(leaf: int) -> bytes:
+        own = leaf + 1 if counter is None else counter
+        return image.build(spec, tables, blob, vectors, own, max(leaf + 1, own) if rollback else 0)
+
+    signed, key = keys.sign(key_dir, make, adopt)
+    info = image.inspect(signed, key.public, spec.probe)
+    report = Report(
+        info.model_id,
+        len(signed),
+        lms.signature_size(key.public),
+        info.counter,
+        info.replaces,
+        errors,
+        over,
+        proof,
+        key.count - key.used,
+    )
+    return signed, report
