@@ -85,17 +85,15 @@ class Estimator:
         )
         results.put(result, 1, (result.stroke, code, features.FEATURES_VERSION), p.features)
         out = self._out
-        values = b""
-        flags = messages.FLAG_INVALID
+        head = (messages.FLAG_INVALID, 0, 0)
+        values = out[:0]
         if self.model is None:
             code = self.model_status
         elif code == status.OK or code == status.NO_FIT:
             code = self.model.evaluate(p.features, out)
-            flags = out[evaluator.FLAGS]
+            head = (out[evaluator.FLAGS], out[evaluator.LEVEL], min(out[evaluator.DISTANCE], 0xFFFF))
             values = out[:_VALUES]
-        level = out[evaluator.LEVEL] if values else 0
-        distance = min(out[evaluator.DISTANCE], 0xFFFF) if values else 0
-        results.put(result, 2, (result.stroke, code, flags, level, distance, self.model_id()) + place, values)
+        results.put(result, 2, (result.stroke, code) + head + (self.model_id(),) + place, values)
 
     # ---- commands
 

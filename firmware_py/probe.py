@@ -54,6 +54,8 @@ class Probe:
         self.results = results.Results(self.counts, self.box, values, settings.RESEND_RESULTS)
         self.commands = commands.Commands(self.counts, self.box, self._handlers())
         self._input = bytearray(_CHUNK)
+        self._input_at = 0
+        self._input_end = 0
         self._event = bytearray(outbox.MESSAGE_BODY)
         self._event_seq = 0
         self._stroke = 0
@@ -96,22 +98,21 @@ class Probe:
         self._ms_rest_us %= 1000
 
     def _listen(self):
+        """Take commands one by one, as long as there is room for an answer; the rest waits in the link."""
         data = self._input
         receiver = self.receiver
-        # an answer must find room: what cannot be answered yet stays in the board's buffer
         while self.box.room() > 1:
-            n = self.board.read(data)
-            if n <= 0:
-                return
-            counters.add(self.counts, counters.BYTES_RECEIVED, n)
-            at = 0
-            while at < n:
-                at = receiver.feed(data, at, n)
-                if receiver.length:
-                    self._received_us = self.board.ticks_us()
-                    self.commands.take(receiver.packet, receiver.length)
-            if n < len(data):
-                return
+            if self._input_at >= self._input_end:
+                n = self.board.read(data)
+                if n <= 0:
+                    return
+                counters.add(self.counts, counters.BYTES_RECEIVED, n)
+                self._input_at = 0
+                self._input_end = n
+            self._input_at = receiver.feed(data, self._input_at, self._input_end)
+            if receiver.length:
+                self._received_us = self.board.ticks_us()
+                self.commands.take(receiver.packet, receiver.length)
 
     def _frame(self, now_us):
         """Acquire one frame, watch it, queue it. Allocates nothing unless something happens."""
@@ -227,7 +228,7 @@ class Probe:
         for name in names:
             table[messages.TYPE[name]] = names[name]
         if self.estimator:
-            self.estimator.add_handlers(table, self)
+            self.estimator.add_handlers(table, self.begin_measuring)
         return table
 
     def _identify(self, fields):
