@@ -21,7 +21,7 @@ CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("sweep", "host.cli.sweep", "many strokes, on all cores or a cluster; goes on where it stopped"),
     ),
     "Model": (),
-    "Probe": (),
+    "Probe": (("view", "host.cli.view", "watch a probe, or a recording, in the browser"),),
     "Recordings": (),
     "This machine": (),
 }

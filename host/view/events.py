@@ -120,6 +120,7 @@ class Estimate:
     invalid: bool = False
     level: float = 0.9
     model_id: str = ""
+    no_model: bool = False
     status_text: str = ""
 
 

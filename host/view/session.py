@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from host.view.assemble import Assembler
 from host.view.events import (
     Device,
     Estimate,
@@ -73,9 +74,7 @@ class Session:
         self.playback: Playback | None = None
         self.recording: dict[str, Any] | None = None
         self._mailboxes: set[Mailbox] = set()
-        self._frame: Frame | None = None
-        self._stroke: Stroke | None = None
-        self._waiting: Stroke | None = None
+        self._assembler = Assembler(self._new_stroke)
         self._progress_at = 0.0
 
     # ---- pages
@@ -104,7 +103,7 @@ class Session:
                 "state": asdict(self.state),
                 "recording": self.recording,
                 "playback": None if self.playback is None else asdict(self.playback),
-                "running": None if self._stroke is None else self._stroke.progress(),
+                "running": None if self._assembler.running is None else self._assembler.running.progress(),
                 **self.visits.snapshot(),
             }
 
@@ -126,21 +125,26 @@ class Session:
             self.recording = recording
         self.tell({"type": "recording", "recording": recording})
 
+    def _new_stroke(self, started_s: float) -> Stroke:
+        if self.mode == "replay" and (known := self.visits.at(started_s)) is not None:
+            return Stroke(number=known.number, visit=known.visit, started_s=started_s)
+        return self.visits.new_stroke(started_s)
+
     # ---- events from the source
 
-    def on_event(self, event: Event) -> None:
-        """Take one event; called in the source's thread."""
+    def on_event(self, event: Event | Stroke) -> None:
+        """Take one event, or a stroke that a source has read ahead; called in the source's thread."""
         with self.lock:
             match event:
                 case Frame():
                     self._on_frame(event)
                 case StrokeState():
                     self._on_state(event)
-                case ProbeMap():
-                    if (stroke := self._stroke or self._waiting) is not None:
-                        stroke.probe_map = event
-                case Estimate():
-                    self._on_estimate(event)
+                case ProbeMap() | Estimate():
+                    if (finished := self._assembler.feed(event)) is not None:
+                        self._finish(finished)
+                case Stroke():
+                    self._read_ahead(event)
                 case Health():
                     self.health = event
                     self.tell_slot("health", {"type": "health", "health": asdict(event)})
@@ -155,50 +159,44 @@ class Session:
     def restart_stroke(self) -> None:
         """Forget a half-seen stroke: somebody moved along the recording."""
         with self.lock:
-            self._stroke = self._waiting = None
+            self._assembler.give_up()
             self.tell_slot("progress", {"type": "progress", "number": None})
 
     def _on_frame(self, frame: Frame) -> None:
-        self._frame = frame
-        if self._mailboxes:
-            self.tell_slot("frame", pack_frame(frame))
-        if self._stroke is None:
+        self._assembler.feed(frame)
+        if not self._mailboxes:
             return
-        self._stroke.add(frame)
+        self.tell_slot("frame", pack_frame(frame))
         now = time.monotonic()
-        if self._mailboxes and now - self._progress_at >= PROGRESS_INTERVAL_S:
-            self.tell_slot("progress", self._stroke.progress())
-            self._progress_at = time.monotonic()
+        if self._assembler.running is not None and now - self._progress_at >= PROGRESS_INTERVAL_S:
+            self._tell_progress(self._assembler.running)
 
     def _on_state(self, state: StrokeState) -> None:
-        if state.stroke and self._stroke is None:
-            if self._waiting is not None:
-                self._finish(self._waiting)
-            self._stroke = self.visits.new_stroke(state.time_s)
-        elif not state.stroke and self._stroke is not None:
-            self._waiting, self._stroke = self._stroke, None
-            self.tell_slot("progress", self._waiting.progress())
-        if (stroke := self._stroke) is not None:
-            stroke.force_low |= state.force_low
-            stroke.force_high |= state.force_high
-            stroke.too_fast |= state.too_fast
+        if (finished := self._assembler.feed(state)) is not None:
+            self._finish(finished)
+        if not state.stroke and self.state.stroke and self._assembler.waiting is not None:
+            self._tell_progress(self._assembler.waiting)
         if state != self.state:
             self.state = state
             self.tell_slot("state", {"type": "state", "state": asdict(state)})
 
-    def _on_estimate(self, estimate: Estimate) -> None:
-        stroke = self._stroke or self._waiting
-        if stroke is None:
-            stroke = self.visits.new_stroke(estimate.time_s)
-        stroke.estimate = estimate
-        if self._stroke is not None:
-            self._waiting, self._stroke = self._stroke, None
-        self._finish(stroke)
+    def _tell_progress(self, stroke: Stroke) -> None:
+        if self._mailboxes:
+            self.tell_slot("progress", stroke.progress())
+        self._progress_at = time.monotonic()
 
     def _finish(self, stroke: Stroke) -> None:
-        self._waiting = None
-        self.visits.add(stroke)
+        """A stroke is over: live, it goes into the history; replayed, it is there already."""
+        if self.mode == "replay":
+            known = self.visits.at(stroke.started_s)
+            stroke = stroke if known is None else known
+        else:
+            self.visits.add(stroke)
+            self.tell({"type": "visits", **self.visits.snapshot()})
         self.tell({**stroke.detail(images=False), "fresh": True})
+
+    def _read_ahead(self, stroke: Stroke) -> None:
+        self.visits.adopt(stroke)
         self.tell({"type": "visits", **self.visits.snapshot()})
 
     def _on_link(self, link: LinkChanged) -> None:
@@ -206,9 +204,8 @@ class Session:
         self.device = link.device or self.device
         if link.state is not LinkState.CONNECTED:
             self.state = StrokeState(self.state.time_s)
-            if self._waiting is not None:
-                self._finish(self._waiting)
-            self._stroke = None
+            if (given_up := self._assembler.give_up()) is not None:
+                self._finish(given_up)
             self.tell({"type": "state", "state": asdict(self.state)})
         self.tell({"type": "link", "link": self._link_json()})
 

@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from host.view.events import Event
+from host.view.stroke import Stroke
 
-Emit = Callable[[Event], None]
+Emit = Callable[[Event | Stroke], None]
+"""Takes an event, or a whole stroke that the source has read ahead of what it tells."""
 
 
 class Source(Protocol):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from host.view.events import Estimate, Frame, MapFit, ProbeMap
-from host.view.tactile_map import fit_gaussian, method_2
+from host.view.tactile_map import columns_over_lump, fit_gaussian, method_2
 from host.view.words import card
 
 MAX_IMAGES = 96
@@ -44,7 +44,6 @@ class Stroke:
     position_mm: list[float] = field(default_factory=list)
     displacement_mm: list[float] = field(default_factory=list)
     force_N_per_m: list[float] = field(default_factory=list)
-    rows_kPa: list[NDArray[np.float32]] = field(default_factory=list)
     image_position_mm: list[float] = field(default_factory=list)
     images: list[NDArray[np.uint16]] = field(default_factory=list)
     _image_every: int = 1
@@ -61,10 +60,9 @@ class Stroke:
             self.position_mm.append(frame.position_mm)
             self.displacement_mm.append(frame.displacement_mm)
             self.force_N_per_m.append(frame.force_N_per_m)
-            self.rows_kPa.append(frame.pressure_kPa.mean(axis=1))
             if len(self.position_mm) > MAX_FRAMES:
-                for trace in (self.position_mm, self.displacement_mm, self.force_N_per_m, self.rows_kPa):
-                    del trace[1::2]  # type: ignore[attr-defined]
+                for trace in (self.position_mm, self.displacement_mm, self.force_N_per_m):
+                    del trace[1::2]
                 self._trace_every *= 2
         if self.frames % self._image_every == 0:
             steps = np.clip(np.round(frame.pressure_kPa / _IMAGE_STEP_KPA), 0, 65535)
@@ -77,7 +75,11 @@ class Stroke:
 
     def tactile_map(self) -> tuple[list[float], list[float], MapFit | None]:
         """The map as far as it goes, computed here from the frames."""
-        x, p, rows = method_2(np.asarray(self.position_mm), np.asarray(self.rows_kPa, dtype=np.float64))
+        if len(self.images) < 2:
+            return [], [], None
+        images = np.stack(self.images).astype(np.float64) * _IMAGE_STEP_KPA
+        seen = images[:, :, columns_over_lump(images)].mean(axis=2)
+        x, p, rows = method_2(np.asarray(self.image_position_mm), seen)
         whole = rows >= (rows.max() if rows.size else 0)
         return _rounded(x, 2), _rounded(p, 4), fit_gaussian(x[whole], p[whole])
 

@@ -20,6 +20,26 @@ MIN_ROWS = ROWS // 2
 _WORST_FIT = 0.6
 
 
+def columns_over_lump(images_kPa: Array) -> NDArray[np.intp]:
+    """Which of the 26 columns see the lump: a ball lies under a few of them only, and the others dilute it.
+
+    Parameters
+    ----------
+    images_kPa : (n, 16, 26)
+
+    Returns
+    -------
+    (k,) the columns whose pressure rises, along the stroke, at least half as much as that of the
+    column where it rises most; all of them while nothing stands out
+    """
+    along = images_kPa.mean(axis=1)
+    rise = along.max(axis=0) - np.median(along, axis=0)
+    smooth = np.convolve(np.pad(rise, 1, mode="edge"), np.full(3, 1 / 3), mode="valid")
+    if smooth.max() < 0.04 * along.mean():
+        return np.arange(smooth.size)
+    return np.flatnonzero(smooth >= 0.5 * smooth.max())
+
+
 def method_2(position_mm: Array, row_kPa: Array) -> tuple[Array, Array, Array]:
     """Average the rows' traces over the tissue.
 

@@ -52,6 +52,17 @@ class Visits:
             self._strokes[-STROKES_WITH_IMAGES - 1].drop_images()
         del self._strokes[:-MAX_STROKES]
 
+    def adopt(self, stroke: Stroke) -> None:
+        """Keep a stroke that was put together elsewhere, in the current visit."""
+        stroke.number, stroke.visit = self._next_stroke, self._current.number
+        self._next_stroke += 1
+        self.add(stroke)
+
+    def at(self, started_s: float) -> Stroke | None:
+        """The stroke of the current visit that started at this time of the probe (to a tenth of a second)."""
+        visit = self.strokes(self._current.number)
+        return next((s for s in visit if abs(s.started_s - started_s) < 0.1), None)
+
     def get(self, number: int) -> Stroke | None:
         """The stroke with this number."""
         return next((s for s in self._strokes if s.number == number), None)

@@ -18,6 +18,7 @@ _TITLES = {
     "force_high": "Force too high",
     "force": "Force out of range",
     "unread": "Stroke could not be read",
+    "no_model": "No model on the probe",
     "missing": "No answer from the probe",
 }
 _TEXTS = {
@@ -30,7 +31,8 @@ _TEXTS = {
     "force": "The mean force lies outside the range the model was fitted to. "
     "Stroke again with another force.",
     "unread": "The stroke was too short, too fast or too uneven for an answer. Stroke again.",
-    "missing": "The stroke ended and no estimate came. Is a model on the probe?",
+    "no_model": "The probe felt the stroke and cannot judge it. Put a model on it with `palpate flash`.",
+    "missing": "The stroke ended and no estimate came: the link broke, or the probe was reset.",
 }
 _HARDNESS = {
     "hard": "hard: ten times as stiff as fat, or more",
@@ -60,6 +62,8 @@ def verdict(estimate: Estimate | None, *, force_low: bool = False, force_high: b
     """Which kind of card: a key of the titles; what is wrong with the stroke comes before what is in it."""
     if estimate is None:
         return "missing"
+    if estimate.no_model:
+        return "no_model"
     if estimate.force_out:
         return "force_low" if force_low else "force_high" if force_high else "force"
     if estimate.invalid:

@@ -1,0 +1,96 @@
+"""`palpate view`: the page that shows what the probe feels, or felt."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from host.cli.output import note
+from host.errors import MissingExtra, PalpateError, PortAmbiguous, UsageError
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  palpate view --port auto              a probe on this machine
+  palpate view monday.mcap              a recording, to play, pause and wind
+  palpate view --port auto --host 0.0.0.0    for a tablet in the same network; the printed link holds a token
+"""
+)
+@click.argument("recording", required=False, type=click.Path(path_type=Path))
+@click.option("--port", help="A device path, COM5, socket://HOST:PORT, a serial number, or auto.")
+@click.option(
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    help="Address to listen on; beyond localhost a token is asked for.",
+)
+@click.option(
+    "--http-port",
+    type=click.IntRange(0, 65535),
+    default=8765,
+    show_default=True,
+    help="TCP port of the page; 0 takes any.",
+)
+@click.option(
+    "--recordings",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("recordings"),
+    show_default=True,
+    help="Folder that the page records to and loads visits from.",
+)
+@click.option("--browser/--no-browser", default=True, help="Open the page in the browser.")
+def command(
+    recording: Path | None, port: str | None, host: str, http_port: int, recordings: Path, browser: bool
+) -> None:
+    """Watch a probe, or a recording, in the browser.
+
+    The page shows the pressure image, the stroke's tactile map with its fit, displacement and force, and
+    after each stroke the estimate with its intervals. It keeps a history, says how well strokes repeat, and
+    whether a lump has changed between two visits. Ctrl-C ends it; a running recording is closed properly.
+    """
+    if (recording is None) == (port is None):
+        raise UsageError("say either --port PORT for a probe or the FILE.mcap of a recording")
+    try:
+        from host.view.serve import Viewer
+    except ModuleNotFoundError as error:
+        raise MissingExtra(error.name or "starlette", "view", "the viewer") from error
+    from host.view.live import LiveSource
+    from host.view.replay import ReplaySource, load_strokes
+
+    source: LiveSource | ReplaySource
+    if recording is not None:
+        if recording.suffix != ".mcap":
+            raise UsageError(f"{recording} is not a recording: its name should end in .mcap")
+        source, mode = ReplaySource(recording), "replay"
+    else:
+        source, mode = LiveSource(port or "auto"), "live"
+        _check(port or "auto")
+    try:
+        viewer = Viewer(
+            source, mode=mode, host=host, port=http_port, recordings=recordings, load_strokes=load_strokes
+        )
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise PalpateError(
+            f"cannot listen on {host} port {http_port}: {reason}; try another --http-port"
+        ) from error
+
+    def ready(url: str) -> None:
+        click.echo(f"Palpate is at {url}  (Ctrl-C ends it)")
+
+    viewer.run(open_browser=browser, on_ready=ready)
+
+
+def _check(port: str) -> None:
+    """Say at once what is wrong with the port; only a wrong word ends the command, the rest may still
+    come."""
+    from host.link.devices import resolve
+
+    try:
+        resolve(port, 921_600)
+    except PortAmbiguous:
+        raise
+    except PalpateError as error:
+        note(f"{error}; the page waits for it.")

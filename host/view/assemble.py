@@ -1,0 +1,76 @@
+"""Events in, finished strokes out: the same for a live probe and for a recording read ahead."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+from host.view.events import Estimate, Event, Frame, ProbeMap, StrokeState
+from host.view.stroke import Stroke
+
+PRE_ROLL = 64
+"""Frames between contact and start that are kept: the probe says "started" some frames late."""
+
+
+class Assembler:
+    """Puts frames, states, map and estimate of one stroke together.
+
+    Parameters
+    ----------
+    new_stroke : callable
+        Makes a stroke that starts at a device time, s.
+    """
+
+    def __init__(self, new_stroke: Callable[[float], Stroke]) -> None:
+        self._new_stroke = new_stroke
+        self.running: Stroke | None = None
+        self.waiting: Stroke | None = None
+        """The stroke is over, its estimate has not come."""
+        self._before: deque[Frame] = deque(maxlen=PRE_ROLL)
+        self._contact = False
+
+    def feed(self, event: Event) -> Stroke | None:
+        """Take one event; returns the stroke that it finishes, if it finishes one."""
+        if isinstance(event, Frame):
+            if self.running is not None:
+                self.running.add(event)
+            elif self._contact:
+                self._before.append(event)
+        elif isinstance(event, StrokeState):
+            return self._state(event)
+        elif isinstance(event, ProbeMap):
+            if (stroke := self.waiting or self.running) is not None:
+                stroke.probe_map = event
+        elif isinstance(event, Estimate):
+            stroke = self.waiting or self.running or self._new_stroke(event.time_s)
+            stroke.estimate = event
+            if stroke is self.running:
+                self.running = None
+            self.waiting = None
+            return stroke
+        return None
+
+    def give_up(self) -> Stroke | None:
+        """The link broke, or the file ended: no more of this stroke will come; returns one that was over."""
+        stroke, self.waiting, self.running, self._contact = self.waiting, None, None, False
+        self._before.clear()
+        return stroke
+
+    def _state(self, state: StrokeState) -> Stroke | None:
+        finished = None
+        if not (state.contact and self._contact):
+            self._before.clear()
+        self._contact = state.contact
+        if state.stroke and self.running is None:
+            finished, self.waiting = self.waiting, None
+            self.running = self._new_stroke(self._before[0].time_s if self._before else state.time_s)
+            for frame in self._before:
+                self.running.add(frame)
+            self._before.clear()
+        elif not state.stroke and self.running is not None:
+            self.waiting, self.running = self.running, None
+        if (stroke := self.running) is not None:
+            stroke.force_low |= state.force_low
+            stroke.force_high |= state.force_high
+            stroke.too_fast |= state.too_fast
+        return finished

@@ -1,0 +1,271 @@
+"""A recording as a source: it is read ahead by one thread and told at the asked speed by another.
+
+Frames stay packed until they are shown. A file with more than `MAX_FRAMES` is kept thinned (every second,
+every fourth ... frame): enough for the eye; strokes are put together from all of its frames.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from host.errors import PalpateError
+from host.link import events as link
+from host.link.probe import Probe
+from host.record import channels
+from host.record.reader import Recording
+from host.view.assemble import Assembler
+from host.view.cell_scale import CellScale
+from host.view.events import Device, Health, LinkChanged, LinkState, Mark, Playback
+from host.view.live import describe
+from host.view.source import Emit
+from host.view.stroke import Stroke
+from host.view.translate import MARK_PREFIX, Translator
+
+MAX_FRAMES = 200_000
+TICK_S = 0.01
+FRAMES_A_TICK = 3
+PLAYBACK_EVERY_S = 0.1
+
+
+def calibration(recording: Recording) -> CellScale:
+    """The recorded probe's calibration, or the nominal sensor's."""
+    scale = CellScale()
+    scale.load(recording.attachment("calibration.bin") or b"")
+    return scale
+
+
+def load_strokes(path: Path) -> list[Stroke]:
+    """All strokes of a recording.
+
+    Raises
+    ------
+    OSError
+        The file is not a readable recording; the text says why.
+    """
+    try:
+        with Probe.open(str(path)) as probe:
+            translator = Translator(calibration(Recording(path)))
+            assembler = Assembler(lambda t: Stroke(number=0, visit=0, started_s=t))
+            strokes: list[Stroke] = []
+            for event in probe.stream():
+                strokes += _feed(translator, assembler, event)
+            last = assembler.give_up()
+            return strokes + ([last] if last is not None else [])
+    except PalpateError as error:
+        raise OSError(str(error)) from error
+
+
+def _feed(translator: Translator, assembler: Assembler, event: link.Event) -> Iterator[Stroke]:
+    if isinstance(event, link.Gap):
+        translator.reset()
+        if (given_up := assembler.give_up()) is not None:
+            yield given_up
+        return
+    for shown in translator.feed(event):
+        if (stroke := assembler.feed(shown)) is not None:
+            stroke.wall_time = event.host_ns * 1e-9
+            yield stroke
+
+
+class ReplaySource:
+    """A recording with play, pause, seek and speed.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    PalpateError
+        The file is not there or not a recording.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.name = path.name
+        self._recording = Recording(path)
+        self._lock = threading.Lock()
+        self._times: list[float] = []
+        self._events: list[link.Event] = []
+        self._frames = 0
+        self._stride = 1
+        self._loaded = False
+        self._strokes_s: list[float] = []
+        self._marks: list[Mark] = []
+        self._position_s = 0.0
+        self._speed = 1.0
+        self._playing = True
+        self._moved = False
+
+    # ---- controls
+
+    def play(self) -> None:
+        """Go on (from the beginning, at the end)."""
+        with self._lock:
+            if self._loaded and self._position_s >= self._length():
+                self._position_s, self._moved = 0.0, True
+            self._playing = True
+
+    def pause(self) -> None:
+        """Stand still."""
+        with self._lock:
+            self._playing = False
+
+    def seek(self, position_s: float) -> None:
+        """Go to so many seconds after the beginning (as far as the file has been read)."""
+        with self._lock:
+            self._position_s = min(max(position_s, 0.0), self._length())
+            self._moved = True
+
+    def set_speed(self, speed: float) -> None:
+        """So many times as fast as life."""
+        with self._lock:
+            self._speed = speed
+
+    # ---- the threads
+
+    def run(self, emit: Emit, stop: threading.Event) -> None:
+        """Tell the recording; see `Source`. Returns only when stopped: a recording can be wound back."""
+        with Probe.open(str(self.path)) as probe:
+            scale = calibration(self._recording)
+            device = describe(probe, scale)
+            emit(LinkChanged(LinkState.CONNECTED, "", device))
+            loader = threading.Thread(target=self._load, args=(probe, scale, emit, stop), daemon=True)
+            loader.start()
+            self._play(scale, device, emit, stop)
+            loader.join()
+
+    def _load(self, probe: Probe, scale: CellScale, emit: Emit, stop: threading.Event) -> None:
+        translator, assembler = Translator(scale), Assembler(lambda t: Stroke(number=0, visit=0, started_s=t))
+        first_ns: int | None = None
+        for event in probe.stream():
+            if stop.is_set():
+                return
+            first_ns = first_ns or event.host_ns
+            at_s = (event.host_ns - first_ns) * 1e-9
+            self._keep(at_s, event)
+            for stroke in _feed(translator, assembler, event):
+                with self._lock:
+                    self._strokes_s.append(at_s)
+                emit(stroke)
+        if (last := assembler.give_up()) is not None:
+            emit(last)
+        for topic, record in self._recording.records():
+            if topic == channels.LOG and first_ns is not None:
+                self._note_mark((record.log_time - first_ns) * 1e-9, record.data)  # type: ignore[attr-defined]
+        emit(_health(probe))
+        with self._lock:
+            self._loaded = True
+
+    def _keep(self, at_s: float, event: link.Event) -> None:
+        with self._lock:
+            if isinstance(event, link.Frame):
+                self._frames += 1
+                if self._frames % self._stride:
+                    return
+            self._times.append(max(at_s, self._times[-1] if self._times else 0.0))
+            self._events.append(event)
+            if len(self._events) > MAX_FRAMES:
+                self._thin()
+
+    def _thin(self) -> None:
+        self._stride *= 2
+        kept, odd = [], False
+        for pair in zip(self._times, self._events, strict=True):
+            if isinstance(pair[1], link.Frame):
+                odd = not odd
+                if odd:
+                    continue
+            kept.append(pair)
+        self._times, self._events = [t for t, _ in kept], [e for _, e in kept]
+
+    def _note_mark(self, at_s: float, data: bytes) -> None:
+        text = str(json.loads(data).get("message", ""))
+        if text.startswith(MARK_PREFIX):
+            with self._lock:
+                self._marks.append(Mark(max(at_s, 0.0), text.removeprefix(MARK_PREFIX)))
+
+    def _play(self, scale: CellScale, device: Device, emit: Emit, stop: threading.Event) -> None:
+        translator = Translator(scale)
+        before, told = time.monotonic(), 0.0
+        ended = False
+        while not stop.wait(TICK_S):
+            now = time.monotonic()
+            due, moved = self._advance(now - before)
+            before = now
+            if moved:
+                translator.reset()
+            for event in due:
+                if isinstance(event, link.Gap):
+                    translator.reset()
+                    emit(LinkChanged(*_gap(event), device))
+                    continue
+                for shown in translator.feed(event):
+                    emit(shown)
+            playback = self._playback()
+            at_end = not playback.playing and playback.position_s >= playback.length_s > 0.0
+            if at_end != ended:
+                ended = at_end
+                state = LinkState.ENDED if ended else LinkState.CONNECTED
+                emit(LinkChanged(state, "The recording has ended.", device))
+            if now - told > PLAYBACK_EVERY_S or moved:
+                told = now
+                emit(playback)
+
+    def _advance(self, elapsed_s: float) -> tuple[Sequence[link.Event], bool]:
+        """Move along; returns the events passed on the way (of many frames, some) and whether it jumped."""
+        with self._lock:
+            moved, self._moved = self._moved, False
+            end = self._length()
+            if moved:
+                i = bisect_right(self._times, self._position_s)
+                shown = next((e for e in reversed(self._events[:i]) if isinstance(e, link.Frame)), None)
+                return ([shown] if shown is not None else []), True
+            if not self._playing:
+                return (), False
+            begin = self._position_s
+            self._position_s = min(begin + elapsed_s * self._speed, end)
+            if self._loaded and self._position_s >= end:
+                self._playing = False
+            first = bisect_right(self._times, begin) if begin > 0.0 else 0
+            due = self._events[first : bisect_right(self._times, self._position_s)]
+        frames = sum(isinstance(e, link.Frame) for e in due)
+        step = -(-frames // FRAMES_A_TICK) or 1
+        thinned, n = [], 0
+        for event in due:
+            if isinstance(event, link.Frame):
+                n += 1
+                if (frames - n) % step:
+                    continue
+            thinned.append(event)
+        return thinned, False
+
+    def _length(self) -> float:
+        return self._times[-1] if self._times else 0.0
+
+    def _playback(self) -> Playback:
+        with self._lock:
+            return Playback(
+                position_s=self._position_s,
+                length_s=self._length(),
+                playing=self._playing,
+                speed=self._speed,
+                strokes_s=tuple(self._strokes_s),
+                marks=tuple(self._marks),
+            )
+
+
+def _gap(event: link.Gap) -> tuple[LinkState, str]:
+    if event.ended:
+        return LinkState.CONNECTED, ""
+    return LinkState.GONE, "Here the link to the probe was broken for a while."
+
+
+def _health(probe: Probe) -> Health:
+    frames, counts = probe.frame_counts, probe.counts
+    return Health(0.0, frames.received, frames.lost, counts.bad_crc, counts.resent, frames.duplicate)

@@ -1,0 +1,119 @@
+"""What the link tells, as the viewer's events: the wire's integers become mm, kPa and states that last.
+
+The probe tells *changes* (contact, started, lump passed, ended); the page shows what *is*.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from firmware_py import messages, status
+from host.link import events as link
+from host.view.cell_scale import CellScale
+from host.view.events import Estimate, Event, Frame, Interval, MapFit, Mark, ProbeMap, StrokeState
+
+WARNING_S = 1.5
+"""How long a warning (press harder, too fast) stays on the page."""
+MARK_PREFIX = "mark: "
+_WARNINGS = {"force_low", "force_high", "too_fast"}
+
+
+class Translator:
+    """Link events in, viewer events out; keeps the state of the stroke."""
+
+    def __init__(self, scale: CellScale) -> None:
+        self.scale = scale
+        self._state = StrokeState(0.0)
+        self._warned_s: float | None = None
+
+    def feed(self, event: link.Event) -> Iterator[Event]:
+        """What one event of the link means for the page."""
+        if isinstance(event, link.Frame):
+            yield from self._expire(event.time_us * 1e-6)
+            yield self.frame(event)
+        elif isinstance(event, link.StrokeState):
+            self._state = self._step(event.state, event.time_us * 1e-6)
+            yield self._state
+        elif isinstance(event, link.TactileMap):
+            if (found := probe_map(event)) is not None:
+                yield found
+        elif isinstance(event, link.Estimate):
+            yield estimate(event)
+        elif isinstance(event, link.Log) and event.text.startswith(MARK_PREFIX):
+            yield Mark(event.time_us * 1e-6, event.text.removeprefix(MARK_PREFIX))
+
+    def frame(self, event: link.Frame) -> Frame:
+        """A frame with its pressures."""
+        return Frame(
+            seq=event.seq,
+            time_s=event.time_us * 1e-6,
+            host_time_s=event.host_ns * 1e-9,
+            position_mm=event.position_mm,
+            displacement_mm=event.displacement_mm,
+            pressure_kPa=self.scale.kPa(event.counts),
+        )
+
+    def reset(self) -> None:
+        """The link broke: nothing is known of contact or stroke."""
+        self._state = StrokeState(self._state.time_s)
+        self._warned_s = None
+
+    def _step(self, change: str, time_s: float) -> StrokeState:
+        state = replace(self._state, time_s=time_s)
+        if change in _WARNINGS:
+            self._warned_s = time_s
+            return replace(state, **{change: True})
+        if change == "contact":
+            return StrokeState(time_s, contact=True)
+        if change == "started":
+            return StrokeState(time_s, contact=True, stroke=True)
+        if change == "lump_passed":
+            return replace(state, lump=True)
+        if change == "ended":
+            return replace(state, stroke=False, lump=False)
+        return StrokeState(time_s)
+
+    def _expire(self, time_s: float) -> Iterator[StrokeState]:
+        if self._warned_s is not None and not 0.0 <= time_s - self._warned_s <= WARNING_S:
+            self._warned_s = None
+            self._state = replace(
+                self._state, time_s=time_s, force_low=False, force_high=False, too_fast=False
+            )
+            yield self._state
+
+
+def probe_map(event: link.TactileMap) -> ProbeMap | None:
+    """The probe's map in mm and kPa; None where it has none (a stroke too short for a map)."""
+    if not event.values or event.status not in (status.OK, status.NO_FIT):
+        return None
+    kPa = event.count_mpa * 1e-6 / 2048.0
+    start_mm = event.place_um * 1e-3 + event.first_mm
+    fit = None
+    if event.status == status.OK and event.stdev_q16 > 0:
+        fit = MapFit(
+            base_kPa=event.base_q11 * kPa,
+            amp_kPa=event.amplitude_q11 * kPa,
+            centre_mm=start_mm + event.centre_q16 / 65536.0,
+            stdev_mm=event.stdev_q16 / 65536.0,
+        )
+    x_mm = tuple(start_mm + i for i in range(len(event.values)))
+    return ProbeMap(x_mm, tuple(v * kPa for v in event.values), fit)
+
+
+def estimate(event: link.Estimate) -> Estimate:
+    """The probe's answer with its numbers as intervals."""
+    intervals = {name: Interval(**parts) for name, parts in event.outputs.items()}
+    return Estimate(
+        time_s=event.time_us * 1e-6,
+        **intervals,
+        lump=event.lump,
+        hardness=event.hardness,
+        in_domain=event.in_domain,
+        force_out=bool(event.flags & messages.FLAG_FORCE),
+        invalid=not event.valid and event.status not in (status.NO_LUMP, status.NO_FIT, status.FORCE_RANGE),
+        no_model=event.status == status.NO_MODEL,
+        level=event.level_permille / 1000,
+        model_id=event.model_id.hex() if any(event.model_id) else "",
+        status_text="" if event.status == status.OK else event.reason,
+    )
