@@ -20,10 +20,23 @@ CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("simulate", "host.cli.simulate", "one finite-element stroke: map, features, displacement"),
         ("sweep", "host.cli.sweep", "many strokes, on all cores or a cluster; goes on where it stopped"),
     ),
-    "Model": (),
-    "Probe": (("view", "host.cli.view", "watch a probe, or a recording, in the browser"),),
-    "Recordings": (),
-    "This machine": (),
+    "Model": (
+        ("fit", "host.cli.fit", "fit a model to strokes; Table 1 beside the thesis"),
+        ("keygen", "host.cli.keygen", "make a signing key"),
+        ("export", "host.cli.export", "compile and sign the model for the probe"),
+    ),
+    "Probe": (
+        ("emulate", "host.cli.emulate", "a probe without hardware, on real MicroPython"),
+        ("devices", "host.cli.devices", "ports, and the probes behind them"),
+        ("flash", "host.cli.flash", "put a model onto a probe"),
+        ("stream", "host.cli.stream", "strokes and estimates from a probe, recorded"),
+        ("view", "host.cli.view", "watch a probe, or a recording, in the browser"),
+    ),
+    "Recordings": (
+        ("replay", "host.cli.replay", "a recording through the live parser and the probe's code"),
+        ("convert", "host.cli.convert", "a recording as Parquet, HDF5 or CSV"),
+    ),
+    "This machine": (("completion", "host.cli.completion", "let the shell complete commands"),),
 }
 """Chapter of `palpate --help` -> (command, its module, its one line); the module holds `command`."""
 

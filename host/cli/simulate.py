@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from host.cli.files import by_suffix, whole_file
 from host.cli.output import json_option, note, plain, print_json, table
+from host.files import by_suffix, whole_file
 
 if TYPE_CHECKING:
     from sim.tissue import Stroke

@@ -90,19 +90,57 @@ class StrokeState(Event):
 
 @dataclass(slots=True)
 class TactileMap(Event):
-    """The stroke's mean tactile map as the probe computed it, with its Gaussian fit (probe's integers)."""
+    """The stroke's mean tactile map as the probe computed it, with its Gaussian fit, in the wire's integers.
+
+    Parameters
+    ----------
+    stroke, status : int
+        Number of the stroke; 0 or why there is no fit.
+    first_column, end_column : int
+        The columns used: the first, and one after the last.
+    points, first_mm, place_um : int
+        Values, 1 mm apart, the first at `first_mm` from `place_um`, the lump's place along the stroke.
+    count_mpa : int
+        Pressure of one count, millipascal.
+    base_q11, amplitude_q11, centre_q16, stdev_q16 : int
+        The fit: counts with 11 fraction bits; mm from the map's first point, and mm, with 16.
+    values : tuple of int
+        The map, counts with 11 fraction bits.
+    """
 
     stroke: int
     status: int
     first_column: int
-    last_column: int
+    end_column: int
     points: int
     first_mm: int
-    base: int
-    amplitude: int
-    centre_um: int
-    stdev_um: int
+    place_um: int
+    count_mpa: int
+    base_q11: int
+    amplitude_q11: int
+    centre_q16: int
+    stdev_q16: int
     values: tuple[int, ...]
+
+    @property
+    def unit_kPa(self) -> float:
+        """Pressure of one unit of `values`, kPa."""
+        return self.count_mpa / 2**11 / 1e6
+
+    def as_dict(self) -> dict[str, Any]:
+        """The map in mm and kPa; `x_mm` are places along the stroke."""
+        first_mm = self.first_mm + self.place_um / 1000
+        return {
+            "stroke": self.stroke,
+            "x_mm": [first_mm + i for i in range(len(self.values))],
+            "pressure_kPa": [value * self.unit_kPa for value in self.values],
+            "base_kPa": self.base_q11 * self.unit_kPa,
+            "amplitude_kPa": self.amplitude_q11 * self.unit_kPa,
+            "centre_mm": first_mm + self.centre_q16 / 2**16,
+            "stdev_mm": self.stdev_q16 / 2**16,
+            "columns": [self.first_column, self.end_column],
+            "status": self.status,
+        }
 
 
 @dataclass(slots=True)
@@ -129,23 +167,28 @@ class Estimate(Event):
         lump, in_domain, hardness, force, invalid (`firmware_py.messages.FLAG_*`).
     level_permille : int
         Coverage of the intervals.
+    distance_permille : int
+        How far from the training strokes, in thousandths of the domain's threshold (over 1000: outside).
     model_id : bytes
         First 8 bytes of the model image's hash.
-    frames, first_seq, last_seq, lost : int
-        The frames it rests on.
+    frames, first_seq, last_seq : int
+        The frames it rests on: so many from `first_seq` on, all before `last_seq`.
+    overrun : int
+        Frames that the probe's sensors were too late for during the stroke.
     values : tuple of int
-        Value, low, high of each of `OUTPUTS`, in millionths, then the probe's extras.
+        Value, low, high of each of `OUTPUTS`, in millionths; empty without estimate.
     """
 
     stroke: int
     status: int
     flags: int
     level_permille: int
+    distance_permille: int
     model_id: bytes
     frames: int
     first_seq: int
     last_seq: int
-    lost: int
+    overrun: int
     time_us: int
     values: tuple[int, ...] = field(default=())
 
@@ -187,7 +230,15 @@ class Estimate(Event):
     @property
     def numbers(self) -> tuple[Any, ...]:
         """Everything that a replay must reproduce bit for bit."""
-        return (self.status, self.flags, self.level_permille, self.model_id, self.frames, *self.values)
+        return (
+            self.status,
+            self.flags,
+            self.level_permille,
+            self.distance_permille,
+            self.model_id.hex(),
+            self.frames,
+            *self.values,
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """The estimate as `--json` prints it."""
@@ -204,7 +255,8 @@ class Estimate(Event):
             reason=self.reason,
             stroke=self.stroke,
             frames=self.frames,
-            frames_lost=self.lost,
+            frames_overrun=self.overrun,
+            domain_distance=self.distance_permille / 1000,
             first_seq=self.first_seq,
             last_seq=self.last_seq,
             time_us=self.time_us,

@@ -7,6 +7,7 @@ after a cut the transfer goes on where it stopped.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -18,7 +19,7 @@ VERIFY_TIMEOUT_S = 5.0
 """A small probe needs seconds for SHA-256 over its image; the command is harmless to repeat."""
 
 REFUSALS = {
-    status.BAD_SIGNATURE: "it is not signed with the key this probe trusts",
+    status.BAD_SIGNATURE: "its signature does not fit (the file was changed, or another key signed it)",
     status.BAD_PROBE: "it was made for another probe",
     status.BAD_VERSION: "it has a format this firmware does not know; update the firmware",
     status.MISSING_FEATURE: "it needs a feature this firmware does not compute; update the firmware",
@@ -63,8 +64,7 @@ def flash(probe: Probe, image: bytes, progress: Callable[[int, int], None] | Non
     FlashError
         The probe says it is live but does not answer with its id.
     """
-    if not image:
-        raise ImageUnreadable("the model image is empty; export it again with `palpate export`")
+    check_image(image)
     if "flash" not in probe.identity.capabilities:
         raise ImageRefused("this probe's firmware is built without flashing; see docs/firmware.md")
     try:
@@ -90,6 +90,26 @@ def flash(probe: Probe, image: bytes, progress: Callable[[int, int], None] | Non
             f"{live.model_id or 'none'}; flash it again"
         )
     return Flashed(live.model_id, len(image), start)
+
+
+def check_image(image: bytes) -> str:
+    """The id of a model image that can be read; nothing is sent to a probe for it.
+
+    Raises
+    ------
+    ImageUnreadable
+        It is no model image, is cut short, or needs what this version does not know.
+    """
+    from model_export.errors import ImageError
+    from model_export.image import inspect
+
+    try:
+        return inspect(image).model_id
+    except ImageError as error:
+        raise ImageUnreadable(f"{error}; nothing was sent to the probe") from error
+    except (IndexError, ValueError, KeyError, struct.error, MemoryError, OverflowError) as error:
+        message = "the model image is damaged (it cannot be read to its end); export it again"
+        raise ImageUnreadable(message) from error
 
 
 def _send_piece(probe: Probe, image: bytes, at: int) -> int:

@@ -64,6 +64,8 @@ class Line:
         self.stream: tuple[int, int, int] | None = None
         """The stream to ask for again after an unplug: content, every, strokes."""
         self.failure: PalpateError | None = None
+        self.asked_ns = 0
+        """When the last question of `ask_afresh` left."""
         self._reopen = reopen
         self._pending = PendingCommands()
         self._writing = threading.Lock()
@@ -117,6 +119,16 @@ class Line:
             f"the probe at {self.transport.name} did not answer {name} in {timeout_s * (retries + 1):.1f} s; "
             "reset it or plug it in again"
         )
+
+    def ask_afresh(self, name: str, tries: int = RETRIES) -> Answer:
+        """Ask under a new id each time: for questions whose old answer is worth nothing (the time)."""
+        for _ in range(tries):
+            try:
+                self.asked_ns = time.time_ns()
+                return self.ask(name, retries=0)
+            except CommandTimeout:
+                self.parser.counts.retries += 1
+        return self.ask(name, retries=0)
 
     def _wait_until_up(self) -> None:
         while not self._up.wait(POLL_S):

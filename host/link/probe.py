@@ -7,14 +7,13 @@
                 case Estimate():
                     print(event.as_dict())
 
-The program takes events from a bounded queue at its own pace (frames that it is too slow for are dropped, oldest
-first, and counted; the recording has them all). After an unplug the stream goes on by itself, with a `Gap`.
+The program takes events from a bounded queue at its own pace (frames that it is too slow for are dropped,
+oldest first, and counted; the recording has them all). After an unplug the stream goes on, with a `Gap`.
 """
 
 from __future__ import annotations
 
 import random
-import time
 from collections.abc import Callable, Iterator
 from typing import Any, Self
 
@@ -147,7 +146,7 @@ class Probe:
         return self._sync.state
 
     def close(self) -> None:
-        """Stop reading and close the port; harmless when repeated. The recorder stays its owner's to close."""
+        """Stop reading and close the port; harmless when repeated. The recorder stays open."""
         if self._line is not None:
             self._line.close()
         else:
@@ -204,9 +203,8 @@ class Probe:
         """
         line = self._live("time_sync")
         for _ in range(exchanges):
-            asked_ns = time.time_ns()
-            answer = line.ask("time_sync")
-            taken_us, answered_us = answer.values
+            answer = line.ask_afresh("time_sync")
+            asked_ns, taken_us, answered_us = line.asked_ns, *answer.values
             self._sync.add(asked_ns / 1000, taken_us, answered_us, answer.host_ns / 1000)
         state = self._sync.state
         assert state is not None

@@ -79,9 +79,9 @@ SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
         {
             "stroke": _INTEGER,
             "x_mm": _NUMBERS,
-            "values": _NUMBERS,
-            "base": _NUMBER,
-            "amplitude": _NUMBER,
+            "pressure_kPa": _NUMBERS,
+            "base_kPa": _NUMBER,
+            "amplitude_kPa": _NUMBER,
             "centre_mm": _NUMBER,
             "stdev_mm": _NUMBER,
             "status": _INTEGER,
@@ -144,7 +144,7 @@ def decoded(event: Event) -> list[tuple[str, bytes]]:
         words = {"stroke": event.stroke, "state": event.state, "time_us": event.time_us}
         return [(STROKE, _json({**words, "frame_seq": event.frame_seq, "value": event.value}))]
     if isinstance(event, TactileMap):
-        return [(MAP, _json(map_dict(event)))]
+        return [(MAP, _json(event.as_dict()))]
     if isinstance(event, Features):
         return [(FEATURES, _json({"stroke": event.stroke, "version": event.version, "q24": event.values}))]
     if isinstance(event, Log):
@@ -156,20 +156,6 @@ def decoded(event: Event) -> list[tuple[str, bytes]]:
     if isinstance(event, Boot):
         return [(LINK, _json({"event": "boot", "seconds": 0.0, "reason": f"start {event.boots}"}))]
     return []
-
-
-def map_dict(event: TactileMap) -> dict[str, Any]:
-    """A tactile map as JSON has it; places in mm, pressures in the probe's integers."""
-    return {
-        "stroke": event.stroke,
-        "x_mm": [event.first_mm + i for i in range(len(event.values))],
-        "values": list(event.values),
-        "base": event.base,
-        "amplitude": event.amplitude,
-        "centre_mm": event.centre_um / 1000,
-        "stdev_mm": event.stdev_um / 1000,
-        "status": event.status,
-    }
 
 
 def _frame(event: Frame) -> list[tuple[str, bytes]]:

@@ -128,6 +128,11 @@ class RecordingWriter:
             with contextlib.suppress(OSError):
                 seal_file(self.path)
 
+    def discard(self) -> None:
+        """Close and remove the file: there was nothing to record."""
+        self.close(seal=False)
+        self.path.unlink(missing_ok=True)
+
     def _add(self, topic: str, host_ns: int, data: bytes, device_us: int | None) -> None:
         publish_ns = host_ns if device_us is None else 1000 * device_us
         self._mcap.add_message(self._channels[topic], host_ns, data, publish_ns)

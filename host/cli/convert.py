@@ -1,0 +1,37 @@
+"""`palpate convert`: a recording as a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from host.cli.output import json_option, note, print_json
+
+
+@click.command("convert")
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.argument("out", type=click.Path(path_type=Path, dir_okay=False))
+@json_option
+def command(recording: Path, out: Path, as_json: bool) -> None:
+    """Write a recording as a table: OUT ends in .parquet, .h5 or .csv.
+
+    One row per frame: seq, time_us (the probe's clock), host_time_ns, position_mm, displacement_mm and the
+    pressures of the 16 x 26 cells in kPa. The estimates go beside them (HDF5: a group; else OUT.estimates.*).
+
+    \b
+    Example:
+      palpate convert visit.mcap visit.parquet
+      palpate convert visit.mcap visit.csv
+    """
+    from host.record.convert import convert
+
+    done = convert(recording, out)
+    if as_json:
+        print_json(
+            {"files": done.files, "frames": done.frames, "estimates": done.estimates, "lost": done.lost}
+        )
+        return
+    note(f"{done.frames} frames ({done.lost} lost on the link), {done.estimates} estimates")
+    for path in done.files:
+        click.echo(str(path))

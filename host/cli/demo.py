@@ -1,0 +1,33 @@
+"""`palpate demo`: the whole chain in one command."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from host.cli.output import json_option, print_json
+
+
+@click.command("demo")
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("out/demo"),
+              show_default=True, help="Directory of everything it makes.")  # fmt: skip
+@click.option("--runtime", default="micropython", show_default=True, help="micropython or cpython.")
+@click.option("--fresh", is_flag=True, help="Compute the strokes anew.")
+@json_option
+def command(out: Path, runtime: str, fresh: bool, as_json: bool) -> None:
+    """Tissue, fit, export, flash, stroke, estimate: the whole chain, nothing faked in between.
+
+    Three minutes the first time, one the second. Ends with the probe's own estimate beside the truth and
+    beside the host's replay, a recording, and one picture.
+
+    \b
+    Example:
+      palpate demo
+    """
+    from host.demo import run
+
+    result = run(out, runtime, fresh)
+    if as_json:
+        print_json(asdict(result))

@@ -1,0 +1,49 @@
+"""`palpate flash`: a model onto a probe."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from host.cli.output import json_option, print_json, progress
+from host.cli.ports import port_option
+from host.files import read_whole
+
+
+@click.command("flash")
+@click.argument("image", type=click.Path(path_type=Path))
+@port_option
+@json_option
+def command(image: Path, port: str, baud: int, as_json: bool) -> None:
+    """Make a signed model image the live model of a probe.
+
+    The probe checks signature, versions and self-test before it believes anything; until it does, and if the
+    power or the line fails at any moment, the model it had stays. Run it again to go on.
+
+    \b
+    Example:
+      palpate flash model.palp --port auto
+    """
+    from host.link.flash import check_image, flash
+    from host.link.probe import Probe
+
+    data = read_whole(image, "model image")
+    check_image(data)
+    with Probe.open(port, baud) as probe:
+        before = probe.identity.model_id
+        began = time.monotonic()
+        with progress("bytes") as bar:
+            task = bar.add_task("flashing", total=len(data))
+            done = flash(probe, data, lambda at, size: bar.update(task, completed=at, total=size))
+        seconds = time.monotonic() - began
+        summary = asdict(done) | {"port": probe.name, "replaced": before, "seconds": seconds}
+    if as_json:
+        print_json(summary)
+    else:
+        was = f" (was {before})" if before and before != done.model_id else ""
+        click.echo(
+            f"{summary['port']}: model {done.model_id} is live{was}; {done.size} bytes in {seconds:.1f} s"
+        )

@@ -1,0 +1,62 @@
+"""`palpate replay`: a recording through the live parser and the probe's own integer code."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from host.cli.output import json_option, note, print_json
+from host.cli.ports import estimate_lines
+from host.errors import RecordingError, ReplayDiffers
+from host.files import read_whole
+
+
+@click.command("replay")
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.option(
+    "--model", type=click.Path(path_type=Path), help="A model image to use instead of the recorded one."
+)
+@json_option
+def command(recording: Path, model: Path | None, as_json: bool) -> None:
+    """Replay a recording: the same bytes through the same parser and the same integer code.
+
+    Says "replay: identical" where every integer of every estimate equals what the probe had sent; exits with
+    status 1 where one differs, or where nothing could be compared.
+
+    \b
+    Example:
+      palpate stream --strokes 1 --record visit.mcap
+      palpate replay visit.mcap
+    """
+    from host.record.reader import Recording
+    from host.record.replay import replay
+
+    image = read_whole(model, "model image") if model is not None else None
+    opened = Recording(recording)
+    strokes = []
+    for stroke in replay(recording, image):
+        strokes.append(stroke)
+        if not as_json:
+            click.echo("\n".join(estimate_lines(stroke.probe)))
+            click.echo(f"  replay: {stroke.missing or ('identical' if stroke.identical else 'DIFFERENT')}")
+    compared = [stroke for stroke in strokes if stroke.host is not None]
+    summary: dict[str, Any] = {
+        "recording": recording,
+        "finished": opened.finished,
+        "identical": bool(compared) and all(stroke.identical for stroke in compared),
+        "compared": len(compared),
+        "strokes": [stroke.as_dict() for stroke in strokes],
+    }
+    if as_json:
+        print_json(summary)
+    if not opened.finished:
+        note(f"{recording} has no end (its writer was stopped); it was read up to its last complete frame")
+    if any(not stroke.identical for stroke in compared):
+        raise ReplayDiffers(f"the replay of {recording} differs from what the probe had sent; report it")
+    if not compared:
+        why = strokes[0].missing if strokes else "it holds no estimate"
+        raise RecordingError(f"nothing in {recording} can be compared: {why}")
+    if not as_json:
+        click.echo(f"replay: identical ({len(compared)} of {len(strokes)} strokes compared)")

@@ -1,0 +1,135 @@
+"""`palpate stream`: strokes from a probe, recorded."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from host.cli.output import json_option, note, plain, print_json
+from host.cli.ports import estimate_lines, port_option
+from host.errors import CommandTimeout
+
+if TYPE_CHECKING:
+    from host.link.events import Event
+    from host.link.probe import Probe
+
+WARNINGS = {
+    "force_low": "press harder: the force is below the range",
+    "force_high": "press less: the force is above the range",
+    "too_fast": "stroke more slowly",
+}
+
+
+@click.command("stream")
+@port_option
+@click.option("--strokes", type=click.IntRange(0), default=0, help="Stop after so many; 0: until Ctrl-C.")
+@click.option(
+    "--record", type=click.Path(path_type=Path, dir_okay=False), help="Record the session: FILE.mcap."
+)
+@click.option("--overwrite", is_flag=True, help="Replace an existing recording.")
+@click.option("--every", type=click.IntRange(1, 255), default=1, help="Send each n-th frame only.")
+@click.option("--timeout", "timeout_s", type=float, default=60.0, show_default=True,
+              help="Give up after so many seconds without a sign of life.")  # fmt: skip
+@click.option("--json-lines", is_flag=True, help="Print each estimate as a line of JSON as it comes.")
+@json_option
+def command(
+    port: str,
+    baud: int,
+    strokes: int,
+    record: Path | None,
+    overwrite: bool,
+    every: int,
+    timeout_s: float,
+    json_lines: bool,
+    as_json: bool,
+) -> None:
+    """Stream strokes from a probe: its estimates, its warnings, and what the link lost.
+
+    Ctrl-C ends it; the recording is whole then, too. After an unplug it waits for the probe and goes on.
+
+    \b
+    Example:
+      palpate stream --strokes 1
+      palpate stream --strokes 3 --record visit.mcap
+      palpate stream --port socket://localhost:7624 --strokes 1 --json
+    """
+    from host.record.session import both_counts, recorded
+
+    quiet = as_json or json_lines
+    estimates: list[dict[str, Any]] = []
+    counts: dict[str, int] = {}
+    with recorded(port, record, overwrite, baud) as probe:
+        if not quiet:
+            _greet(probe)
+        interrupted = False
+        try:
+            for event in probe.stream(strokes, every, timeout_s):
+                _show(event, estimates, quiet, json_lines)
+        except KeyboardInterrupt:
+            interrupted = True
+        finally:
+            counts.update(both_counts(probe))
+            if not quiet:
+                note(counts_line(counts))
+        summary = {
+            "port": probe.name,
+            "probe": probe.identity.as_dict(),
+            "strokes": estimates,
+            "link": counts,
+        }
+    if record is not None and not quiet:
+        note(f"recorded {record}")
+    if as_json:
+        print_json({**summary, "recording": record})
+    if interrupted:
+        raise KeyboardInterrupt
+    if strokes and len(estimates) < strokes:
+        raise CommandTimeout(
+            f"no sign of the probe for {timeout_s:g} s, {len(estimates)} of {strokes} strokes came; "
+            "check the probe, or give a longer --timeout"
+        )
+
+
+def _greet(probe: Probe) -> None:
+    who = probe.identity
+    model = f"model {who.model_id}" if who.has_model else "no model yet: `palpate flash` puts one on it"
+    note(f"{probe.name}: probe {who.serial}, firmware {who.firmware}, {model}")
+
+
+def _show(event: Event, estimates: list[dict[str, Any]], quiet: bool, json_lines: bool) -> None:
+    from host.link.events import Estimate, Gap, Log, StrokeState
+
+    if isinstance(event, Estimate):
+        estimates.append(event.as_dict())
+        if json_lines:
+            sys.stdout.write(json.dumps(plain(estimates[-1])) + "\n")
+            sys.stdout.flush()
+        elif not quiet:
+            click.echo("\n".join(estimate_lines(event)))
+    elif quiet:
+        return
+    elif isinstance(event, StrokeState) and event.state in WARNINGS:
+        note(f"  {WARNINGS[event.state]}")
+    elif isinstance(event, Gap):
+        note(f"  {'the probe is back' if event.ended else event.reason}")
+    elif isinstance(event, Log):
+        note(f"  probe: {event.text}")
+
+
+def counts_line(counts: dict[str, int]) -> str:
+    """What the link lost, in a sentence, from the counts of both ends."""
+    damaged = counts["host_bad_crc"] + counts["host_bad_frame"] + counts["host_oversize"]
+    text = f"{counts['frames_received']} frames, {counts['frames_lost']} lost, {damaged} damaged packets"
+    if counts.get("probe_frames_dropped"):
+        text += (
+            f", {counts['probe_frames_dropped']} dropped by the probe (the link is slower than the sensors)"
+        )
+    if counts["host_queue_dropped"]:
+        text += f", {counts['host_queue_dropped']} not shown in time"
+    if counts["host_reconnects"]:
+        text += f", {counts['host_reconnects']} reconnects"
+    return text

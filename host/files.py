@@ -1,0 +1,59 @@
+"""Files that we write: whole or not at all, and a sentence where that fails."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeVar
+
+from host.errors import DiskFull, NoSuchFile, PalpateError, UnknownFormat
+
+T = TypeVar("T")
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A temporary path beside `path` that takes its place when the block ends well.
+
+    Raises
+    ------
+    DiskFull, PalpateError
+        The file cannot be written; what stood at `path` is untouched.
+    """
+    # The suffix stays last: libraries choose the format by it.
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    except OSError as error:
+        raise cannot_write(path, error) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def cannot_write(path: Path, error: OSError) -> PalpateError:
+    """The sentence for a file that could not be written."""
+    if error.errno == errno.ENOSPC:
+        return DiskFull(f"the disk is full: {path} was not written; make room and try again")
+    return PalpateError(f"{path} cannot be written: {(error.strerror or str(error)).lower()}")
+
+
+def read_whole(path: Path, what: str) -> bytes:
+    """The bytes of a file that a user named; `what` is the word for it in the error."""
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise NoSuchFile(f"there is no {what} {path}; check the name") from None
+    except OSError as error:
+        raise NoSuchFile(f"the {what} {path} cannot be read: {(error.strerror or '').lower()}") from None
+
+
+def by_suffix(path: Path, writers: dict[str, Callable[..., T]]) -> Callable[..., T]:
+    """The writer for a file's suffix; `UnknownFormat` names those there are."""
+    if path.suffix.lower() not in writers:
+        known = ", ".join(writers)
+        raise UnknownFormat(f"{path}: a file ending in {path.suffix or 'nothing'!r} is unknown; use {known}")
+    return writers[path.suffix.lower()]
