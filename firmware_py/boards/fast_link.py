@@ -1,0 +1,79 @@
+"""The link's two hot loops as machine code (viper): CRC-32 and COBS. Same bytes as crc.py and cobs.py.
+
+`use()` puts them in the plain ones' place. Ports without a native compiler cannot import this file.
+"""
+
+import micropython
+
+from firmware_py import cobs, crc
+
+
+@micropython.viper
+def _append(buffer: ptr8, n: int, low: ptr16, high: ptr16):  # type: ignore[name-defined]  # noqa: F821
+    lo: int = 0xFFFF
+    hi: int = 0xFFFF
+    i: int = 0
+    while i < n:
+        k: int = (lo ^ int(buffer[i])) & 255
+        lo = (lo >> 8 | (hi & 255) << 8) ^ int(low[k])
+        hi = hi >> 8 ^ int(high[k])
+        i += 1
+    buffer[n] = (lo ^ 0xFFFF) & 255
+    buffer[n + 1] = (lo ^ 0xFFFF) >> 8
+    buffer[n + 2] = (hi ^ 0xFFFF) & 255
+    buffer[n + 3] = (hi ^ 0xFFFF) >> 8
+
+
+@micropython.viper
+def _encode(source: ptr8, n: int, target: ptr8, at: int) -> int:  # type: ignore[name-defined]  # noqa: F821
+    code_at: int = at
+    code: int = 1
+    i: int = 0
+    at += 1
+    while i < n:
+        byte: int = int(source[i])
+        i += 1
+        if byte:
+            target[at] = byte
+            at += 1
+            code += 1
+            if code == 255:
+                target[code_at] = 255
+                code_at = at
+                at += 1
+                code = 1
+        else:
+            target[code_at] = code
+            code_at = at
+            at += 1
+            code = 1
+    target[code_at] = code
+    target[at] = 0
+    return at + 1
+
+
+def append(buffer: bytearray, n: int) -> int:
+    """crc.append."""
+    _append(buffer, n, crc._LOW, crc._HIGH)  # type: ignore[arg-type]
+    return n + 4
+
+
+def encode(source: bytearray, n: int, target: bytearray, at: int) -> int:
+    """cobs.encode."""
+    return _encode(source, n, target, at)  # type: ignore[arg-type]
+
+
+def use() -> None:
+    """Take the plain loops' place, after a trial of both on the same bytes."""
+    trial = bytearray(range(1, 65)) + bytearray(300)
+    mine = bytearray(trial)
+    crc.append_plain(trial, 300)
+    append(mine, 300)
+    if trial != mine:
+        raise RuntimeError("viper CRC differs")
+    a = bytearray(400)
+    b = bytearray(400)
+    if cobs.encode(trial, 364, a, 0) != encode(trial, 364, b, 0) or a != b:
+        raise RuntimeError("viper COBS differs")
+    crc.append = append
+    cobs.encode = encode
