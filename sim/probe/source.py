@@ -19,9 +19,17 @@ ZERO_COUNTS = 82  # what a cell reads without pressure: .5 of 25 kPa
 class Frames(Protocol):
     """A stroke as frames: `sim.probe.sensors.FrameStream` is one."""
 
-    packed: Sequence[bytes]  # 624 bytes each
-    positions_um: np.ndarray  # (n,) int
-    displacements_um: np.ndarray  # (n,) int
+    @property
+    def packed(self) -> Sequence[bytes]:
+        """624 bytes each."""
+
+    @property
+    def positions_um(self) -> np.ndarray:
+        """(n,) int."""
+
+    @property
+    def displacements_um(self) -> np.ndarray:
+        """(n,) int."""
 
 
 def lifted_record(position_um: int = 0) -> bytes:

@@ -1,0 +1,73 @@
+"""The demo, as a newcomer runs it: the whole chain on real MicroPython, and an answer that can be checked."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PALPATE = Path(sys.executable).with_name("palpate")
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    out = tmp_path_factory.mktemp("demo") / "out"
+    run = subprocess.run(
+        [PALPATE, "demo", "--out", out, "--json"],
+        capture_output=True,
+        text=True,
+        timeout=280,
+        env={**os.environ, "COLUMNS": "80"},
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    return json.loads(run.stdout), run.stderr, out
+
+
+def test_the_probe_says_what_the_host_replays(demo):
+    result, _, _ = demo
+    assert result["replay_identical"] is True
+    assert result["estimate"]["model_id"] == result["model_id"]
+
+
+def test_the_estimate_is_near_the_truth(demo):
+    """The lump is not among the thirty strokes; the thesis' kind of model still sizes it within a fifth."""
+    result, _, _ = demo
+    assert result["estimate"]["lump"]
+    for name, share in (("F_N_per_m", 0.05), ("t_mm", 0.1), ("d_mm", 0.2), ("h", 0.25)):
+        assert result["estimate"][name]["value"] == pytest.approx(result["truth"][name], rel=share), name
+
+
+def test_it_leaves_the_picture_the_recording_and_the_image(demo):
+    result, _, out = demo
+    for name in ("picture", "recording", "image", "model"):
+        assert Path(result["files"][name]).stat().st_size > 1000
+    assert (out / "demo.png").read_bytes().startswith(b"\x89PNG")
+    assert result["image_bytes"] == (out / "model.palp").stat().st_size
+
+
+def test_the_recording_replays_identically_from_the_command_line(demo):
+    _, _, out = demo
+    run = subprocess.run(
+        [PALPATE, "replay", out / "stroke.mcap"], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert run.returncode == 0, run.stderr
+    assert "identical" in run.stdout
+
+
+def test_one_flipped_byte_in_the_image_is_refused_in_a_sentence(demo, tmp_path):
+    _, _, out = demo
+    image = bytearray((out / "model.palp").read_bytes())
+    image[len(image) // 2] ^= 1
+    (tmp_path / "flipped.palp").write_bytes(image)
+    run = subprocess.run(
+        [PALPATE, "flash", tmp_path / "flipped.palp", "--port", "/dev/does-not-exist"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert run.returncode in (1, 2)
+    assert run.stderr.startswith("palpate: ") and run.stderr.count("\n") == 1, run.stderr
