@@ -1,6 +1,6 @@
 """Writes firmware_py/package.json, the list that `mpremote mip install` follows.
 
-    python -m tests.probe.install_files
+python -m tests.probe.install_files
 """
 
 import json
