@@ -1,0 +1,70 @@
+"""Figure 20: a measured tactile map with its Gaussian, from a recording or a table. Units: mm, kPa."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from host.errors import UsageError
+from host.features import fit_gaussian
+from host.real_maps import RealMap, real_map
+from host.report import style
+from host.report.items import Beside, Item
+
+TITLE = "Gaussian Fit to a Real Tactile Map"
+
+
+def items(recording: Path | None) -> list[Item]:
+    """Figure 20 of a recording (.mcap: its first stroke with a map) or a table (.csv: place in mm, kPa)."""
+    if recording is None:
+        why = "Needs a recording (.mcap) or a table (.csv: place in mm, pressure in kPa): --recording FILE."
+        return [Item("Figure 20", TITLE, missing=why)]
+    found = _from_recording(recording) if recording.suffix == ".mcap" else real_map(recording)
+    fit = found.fit
+    return [
+        Item(
+            "Figure 20",
+            TITLE,
+            f"The tactile map of {recording.name} (circles) with the Gaussian on its base, and what is left "
+            "over.",
+            [
+                Beside("difference between map and Gaussian", "very little", f"R2 {found.r2:.4f}"),
+                Beside("skewness, of lumps that are no spheres", "slightly skewed", f"{fit.skewness:+.2f}"),
+                Beside(
+                    "Base, Amp, Stdev",
+                    "can be assigned",
+                    f"{fit.base_kPa:.3f} kPa, {fit.amp_kPa:.3f} kPa, {fit.stdev_mm:.2f} mm",
+                ),
+            ],
+            lambda: figure_20(found),
+        )
+    ]
+
+
+def _from_recording(path: Path) -> RealMap:
+    from host.view.replay import load_strokes
+
+    for stroke in load_strokes(path):
+        detail = stroke.detail(images=False)
+        x = np.asarray(detail["map"]["x_mm"])
+        if detail["fit"] is not None and x.size >= 12:
+            p = np.asarray(detail["map"]["pressure_kPa"])
+            return RealMap(x, p, fit_gaussian(x, p))
+    raise UsageError(f"{path} holds no stroke with a lump in its tactile map")
+
+
+def figure_20(found: RealMap) -> Figure:
+    """Map, Gaussian and residual."""
+    figure = style.new(6.4, 4.2)
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    fine = np.linspace(found.x_mm[0], found.x_mm[-1], 300)
+    above.plot(found.x_mm, found.pressure_kPa, "o", mfc="none", label="measured")
+    above.plot(fine, found.fit.curve(fine), label="Gaussian")
+    above.set_ylabel("pressure (kPa)")
+    above.legend()
+    below.axhline(0, color=style.SOFT, lw=0.8)
+    below.plot(found.x_mm, found.residual_kPa, ".-", ms=3, lw=0.8)
+    below.set(xlabel="place on the tissue (mm)", ylabel="left over")
+    return figure

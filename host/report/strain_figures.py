@@ -1,0 +1,154 @@
+"""Figures 15, 16 and 21: strain against force, simulated and measured."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from host.real_maps import real_strain_force
+from host.regression.strain import StrainForce, fit_strain_force, place_among, scale_from
+from host.report import style
+from host.report.items import Beside, Item
+from sim.tissue import Case, load_curve
+
+FORCES = (0.2, 0.4, 0.6, 0.8, 1.0)
+REFERENCE = Case.from_code("d10h08e10f10")
+STIFFNESSES = (1.0, 2.0, 5.0, 10.0, 50.0, 1000.0)
+
+
+def items(weights: Sequence[Path] = (), thickness_mm: float = 30.0) -> list[Item]:
+    """Figures 15, 16 and, with measured tables of force and displacement, 21.
+
+    Presses the probe on the lump at five forces for each curve: about ten seconds for all.
+    """
+    by_E = {E: curve(replace(REFERENCE, E_ratio=E), f"E = {E:g}") for E in STIFFNESSES}
+    nonlinear = curve(Case.from_code("d10h08eNLf10"), "E = NL")
+    by_d = [curve(replace(REFERENCE, d_mm=d), f"d = {d:g} mm") for d in (5.0, 10.0, 15.0, 20.0)]
+    by_h = [curve(replace(REFERENCE, h=h), f"h = {h:g}") for h in (0.3, 0.5, 0.8, 1.2, 1.5)]
+    worst = min(c.r2 for c in by_E.values())
+    steeper = all(by_E[a].A < by_E[b].A for a, b in itertools.pairwise(STIFFNESSES))
+    low, high = _acts_like(by_E, nonlinear, 0), _acts_like(by_E, nonlinear, -1)
+    return [
+        Item(
+            "Figure 15",
+            "Strain-Force Curves (Different E)",
+            "Nominal strain over the lump against force, each stiffness with its curve A S^B; on the right "
+            "the lump "
+            "that stiffens as it is strained.",
+            [
+                Beside("form", "A Strain^B", f"R2 at least {worst:.4f}"),
+                Beside("slope grows with E, between E = 1 and E = 1000", "yes", "yes" if steeper else "no"),
+                Beside("nonlinear lump at F = .2", "like E = 1 or 2", f"like E = {low:.1f}"),
+                Beside("nonlinear lump at F = 1", "like E = 10 or more", f"like E = {high:.1f}"),
+            ],
+            lambda: figure_15(list(by_E.values()), nonlinear),
+        ),
+        Item(
+            "Figure 16",
+            "Strain-Force Curves (Different d and h)",
+            "The same for other diameters and depths.",
+            [Beside("effect of d and h", "less drastic than that of E", _spread(by_E, by_d, by_h))],
+            lambda: figure_16(by_d, by_h),
+        ),
+        _measured(weights, by_E, thickness_mm),
+    ]
+
+
+def curve(case: Case, label: str) -> StrainForce:
+    """Press at position 0 with all forces, and fit A S^B."""
+    strokes = load_curve(case, FORCES)
+    return fit_strain_force([float(s.strain[0]) for s in strokes], FORCES, label)
+
+
+def _acts_like(by_E: dict[float, StrainForce], measured: StrainForce, which: int) -> float:
+    """The E whose curve gives the same force at one point's strain."""
+    strain, force = measured.strain[which], measured.force[which]
+    forces = [float(c(strain)) for c in by_E.values()]
+    x = np.array(list(by_E)) ** (-2 / 3)
+    return float(np.interp(force, forces, x) ** -1.5)
+
+
+def _spread(by_E: dict[float, StrainForce], by_d: list[StrainForce], by_h: list[StrainForce]) -> str:
+    def share(curves: Sequence[StrainForce]) -> float:
+        ends = [c.strain[-1] for c in curves]
+        return float((max(ends) - min(ends)) / np.mean(ends))
+
+    return (
+        f"strain at F = 1 varies by {100 * share(list(by_E.values())):.0f} % with E, "
+        f"{100 * share(by_d):.0f} % with d, {100 * share(by_h):.0f} % with h"
+    )
+
+
+def _measured(weights: Sequence[Path], by_E: dict[float, StrainForce], thickness_mm: float) -> Item:
+    title = "Strain-Force Curves Generated Using a Real Tactile Probe"
+    if not weights:
+        why = (
+            "Needs measured tables (force, displacement in mm), one CSV file for each rubber lump: --weights "
+            "FILE."
+        )
+        return Item("Figure 21", title, missing=why)
+    curves = [real_strain_force(path, thickness_mm) for path in weights]
+    scale = scale_from(min(curves, key=lambda c: c.A), by_E[1.0])
+    beside = []
+    for one in curves:
+        placed = place_among(one, by_E, scale)
+        beside.append(
+            Beside(
+                one.label,
+                "soft and hard lumps apart",
+                f"like E = {placed.E_ratio:.1f} ({one.text()}, R2 {one.r2:.3f})",
+            )
+        )
+    caption = (
+        f"Measured force against strain (displacement over {thickness_mm:g} mm), placed among the simulated "
+        "curves; the "
+        "softest of them sets the scale of the force."
+    )
+    return Item("Figure 21", title, caption, beside, lambda: figure_21(curves))
+
+
+def figure_15(curves: Sequence[StrainForce], nonlinear: StrainForce) -> Figure:
+    """Linear stiffnesses, and the nonlinear lump over them."""
+    figure = style.new(8.8, 3.8)
+    left, right = figure.subplots(1, 2, sharey=True)
+    _draw(left, curves, "different E")
+    for one in curves:
+        s = np.linspace(0, one.strain.max(), 60)
+        right.plot(s, one(s), color="#b8c4cd", lw=1)
+    right.plot(nonlinear.strain, nonlinear.force, "o-", color=style.ORANGE, label="nonlinear lump")
+    right.set(xlabel="nominal strain over the lump")
+    right.set_title("and a lump that stiffens")
+    right.legend()
+    return figure
+
+
+def figure_16(by_d: Sequence[StrainForce], by_h: Sequence[StrainForce]) -> Figure:
+    """Different diameters, different depths."""
+    figure = style.new(8.8, 3.8)
+    left, right = figure.subplots(1, 2, sharey=True)
+    _draw(left, by_d, "different d")
+    _draw(right, by_h, "different h")
+    return figure
+
+
+def figure_21(curves: Sequence[StrainForce]) -> Figure:
+    """Measured curves."""
+    figure = style.new(5.6, 3.8)
+    _draw(figure.subplots(), curves, "measured")
+    return figure
+
+
+def _draw(ax: Axes, curves: Sequence[StrainForce], title: str) -> None:
+    for one in curves:
+        s = np.linspace(0, one.strain.max(), 60)
+        line = ax.plot(s, one(s), lw=1.2, label=f"{one.label}: {one.text()}")[0]
+        ax.plot(one.strain, one.force, "o", color=line.get_color())
+    ax.set(xlabel="nominal strain over the lump", ylabel="force F")
+    ax.set_title(title)
+    ax.legend(fontsize=6.8)

@@ -1,0 +1,58 @@
+"""One look for all figures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib as mpl
+from cycler import cycler
+from matplotlib.figure import Figure
+
+INK = "#1d2b36"
+SOFT = "#5b6b78"
+BLUE = "#2366a8"
+ORANGE = "#c8641b"
+TEAL = "#0b7a75"
+COLORS = (BLUE, ORANGE, TEAL, "#8b3a62", "#7a8b1f", "#4b4fa3", "#b03a2e")
+FAT, GLAND, LUMP, WALL = "#f4dfb5", "#e5aa9a", "#a4473f", "#7d6b66"
+
+_RC: dict[Any, Any] = {
+    "figure.dpi": 100,
+    "font.family": "sans-serif",
+    "font.size": 9,
+    "axes.edgecolor": SOFT,
+    "axes.labelcolor": INK,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.prop_cycle": cycler(color=COLORS),
+    "grid.color": "#e6ebef",
+    "grid.linewidth": 0.8,
+    "legend.frameon": False,
+    "legend.fontsize": 7.5,
+    "lines.linewidth": 1.5,
+    "lines.markersize": 4,
+    "text.color": INK,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "svg.hashsalt": "palpate",
+    "svg.fonttype": "none",
+}
+
+
+@contextmanager
+def look() -> Iterator[None]:
+    """Figures made and saved inside have the report's look."""
+    with mpl.rc_context(_RC):
+        yield
+
+
+def new(width: float = 8.4, height: float = 3.2) -> Figure:
+    """A figure, inches."""
+    return Figure(figsize=(width, height), layout="constrained")

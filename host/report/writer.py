@@ -1,0 +1,178 @@
+"""Puts the report together: `index.html` (one file that needs no other), a PNG and an SVG of each figure."""
+
+from __future__ import annotations
+
+import base64
+import io
+import logging
+from collections.abc import Callable, Iterator, Sequence
+from importlib.resources import files
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from host.report import style
+from host.report.items import Beside, Item
+
+if TYPE_CHECKING:
+    from host.regression.thesis import ThesisFit
+    from sim.tissue import Stroke
+
+_log = logging.getLogger(__name__)
+_ORDER = {"Figure": 0, "Table": 1, "Appendix": 2, "Beyond": 3}
+_PNG_DPI = 170
+
+
+def write_report(
+    directory: str | PathLike[str],
+    *,
+    strokes: Sequence[Stroke] = (),
+    thesis: ThesisFit | None = None,
+    field: Any = None,
+    recording: str | PathLike[str] | None = None,
+    weights: Sequence[str | PathLike[str]] = (),
+    thickness_mm: float = 30.0,
+    simulate: bool = True,
+    progress: Callable[[str], None] | None = None,
+) -> Path:
+    """Write every figure and table of the thesis that these data can make.
+
+    Parameters
+    ----------
+    directory
+        Made if it is not there; files of an earlier report are replaced.
+    strokes : sequence of Stroke
+        Of the thesis' design; with others in it, those of the thesis are picked out.
+    thesis : ThesisFit, optional
+        For Table 1, Figures 13 and 17 to 19, the appendices.
+    field : optional
+        The field model's fit, for what goes beyond the thesis: anything with `tables()`.
+    recording, weights, thickness_mm
+        A recording or table of a real map (Figure 20); measured force curves and the thickness of the model
+        they were measured on (Figure 21).
+    simulate : bool
+        False leaves out what needs simulations of its own: Figures 8, 15, 16 and 21 (about twenty seconds).
+    progress : callable, optional
+        Told the name of each figure and table before it is made.
+
+    Returns
+    -------
+    Path of index.html.
+    """
+    target = Path(directory)
+    target.mkdir(parents=True, exist_ok=True)
+    tell = progress or (lambda name: None)
+    parts = []
+    with style.look():
+        found = _items(strokes, thesis, field, recording, weights, thickness_mm, simulate, tell)
+        for item in sorted(found, key=_place):
+            tell(item.name)
+            parts.append({"item": item, "png": _draw(item, target)})
+    page = target / "index.html"
+    page.write_text(_page(parts), encoding="utf-8")
+    return page
+
+
+def _items(
+    strokes: Sequence[Stroke],
+    thesis: ThesisFit | None,
+    field: Any,
+    recording: str | PathLike[str] | None,
+    weights: Sequence[str | PathLike[str]],
+    thickness_mm: float,
+    simulate: bool,
+    tell: Callable[[str], None],
+) -> list[Item]:
+    from host.report import (
+        map_figures,
+        model_figures,
+        recording_figures,
+        strain_figures,
+        tables,
+        tissue_figures,
+    )
+
+    tell("Figure 8" if simulate else "Figure 5")
+    found = tissue_figures.items(simulate=simulate)
+    found += map_figures.items(strokes)
+    if thesis is not None:
+        found += model_figures.items(thesis)
+        found += tables.items(thesis, strokes)
+    else:
+        found += _without_fit()
+    if simulate:
+        tell("Figure 15")
+        found += strain_figures.items([Path(w) for w in weights], thickness_mm)
+    found += recording_figures.items(None if recording is None else Path(recording))
+    if field is not None:
+        found.append(_field(field))
+    return found
+
+
+def _without_fit() -> list[Item]:
+    why = (
+        "Needs the thesis' runs: palpate sweep --design thesis --out RUNS, then palpate fit RUNS --kind "
+        "thesis "
+        "--report DIR"
+    )
+    titles = {
+        "Figure 13": "The Relationship Between Input and Output Parameters",
+        "Figure 17": "Validity of the Forward Models",
+        "Figure 18": "Validity of the Inverse Models (Using Pressure Only)",
+        "Figure 19": "Validity of the Inverse Models (Using Pressure and Displacement)",
+        "Table 1": "Summary of the complete Inverse Model",
+        "Appendix A": "Raw Data from Simulations",
+        "Appendix B": "Regression Analysis Results for the Forward Model",
+        "Appendix C": "Regression Analysis Results for the Inverse Model",
+    }
+    return [Item(name, title, missing=why) for name, title in titles.items()]
+
+
+def _field(field: Any) -> Item:
+    """What the thesis did not have: the field model's tables as they are printed."""
+    import pandas as pd
+
+    tables = []
+    for table in field.tables():
+        cells = {str(c.header).replace("\n", " ") or " ": [str(v) for v in c.cells] for c in table.columns}
+        tables.append((str(table.title or ""), pd.DataFrame(cells)))
+    return Item(
+        "Beyond the thesis",
+        "The field model",
+        "Fitted to space-filling runs felt through realistic sensors; all accuracies on strokes it was not "
+        "fitted to.",
+        tables=tables,
+    )
+
+
+def _place(item: Item) -> tuple[int, float, str]:
+    kind, _, rest = item.name.partition(" ")
+    digits = "".join(c for c in rest if c.isdigit())
+    return _ORDER.get(kind, 9), float(digits or 0), rest
+
+
+def _draw(item: Item, target: Path) -> str:
+    """Save a figure's files; returns the PNG in base64, "" for a table."""
+    if item.draw is None:
+        return ""
+    figure = item.draw()
+    png = io.BytesIO()
+    figure.savefig(png, format="png", dpi=_PNG_DPI, metadata={"Software": None})
+    (target / f"{item.slug}.png").write_bytes(png.getvalue())
+    figure.savefig(target / f"{item.slug}.svg", format="svg", dpi=_PNG_DPI, metadata={"Date": None})
+    return base64.b64encode(png.getvalue()).decode("ascii")
+
+
+def _page(parts: list[dict[str, Any]]) -> str:
+    import jinja2
+
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    here = files("host.report")
+    template = environment.from_string((here / "template.html").read_text("utf-8"))
+    css = (here / "report.css").read_text("utf-8")
+    made = [p for p in parts if not p["item"].missing]
+    return template.render(parts=parts, css=css, made=len(made), missing=len(parts) - len(made), rows=_rows)
+
+
+def _rows(item: Item) -> Iterator[Beside]:
+    yield from item.beside

@@ -1,0 +1,73 @@
+"""The tissue's shape under the probe: what the thesis draws in Figure 8. Units: mm, kPa."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.tissue.case import Case
+from sim.tissue.mesh import TissueMesh
+from sim.tissue.probe_shape import SENSORS_MM
+from sim.tissue.settings import Settings
+from sim.tissue.stroke import _checked, _geometry, _Run
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """One position of a stroke.
+
+    Attributes
+    ----------
+    position_mm : float
+        Of the probe's middle; the lump is at 0.
+    nodes_mm : ndarray (N, 2)
+        Where the mesh's nodes are now.
+    face_mm : ndarray (n, 2)
+        The probe's face.
+    image_kPa : ndarray (16,)
+        The tactile image, at `sensors_mm`.
+    displacement_mm : float
+    """
+
+    position_mm: float
+    nodes_mm: Floats
+    face_mm: Floats
+    image_kPa: Floats
+    displacement_mm: float
+    sensors_mm: Floats
+
+
+def deformation(
+    case: Case, positions_mm: Sequence[float], settings: Settings | None = None
+) -> tuple[TissueMesh, list[Pressed]]:
+    """Press at each position by itself: without friction the way there does not matter.
+
+    Parameters
+    ----------
+    positions_mm : sequence of float
+        Ascending, mm.
+
+    Raises
+    ------
+    CaseError, StrokeError
+        As `simulate`.
+    """
+    settings = settings or Settings()
+    wanted = _checked(positions_mm)
+    geometry = _geometry(case, settings, float(wanted[0]), float(wanted[-1]))
+    run = _Run(case, settings, geometry)
+    out = []
+    for position in wanted:
+        at = float(position)
+        state = run.press(at, None)
+        displacement, image, *_ = run._read(state, at)
+        s = np.linspace(-14.0, 14.0, 141)
+        face = np.column_stack((at + s, state.height + run.contact.shape.height(s)[0]))
+        nodes = geometry.mesh.nodes_mm + state.u.reshape(-1, 2)
+        out.append(Pressed(at, nodes, face, image, displacement, SENSORS_MM))
+    return geometry.mesh, out
