@@ -1,9 +1,10 @@
 """Intervals with stated coverage: normalised split-conformal prediction.
 
 A residual's expected size sigma is log-linear in the features and in the predictions; the quantile of
-|residual| / sigma over calibration lumps, taken apart for those predicted soft and hard, widens it to the
-stated coverage (Papadopoulos and others 2002; Lei and others 2018). Constant widths cover some groups of
-lumps far too seldom.
+|residual| / sigma over lumps that the prediction never saw, taken apart for those predicted soft and hard,
+widens it to the stated coverage (Papadopoulos and others 2002; Lei and others 2018; with residuals from
+cross-validation beside those of calibration lumps, Vovk 2015). Constant widths cover some groups of lumps
+far too seldom.
 """
 
 from __future__ import annotations
@@ -15,9 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from host.features import Floats
-from host.regression.ridge import FOLDS, all_terms, fit_ridge, monomials
+from host.regression.ridge import all_terms, fit_ridge, monomials
 
 LEVEL = 0.9
+CROSS_FOLDS = 8
+"""So many that a model fitted without one fold is nearly as good as one fitted to all."""
+
+Fit = Callable[[Floats, Floats, NDArray[np.int64]], Callable[[Floats], Floats]]
+
 _STRENGTHS = 10.0 ** np.arange(-4.0, 1.0, 0.5)
 _SMALLEST_SHARE = 0.1
 """Residuals under this quantile count as that quantile: the logarithm of a lucky hit says nothing."""
@@ -51,15 +57,12 @@ class Widths:
 
 
 def out_of_fold(
-    z: Floats,
-    Y: Floats,
-    groups: NDArray[np.int64],
-    fit: Callable[[Floats, Floats, NDArray[np.int64]], Callable],
+    z: Floats, Y: Floats, groups: NDArray[np.int64], fit: Fit, folds: int = CROSS_FOLDS
 ) -> Floats:
     """Prediction of every row by a model that never saw its lump; `fit` returns a predictor."""
     out = np.empty_like(Y)
-    fold = np.unique(groups, return_inverse=True)[1] % (FOLDS - 1)
-    for k in range(FOLDS - 1):
+    fold = np.unique(groups, return_inverse=True)[1] % folds
+    for k in range(folds):
         rest = fold != k
         out[~rest] = fit(z[rest], Y[rest], groups[rest])(z[~rest])
     return out
@@ -101,7 +104,7 @@ def calibrate(
     hard: NDArray[np.bool_],
     level: float = LEVEL,
 ) -> Widths:
-    """Quantiles from calibration strokes, apart for lumps predicted soft and hard."""
+    """Quantiles from strokes the predictions never saw, apart for lumps predicted soft and hard."""
     unit = Widths(terms, coefficients, np.ones((truth.shape[1], 2)), level)
     score = np.abs(truth - predicted) / unit.sigma(z, predicted)
     quantiles = [

@@ -47,11 +47,12 @@ def fit_domain(features: Floats, z: Floats, share_out: float = 0.02) -> DomainCh
     share_out : float
         Half of it goes to the box, split over its sides, half to the distance.
     """
-    centre = np.asarray(z.mean(axis=0), np.float64)
-    covariance = np.cov(z.T) + SHRINKAGE * np.eye(z.shape[1])
+    centre: Floats = z.mean(axis=0, dtype=np.float64)
+    covariance: Floats = np.cov(z.T) + SHRINKAGE * np.eye(z.shape[1])
+    precision: Floats = np.linalg.inv(covariance).astype(np.float64)
     tail = share_out / 2 / (2 * z.shape[1])
     lo, hi = np.quantile(features, [tail, 1 - tail], axis=0)
     room = 0.01 * (hi - lo)
-    check = DomainCheck(lo - room, hi + room, centre, np.linalg.inv(covariance), np.inf)
+    check = DomainCheck(lo - room, hi + room, centre, precision, np.inf)
     threshold = float(np.quantile(check.distance(z), 1 - share_out / 2))
     return DomainCheck(check.lo, check.hi, centre, check.precision, threshold)

@@ -1,0 +1,144 @@
+"""The finite-element strokes behind a field model: simulated where they are missing, split by lump.
+
+DIR/lumps   pairs of strokes over Sobol lumps
+DIR/plain   pairs over plain tissue, for false alarms
+DIR/wide    pairs over lumps from wider ranges, for the domain flag
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from host.regression.field.design import FIELD_SETTINGS, LumpPair, lump_cases, no_lump_cases, pairs_of
+from host.regression.table import TableError
+from sim.probe.sensors import StrokeField
+from sim.tissue import WIDEST, Case, Progress, Settings, load_strokes, read_table, sweep
+from sim.tissue.design import USUAL, Ranges
+
+LUMPS, PLAIN, WIDE = 1536, 512, 128
+_PLAIN_SETTINGS = Settings(start_mm=0.0)
+"""Plain tissue is the same everywhere: one position will do."""
+
+_SHARE_CALIBRATION, _SHARE_TEST = 0.2, 0.25
+
+Show = Callable[[str, Progress], None]
+
+
+@dataclass(frozen=True)
+class FieldStrokes:
+    """Pairs of strokes of a directory, and what had to be left out of them.
+
+    Attributes
+    ----------
+    lumps, plain, wide : lists of LumpPair
+        `wide` holds only lumps outside the training ranges.
+    excluded : dict
+        Why -> how many strokes.
+    """
+
+    lumps: list[LumpPair]
+    plain: list[LumpPair]
+    wide: list[LumpPair]
+    excluded: dict[str, int]
+
+
+@dataclass(frozen=True)
+class Split:
+    """Numbers of the lumps to train on, to calibrate on and to test on; none is in two."""
+
+    train: NDArray[np.int64]
+    calibration: NDArray[np.int64]
+    test: NDArray[np.int64]
+
+
+def prepare(
+    directory: str | PathLike[str],
+    lumps: int = LUMPS,
+    plain: int = PLAIN,
+    wide: int = WIDE,
+    workers: int | None = None,
+    show: Show | None = None,
+) -> FieldStrokes:
+    """Simulate into `directory` what it does not hold yet, and read all of it.
+
+    Parameters
+    ----------
+    directory : path
+        Parts that are there already are used as they are.
+    lumps, plain, wide : int
+        How many of each to simulate.
+    workers : int, optional
+        Processes; by default one for each core.
+    show : callable, optional
+        Called with the part's name and its `Progress`.
+    """
+    directory = Path(directory)
+    parts: dict[str, tuple[Callable[[], list[Case]], Settings]] = {
+        "lumps": (lambda: lump_cases(lumps), FIELD_SETTINGS),
+        "plain": (lambda: no_lump_cases(plain), _PLAIN_SETTINGS),
+        "wide": (lambda: lump_cases(wide, 5, WIDEST), FIELD_SETTINGS),
+    }
+    for name, (cases, settings) in parts.items():
+        home = directory / name
+        if (home / "strokes.parquet").exists() or not {"lumps": lumps, "plain": plain, "wide": wide}[name]:
+            continue
+        report = None if show is None else (lambda p, name=name: show(name, p))  # type: ignore[misc]
+        sweep(cases(), settings, home, workers=workers, progress=report)
+    return read(directory)
+
+
+def read(directory: str | PathLike[str]) -> FieldStrokes:
+    """The pairs of a directory; `TableError` if it holds none over lumps."""
+    directory = Path(directory)
+    found: dict[str, list[LumpPair]] = {}
+    excluded: dict[str, int] = {}
+    for name in ("lumps", "plain", "wide"):
+        home = directory / name
+        if not (home / "strokes.parquet").exists():
+            found[name] = []
+            continue
+        failed = int((read_table(home)["status"] != "ok").sum())
+        pairs, alone = pairs_of(load_strokes(home))
+        found[name] = pairs
+        _count(excluded, f"{name}: no equilibrium found", failed)
+        _count(excluded, f"{name}: the other force of the pair is missing", len(alone))
+    if not found["lumps"]:
+        raise TableError(f"{directory} holds no strokes in pairs of two forces over lumps")
+    within = [inside(pair.case) for pair in found["wide"]]
+    _count(excluded, "wide: inside the training ranges, so no test of the domain", sum(within))
+    found["wide"] = [pair for pair, is_in in zip(found["wide"], within) if not is_in]
+    return FieldStrokes(found["lumps"], found["plain"], found["wide"], excluded)
+
+
+def inside(case: Case, ranges: Ranges = USUAL) -> bool:
+    """Whether a lump lies in the training ranges, the probe being the usual one."""
+    named = [f.name for f in fields(ranges) if getattr(ranges, f.name) is not None]
+    within = all(getattr(ranges, n)[0] <= getattr(case, n) <= getattr(ranges, n)[1] for n in named)
+    return within and case.probe_radius_mm == 40.0
+
+
+def split(n: int, seed: int = 1) -> Split:
+    """Lumps 0 to n - 1 dealt out at random: 55 % to train, 20 % to calibrate, 25 % to test."""
+    order = np.random.default_rng(seed).permutation(n)
+    test, calibration = round(n * _SHARE_TEST), round(n * _SHARE_CALIBRATION)
+    return Split(
+        np.sort(order[test + calibration :]),
+        np.sort(order[test : test + calibration]),
+        np.sort(order[:test]),
+    )
+
+
+def stroke_fields(pairs: Sequence[LumpPair]) -> list[StrokeField]:
+    """The sensor model's view of each pair."""
+    return [StrokeField(pair.low, pair.high) for pair in pairs]
+
+
+def _count(excluded: dict[str, int], why: str, n: int) -> None:
+    if n:
+        excluded[why] = excluded.get(why, 0) + n
