@@ -28,6 +28,6 @@ def command(out: Path, runtime: str, fresh: bool, as_json: bool) -> None:
     """
     from host.demo import run
 
-    result = run(out, runtime, fresh)
+    result = run(out, runtime, fresh, stderr=as_json)
     if as_json:
         print_json(asdict(result))

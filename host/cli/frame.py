@@ -16,6 +16,7 @@ from typing import Any
 import click
 
 CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
+    "Start here": (("demo", "host.cli.demo", "the whole chain, from tissue to an answer on the probe"),),
     "Tissue": (
         ("simulate", "host.cli.simulate", "one finite-element stroke: map, features, displacement"),
         ("sweep", "host.cli.sweep", "many strokes, on all cores or a cluster; goes on where it stopped"),
@@ -36,7 +37,10 @@ CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("replay", "host.cli.replay", "a recording through the live parser and the probe's code"),
         ("convert", "host.cli.convert", "a recording as Parquet, HDF5 or CSV"),
     ),
-    "This machine": (("completion", "host.cli.completion", "let the shell complete commands"),),
+    "This machine": (
+        ("doctor", "host.cli.doctor", "is this machine ready, and what to do"),
+        ("completion", "host.cli.completion", "let the shell complete commands"),
+    ),
 }
 """Chapter of `palpate --help` -> (command, its module, its one line); the module holds `command`."""
 

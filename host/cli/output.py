@@ -80,8 +80,10 @@ def progress(unit: str = "") -> Progress:
     )
 
 
-def table(columns: Iterable[str], rows: Iterable[Iterable[Any]], title: str | None = None) -> None:
-    """A plain table on standard output; the columns after the first are aligned to the right."""
+def table(
+    columns: Iterable[str], rows: Iterable[Iterable[Any]], title: str | None = None, stderr: bool = False
+) -> None:
+    """A plain table on standard output (or error); the columns after the first are aligned to the right."""
     from rich import box
     from rich.table import Table
 
@@ -90,4 +92,4 @@ def table(columns: Iterable[str], rows: Iterable[Iterable[Any]], title: str | No
         shown.add_column(name, justify="left" if i == 0 else "right", overflow="fold")
     for row in rows:
         shown.add_row(*(cell if isinstance(cell, str) else f"{cell:g}" for cell in row))
-    console().print(shown)
+    console(stderr).print(shown)

@@ -75,7 +75,7 @@ class _Steps:
         self.seconds[name] = time.monotonic() - began
 
 
-def run(out: Path, runtime: str = "micropython", fresh: bool = False) -> DemoResult:
+def run(out: Path, runtime: str = "micropython", fresh: bool = False, stderr: bool = False) -> DemoResult:
     """Run the whole chain into the directory `out`.
 
     Parameters
@@ -86,6 +86,8 @@ def run(out: Path, runtime: str = "micropython", fresh: bool = False) -> DemoRes
         What carries the emulated probe's firmware: micropython or cpython.
     fresh : bool
         Compute the strokes anew.
+    stderr : bool
+        Print the results, too, on standard error: standard output is for JSON.
 
     Raises
     ------
@@ -106,7 +108,7 @@ def run(out: Path, runtime: str = "micropython", fresh: bool = False) -> DemoRes
     with step("Sweep", f"{EXPERIENCE}, contact finite elements"):
         strokes = _sweep(files["strokes"])
     with step("Fit", "tactile maps, features, inverse regression"):
-        spec = _fit(strokes, files["model"])
+        spec = _fit(strokes, files["model"], stderr)
     with step("Export", "coefficients to a signed image for the integer evaluator"):
         image = _export(spec, out / "key", files["image"])
     with ExitStack() as stack:
@@ -120,7 +122,7 @@ def run(out: Path, runtime: str = "micropython", fresh: bool = False) -> DemoRes
             identical = _replay(files["recording"])
             truth = _truth()
             _picture(files["picture"], frames, found, estimate, truth)
-    _say_result(estimate, truth, identical, files)
+    _say_result(estimate, truth, identical, files, stderr)
     if not identical:
         raise PalpateError("the host's replay of the stroke differs from what the probe said")
     return DemoResult(estimate.as_dict(), truth, identical, model_id, len(image), files, step.seconds)
@@ -150,19 +152,19 @@ def _sweep(directory: Path) -> list[Any]:
     return read_strokes(directory)
 
 
-def _fit(strokes: list[Any], path: Path) -> Any:
+def _fit(strokes: list[Any], path: Path, stderr: bool) -> Any:
     from host.regression.runs import features_table
     from host.regression.thesis import fit_thesis
     from host.regression.thesis_model import fit_thesis_model
 
     fit = fit_thesis(features_table(strokes), permutations=0)
-    _print_table_1(fit)
+    _print_table_1(fit, stderr)
     spec = fit_thesis_model(strokes, noise=NOISE)
     spec.save(path)
     return spec
 
 
-def _print_table_1(fit: Any) -> None:
+def _print_table_1(fit: Any, stderr: bool) -> None:
     """Table 1, narrow enough for any terminal; `palpate fit` prints all of it."""
     rows = []
     for pressure, both in zip(fit.entries[::2], fit.entries[1::2]):
@@ -173,7 +175,7 @@ def _print_table_1(fit: Any) -> None:
             (pressure.row.name, *("-" if x is None else f"{x:.3f}" for x in numbers), str(pressure.n))
         )
     heads = ("R2", *("thesis", "ours", "left out") * 2, "n")
-    table(heads, rows, "   Table 1: from pressure alone (left), with displacement (right)")
+    table(heads, rows, "   Table 1: from pressure alone (left), with displacement (right)", stderr)
     say("left out: leave-one-out with the terms chosen anew each time")
 
 
@@ -271,7 +273,13 @@ def _picture(
         draw(part, frames, found, estimate.as_dict(), truth)
 
 
-def _say_result(estimate: Estimate, truth: dict[str, float], identical: bool, files: dict[str, Path]) -> None:
+def _say_result(
+    estimate: Estimate,
+    truth: dict[str, float],
+    identical: bool,
+    files: dict[str, Path],
+    stderr: bool,
+) -> None:
     names = {
         "d_mm": "diameter d, mm",
         "h": "depth h, diameters",
@@ -286,12 +294,13 @@ def _say_result(estimate: Estimate, truth: dict[str, float], identical: bool, fi
         rows.append(
             (words, f"{got['value']:.3g}", f"{got['low']:.3g} to {got['high']:.3g}", f"{truth[name]:.3g}")
         )
-    table(("", "the probe says", f"{level:g} % interval", "truth"), rows)
+    table(("", "the probe says", f"{level:g} % interval", "truth"), rows, stderr=stderr)
     click.echo(
         f"   lump: {'yes' if estimate.lump else 'no'}; hard or soft: {estimate.hardness} "
         f"(truth: E = {truth['E_ratio']:g}); "
-        f"{'inside' if estimate.in_domain else 'outside'} the model's domain"
+        f"{'inside' if estimate.in_domain else 'outside'} the model's domain",
+        err=stderr,
     )
-    click.echo(f"   replay: {'identical' if identical else 'DIFFERENT'}")
+    click.echo(f"   replay: {'identical' if identical else 'DIFFERENT'}", err=stderr)
     for name in ("picture", "recording"):
-        click.echo(f"   {name}: {files[name]}")
+        click.echo(f"   {name}: {files[name]}", err=stderr)
