@@ -150,12 +150,21 @@ def compute(x, ids, feats, steps, c, d, rows, outs, head, u, high, low, work, ou
         low[5 + i] = (v >> down) & mask
         at += 7
     at = 0
+    k = 5 + n
     for i in range(n, terms):
-        v = mul28(u[steps[at]], u[steps[at + 1]])
+        # mul28, written out: a call costs as much as the product
+        v = u[steps[at]]
+        w = u[steps[at + 1]]
+        a = v >> 14
+        b = w >> 14
+        v &= 16383
+        w &= 16383
+        v = a * b + ((a * w + v * b + (v * w >> 14)) >> 14)
         u[i] = v
-        high[5 + i] = v >> 15
-        low[5 + i] = (v >> down) & mask
+        high[k] = v >> 15
+        low[k] = (v >> down) & mask
         at += 2
+        k += 1
     at = 0
     row = 0
     o = 0
