@@ -1,4 +1,4 @@
-"""A reader at the keyboard: one shell and one Python for a page, further terminals for what is left running."""
+"""A reader at the keyboard: a shell and a Python for each page, more terminals for what is left running."""
 
 from __future__ import annotations
 
@@ -86,8 +86,8 @@ class Session:
     Parameters
     ----------
     directory : Path
-        New or copied from the page before; the tree's rooms are linked into it, so that it looks like the clone
-        that the reader stands in, but for what commands write.
+        New or copied from the page before; the tree's rooms are linked into it, so that it looks like the
+        clone that the reader stands in, but for what commands write.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -113,7 +113,7 @@ class Session:
         self._count = 0
 
     def run(self, block: Block) -> str:
-        """Run one block; what it printed. `BlockFailed` with the output where it ends otherwise than it says."""
+        """Run one block and give what it printed; `BlockFailed` where it ends otherwise than it says."""
         self._count += 1
         if block.stays:
             return self._leave_running(block)
