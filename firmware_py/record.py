@@ -29,7 +29,7 @@ class Record:
         if size < EXTRA:
             return -1, b""
         b = bytearray(self.store.read(name, 0, size))
-        if len(b) != size or not crc.check_plain(b, size):
+        if len(b) != size or not crc.check(b, size):
             return -1, b""
         number = b[0] | b[1] << 8 | b[2] << 16 | b[3] << 24
         length = b[4] | b[5] << 8 | b[6] << 16 | b[7] << 24
@@ -61,7 +61,7 @@ class Record:
             b[i] = number >> 8 * i & 255
             b[4 + i] = n >> 8 * i & 255
         b[8 : 8 + n] = content
-        crc.append_plain(b, 8 + n)
+        crc.append(b, 8 + n)
         name = self.name + "01"[copy]
         code = self.store.create(name, b)
         if code != status.OK:
