@@ -22,26 +22,51 @@ BLOB_BYTES = 8 + 4 * CELLS + CELLS // 8
 _VERSION = 1
 
 
-def calibrate_bins(cells, slot, n, counts, offset, gain, fill, fills):
-    """Turn the raw sums of n bins into calibrated means, in place, then fill their dead cells.
+def calibrate_bins(cells, slot, n, counts, offset, gain, fill, fills, rows, total):
+    """Turn the raw sums of n bins into calibrated means, in place, and fill their dead cells.
 
-    A cell becomes its pressure in 1/8 count, BIAS added, held in 16 bits.
+    A cell becomes its pressure in 1/8 count, BIAS added, held in 16 bits. rows[16 k + i] becomes the mean
+    over all columns of row i in the k-th bin, Q5 counts, before that rounding; total[k] their sum.
     """
     for k in range(n):
         base = slot[k] * 416
         count = counts[slot[k]]
-        for i in range(416):
-            # times 8, not shifted: an unsigned number shifted would stay unsigned once compiled
-            v = ((cells[base + i] * 8 // count - offset[i]) * gain[i] >> 13) + 4096
-            if v < 0:
-                v = 0
-            elif v > 65535:
-                v = 65535
-            cells[base + i] = v
+        i = 0
+        at = 16 * k
+        end = at + 16
+        while at < end:
+            s = 0
+            e = i + 26
+            while i < e:
+                # times 8, not shifted: an unsigned number shifted would stay unsigned once compiled
+                v = (cells[base + i] * 8 // count - offset[i]) * gain[i] >> 9
+                s += v
+                v = (v >> 4) + 4096
+                if v < 0:
+                    v = 0
+                elif v > 65535:
+                    v = 65535
+                cells[base + i] = v
+                i += 1
+            rows[at] = s
+            at += 1
+        # a dead cell's gain is 0, so it has added nothing so far
         i = 0
         while i < fills:
-            cells[base + fill[i]] = (cells[base + fill[i + 1]] + cells[base + fill[i + 2]]) >> 1
+            v = (cells[base + fill[i + 1]] + cells[base + fill[i + 2]]) >> 1
+            cells[base + fill[i]] = v
+            rows[16 * k + fill[i] // 26] += (v - 4096) << 4
             i += 3
+        s = 0
+        for at in range(16 * k, end):
+            v = rows[at] // 104
+            if v > 131071:
+                v = 131071
+            elif v < -131071:
+                v = -131071
+            rows[at] = v
+            s += v
+        total[k] = s
 
 
 def plan_fill(dead, fill):
@@ -97,9 +122,7 @@ class Calibration:
         self.fills = 0
 
     def set_dead(self, cells):
-        """Name the dead cells (an iterable of cell indices) and plan their filling."""
-        for i in range(CELLS // 8):
-            self.dead[i] = 0
+        """Name dead cells (an iterable of cell indices) and plan their filling; it cannot be taken back."""
         for i in cells:
             self.dead[i >> 3] |= 1 << (i & 7)
         self._plan()
@@ -107,7 +130,9 @@ class Calibration:
     def _plan(self):
         n = 0
         for i in range(CELLS):
-            n += self.dead[i >> 3] >> (i & 7) & 1
+            if self.dead[i >> 3] >> (i & 7) & 1:
+                self.gain[i] = 0
+                n += 1
         self.fill = array("H", bytes(6 * (n or 1)))
         self.fills = plan_fill(self.dead, self.fill)
 

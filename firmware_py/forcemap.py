@@ -29,11 +29,12 @@ WORK = 48  # inputs 14, odd pressures 8, even outputs 9, the image from 32 to 47
 _TWO = 0x2000000
 MOST = 0x1FFFF  # a row, Q5 counts: full scale
 DEEPEST = 0x1FFFFF  # a depth, 1/16 um
+STEEPEST = 0x1FFFFF  # 8 in Q18
 
 
 def load(blob):
     """The blob as array('i'): shift, centres, coefficients; None if it is not a force map of this version."""
-    if len(blob) != BLOB_BYTES or blob[0] != 0x46 or blob[1] != VERSION or not 6 <= blob[2] <= 14 or blob[3]:
+    if len(blob) != BLOB_BYTES or blob[0] != 0x46 or blob[1] != VERSION or not 12 <= blob[2] <= 14 or blob[3]:
         return None
     out = array("i", bytes(4 * (HEAD + COEFS)))
     out[0] = blob[2]
@@ -64,7 +65,7 @@ def limit(v, most):
 
 
 def slopes(f, w, lf, ld, total):
-    """Evaluate the map f for the image in w[32..47] with sum `total`; outputs in w[0..16], Q12.
+    """Evaluate the map f for the image in w[32..47] with sum `total`; outputs in w[0..16], Q18.
 
     lf, ld: ln F and ln D less their centres, Q12. Image sensor s gets w[s], displacement w[16].
     """
@@ -80,14 +81,14 @@ def slopes(f, w, lf, ld, total):
         b = w[47 - i]
         w[6 + i] = limit(((a + b) << 11) // mean, 16383)
         w[14 + i] = limit(((a - b) << 11) // mean, 16383)
-    down = f[0] - 6
+    down = f[0] - 12
     for j in range(9):
         s = 0
         k = 3 + j
         for i in range(14):
             s += w[i] * f[k] >> 6
             k += 9
-        w[22 + j] = limit(s >> down, 32767)
+        w[22 + j] = limit(s >> down, STEEPEST)
     # the inputs are no longer needed: outputs take their places
     for j in range(8):
         s = 0
@@ -99,8 +100,8 @@ def slopes(f, w, lf, ld, total):
     for j in range(8):
         a = w[22 + j]
         b = w[j]
-        w[j] = limit(a + b, 32767)
-        w[15 - j] = limit(a - b, 32767)
+        w[j] = limit(a + b, STEEPEST)
+        w[15 - j] = limit(a - b, STEEPEST)
     w[16] = w[30]
 
 
@@ -124,18 +125,17 @@ def move(f, rows, at, depth, u, w):
     ld = (_ln(depth) - f[2]) >> 12
     slopes(f, w, lf, ld, total)
     # half a step
-    uu = u >> 10
-    mean = total >> 4
+    step = _mul(u >> 1, total)
     total = 0
     for i in range(16):
-        v = rows[at + i] + _mul(limit(uu * w[i] >> 3, _TWO), mean)
+        v = limit(rows[at + i] + (_mul(step, w[i] << 6) >> 4), MOST)
         w[32 + i] = v
         total += v
     if total < 2048:
         return depth
-    slopes(f, w, lf + (u >> 13), ld + ((uu * w[16] >> 3) >> 12), total)
-    uu = u >> 9
-    mean = total >> 4
+    slopes(f, w, lf + (u >> 13), ld + (_mul(u >> 1, w[16] << 6) >> 12), total)
+    step = _mul(u, total)
     for i in range(16):
-        rows[at + i] = limit(rows[at + i] + _mul(limit(uu * w[i] >> 3, _TWO), mean), MOST)
-    return limit(_mul(depth << 4, _exp(limit(uu * w[16] >> 3, _TWO), 4)), DEEPEST)
+        rows[at + i] = limit(rows[at + i] + (_mul(step, w[i] << 6) >> 4), MOST)
+    u = limit(_mul(u, w[16] << 6), _TWO)
+    return limit(_mul(depth << 4, _exp(u, 4)), DEEPEST)

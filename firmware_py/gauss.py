@@ -22,12 +22,13 @@ STDEV = 3
 COST = 4  # ln of the sum of squared residuals, Q24
 PARAMS = 5
 WORK = 256  # numbers of working space: four for each of up to 64 points
-SUMS = 16
+SUMS = 16  # of which the last two keep the map's mean and the shift of its scale
 MIN_STDEV = 98304  # 1.5 mm
 MAX_STDEV = 1638400  # 25 mm
 EDGE = 917504  # the centre stays 14 mm inside the grid's ends
 MAX_AMP = 0x4000000
-TURNS = 40
+TURNS = 60
+SLACK = 8192
 
 
 def start(y, n, p, width_um):
@@ -61,8 +62,31 @@ def flat(y, n, p):
     p[4] = _ln(cost) + 12 * 11629080
 
 
-def evaluate(y, n, p, work, s):
-    """Residuals of the parameters p; sets p[BASE] and p[COST], fills work and the sums s."""
+def prepare(y, n, work, s):
+    """The map less its mean, scaled up to 21 bits, into work[3n..4n); mean and shift into s[10], s[11]."""
+    total = 0
+    for i in range(n):
+        total += y[i] >> 3
+    mean = total * 8 // n
+    top = 1
+    for i in range(n):
+        v = y[i] - mean
+        if v < 0:
+            v = -v
+        if v > top:
+            top = v
+    k = 0
+    while top < 0x100000 and k < 12:
+        top <<= 1
+        k += 1
+    for i in range(n):
+        work[3 * n + i] = (y[i] - mean) << k
+    s[10] = mean
+    s[11] = k
+
+
+def evaluate(n, p, work, s):
+    """Residuals of the parameters p against the prepared map; sets p[BASE], p[COST], work and the sums s."""
     amp = p[1]
     wide = p[3] >> 4
     half = wide >> 1
@@ -75,7 +99,7 @@ def evaluate(y, n, p, work, s):
         else:
             g = 0
             z = 0
-        r = y[i] - _mul(amp, g)
+        r = work[3 * n + i] - _mul(amp, g)
         work[i] = (g + 2048) >> 12
         work[n + i] = z
         work[2 * n + i] = r
@@ -213,8 +237,43 @@ def fit(y, n, p, best, work, s, d):
     """
     if p[1] < 1:
         return 0
+    prepare(y, n, work, s)
+    p[1] = limit(p[1], 0xFFFFFF >> s[11]) << s[11]
+    turn = descend(n, p, best, work, s, d)
+    half = (1 << s[11]) >> 1
+    p[0] = s[10] + ((p[0] + half) >> s[11])
+    p[1] = (p[1] + half) >> s[11]
+    p[4] -= 2 * s[11] * 11629080
+    return turn
+
+
+def fit_from(y, n, p, best, work, s, d, place, width_um, keep):
+    """The fit from a bump of width_um at the grid's point `place`; tried from other widths too if it is weak.
+
+    keep: space for PARAMS numbers. Returns the turns of all fits together, 0 if there is no bump.
+    """
+    p[2] = place << 16
+    start(y, n, p, width_um)
+    turns = fit(y, n, p, best, work, s, d)
+    # where the bump is over six times the rms residual the valley has one floor
+    if turns == 0 or 2 * _ln(p[1]) - p[4] + _ln(n) > 60121846:
+        return turns
+    for width in (3000, 13000):
+        for i in range(5):
+            keep[i] = p[i]
+        p[2] = place << 16
+        start(y, n, p, width)
+        turns += fit(y, n, p, best, work, s, d)
+        if p[4] >= keep[4]:
+            for i in range(5):
+                p[i] = keep[i]
+    return turns
+
+
+def descend(n, p, best, work, s, d):
+    """Levenberg's and Marquardt's steps on the prepared map; returns how many."""
     high = (n - 1) * 65536 - EDGE
-    evaluate(y, n, p, work, s)
+    evaluate(n, p, work, s)
     for i in range(5):
         best[i] = p[i]
     damp = 7
@@ -248,8 +307,9 @@ def fit(y, n, p, best, work, s, d):
         elif p[3] > MAX_STDEV:
             p[3] = MAX_STDEV
         small = -1000 < d[0] < 1000 and -1000 < d[1] < 1000 and -1000 < d[2] < 1000
-        evaluate(y, n, p, work, s)
-        if p[4] <= best[4]:
+        evaluate(n, p, work, s)
+        # the sum of squares is known to a few parts in ten thousand, the gradient far better
+        if p[4] <= best[4] + SLACK:
             for i in range(5):
                 best[i] = p[i]
             if damp < 20:
@@ -261,7 +321,7 @@ def fit(y, n, p, best, work, s, d):
                 break
             for i in range(5):
                 p[i] = best[i]
-            evaluate(y, n, p, work, s)
+            evaluate(n, p, work, s)
             damp -= 3
             if damp < 1:
                 break

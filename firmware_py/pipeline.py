@@ -19,7 +19,7 @@ PLACES = 128  # most places of the map that the lump is looked for in
 
 
 def sum_rows(cells, slot, n, first, last, rows, total):
-    """Mean over the columns first..last-1 of the n calibrated bins: 16 rows each, Q5 counts, and their sum."""
+    """Mean over the columns first..last-1 of the n calibrated bins: 16 rows each and their sum, Q5 counts."""
     width = last - first
     at = 0
     for k in range(n):
@@ -30,6 +30,7 @@ def sum_rows(cells, slot, n, first, last, rows, total):
             for j in range(base, base + width):
                 s += cells[j]
             s = (s << 2) // width
+            s = s if s < 131071 else 131071
             rows[at] = s
             t += s
             at += 1
@@ -91,6 +92,7 @@ class Pipeline:
         self._small = array("i", bytes(4 * 64))
         self._best = array("i", bytes(4 * gauss.PARAMS))
         self._step = array("i", bytes(12))
+        self._keep_fit = array("i", bytes(4 * gauss.PARAMS))
         self.reset()
 
     def reset(self):
@@ -123,7 +125,6 @@ class Pipeline:
         self._calibrate()
         if self.n < 8:
             return status.TOO_SHORT
-        self._sum(self._force)
         self._move(force_map, True)
         if not self._find():
             return status.TOO_SHORT
@@ -136,19 +137,36 @@ class Pipeline:
         return code
 
     def _calibrate(self):
-        if self.done:
-            return
         c = self.calibration
         b = self.bins
-        self.n = b.order(self._x, self._raw_depth, self._slot)
-        calib.calibrate_bins(b.cells, self._slot, self.n, b.count, c.offset, c.gain, c.fill, c.fills)
-        self.done = True
+        if not self.done:
+            self.done = True
+            self.n = b.order(self._x, self._raw_depth, self._slot)
+            calib.calibrate_bins(
+                b.cells,
+                self._slot,
+                self.n,
+                b.count,
+                c.offset,
+                c.gain,
+                c.fill,
+                c.fills,
+                self._rows,
+                self._force,
+            )
+            self._keep()
+            if not self.fixed_columns:
+                return
+        self._sum(self._force)
+
+    def _keep(self):
+        for k in range(self.n):
+            self._depth[k] = self._raw_depth[k]
 
     def _sum(self, force):
         s = self.span
         sum_rows(self.bins.cells, self._slot, self.n, s[0], s[1], self._rows, force)
-        for k in range(self.n):
-            self._depth[k] = self._raw_depth[k]
+        self._keep()
 
     def _move(self, force_map, first):
         if first:
@@ -188,11 +206,19 @@ class Pipeline:
         """The map about the place, and the Gaussian on it."""
         p = self.fit
         traces.map_rows(self._x, self.n, self._rows, self._place - HALF_UM, self.map, POINTS, self._small)
-        p[gauss.CENTRE] = 28 << 16
-        if self._width:
-            gauss.start(self.map, POINTS, p, self._width)
-            if gauss.fit(self.map, POINTS, p, self._best, self._work, self._small, self._step):
-                return status.OK
+        if self._width and gauss.fit_from(
+            self.map,
+            POINTS,
+            p,
+            self._best,
+            self._work,
+            self._small,
+            self._step,
+            28,
+            self._width,
+            self._keep_fit,
+        ):
+            return status.OK
         gauss.flat(self.map, POINTS, p)
         return status.NO_FIT
 

@@ -57,17 +57,17 @@ def measure(x_um, n, rows, depth, centre_um, out, w):
             out[105 + m] += tilt if j > 0 else -tilt
         out[140 + m] += both * spread
         if 24 <= m <= 33:
-            _fold(w, out, 175)
+            _fold(w, out, 175, 1)
         if m <= 2:
-            _fold(w, out, 183)
+            _fold(w, out, 183, both)
         if 26 <= m <= 30:
-            _fold(w, out, 191)
+            _fold(w, out, 191, 1)
 
 
-def _fold(w, out, at):
+def _fold(w, out, at, times):
     """Add the image in w[4..19], folded, to out[at..at+7]."""
     for i in range(8):
-        out[at + i] += w[4 + i] + w[19 - i]
+        out[at + i] += times * (w[4 + i] + w[19 - i])
 
 
 def window(out, start, low, high):

@@ -31,7 +31,9 @@ def compiled() -> types.SimpleNamespace:
     called from another file has changed.
     """
     import numba
-    from numba.core import config
+    from numba.core import config as numba_config
+
+    config: Any = numba_config
 
     digest = hashlib.sha256(numba.__version__.encode())
     for name in twin.STAGES:
