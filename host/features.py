@@ -283,8 +283,11 @@ def peak_trace(stroke: StrokeLike) -> tuple[Floats, Floats]:
 
 
 def peak_jumps(stroke: StrokeLike, threshold_mm: float = 1.5) -> list[tuple[float, float]]:
-    """Jumps of the peak: (probe position after it, how far beyond the probe's own step), both mm."""
+    """Jumps of the peak ahead of the probe: (probe position after it, how far beyond its own step), both mm.
+
+    Once it is at the lump the peak stays there while the probe goes on; that is no jump.
+    """
     place, _ = peak_trace(stroke)
     beyond = np.diff(place) - np.diff(stroke.positions_mm)
-    jumped = np.flatnonzero(np.abs(beyond) > threshold_mm)
+    jumped = np.flatnonzero(beyond > threshold_mm)
     return [(float(stroke.positions_mm[k + 1]), float(beyond[k])) for k in jumped]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,10 @@ from firmware_py import features as firmware_features
 from firmware_py import status
 from host.features import Floats
 from host.replay_core import Replay
-from sim.probe.sensors import LEVELS, Noise, SensorModel, StrokeField
+from sim.probe.sensors import LEVELS, Noise, SensorModel, StrokeField, pack
 
 NAMES = firmware_features.NAMES
+Alter = Callable[[NDArray[np.uint16]], NDArray[np.uint16]]
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,8 @@ def look(
     groups: Sequence[int] | None = None,
     force_map: bytes | None = None,
     n_frames: int = 50,
+    alter: Alter | None = None,
+    mean_forces_N_per_m: Sequence[float] | None = None,
     **sensor: Any,
 ) -> Seen:
     """One stroke of a probe of its own over each field; the same seed gives the same strokes.
@@ -93,6 +96,8 @@ def look(
     groups : which lump each field is; by default its place in `fields`
     force_map : blob of `model_export.force_map`, or None
     n_frames : int
+    alter : what another sensor would make of the counts (frames, 416), as one with fewer bits
+    mean_forces_N_per_m : the hand's mean force for each stroke; by default the middle of the pair
     **sensor : further words of `SensorModel`
     """
     noise = noise_named(noise)
@@ -102,8 +107,11 @@ def look(
     Y = np.empty((len(fields), 5))
     lump = np.empty(len(fields), bool)
     for k, field in enumerate(fields):
-        model = SensorModel(field, noise, _seed_of(seed, k), **sensor)
+        mean = None if mean_forces_N_per_m is None else mean_forces_N_per_m[k]
+        model = SensorModel(field, noise, _seed_of(seed, k), mean_force_N_per_m=mean, **sensor)
         stream = model.stroke(n_frames)
+        if alter is not None:
+            stream = replace(stream, packed=[pack(c) for c in alter(stream.counts)])
         codes[k] = replay.stream(stream, model.calibration())
         X[k] = replay.features()
         Y[k], lump[k] = list(stream.truth.outputs().values()), stream.truth.lump

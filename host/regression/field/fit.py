@@ -200,14 +200,41 @@ class Bench:
         seed = self.seed * _SEED_STEP + first_draw
         return join([look(chosen, noise, seed + k, list(which), blob, **sensor) for k in range(draws)])
 
-    def parts(self, noise: Noise | str, force_map: bool = True, **sensor: Any) -> tuple[Seen, Seen, Seen]:
+    def see_at(
+        self,
+        which: NDArray[np.int64],
+        noise: Noise | str,
+        draws: int,
+        first_draw: int,
+        mean_forces_N_per_m: Sequence[float],
+    ) -> Seen:
+        """`draws` strokes over each of some lumps at a mean force of its own."""
+        seed = self.seed * _SEED_STEP + first_draw
+        chosen = [self.lumps[k] for k in which]
+        return join(
+            [
+                look(chosen, noise, seed + k, list(which), self.blob, mean_forces_N_per_m=mean_forces_N_per_m)
+                for k in range(draws)
+            ]
+        )
+
+    def parts(
+        self,
+        noise: Noise | str,
+        force_map: bool = True,
+        draws: tuple[int, int, int] = (TRAIN_DRAWS, CALIBRATION_DRAWS, TEST_DRAWS),
+        **sensor: Any,
+    ) -> tuple[Seen, Seen, Seen]:
         """Training, calibration and test strokes over lumps, at one noise level."""
         s = self.split
-        return (
-            self.see(self.lumps, s.train, noise, TRAIN_DRAWS, 0, force_map, **sensor),
-            self.see(self.lumps, s.calibration, noise, CALIBRATION_DRAWS, 100, force_map, **sensor),
-            self.see(self.lumps, s.test, noise, TEST_DRAWS, 200, force_map, **sensor),
+        if noise_named(noise) == Noise():
+            draws = (1, 1, 1)
+        which = (s.train, s.calibration, s.test)
+        train, calibration, test = (
+            self.see(self.lumps, lumps, noise, n, 100 * k, force_map, **sensor)
+            for k, (lumps, n) in enumerate(zip(which, draws))
         )
+        return train, calibration, test
 
 
 def fit_field(
