@@ -3,41 +3,105 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from host.cli.output import console, json_option, note, print_json
+from host.cli.output import console, json_option, note, print_json, progress
+from host.errors import UsageError
+
+if TYPE_CHECKING:
+    from model_export.schema import ModelSpec
 
 
 @click.command("fit")
 @click.argument("directory", type=click.Path(path_type=Path, file_okay=False))
-@click.option("--kind", type=click.Choice(["thesis"]), default="thesis", show_default=True,
-              help="thesis: the 29 runs and the thesis' equations.")  # fmt: skip
+@click.option("--kind", type=click.Choice(["thesis", "field"]), default="thesis", show_default=True,
+              help="thesis: the 29 runs and the thesis' equations. field: lumps over the whole range.")  # fmt: skip
 @click.option("--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="As model.json.")
-@click.option("--noise", default="typical", show_default=True, help="Sensors to train for.")
-@click.option("--seed", default=1, show_default=True, help="Of the sensors' noise.")
+@click.option("--noise", default="typical", show_default=True,
+              help="Sensors to train for: none, good, typical or poor.")  # fmt: skip
+@click.option("--seed", default=1, show_default=True, help="Of the split and of the sensors' noise.")
+@click.option("--lumps", default=None, type=click.IntRange(64),
+              help="field: lumps to simulate where DIRECTORY holds none.")  # fmt: skip
+@click.option("--workers", type=click.IntRange(1), help="field: processes for that; all cores by default.")
+@click.option("--report", type=click.Path(path_type=Path, file_okay=False), help="Draw the figures there.")
 @json_option
-def command(directory: Path, kind: str, out: Path, noise: str, seed: int, as_json: bool) -> None:
-    """Fit a model to the strokes of a sweep, and print Table 1 beside the thesis' numbers.
+def command(
+    directory: Path,
+    kind: str,
+    out: Path,
+    noise: str,
+    seed: int,
+    lumps: int | None,
+    workers: int | None,
+    report: Path | None,
+    as_json: bool,
+) -> None:
+    """Fit a model to the strokes in DIRECTORY and say how good it is.
+
+    \b
+    thesis  Table 1 beside the thesis' numbers, in sample and left out. DIRECTORY: palpate sweep --design thesis
+    field   the held-out table. What DIRECTORY lacks is simulated into it first (10 minutes on two cores).
 
     \b
     Example:
       palpate sweep --design thesis --out out/thesis
       palpate fit out/thesis --kind thesis --out out/model.json
+      palpate fit out/field --kind field --out out/field.json --report out/report
     """
+    from sim.probe.sensors import LEVELS
+
+    if noise not in LEVELS:
+        raise UsageError(f"there is no noise level {noise!r}; there are {', '.join(LEVELS)}")
+    if kind == "thesis":
+        strokes, fit, spec = _thesis(directory, noise, seed)
+        words: dict[str, Any] = {"strokes": strokes, "thesis": fit}
+    else:
+        fit = _field(directory, noise, seed, lumps, workers)
+        spec, words = fit.spec, {"field": fit}
+    _save(spec, out)
+    page = None
+    if report is not None:
+        from host.report import write_report
+
+        page = write_report(report, **words)
+    if as_json:
+        print_json({"out": out, "kind": kind, "report": page, **fit.to_dict()})
+        return
+    for found in fit.tables():
+        console().print(found)
+    note(f"wrote {out}" + (f" and {page}" if page else ""))
+
+
+def _save(spec: ModelSpec, out: Path) -> None:
     from host.files import whole_file
+
+    with whole_file(out) as path:
+        spec.save(path)
+
+
+def _thesis(directory: Path, noise: str, seed: int) -> tuple[Any, Any, ModelSpec]:
     from host.regression.runs import features_table, read_strokes
     from host.regression.thesis import fit_thesis
     from host.regression.thesis_model import fit_thesis_model
 
     strokes = read_strokes(directory)
     fit = fit_thesis(features_table(strokes))
-    spec = fit_thesis_model(strokes, seed=seed, noise=noise)
-    with whole_file(out) as path:
-        spec.save(path)
-    if as_json:
-        print_json({"out": out, "kind": kind, "strokes": len(strokes), **fit.to_dict()})
-        return
-    for found in fit.tables():
-        console().print(found)
-    note(f"wrote {out}")
+    return strokes, fit, fit_thesis_model(strokes, seed=seed, noise=noise)
+
+
+def _field(directory: Path, noise: str, seed: int, lumps: int | None, workers: int | None) -> Any:
+    from host.regression.field.data import LUMPS, prepare
+    from host.regression.field.fit import fit_field
+
+    with progress("strokes") as bar:
+        tasks: dict[str, Any] = {}
+
+        def show(name: str, now: Any) -> None:
+            if name not in tasks:
+                tasks[name] = bar.add_task(f"simulating {name}", total=now.total)
+            bar.update(tasks[name], completed=now.done, total=now.total)
+
+        strokes = prepare(directory, lumps or LUMPS, workers=workers, show=show)
+    return fit_field(strokes, noise=noise, seed=seed, tell=note)

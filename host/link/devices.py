@@ -101,18 +101,43 @@ def handshake(device: Device, baud: int = 921_600) -> Device:
         return replace(device, state="silent", message=str(error))
 
 
-def resolve(port: str, baud: int = 921_600) -> tuple[str, str]:
+@dataclass(frozen=True)
+class Place:
+    """Where a probe is, and how to find it again after an unplug.
+
+    Parameters
+    ----------
+    port : str
+        What to open now.
+    usb_serial : str
+        Finds a USB probe that comes back under another name; "" where the port's name must do.
+    pid : int
+        The process of an emulated probe, whose pseudo-terminal gets another name; 0 for others.
+    """
+
+    port: str
+    usb_serial: str = ""
+    pid: int = 0
+
+    def port_now(self) -> str:
+        """The port's present name; `PortMissing` while the probe is away."""
+        if self.pid:
+            notes = [note.port for note in emulated.running() if note.pid == self.pid]
+            if not notes:
+                raise PortMissing(self.port, f"the emulated probe at {self.port} has ended; start it again")
+            return notes[0]
+        return resolve(self.usb_serial).port if self.usb_serial else self.port
+
+
+def resolve(port: str, baud: int = 921_600) -> Place:
     """What a user's word for a port means.
 
     Parameters
     ----------
     port : str
         `auto`, a USB or probe's serial number, or a port as it is.
-
-    Returns
-    -------
-    port, serial : str, str
-        The port, and a serial number to find it by after an unplug ("" where the port's name must do).
+    baud : int
+        Of a UART that must be asked.
 
     Raises
     ------
@@ -122,26 +147,30 @@ def resolve(port: str, baud: int = 921_600) -> tuple[str, str]:
         `auto` found several.
     """
     if "/" in port or port.upper().startswith("COM") or "\\" in port:
-        return port, _usb_serial(port)
-    if port != "auto":
-        devices = find(ask=False)
-        for device in devices:
-            if device.usb_serial and device.usb_serial.lower() == port.lower():
-                return device.port, device.usb_serial
-        for device in find(baud=baud):
-            if device.serial and device.serial.lower() == port.lower():
-                return device.port, device.serial
-        raise PortMissing(
-            port,
-            f"there is no port and no probe with the serial number {port!r}; `palpate devices` lists both",
-        )
-    return _the_only_one(find(baud=baud))
+        return _place(port)
+    if port == "auto":
+        return _place(_the_only_one(find(baud=baud)).port)
+    for device in find(ask=False):
+        if device.usb_serial and device.usb_serial.lower() == port.lower():
+            return Place(device.port, device.usb_serial)
+    for device in find(baud=baud):
+        if device.serial and device.serial.lower() == port.lower():
+            return _place(device.port)
+    raise PortMissing(
+        port, f"there is no port and no probe with the serial number {port!r}; `palpate devices` lists both"
+    )
 
 
-def _the_only_one(devices: list[Device]) -> tuple[str, str]:
+def _place(port: str) -> Place:
+    pid = next((note.pid for note in emulated.running() if note.port == port), 0)
+    usb_serial = next((d.usb_serial for d in _from_system() if d.port == port), "")
+    return Place(port, usb_serial, pid)
+
+
+def _the_only_one(devices: list[Device]) -> Device:
     probes = [device for device in devices if device.state == "probe"]
     if len(probes) == 1:
-        return probes[0].port, probes[0].usb_serial
+        return probes[0]
     if probes:
         ports = tuple(device.port for device in probes)
         raise PortAmbiguous(
@@ -158,10 +187,6 @@ def _the_only_one(devices: list[Device]) -> tuple[str, str]:
         "auto",
         "no probe found; plug one in, start one with `palpate emulate d10h08e10f10`, or name it with --port",
     )
-
-
-def _usb_serial(port: str) -> str:
-    return next((d.usb_serial for d in _from_system() if d.port == port), "")
 
 
 def _from_note(note: emulated.Note) -> Device:

@@ -21,7 +21,9 @@ from host.link.parser import HAVE, Again, LiveParser
 from host.link.transport import Transport
 
 ANSWER_TIMEOUT_S = 0.4
-RETRIES = 12
+RETRIES = 24
+GROWTH = 1.4
+SHORTEST_WAIT_S = 0.03
 POLL_S = 0.05
 REOPEN_EVERY_S = 0.25
 INLINE_TRIES = 8
@@ -64,6 +66,8 @@ class Line:
         self.stream: tuple[int, int, int] | None = None
         """The stream to ask for again after an unplug: content, every, strokes."""
         self.failure: PalpateError | None = None
+        self._trip_s = ANSWER_TIMEOUT_S / 4
+        self._patience_s = ANSWER_TIMEOUT_S
         self.asked_ns = 0
         """When the last question of `ask_afresh` left."""
         self._reopen = reopen
@@ -107,18 +111,27 @@ class Line:
             for attempt in range(retries + 1):
                 self._wait_until_up()
                 counts.retries += 1 if attempt else 0
+                began = time.monotonic()
                 self._write(raw)
-                answer = self._pending.wait(number, timeout_s)
+                # Every command is idempotent, so a lost one may be sent again soon; patience grows each time.
+                answer = self._pending.wait(number, min(timeout_s, self._patience_s * GROWTH**attempt))
                 if answer is not None:
+                    if not attempt:
+                        self._learn_patience(time.monotonic() - began)
                     return check_answer(name, answer)
         finally:
             self._pending.end(number)
         if self.failure is not None:
             raise self.failure
         raise CommandTimeout(
-            f"the probe at {self.transport.name} did not answer {name} in {timeout_s * (retries + 1):.1f} s; "
+            f"the probe at {self.transport.name} did not answer {name}, sent {retries + 1} times; "
             "reset it or plug it in again"
         )
+
+    def _learn_patience(self, trip_s: float) -> None:
+        """Wait four times the usual round trip before sending again, at least `SHORTEST_WAIT_S`."""
+        self._trip_s += 0.2 * (trip_s - self._trip_s)
+        self._patience_s = max(SHORTEST_WAIT_S, 4 * self._trip_s)
 
     def ask_afresh(self, name: str, tries: int = RETRIES) -> Answer:
         """Ask under a new id each time: for questions whose old answer is worth nothing (the time)."""

@@ -14,6 +14,7 @@ oldest first, and counted; the recording has them all). After an unplug the stre
 from __future__ import annotations
 
 import random
+import time
 from collections.abc import Callable, Iterator
 from typing import Any, Self
 
@@ -22,11 +23,15 @@ from host.errors import CommandRefused, CommandTimeout, LinkGone, NotAProbe, Not
 from host.link.accounting import Counts
 from host.link.clock import ClockState, ClockSync
 from host.link.commands import setting_key
-from host.link.events import Answer, Boot, Estimate, Event, Gap
+from host.link.events import Answer, Estimate, Event, Gap
 from host.link.identity import Identity
 from host.link.line import ANSWER_TIMEOUT_S, RETRIES, Line, Recorder
 from host.link.parser import Again, LinkCounts, LiveParser
 from host.link.transport import Transport
+
+BUSY_TRIES, BUSY_WAIT_S = 20, 0.1
+READ_RETRIES = 80
+"""Of a piece read back: its answer is four times as long as others, so a bad line eats it more often."""
 
 
 class Probe:
@@ -59,6 +64,7 @@ class Probe:
         self._line = Line(transport, recorder, reopen) if transport.live else None
         self._parser = LiveParser() if self._line is None else self._line.parser
         self._sync = ClockSync()
+        self._sync_restarts = 0
         try:
             self._identity = self._handshake()
             self._identity.check()
@@ -95,12 +101,8 @@ class Probe:
         from host.link.devices import resolve
         from host.link.transport import open_transport
 
-        path, serial = resolve(port, baud)
-
-        def reopen() -> Transport:
-            return open_transport(resolve(serial, baud)[0] if serial else path, baud)
-
-        return cls(open_transport(path, baud), recorder, reopen)
+        place = resolve(port, baud)
+        return cls(open_transport(place.port, baud), recorder, lambda: open_transport(place.port_now(), baud))
 
     def __enter__(self) -> Self:
         return self
@@ -185,13 +187,22 @@ class Probe:
         CommandTimeout
             No answer after all retries.
         CommandRefused
-            The probe's status was negative.
+            The probe's status was negative (after two seconds of tries, if it was busy).
         LinkGone
             The port vanished and does not come back.
         NotLive
             The source is a recording.
         """
-        return self._live(name).ask(name, values, tail, timeout_s, retries).values
+        line = self._live(name)
+        for _ in range(BUSY_TRIES):
+            try:
+                return line.ask(name, values, tail, timeout_s, retries).values
+            except CommandRefused as refusal:
+                # The probe remembers its refusal of this id; the next try has an id of its own.
+                if refusal.status != status.BUSY:
+                    raise
+                time.sleep(BUSY_WAIT_S)
+        return line.ask(name, values, tail, timeout_s, retries).values
 
     def sync_clock(self, exchanges: int = 8) -> ClockState:
         """Compare the clocks a few times; more often, and over longer, makes the drift better.
@@ -202,6 +213,9 @@ class Probe:
             Offset, drift and their doubt.
         """
         line = self._live("time_sync")
+        if self._sync_restarts != self.frame_counts.restarts:
+            self._sync_restarts = self.frame_counts.restarts
+            self._sync.restart()
         for _ in range(exchanges):
             answer = line.ask_afresh("time_sync")
             asked_ns, taken_us, answered_us = line.asked_ns, *answer.values
@@ -209,6 +223,12 @@ class Probe:
         state = self._sync.state
         assert state is not None
         return state
+
+    def host_time_us(self, probe_us: int) -> float | None:
+        """Unix time, us, of an event's `time_us`; None before `sync_clock` and after a restart."""
+        if self._sync_restarts != self.frame_counts.restarts:
+            return None
+        return self._sync.host_time_us(probe_us)
 
     def statistics(self) -> dict[str, int]:
         """The probe's own counters, by the names of `firmware_py.messages.COUNTERS`."""
@@ -235,7 +255,7 @@ class Probe:
         found = b""
         while True:
             try:
-                _, offset, size, piece = self.command("read_back", what, len(found))
+                _, offset, size, piece = self.command("read_back", what, len(found), retries=READ_RETRIES)
             except CommandRefused as refusal:
                 if refusal.status in (status.NO_MODEL, status.NOT_SUPPORTED, status.BAD_TYPE):
                     return b""
@@ -288,8 +308,6 @@ class Probe:
             yield from self._play()
             return
         while (event := self._line.events.get(timeout_s)) is not None:
-            if isinstance(event, Boot):
-                self._sync.restart()
             yield event
         if self._line.failure is not None:
             raise self._line.failure

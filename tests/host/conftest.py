@@ -1,0 +1,127 @@
+"""Emulated probes, a model for them, and the command line, for all tests of the host."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from host.cli import main
+from host.cli.emulate import strokes_over
+from host.link.probe import Probe
+from host.link.transport import open_transport
+from model_export import keys
+from model_export.exporter import export
+from sim.probe.emulated import EmulatedProbe
+from tests.image import synthetic
+
+LUMP = "d12h07e20f09"
+FRAMES = 40
+
+
+@pytest.fixture(autouse=True)
+def own_directories(tmp_path_factory, monkeypatch):
+    """Emulated probes of other tests, and the user's own, stay out of sight; so do keys' witnesses."""
+    base = tmp_path_factory.mktemp("run")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(base))
+    monkeypatch.setenv("PALPATE_STATE", str(tmp_path_factory.getbasetemp() / "state"))
+
+
+@pytest.fixture(scope="session")
+def strokes():
+    """Two strokes over one lump through typical sensors, as frames."""
+    return strokes_over(LUMP, "typical", 1, FRAMES, 2)
+
+
+@pytest.fixture(scope="session")
+def key_dir(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PALPATE_STATE", str(tmp_path_factory.getbasetemp() / "state"))
+        directory = tmp_path_factory.mktemp("key") / "key"
+        keys.generate(directory, height=5, width=8)
+    return directory
+
+
+@pytest.fixture(scope="session")
+def public_key(key_dir):
+    return (key_dir / "public.key").read_bytes()
+
+
+@pytest.fixture(scope="session")
+def specs(strokes):
+    """Two made-up models whose domain lies around the stroke's own features."""
+    from host.replay_core import Replay
+
+    pipeline = Replay(plain=True)
+    pipeline.stream(strokes[0])
+    felt = pipeline.features()
+    return [around(synthetic.model("thesis", seed=seed), felt) for seed in (1, 2)]
+
+
+def around(spec, felt):
+    from firmware_py import features
+
+    here = np.array([felt[features.NAMES.index(name)] for name in spec.features])
+    moved = here - np.array(spec.centre)
+
+    def shift(values):
+        return tuple((np.array(values) + moved).tolist())
+
+    domain = replace(spec.domain, lo=shift(spec.domain.lo), hi=shift(spec.domain.hi))
+    return replace(
+        spec, centre=shift(spec.centre), clip_lo=shift(spec.clip_lo), clip_hi=shift(spec.clip_hi),
+        domain=domain, lump=(),
+    ).validate()  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def images(specs, key_dir, tmp_path_factory):
+    """The two models, signed, the second newer."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PALPATE_STATE", str(tmp_path_factory.getbasetemp() / "state"))
+        return [export(spec, key_dir)[0] for spec in specs]
+
+
+@pytest.fixture
+def emulated(strokes, public_key):
+    """Makes emulated probes, and ends them."""
+    running = []
+
+    def make(runtime="cpython", **words):
+        probe = EmulatedProbe(runtime, strokes=strokes, public_key=public_key, **words).start()
+        running.append(probe)
+        return probe
+
+    yield make
+    for probe in running:
+        probe.stop()
+
+
+def connect(probe: EmulatedProbe, recorder=None) -> Probe:
+    """A client that finds the probe again under whatever name its port has."""
+    return Probe(open_transport(probe.port), recorder, lambda: open_transport(probe.port))
+
+
+@pytest.fixture
+def palpate(capsys):
+    """Runs the command line in this process: (exit status, standard output, standard error)."""
+
+    def run(*args):
+        capsys.readouterr()
+        status = main([str(arg) for arg in args])
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
+
+    return run
+
+
+def start_palpate(*args, **words):
+    """The command line as a process of its own."""
+    command = [sys.executable, "-m", "host.cli", *(str(arg) for arg in args)]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1", **words.pop("env", {})}
+    return subprocess.Popen(command, env=environment, **{**pipes, **words})

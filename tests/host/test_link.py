@@ -1,0 +1,229 @@
+"""The client against the real firmware, over real pseudo-terminals and sockets."""
+
+import os
+import pty
+import time
+import tty
+from itertools import pairwise
+
+import pytest
+
+from firmware_py import messages
+from host.errors import CommandRefused, CommandTimeout, ImageRefused, LinkGone, NotAProbe, UsageError
+from host.link.events import Estimate, Features, Frame, Gap, StrokeState, TactileMap
+from host.link.flash import flash
+from host.link.probe import Probe
+from host.link.transport import FdTransport, open_transport
+from sim.probe.faults import Faults
+from tests.host.conftest import FRAMES, connect
+
+RUNTIMES = [("cpython", "pty"), ("micropython", "pty"), ("micropython", "tcp:127.0.0.1:0")]
+
+
+@pytest.mark.parametrize(("runtime", "listen"), RUNTIMES)
+def test_a_probe_says_who_it_is_takes_a_model_and_answers_a_stroke(emulated, images, runtime, listen):
+    with connect(emulated(runtime, listen=listen)) as probe:
+        assert probe.identity.serial == b"EMULATED".hex()
+        assert not probe.identity.has_model
+        done = flash(probe, images[0])
+        assert probe.identity.has_model and probe.identity.model_id == done.model_id
+        assert probe.read_back(messages.READ_MODEL) == images[0]
+        events = list(probe.stream(strokes=2, timeout_s=20))
+        frames = [e for e in events if isinstance(e, Frame)]
+        estimates = [e for e in events if isinstance(e, Estimate)]
+        assert [e.stroke for e in estimates] == [1, 2]
+        assert all(e.valid and e.model_id.hex() == done.model_id for e in estimates)
+        assert [f.seq for f in frames] == list(range(frames[0].seq, frames[0].seq + len(frames)))
+        assert len(frames) >= 2 * FRAMES
+        for kind in (TactileMap, Features):
+            assert [e.stroke for e in events if isinstance(e, kind)] == [1, 2]
+        assert {"contact", "started", "lump_passed", "ended"} <= {
+            e.state for e in events if isinstance(e, StrokeState)
+        }
+
+
+def test_frames_are_what_the_sensors_read(emulated, strokes):
+    with connect(emulated()) as probe:
+        frames = [e for e in probe.stream(timeout_s=1.0, strokes=1) if isinstance(e, Frame)]
+    touched = frames[3 : 3 + FRAMES]
+    assert [f.packed for f in touched] == [bytes(p) for p in strokes[0].packed]
+    assert [f.position_um for f in touched] == strokes[0].positions_um.tolist()
+    assert [f.displacement_um for f in touched] == strokes[0].displacements_um.tolist()
+    assert (touched[0].counts.ravel() == strokes[0].counts[0]).all()
+    times = [f.time_us for f in frames]
+    assert times == sorted(times)
+
+
+def test_both_ends_count_the_same(emulated):
+    with connect(emulated()) as probe:
+        probe.set_setting("frame_rate", 500_000)
+        list(probe.stream(strokes=2, timeout_s=10))
+        deadline = time.monotonic() + 3
+        while probe.frame_counts.received < (told := probe.statistics())["frames_sent"]:
+            assert time.monotonic() < deadline
+        assert probe.frame_counts.lost == told["frames_dropped"]
+        assert told["frames_acquired"] == probe.frame_counts.received + probe.frame_counts.lost
+        assert probe.counts.bad_crc == probe.counts.bad_frame == probe.counts.unreadable == 0
+
+
+def test_settings_are_kept_and_guarded(emulated):
+    with connect(emulated()) as probe:
+        probe.set_setting("frame_rate", 123_000)
+        assert probe.get_setting("frame_rate") == 123_000
+        with pytest.raises(CommandRefused, match="outside its range"):
+            probe.set_setting("frame_rate", 1)
+        with pytest.raises(UsageError, match="frame_rate"):
+            probe.get_setting("colour")
+
+
+def test_each_nth_frame_is_no_loss(emulated):
+    with connect(emulated()) as probe:
+        frames = [e for e in probe.stream(strokes=1, every=3, timeout_s=5) if isinstance(e, Frame)]
+        assert {b.seq - a.seq for a, b in pairwise(frames)} == {3}
+        assert probe.frame_counts.lost == 0
+
+
+def test_the_clock_is_compared(emulated):
+    with connect(emulated()) as probe:
+        first = probe.sync_clock()
+        assert first.uncertainty_us < 50_000
+        frame = next(e for e in probe.stream(strokes=1, timeout_s=5) if isinstance(e, Frame))
+        seen_us = probe.host_time_us(frame.time_us)
+        assert abs(seen_us - frame.host_ns / 1000) < 100_000
+
+
+class Tardy(FdTransport):
+    """Holds back what comes until the host has asked `asks` times."""
+
+    def __init__(self, inner, asks):
+        self.inner, self.asks, self.name = inner, asks, inner.name
+        self.held = b""
+
+    def read(self, timeout_s):
+        self.held += self.inner.read(timeout_s)
+        if self.asks > 0:
+            return b""
+        held, self.held = self.held, b""
+        return held
+
+    def write(self, data):
+        self.asks -= 1
+        self.inner.write(data)
+
+    def close(self):
+        self.inner.close()
+
+
+def test_a_late_answer_is_dropped_and_shifts_nothing(emulated):
+    transport = Tardy(open_transport(emulated().port), 0)
+    with Probe(transport) as probe:
+        transport.asks = 2
+        with pytest.raises(CommandTimeout):
+            probe.command("get_setting", 0, timeout_s=0.2, retries=0)
+        assert probe.get_setting("contact_threshold") == 300  # not the frame rate that was asked before
+        assert probe.counts.late_answers == 1
+
+
+def test_a_command_sent_twice_is_executed_once(emulated):
+    transport = Tardy(open_transport(emulated().port), 0)
+    with Probe(transport) as probe:
+        before = probe.statistics()
+        transport.asks = 3
+        probe.set_setting("frame_rate", 77_000)
+        after = probe.statistics()
+        assert probe.counts.retries == 2
+        assert after["commands_duplicate"] - before["commands_duplicate"] == 2
+        assert after["commands"] - before["commands"] == 2  # the setting, and the statistics before it
+
+
+def test_an_unplugged_probe_comes_back_and_the_gap_is_marked(emulated):
+    device = emulated()
+    with connect(device) as probe:
+        probe.set_setting("frame_rate", 200_000)
+        probe.start_stream()
+        seen, frames = [], 0
+        for event in probe.events(5.0):
+            seen.append(event)
+            frames += isinstance(event, Frame)
+            if frames == 10:
+                device.unplug()
+                frames += 1
+            if isinstance(event, Estimate):
+                break
+        gaps = [e for e in seen if isinstance(e, Gap)]
+        assert [g.ended for g in gaps] == [False, True]
+        assert not gaps[1].restarted and "gone" in gaps[0].reason
+        assert probe.counts.reconnects == 1
+        probe.stop_stream()
+        time.sleep(0.2)
+        told = probe.statistics()
+        assert probe.frame_counts.received + probe.frame_counts.lost == told["frames_acquired"]
+
+
+def test_a_restarted_probe_is_noticed(emulated):
+    device = emulated(listen="tcp:127.0.0.1:0")
+    with connect(device) as probe:
+        boots = probe.identity.boots
+        probe.start_stream()
+        next(e for e in probe.events(5.0) if isinstance(e, Frame))
+        device.cut_power()
+        device.start()
+        device.unplug()
+        gap = next(e for e in probe.events(10.0) if isinstance(e, Gap) and e.ended)
+        assert gap.restarted
+        assert probe.identity.boots == boots + 1
+        assert isinstance(next(e for e in probe.events(5.0) if isinstance(e, Frame)), Frame)
+        assert probe.frame_counts.restarts == 1
+
+
+def test_without_a_way_back_a_lost_link_is_an_error(emulated):
+    device = emulated()
+    with Probe(open_transport(device.port)) as probe:
+        probe.start_stream()
+        device.unplug()
+        with pytest.raises(LinkGone, match="plug it in again"):
+            list(probe.events(5.0))
+
+
+def test_flashing_gets_through_a_link_that_loses_one_byte_in_a_hundred(emulated, images):
+    with connect(emulated(to_host=Faults(lose=0.01), to_device=Faults(lose=0.01), seed=3)) as probe:
+        done = flash(probe, images[0])
+        assert probe.read_back(messages.READ_MODEL) == images[0]
+        assert probe.identity.model_id == done.model_id
+        assert probe.counts.retries > 5
+
+
+def test_flashing_goes_on_after_an_unplug_in_the_middle(emulated, images):
+    device = emulated()
+    with connect(device) as probe:
+        cuts = iter((400, 1500))
+        at = next(cuts)
+
+        def progress(done, size):
+            nonlocal at
+            if done >= at:
+                at = next(cuts, size + 1)
+                device.unplug()
+
+        done = flash(probe, images[0], progress)
+        assert probe.identity.model_id == done.model_id
+        assert probe.counts.reconnects == 2
+
+
+def test_a_changed_image_is_refused_and_the_old_model_stays(emulated, images):
+    with connect(emulated()) as probe:
+        live = flash(probe, images[0]).model_id
+        for at in (len(images[1]) // 2, len(images[1]) - 1):
+            changed = bytearray(images[1])
+            changed[at] ^= 4
+            with pytest.raises(ImageRefused, match="the model it had stays"):
+                flash(probe, bytes(changed))
+            assert probe.refresh_identity().model_id == live
+        assert flash(probe, images[1]).model_id != live
+
+
+def test_something_else_at_the_other_end_is_no_probe():
+    _ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+    with pytest.raises(NotAProbe, match="does not answer as a Palpate probe"):
+        Probe(open_transport(os.ttyname(theirs)))

@@ -1,0 +1,92 @@
+"""Ports that are busy, forbidden, missing, silent or too many: each gets its sentence."""
+
+import os
+import pty
+import subprocess
+import sys
+import tty
+
+import pytest
+
+from host.errors import PortAmbiguous, PortBusy, PortForbidden, PortMissing, UsageError
+from host.link import devices
+from host.link import emulated as notes
+from host.link.transport import open_transport
+
+HOLD = (
+    "import serial, sys; s = serial.Serial(sys.argv[1], exclusive=True); print('held', flush=True); input()"
+)
+
+
+@pytest.fixture
+def terminal():
+    ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+    yield os.ttyname(theirs)
+    os.close(ours)
+    os.close(theirs)
+
+
+def test_a_busy_port_names_the_program_that_holds_it(terminal):
+    command = [sys.executable, "-c", HOLD, terminal]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout.readline() == "held\n"
+        with pytest.raises(PortBusy) as caught:
+            open_transport(terminal)
+        holder.communicate("\n")
+    assert f"(process {holder.pid})" in str(caught.value)
+    assert "close that program" in str(caught.value)
+    open_transport(terminal).close()
+
+
+@pytest.mark.skipif(os.name != "posix" or os.getuid() != 0, reason="only root can become somebody else")
+def test_a_forbidden_port_names_the_group_to_join(terminal):
+    import grp
+
+    os.chown(terminal, 0, grp.getgrnam("dialout").gr_gid)
+    os.chmod(terminal, 0o660)
+    os.seteuid(65534)
+    try:
+        with pytest.raises(PortForbidden, match="usermod -aG dialout") as caught:
+            open_transport(terminal)
+    finally:
+        os.seteuid(0)
+    assert caught.value.group == "dialout"
+
+
+def test_missing_ports_and_wrong_words(tmp_path):
+    with pytest.raises(PortMissing, match="plug the probe in"):
+        open_transport("/dev/ttyNOTHERE")
+    with pytest.raises(PortMissing, match="nothing listens"):
+        open_transport("socket://127.0.0.1:1")
+    for wrong in ("socket://", "socket://localhost", "socket://localhost:http"):
+        with pytest.raises(UsageError, match="socket://HOST:PORT"):
+            open_transport(wrong)
+    plain = tmp_path / "plain"
+    plain.write_text("no port")
+    with pytest.raises(Exception, match="not a serial port"):
+        open_transport(str(plain))
+
+
+def test_auto_finds_the_one_probe_and_will_not_choose_between_two(emulated):
+    with pytest.raises(PortMissing, match="palpate emulate"):
+        devices.resolve("auto")
+    one = emulated()
+    notes.leave(notes.Note(one.port, os.getpid(), "d12h07e20f09", "cpython"))
+    assert devices.resolve("auto").port == one.port
+    assert devices.resolve(b"EMULATED".hex()).port == one.port
+    two = emulated()
+    notes.leave(notes.Note(two.port, os.getpid(), "d12h07e20f09", "cpython"))
+    with pytest.raises(PortAmbiguous, match="--port") as caught:
+        devices.resolve("auto")
+    assert set(caught.value.candidates) == {one.port, two.port}
+    with pytest.raises(PortMissing, match="devices"):
+        devices.resolve("NO-SUCH-SERIAL")
+
+
+def test_notes_of_killed_emulators_are_forgotten():
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    path = notes.leave(notes.Note("/dev/pts/999", gone.pid, "d12h07e20f09", "cpython"))
+    assert notes.running() == []
+    assert not path.exists()
