@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from host.link.events import Frame, TactileMap
 
@@ -40,7 +41,9 @@ def draw(
     truth : dict
         The case's inputs, under the estimate's names.
     """
-    figure = Figure(figsize=(11.5, 6.2), layout="constrained", facecolor="white")
+    figure = Figure(
+        figsize=(11.5, 6.2), layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.08), facecolor="white"
+    )
     grid = figure.add_gridspec(2, 3, width_ratios=(1.05, 1, 1.15))
     image, map_axes = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
     image_far, depth = figure.add_subplot(grid[1, 0]), figure.add_subplot(grid[1, 1])
@@ -92,13 +95,16 @@ def _displacement(axes: Any, frames: list[Frame], found: TactileMap) -> None:
 def _estimate(figure: Figure, cell: Any, estimate: dict[str, Any], truth: dict[str, float]) -> None:
     level = round(100 * float(estimate.get("level", 0.9)))
     rows = [row for row in ROWS if row[0] in estimate and row[0] in truth]
-    panels = cell.subgridspec(len(rows), 1)
+    panels = cell.subgridspec(len(rows) + 1, 1, height_ratios=[0.5] + [1] * len(rows))
+    head = figure.add_subplot(panels[0])
+    head.axis("off")
+    head.set_title(f"the probe's estimate, with its {level} % interval", loc="left", fontsize=10, color=INK)
     for i, (name, label) in enumerate(rows):
-        axes = figure.add_subplot(panels[i])
+        axes = figure.add_subplot(panels[i + 1])
         value, low, high = (estimate[name][key] for key in ("value", "low", "high"))
         axes.plot([low, high], [0, 0], color=PROBE, lw=6, alpha=0.35, solid_capstyle="butt")
-        axes.plot(value, 0, "o", color=PROBE, ms=7, label="estimate")
-        axes.plot(truth[name], 0, "D", color=TRUTH, ms=6, mfc="none", mew=1.8, label="truth")
+        (said,) = axes.plot(value, 0, "o", color=PROBE, ms=7)
+        (true,) = axes.plot(truth[name], 0, "D", color=TRUTH, ms=6, mfc="none", mew=1.8)
         edges = np.array([low, high, value, truth[name]])
         pad = 0.25 * max(np.ptp(edges), 1e-3 * abs(value), 1e-3)
         axes.set(xlim=(edges.min() - pad, edges.max() + pad), ylim=(-1, 1), yticks=[])
@@ -106,12 +112,7 @@ def _estimate(figure: Figure, cell: Any, estimate: dict[str, Any], truth: dict[s
         axes.spines[["top", "right", "left"]].set_visible(False)
         axes.tick_params(labelsize=8)
         if i == 0:
-            axes.legend(frameon=False, fontsize=8, loc="lower right", bbox_to_anchor=(1.02, 1.12), ncols=2)
-            axes.text(
-                0,
-                1.5,
-                f"with its {level} % interval",
-                transform=axes.transAxes,
-                fontsize=10,
-                color=INK,
+            words = ["estimate", "truth"]
+            head.legend(
+                [said, true], words, loc="upper left", ncols=2, frameon=False, fontsize=8, borderpad=0
             )
