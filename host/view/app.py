@@ -137,7 +137,7 @@ class _Page:
                 task.cancel()
             await asyncio.gather(reader, writer, return_exceptions=True)
             if self._ws.application_state is WebSocketState.CONNECTED:
-                with contextlib.suppress(RuntimeError):
+                with contextlib.suppress(RuntimeError, WebSocketDisconnect):
                     await self._ws.close()
 
     async def _write(self) -> None:

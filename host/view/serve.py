@@ -61,6 +61,7 @@ class Viewer:
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             self._socket.bind((host, port))
+            self._socket.listen(64)  # who connects before the server runs waits instead of being refused
         except OSError:
             self._socket.close()
             raise

@@ -1,0 +1,194 @@
+"""Who may talk to the viewer: nobody reaches files or the probe's flash commands by way of the page."""
+
+from __future__ import annotations
+
+import http.client
+import json
+from urllib.parse import urlsplit
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+from host.view.serve import Viewer
+from tests.view.synthetic import Bump, SyntheticSource
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recordings")
+    (folder.parent / "secret.mcap").write_bytes(b"not for the page")
+    with Viewer(SyntheticSource([Bump()]), mode="live", recordings=folder) as viewer:
+        yield viewer
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory):
+    source = SyntheticSource([Bump()])
+    with Viewer(source, mode="live", recordings=tmp_path_factory.mktemp("r"), token="open sesame") as viewer:
+        yield viewer
+
+
+def ask(viewer, path, method="GET", **headers):
+    address = urlsplit(viewer.url)
+    connection = http.client.HTTPConnection("127.0.0.1", address.port, timeout=5)
+    connection.putrequest(method, path, skip_host="Host" in headers)
+    for name, value in headers.items():
+        connection.putheader(name.replace("_", "-"), value)
+    connection.endheaders()
+    answer = connection.getresponse()
+    body = answer.read()
+    connection.close()
+    return answer, body
+
+
+def run_command(viewer, **command):
+    address = urlsplit(viewer.url)
+    with connect(f"ws://127.0.0.1:{address.port}/ws", max_size=None) as page:
+        page.send(json.dumps({"id": 1, **command}))
+        while True:
+            message = page.recv(5)
+            if isinstance(message, str) and (answer := json.loads(message)).get("type") == "answer":
+                return answer
+
+
+def test_the_page_is_served_on_localhost_with_headers_that_keep_other_sites_out(running):
+    answer, body = ask(running, "/")
+    assert answer.status == 200 and b"Palpate" in body
+    assert "default-src 'self'" in answer.headers["content-security-policy"]
+    assert answer.headers["x-frame-options"] == "DENY"
+
+
+def test_a_name_that_is_not_localhost_is_refused(running):
+    answer, _ = ask(running, "/", Host="evil.example")
+    assert answer.status == 403
+
+
+def test_another_sites_page_is_refused(running):
+    port = urlsplit(running.url).port
+    assert ask(running, "/api/strokes.csv", Origin="http://evil.example")[0].status == 403
+    with pytest.raises(InvalidStatus):
+        connect(f"ws://localhost:{port}/ws", origin="http://evil.example")
+    with connect(f"ws://localhost:{port}/ws", origin=f"http://localhost:{port}"):
+        pass
+
+
+PATHS = st.lists(
+    st.sampled_from(
+        ["..", "%2e%2e", "static", "api", "etc", "passwd", ".", "%2f", "%5c", "secret.mcap", "//", "%00"]
+    ),
+    min_size=1,
+    max_size=7,
+)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(parts=PATHS)
+def test_no_path_leads_to_a_file_of_the_host(running, parts):
+    answer, body = ask(running, "/" + "/".join(parts))
+    assert b"root:" not in body and b"not for the page" not in body
+    assert answer.status in (200, 303, 307, 400, 404)
+    if answer.status == 200:
+        assert b"<title>Palpate</title>" in body
+
+
+def test_a_visit_is_loaded_by_name_from_one_folder_only(running, tmp_path):
+    for name in ("../secret.mcap", "/etc/passwd", "..\\secret.mcap", "", ".", "secret.mcap\0"):
+        answer = run_command(running, do="load-visit", file=name)
+        assert not answer["ok"] and "There is no recording" in answer["text"]
+
+
+def test_a_link_in_the_folder_leads_nowhere(running):
+    folder = running.commands._recordings
+    (folder / "linked.mcap").symlink_to(folder.parent / "secret.mcap")
+    assert "linked.mcap" not in run_command(running, do="recordings")["files"]
+
+
+def test_a_recordings_name_stays_inside_the_folder(running):
+    answer = run_command(running, do="record", name="../../../tmp/evil\0/x")
+    assert answer["ok"] and "/" not in answer["file"] and ".." not in answer["file"]
+    run_command(running, do="stop-recording")
+    assert [p.parent for p in running.source.recorded] == [running.commands._recordings]
+
+
+def test_there_is_no_command_that_reaches_the_probes_flash_or_settings(running):
+    known = set(running.commands.table)
+    assert known == {
+        "record", "stop-recording", "mark", "new-visit", "recordings", "load-visit",
+        "repeatability", "compare", "play", "pause", "seek", "speed",
+    }  # fmt: skip
+    for word in ("flash", "flash_begin", "set_setting", "calibrate", "__class__", "run"):
+        assert "no command" in run_command(running, do=word)["text"]
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
+    max_leaves=8,
+)
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    do=st.sampled_from(
+        ["mark", "repeatability", "compare", "seek", "speed", "load-visit", "play", "new-visit", "?"]
+    )
+    | JSON,
+    words=st.dictionaries(
+        st.sampled_from(["visit", "a", "b", "last", "position_s", "speed", "file", "name", "text"]), JSON
+    ),
+)
+def test_whatever_a_page_sends_is_answered_with_a_sentence(running, do, words):
+    answer = running.commands.run({**words, "do": do})
+    assert answer["ok"] or answer["text"].endswith(".")
+
+
+def test_a_page_that_sends_rubbish_is_still_served(running):
+    address = urlsplit(running.url)
+    with connect(f"ws://127.0.0.1:{address.port}/ws", max_size=None) as page:
+        for rubbish in (
+            "{",
+            "[]",
+            "null",
+            "[" * 3000,
+            '{"drawn": "x"}',
+            '{"drawn": 1e99}',
+            b"\xff\x00",
+            "x" * 5000,
+        ):
+            page.send(rubbish)
+        page.send(json.dumps({"do": "recordings", "id": 7}))
+        for _ in range(2000):
+            message = page.recv(5)
+            if isinstance(message, str) and json.loads(message).get("id") == 7:
+                return
+    pytest.fail("no answer")
+
+
+def test_an_address_beyond_localhost_makes_a_token_up(tmp_path):
+    viewer = Viewer(SyntheticSource([]), mode="live", host="0.0.0.0", recordings=tmp_path)
+    try:
+        assert viewer.token is not None and len(viewer.token) >= 32
+        assert f"?token={viewer.token}" in viewer.url
+    finally:
+        viewer.close()
+
+
+def test_without_the_token_nothing_is_answered(guarded):
+    port = urlsplit(guarded.url).port
+    for path in ("/", "/static/main.js", "/api/strokes.csv", "/?token=wrong", "/api/stroke-1.json"):
+        assert ask(guarded, path)[0].status == 401
+    assert ask(guarded, "/", Authorization="Bearer nonsense")[0].status == 401
+    with pytest.raises((InvalidStatus, ConnectionClosed)):
+        connect(f"ws://127.0.0.1:{port}/ws").recv(2)
+
+
+def test_the_token_moves_from_the_address_into_a_cookie(guarded):
+    answer, _ = ask(guarded, "/?token=open%20sesame")
+    assert answer.status == 303 and answer.headers["location"] == "/"
+    cookie = answer.headers["set-cookie"]
+    assert "HttpOnly" in cookie and "SameSite=strict" in cookie
+    assert ask(guarded, "/", Cookie=cookie.split(";")[0])[0].status == 200
+    assert ask(guarded, "/", Authorization="Bearer open sesame")[0].status == 200
