@@ -42,7 +42,7 @@ class DemoResult:
     image_bytes : int
         Size of the signed model image.
     files : dict of str to Path
-        strokes, model, image, recording, picture.
+        strokes, model, image, recording, picture, report.
     seconds : dict of str to float
         Wall time of each step.
     """
@@ -102,13 +102,14 @@ def run(out: Path, runtime: str = "micropython", fresh: bool = False, stderr: bo
         "image": out / "model.palp",
         "recording": out / "stroke.mcap",
         "picture": out / "demo.png",
+        "report": out / "report" / "index.html",
     }
     if fresh:
         shutil.rmtree(files["strokes"], ignore_errors=True)
     with step("Sweep", f"{EXPERIENCE}, contact finite elements"):
         strokes = _sweep(files["strokes"])
     with step("Fit", "tactile maps, features, inverse regression"):
-        spec = _fit(strokes, files["model"], stderr)
+        thesis, spec = _fit(strokes, files["model"], stderr)
     with step("Export", "coefficients to a signed image for the integer evaluator"):
         image = _export(spec, out / "key", files["image"])
     with ExitStack() as stack:
@@ -122,6 +123,8 @@ def run(out: Path, runtime: str = "micropython", fresh: bool = False, stderr: bo
             identical = _replay(files["recording"])
             truth = _truth()
             _picture(files["picture"], frames, found, estimate, truth)
+    with step("Report", "the thesis' figures and tables, made from these strokes"):
+        _report(strokes, thesis, files["report"])
     _say_result(estimate, truth, identical, files, stderr)
     if not identical:
         raise PalpateError("the host's replay of the stroke differs from what the probe said")
@@ -152,7 +155,7 @@ def _sweep(directory: Path) -> list[Any]:
     return read_strokes(directory)
 
 
-def _fit(strokes: list[Any], path: Path, stderr: bool) -> Any:
+def _fit(strokes: list[Any], path: Path, stderr: bool) -> tuple[Any, Any]:
     from host.regression.runs import features_table
     from host.regression.thesis import fit_thesis
     from host.regression.thesis_model import fit_thesis_model
@@ -161,7 +164,7 @@ def _fit(strokes: list[Any], path: Path, stderr: bool) -> Any:
     _print_table_1(fit, stderr)
     spec = fit_thesis_model(strokes, noise=NOISE)
     spec.save(path)
-    return spec
+    return fit, spec
 
 
 def _print_table_1(fit: Any, stderr: bool) -> None:
@@ -250,6 +253,22 @@ def _replay(recording: Path) -> bool:
     return bool(strokes) and all(stroke.identical for stroke in strokes)
 
 
+def _report(strokes: list[Any], thesis: Any, page: Path) -> None:
+    """Write the report, unless the one that is there was made from the same strokes."""
+    from host.regression.probe_model import training_hash
+    from host.report import write_report
+
+    numbers = thesis.table.select_dtypes("number").to_numpy(dtype=float)
+    made_from, stamp = training_hash(numbers, numbers[:, :1]), page.with_name("made-from")
+    if page.exists() and stamp.exists() and stamp.read_text() == made_from:
+        say(f"{page}, from an earlier run")
+        return
+    with progress("figures and tables") as bar:
+        task = bar.add_task("   drawing", total=None)
+        write_report(page.parent, strokes=strokes, thesis=thesis, progress=lambda name: bar.advance(task))
+    stamp.write_text(made_from)
+
+
 def _truth() -> dict[str, float]:
     from sim.tissue import Case
 
@@ -302,5 +321,5 @@ def _say_result(
         err=stderr,
     )
     click.echo(f"   replay: {'identical' if identical else 'DIFFERENT'}", err=stderr)
-    for name in ("picture", "recording"):
+    for name in ("picture", "recording", "report"):
         click.echo(f"   {name}: {files[name]}", err=stderr)

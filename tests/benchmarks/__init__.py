@@ -1,0 +1,1 @@
+"""Benchmarks: speed and memory, side by side with what people would pick instead; `make bench` runs them."""
