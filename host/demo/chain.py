@@ -259,7 +259,7 @@ def _report(strokes: list[Any], thesis: Any, page: Path) -> None:
     from host.report import write_report
 
     numbers = thesis.table.select_dtypes("number").to_numpy(dtype=float)
-    made_from, stamp = training_hash(numbers, numbers[:, :1]), page.with_name("made-from")
+    made_from, stamp = training_hash(numbers), page.with_name("made-from")
     if page.exists() and stamp.exists() and stamp.read_text() == made_from:
         say(f"{page}, from an earlier run")
         return
