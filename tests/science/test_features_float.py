@@ -29,9 +29,7 @@ def stroke(amp: float = 0.5, stdev: float = 4.0, step: float = 2.0) -> SimpleNam
 
 
 @settings(max_examples=25, deadline=None)
-@given(
-    st.floats(0.5, 8.0), st.floats(0.02, 3.0), st.floats(1.8, 12.0), st.floats(-6.0, 6.0)
-)
+@given(st.floats(0.5, 8.0), st.floats(0.02, 3.0), st.floats(1.8, 12.0), st.floats(-6.0, 6.0))
 def test_a_gaussian_on_a_base_is_found_again(base, amp, stdev, centre):
     fit = features.fit_gaussian(X, base + amp * np.exp(-((X - centre) ** 2) / (2 * stdev**2)))
     assert [fit.base_kPa, fit.amp_kPa, fit.centre_mm, fit.stdev_mm] == pytest.approx(
@@ -77,7 +75,9 @@ def test_a_half_stroke_is_continued_by_its_mirror_image():
     assert x.tolist() == (-x[::-1]).tolist()
     assert images == pytest.approx(images[::-1, ::-1])
     assert displacement == pytest.approx(displacement[::-1])
-    full = SimpleNamespace(positions_mm=x, images_kPa=images, displacement_mm=displacement, sensors_mm=made.sensors_mm)
+    full = SimpleNamespace(
+        positions_mm=x, images_kPa=images, displacement_mm=displacement, sensors_mm=made.sensors_mm
+    )
     assert features.stroke_features(full) == features.stroke_features(made)
 
 
@@ -114,7 +114,7 @@ def test_a_real_map_and_a_real_force_curve_are_read_from_tables(tmp_path):
     curve = tmp_path / "curve.csv"
     curve.write_text("force,displacement\n" + "\n".join(f"{13 * (d / 20) ** 1.6},{d}" for d in (1, 2, 3, 4)))
     fitted = real_strain_force(curve, 20.0)
-    assert (fitted.A, fitted.B) == pytest.approx((13, 1.6))
+    assert pytest.approx((13, 1.6)) == (fitted.A, fitted.B)
 
     with pytest.raises(NoSuchFile, match="no file"):
         real_map(tmp_path / "absent.csv")

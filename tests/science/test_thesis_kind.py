@@ -1,4 +1,4 @@
-"""The thesis' models on its thirty runs: Table 1, forward model, strain-force curves, the probe's polynomial."""
+"""The thesis' models on its thirty runs: Table 1, forward model, strain-force curves."""
 
 import json
 import re
@@ -138,8 +138,10 @@ def test_the_inverted_forward_model_undoes_the_forward_model(runs):
 
 def test_strain_force_curves_are_found_and_placed_among_simulated_ones():
     s = np.array([0.05, 0.1, 0.15, 0.2])
-    simulated = {E: strain.fit_strain_force(s, (10 + 4 * (1 - E ** (-2 / 3))) * s**1.6) for E in (2.0, 10.0, 1000.0)}
-    assert simulated[10.0].B == pytest.approx(1.6)
+    simulated = {
+        E: strain.fit_strain_force(s, (10 + 4 * (1 - E ** (-2 / 3))) * s**1.6) for E in (2.0, 10.0, 1000.0)
+    }
+    assert pytest.approx(1.6) == simulated[10.0].B
     between = strain.fit_strain_force(s, 0.3 * (10 + 4 * (1 - 5 ** (-2 / 3))) * s**1.6)
     placed = strain.place_among(between, simulated, force_scale=0.3)
     assert placed.between == ("E = 2", "E = 10")

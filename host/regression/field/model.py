@@ -50,8 +50,8 @@ R11 = (
 THESIS_SIX = ("ln_base", "asinh_amp", "ln_stdev", "inv_curvature", "ln_d28", "dip_0_2")
 _DISPLACEMENT = ("ln_d28", "ln_d0", "ln_d_far", "dip_0_2", "dip_3_5", "dip_6_10", "dip_12_16", "dip_17_22")
 
-LOWEST = (20.0, 3.5, 4.8, 0.28, 1000.0 ** (-2 / 3))
-HIGHEST = (130.0, 42.0, 21.0, 1.58, 2.0 ** (-2 / 3) + 0.02)
+LOWEST = (20.0, 3.8, 4.8, 0.285, 1000.0 ** (-2 / 3))
+HIGHEST = (130.0, 41.0, 20.8, 1.56, 2.0 ** (-2 / 3) + 0.02)
 """Range of the estimates F (N/m), t, d (mm), h, E^-2/3: what was trained, and a little more."""
 
 

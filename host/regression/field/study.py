@@ -19,7 +19,7 @@ from host.regression.field.model import Answers, FieldModel, Recipe, fit_field_m
 from host.regression.field.score import hardness, scores
 from host.regression.probe_model import from_link, to_link
 from host.regression.ridge import FOLDS
-from host.regression.seen import NAMES, Seen
+from host.regression.seen import NAMES, Seen, join
 from host.regression.table import TARGETS
 from sim.probe.sensors import LEVELS, Noise
 
@@ -153,15 +153,9 @@ def _forces(bench: Bench) -> Iterator[Row]:
     model = fit_field_model(FIELD, middle[0], middle[1])
     yield row_of("one stroke", model, middle[2])
     yield _mean_row("two strokes at one force", model, middle[2], again[2])
-    both = fit_field_model(FIELD, *(_stack(low[k], high[k]) for k in (0, 1)))
+    both = fit_field_model(FIELD, join([low[0], high[0]]), join([low[1], high[1]]))
     yield _mean_row("two strokes, forces 19 % apart", both, low[2], high[2])
     yield _joint_row("the same as one model of both", low, high)
-
-
-def _stack(a: Seen, b: Seen) -> Seen:
-    from host.regression.seen import join
-
-    return join([a, b])
 
 
 def _mean_row(setting: str, model: FieldModel, a: Seen, b: Seen) -> Row:

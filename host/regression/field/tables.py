@@ -104,9 +104,9 @@ def _found(fit: FieldFit) -> Table:
     E_ranges = list(dict.fromkeys(fit.found["E"]))
     for name in ("d", "h", *(f"E {e}" for e in E_ranges)):
         out.add_column(name, justify="right")
-    for (d, h), rows in fit.found.groupby(["d_mm", "h"], sort=False):
+    for (d, h), rows in fit.found.groupby(["d_mm", "h"], sort=False):  # type: ignore[misc]
         share = dict(zip(rows["E"], rows["found"]))
-        out.add_row(d, h, *(f"{100 * share[e]:.0f}" if e in share else "" for e in E_ranges))
+        out.add_row(str(d), str(h), *(f"{100 * share[e]:.0f}" if e in share else "" for e in E_ranges))
     return out
 
 

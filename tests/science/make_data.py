@@ -1,0 +1,25 @@
+"""Make the strokes that the tests of the field kind learn from: `python -m tests.science.make_data DIR`.
+
+96 lumps and 24 plain tissues at two forces each, and the features of the thesis' thirty runs; a few minutes.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from host.regression.field.data import prepare
+from host.regression.runs import features_table
+from sim.tissue import THESIS_CODES, Case, load_strokes, sweep
+
+
+def main(directory: str) -> None:
+    """Simulate into `directory` what the tests read from tests/science/data."""
+    home = Path(directory)
+    prepare(home, lumps=96, plain=24, wide=0)
+    sweep([Case.from_code(code) for code in THESIS_CODES], out_dir=home / "thesis")
+    features_table(load_strokes(home / "thesis")).round(7).to_csv(home / "thesis_runs.csv", index=False)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
