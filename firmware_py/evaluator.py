@@ -7,7 +7,7 @@ intervals to prove that no intermediate leaves +-2^30 (model_export/bounds.py).
 Numbers: features Q24; u, a feature moved and scaled into +-1 over the model's clip box, and its
 monomials Q28; predictions y, ln sigma and widths on the link scale Q24; outputs in millionths.
 A Q28 number meets its coefficients as a high part (Q13) and a low part of `low` bits, a coefficient
-as a high word of 16 and a low one of 8 bits; the product of the two low parts is below what is kept.
+as a high word of 16 and a low one of 8 or 16 bits; the product of the two low parts is below what is kept.
 """
 
 from array import array
@@ -32,13 +32,14 @@ FORCE_OUT = 16
 N_FEATURES = 0
 N_TERMS = 1  # without the constant; the features themselves come first
 N_SIGMA = 2  # leading terms that ln sigma uses
-LOW_BITS = 3  # at most 8
+LOW_BITS = 3  # at most 12; low words are bytes up to 8
 N_LIMITS = 4
 HARD_BELOW = 5  # millionths of E_inv23
 FORCE_LO = 6  # millionths of N/m
 FORCE_HI = 7
 LEVEL_PERMILLE = 8
-HEAD = 9
+LINKS = 9  # bit j: output j has a ln link
+HEAD = 10
 
 # feature table: one row of seven for each feature
 CLIP_LO = 0
@@ -108,6 +109,16 @@ def dot(c, d, at, high, low, first, n, bits):
         at += 1
         first += 1
     return a + (b >> bits)
+
+
+def dot_high(c, at, high, first, n):
+    """The same with high parts alone, good to 1e-3 of the largest coefficient."""
+    a = 0
+    for _ in range(n):
+        a += c[at] * high[first]
+        at += 1
+        first += 1
+    return a
 
 
 def scaled(v, s):
@@ -192,7 +203,7 @@ def compute(x, ids, feats, steps, c, d, rows, outs, head, u, high, low, work, ou
         o += 8
     total = 0
     for i in range(n):
-        v = scaled(dot(c, d, at, high, low, 5, i + 1, bits), rows[row + 1]) + rows[row]
+        v = scaled(dot_high(c, at, high, 5, i + 1), rows[row + 1]) + rows[row]
         v = clip(v, -16384, 16384)
         total += v * v >> 3
         at += i + 1
@@ -232,6 +243,17 @@ def verdict(x, ids, feats, limits, head, out):
         flags |= 16
     out[15] = flags
     return 0
+
+
+def middle(lo, hi):
+    """Entries Y_MID and Y_SHIFT of an output whose predictions lie between lo and hi."""
+    mid = (lo + hi) >> 1
+    half = hi - mid
+    shift = -28
+    while half:
+        half >>= 1
+        shift += 1
+    return mid, shift
 
 
 class Tables:

@@ -19,7 +19,7 @@ ROLLBACK = 1
 NUMBERS = 1  # evaluator's head
 IDS = 2
 FEATURES = 3
-STEPS = 4
+STEPS = 4  # left out where the products are all pairs of features in order
 HIGH = 5
 LOW = 6
 ROWS = 7
@@ -95,23 +95,58 @@ class Model:
         self.evaluate = tables.evaluate
 
 
+def all_pairs(n, terms):
+    """The steps of an image that leaves them out."""
+    steps = bytearray(0)
+    if terms == n + n * (n + 1) // 2:
+        for i in range(n):
+            for j in range(i, n):
+                steps.append(i)
+                steps.append(j)
+    return bytes(steps)
+
+
+def _rows(raw):
+    """Intercepts and shifts, kept apart in the image, in turns."""
+    n = len(raw) // 5
+    rows = array("i", bytearray(8 * n))
+    intercepts = array("i", raw[: 4 * n])
+    shifts = array("b", raw[4 * n :])
+    for i in range(n):
+        rows[2 * i] = intercepts[i]
+        rows[2 * i + 1] = shifts[i]
+    return rows
+
+
+def _outs(raw, links):
+    """The output table from what the image keeps of it: range and the quantiles' logarithms."""
+    kept = array("i", raw)
+    outs = array("i", bytearray(4 * 8 * evaluator.OUTPUTS))
+    for j in range(min(len(kept) // 4, evaluator.OUTPUTS)):
+        outs[8 * j] = links >> j & 1
+        outs[8 * j + 1] = kept[4 * j]
+        outs[8 * j + 2] = kept[4 * j + 1]
+        outs[8 * j + 3], outs[8 * j + 4] = evaluator.middle(kept[4 * j], kept[4 * j + 1])
+        outs[8 * j + 5] = kept[4 * j + 2]
+        outs[8 * j + 6] = kept[4 * j + 3]
+    return outs
+
+
 def _fits(tables, feature_count):
     """Do the tables' lengths agree with each other, and do the features exist? A status."""
-    if len(tables.head) != evaluator.HEAD or len(tables.outs) != 8 * evaluator.OUTPUTS:
-        return status.BAD_LENGTH
     n = tables.head[0]
     terms = tables.head[1]
     sigma = tables.head[2]
-    words = 5 * terms + 5 * (5 + sigma) + n * (n + 1) // 2
+    fine = 5 * terms + 5 * (5 + sigma)
     if (
         not 0 < n <= terms
         or not 0 <= sigma <= terms
-        or not 1 <= tables.head[3] <= 8
+        or not 1 <= tables.head[3] <= 12
         or len(tables.ids) != n
         or len(tables.feats) != 7 * n
         or len(tables.steps) != 2 * (terms - n)
-        or len(tables.c) != words
-        or len(tables.d) != words
+        or len(tables.c) != fine + n * (n + 1) // 2
+        or len(tables.d) != fine
         or len(tables.rows) != 2 * (10 + n)
         or len(tables.limits) != 3 * tables.head[4]
     ):
@@ -142,16 +177,18 @@ def load(read, body, features_version, feature_count, probe=PROBE):
     if len(head) != 4 * evaluator.HEAD:
         return status.BAD_LENGTH, None
     head = array("i", head)
-    if not 0 < head[1] < 1000:
+    outs = h.section(read, OUTPUTS)
+    rows = h.section(read, ROWS)
+    if not 0 < head[1] < 1000 or len(outs) != 16 * evaluator.OUTPUTS or len(rows) % 5:
         return status.BAD_LENGTH, None
     tables = evaluator.Tables(
         h.section(read, IDS),
         array("i", h.section(read, FEATURES)),
-        h.section(read, STEPS),
+        h.section(read, STEPS) or all_pairs(head[0], head[1]),
         array("h", h.section(read, HIGH)),
-        array("b", h.section(read, LOW)),
-        array("i", h.section(read, ROWS)),
-        array("i", h.section(read, OUTPUTS)),
+        array("b" if head[3] <= 8 else "h", h.section(read, LOW)),
+        _rows(rows),
+        _outs(outs, head[9]),
         array("i", h.section(read, LIMITS)),
         head,
     )
@@ -162,28 +199,42 @@ def load(read, body, features_version, feature_count, probe=PROBE):
 
 
 def self_test(model, read, feature_count):
-    """Run the vectors that travel in the image; OK if every integer comes out as stated, else SELF_TEST."""
+    """Run the vectors that travel in the image; OK if every integer comes out as stated, else SELF_TEST.
+
+    Section: count, number of extra features, their ids; padding; their values; then for each vector one byte
+    a feature (how far into its clip box, in 1/256) and, padded, the integers of its estimate.
+    """
     raw = model.header.section(read, SELF_TEST)
+    t = model.tables
+    n = len(t.ids)
     if len(raw) < 4:
         return status.SELF_TEST
     count = raw[0]
-    n = raw[1]
-    first = 2 + n + 3 & -4
-    if not count or len(raw) != first + 4 * count * (n + TESTED):
+    extra = raw[1]
+    at = 2 + extra + 3 & -4
+    inputs = at + 4 * extra
+    stated = inputs + count * n + 3 & -4
+    if not count or len(raw) != stated + 4 * count * TESTED:
         return status.SELF_TEST
     x = array("i", bytearray(4 * feature_count))
+    values = array("i", raw[at:inputs])
+    for i in range(extra):
+        if raw[2 + i] >= feature_count:
+            return status.SELF_TEST
+        x[raw[2 + i]] = values[i]
     out = array("i", bytearray(4 * evaluator.OUT_SIZE))
-    numbers = array("i", raw[first:])
-    at = 0
-    for _ in range(count):
+    values = array("i", raw[stated:])
+    for k in range(count):
         for i in range(n):
-            if raw[2 + i] >= feature_count:
-                return status.SELF_TEST
-            x[raw[2 + i]] = numbers[at + i]
-        at += n
+            x[t.ids[i]] = place(t.feats, i, raw[inputs + k * n + i])
         model.evaluate(x, out)
         for i in range(TESTED):
-            if out[i] != numbers[at + i]:
+            if out[i] != values[k * TESTED + i]:
                 return status.SELF_TEST
-        at += TESTED
     return status.OK
+
+
+def place(feats, i, byte):
+    """Feature i of a self-test vector."""
+    lo = feats[7 * i]
+    return lo + (feats[7 * i + 1] - lo >> 8) * byte

@@ -1,8 +1,8 @@
 """ModelSpec to the integer tables of `firmware_py.evaluator`.
 
 Features become u in +-1 over the clip box, so that every monomial stays in +-1 (Q28); coefficients
-are rescaled accordingly and split into a 16-bit and an 8-bit word, with one power of two a row, as
-large as the proof allows.
+are rescaled accordingly and split into a 16-bit high and an 8- or 16-bit low word, with one power of two
+a row, as large as its sum allows.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from model_export.schema import ModelSpec, Term
 
 Q24 = 1 << 24
 LN_MILLION = math.log(1e6)
-LOW_BITS = 8
+FEW_LOW_BITS = 8  # low words of one byte, where sums are small enough to be finer than Q24 with them
+MANY_LOW_BITS = (12, 11, 10, 9)
 NO_LIMIT = 1 << 29
 
 
@@ -98,11 +99,13 @@ def compile_model(spec: ModelSpec) -> ev.Tables:
     rows = _output_rows(spec, index, gain)
     rows += _sigma_rows(spec, index, n_sigma, gain, y_radius, y_mid)
     rows += _distance_rows(spec, gain)
-    c, d, heads = array("h"), array("b"), array("i")
-    for row in rows:
-        high, low, intercept, shift = quantise(row)
+    bits = low_bits(rows)
+    c, d, heads = array("h"), array("b" if bits == FEW_LOW_BITS else "h"), array("i")
+    for k, row in enumerate(rows):
+        high, low, intercept, shift = quantise(row, bits)
         c.extend(high)
-        d.extend(low)
+        if k < 2 * ev.OUTPUTS:  # the distance does without
+            d.extend(low)
         heads.extend((intercept, shift))
     limits = array("i")
     for ident, limit in zip(feature_ids([r.feature for r in spec.lump]), spec.lump):
@@ -113,11 +116,12 @@ def compile_model(spec: ModelSpec) -> ev.Tables:
     head[ev.N_FEATURES] = len(ids)
     head[ev.N_TERMS] = len(order)
     head[ev.N_SIGMA] = n_sigma
-    head[ev.LOW_BITS] = LOW_BITS
+    head[ev.LOW_BITS] = bits
     head[ev.N_LIMITS] = len(spec.lump)
     head[ev.HARD_BELOW] = _word(spec.hard_below * 1e6, "hard_below")
     head[ev.FORCE_LO] = _word(spec.force_range[0] * 1e6, "force_range")
     head[ev.FORCE_HI] = _word(spec.force_range[1] * 1e6, "force_range")
+    head[ev.LINKS] = sum(1 << j for j, output in enumerate(spec.outputs) if output.link == "ln")
     head[ev.LEVEL_PERMILLE] = round(spec.interval.level * 1000)
     return ev.Tables(bytes(ids), feats, bytes(steps), c, d, heads, outs, limits, head)
 
@@ -156,9 +160,7 @@ def _outputs(spec: ModelSpec) -> tuple[array[int], np.ndarray, np.ndarray]:
         offset = LN_MILLION if is_ln else 0.0
         lo, hi = ((math.log(v) if is_ln else v) + offset for v in (output.lo, output.hi))
         y_lo, y_hi = math.ceil(lo * Q24), math.floor(hi * Q24)
-        mid = (y_lo + y_hi) // 2
-        half = max(y_hi - mid, mid - y_lo, 1)
-        shift = half.bit_length() - 28
+        mid, shift = ev.middle(y_lo, y_hi)
         ln_q = [ev.NO_WIDTH if q <= 1e-6 else round(math.log(q) * Q24) for q in quantiles]
         if max(ln_q) >= 1 << 28:
             raise ModelError(f"the interval's quantile of {output.name} is absurdly large")
@@ -223,21 +225,37 @@ def _distance_rows(spec: ModelSpec, gain: np.ndarray) -> list[Row]:
     ]
 
 
-def quantise(row: Row) -> tuple[list[int], list[int], int, int]:
-    """High and low words, intercept and shift of a row, at the finest power of two that cannot overflow."""
-    values = row.coefficients
-    biggest = float(np.max(np.abs(values), initial=0.0))
-    total = float(np.sum(np.abs(values)))
-    fraction = 20
-    while fraction > -12:
+def low_bits(rows: list[Row]) -> int:
+    """How many low bits this model's coefficients and inputs need, and their sums have room for."""
+    if all(fraction_bits(row) + 13 >= 24 for row in rows[: ev.OUTPUTS]):
+        return FEW_LOW_BITS
+    for bits in MANY_LOW_BITS:
+        words = [quantise(row, bits)[:2] for row in rows]
+        sums = [sum(abs(h) << bits for h in high) + sum(abs(v) * 8200 for v in low) for high, low in words]
+        if max(sums) < 1.06e9:
+            return bits
+    return FEW_LOW_BITS
+
+
+def fraction_bits(row: Row) -> int:
+    """Fraction bits of a row's high words: as many as its sum has room for."""
+    values = np.abs(row.coefficients)
+    for fraction in range(20, -12, -1):
         # |high part of an input| <= 2^13, of a coefficient < 2^15; half a bit of room for the low parts
-        if biggest * 2.0**fraction <= 32000 and (total * 2.0**fraction + len(values)) * 8200 < 1.06e9:
-            break
-        fraction -= 1
-    else:
-        raise ProofError(f"the coefficients of {row.name} are too large for the firmware's integers")
-    whole = [round(float(v) * 2.0 ** (fraction + LOW_BITS)) for v in values]
-    high = [(w + (1 << LOW_BITS - 1)) >> LOW_BITS for w in whole]
-    low = [w - (h << LOW_BITS) for w, h in zip(whole, high)]
+        size = 2.0**fraction
+        if (
+            np.max(values, initial=0.0) * size <= 32000
+            and (values.sum() * size + len(values)) * 8200 < 1.06e9
+        ):
+            return fraction
+    raise ProofError(f"the coefficients of {row.name} are too large for the firmware's integers")
+
+
+def quantise(row: Row, bits: int) -> tuple[list[int], list[int], int, int]:
+    """High and low words, intercept and shift of a row, at the finest power of two that cannot overflow."""
+    fraction = fraction_bits(row)
+    whole = [round(float(v) * 2.0 ** (fraction + bits)) for v in row.coefficients]
+    high = [(w + (1 << bits - 1)) >> bits for w in whole]
+    low = [w - (h << bits) for w, h in zip(whole, high)]
     intercept = _word(row.intercept * 2.0**row.fraction, f"the intercept of {row.name}")
     return high, low, intercept, fraction + 13 - row.fraction

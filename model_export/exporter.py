@@ -14,8 +14,6 @@ from model_export.errors import ModelError
 from model_export.force_map import blob as pack_force_map
 from model_export.schema import ModelSpec
 
-SELF_TESTS = 3
-
 
 @dataclass(frozen=True)
 class Report:
@@ -94,25 +92,6 @@ def training_features(spec: ModelSpec) -> np.ndarray | None:
     return np.clip(table, -limit, limit)
 
 
-def self_test_vectors(spec: ModelSpec) -> list[list[int]]:
-    """Inputs of the self-test: vectors of the domain that pass the lump rule, its extra features included."""
-    extra: dict[str, int] = {}
-    inside = sampling.in_domain(spec, 400, seed=7)
-    passes = np.ones(len(inside), bool)
-    for limit in spec.lump:
-        lo = -31.0 if limit.lo is None else limit.lo
-        hi = 31.0 if limit.hi is None else limit.hi
-        if limit.feature in spec.features:
-            column = inside[:, spec.features.index(limit.feature)]
-            passes &= (column > lo) & (column < hi)
-        else:
-            extra[limit.feature] = round((lo + hi) / 2 * compiler.Q24)
-    if passes.sum() < SELF_TESTS:
-        raise ModelError("the model's lump rule and its domain leave nothing in common")
-    rows = np.round(inside[passes][:SELF_TESTS] * compiler.Q24).astype(int).tolist()
-    return [row + list(extra.values()) for row in rows]
-
-
 def export(
     spec: ModelSpec,
     key_dir: str | os.PathLike[str],
@@ -151,11 +130,10 @@ def export(
         features = sampling.in_domain(spec, 2000)
         over = "random vectors of the domain"
     errors = accuracy.measure(spec, tables, features)
-    vectors = self_test_vectors(spec)
 
     def make(leaf: int) -> bytes:
         own = leaf + 1 if counter is None else counter
-        return image.build(spec, tables, blob, vectors, own, max(leaf + 1, own) if rollback else 0)
+        return image.build(spec, tables, blob, own, max(leaf + 1, own) if rollback else 0)
 
     signed, key = keys.sign(key_dir, make, adopt)
     info = image.inspect(signed, key.public, spec.probe)

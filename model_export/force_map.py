@@ -22,6 +22,7 @@ Floats = NDArray[np.float64]
 Q5_PER_COUNT = 32
 DEPTH_UNITS_PER_MM = 16000
 DEFAULT_COUNT_MPA = 6105
+FINEST, COARSEST = 14, 12  # Q formats of the coefficients
 
 
 @dataclass(frozen=True)
@@ -151,9 +152,34 @@ def fit(
 
 
 def _ridge(x: Floats, y: Floats, ridge: float) -> Floats:
+    """Coefficients on the grid of 2^-FINEST (or coarser) that the firmware holds.
+
+    They are rounded one after the other, and those still free take up what rounding has cost (as in
+    optimal brain quantisation: Frantar and Alistarh 2022), so that packing the map changes nothing.
+    """
     size = np.sqrt((x * x).mean(0)) + 1e-12
-    z = x / size
-    return np.linalg.solve(z.T @ z + ridge * len(z) * np.eye(z.shape[1]), z.T @ y) / size[:, None]
+    H = x.T @ x / len(x) + ridge * np.diag(size**2)
+    free = np.linalg.solve(H, x.T @ y / len(x))
+    grid = 2.0 ** -_shift(1.05 * np.abs(free).max())
+    out = np.empty_like(free)
+    left = list(range(len(free)))
+    while left:
+        inverse = np.linalg.inv(H[np.ix_(left, left)])
+        i = left[0]
+        out[i] = np.rint(free[i] / grid) * grid
+        free[left] -= np.outer(inverse[:, 0] / inverse[0, 0], free[i] - out[i])
+        left.pop(0)
+    return out
+
+
+def _shift(largest: float) -> int:
+    """The finest Q format, up to FINEST, in which 16 bits hold a number so large."""
+    shift = FINEST
+    while shift >= COARSEST and np.rint(largest * 2.0**shift) > 32767:
+        shift -= 1
+    if shift < COARSEST:
+        raise ValueError(f"a coefficient of the force map is {largest:.3g}: 8 and more cannot be packed")
+    return shift
 
 
 def blob(force_map: ForceMap | dict[str, Any], count_mpa: int = DEFAULT_COUNT_MPA) -> bytes:
@@ -168,13 +194,7 @@ def blob(force_map: ForceMap | dict[str, Any], count_mpa: int = DEFAULT_COUNT_MP
     """
     m = force_map if isinstance(force_map, ForceMap) else ForceMap.from_dict(force_map)
     flat = np.concatenate([m.even.ravel(), m.odd.ravel()])
-    shift = 14
-    while shift >= 12 and np.abs(np.rint(flat * 2.0**shift)).max() > 32767:
-        shift -= 1
-    if shift < 12:
-        raise ValueError(
-            f"a coefficient of the force map is {np.abs(flat).max():.3g}: 8 and more cannot be packed"
-        )
+    shift = _shift(np.abs(flat).max())
     ln_F = m.ln_F + np.log(1e6 / count_mpa * Q5_PER_COUNT)
     ln_D = m.ln_D + np.log(DEPTH_UNITS_PER_MM)
     centres = np.rint(np.array([ln_F, ln_D]) * 2**24)

@@ -4,46 +4,105 @@ from __future__ import annotations
 
 import hashlib
 import struct
+from array import array
 from dataclasses import dataclass
+
+import numpy as np
 
 from firmware_py import evaluator, lms, status
 from firmware_py import features as firmware_features
 from firmware_py import image as fw
-from model_export import compiler
+from model_export import compiler, sampling
 from model_export.errors import ImageError, ModelError
 from model_export.schema import KINDS, OUTPUTS, ModelSpec
 
 MAX_COUNTER = (1 << 30) - 1
 
 
-def self_test_ids(spec: ModelSpec) -> list[int]:
-    """Features a self-test vector holds: the model's, then those only the lump rule looks at."""
-    names = list(spec.features)
-    names += [limit.feature for limit in spec.lump if limit.feature not in names]
-    return compiler.feature_ids(list(dict.fromkeys(names)))
+SELF_TESTS = 2
 
 
-def _self_test(spec: ModelSpec, tables: evaluator.Tables, vectors: list[list[int]]) -> bytes:
-    from array import array
+def self_test_vectors(spec: ModelSpec, tables: evaluator.Tables) -> tuple[dict[int, int], list[list[int]]]:
+    """Inputs of the self-test: values of features that only the lump rule looks at, and vectors.
 
-    ids = self_test_ids(spec)
-    raw = bytes((len(vectors), len(ids), *ids))
-    raw += bytes(-len(raw) % 4)
+    The vectors lie inside the domain and pass the lump rule; each is a byte a feature (`image.place`).
+
+    Raises
+    ------
+    ModelError
+        If the lump rule and the domain leave nothing in common.
+    """
+    extra = {}
+    for ident, limit in zip(compiler.feature_ids([r.feature for r in spec.lump]), spec.lump):
+        if limit.feature not in spec.features:
+            lo = -31.0 if limit.lo is None else limit.lo
+            hi = 31.0 if limit.hi is None else limit.hi
+            extra[ident] = round((lo + hi) / 2 * compiler.Q24)
+    found: list[list[int]] = []
+    for row in np.round(sampling.in_domain(spec, 2000, seed=7) * compiler.Q24).astype(int).tolist():
+        feats = tables.feats
+        vector = []
+        for i, value in enumerate(row):
+            lo, hi = feats[7 * i], feats[7 * i + 1]
+            vector.append(min(max(256 * (value - lo) // max(hi - lo, 1), 0), 255))
+        out = estimate(tables, extra, vector)
+        if out[evaluator.FLAGS] & 3 == 3:
+            found.append(vector)
+        if len(found) == SELF_TESTS:
+            return extra, found
+    raise ModelError("the model's lump rule and its domain leave nothing in common")
+
+
+def estimate(tables: evaluator.Tables, extra: dict[int, int], vector: list[int]) -> list[int]:
+    """What the probe makes of a self-test vector."""
+    x = array("i", [0] * firmware_features.COUNT)
+    for ident, value in extra.items():
+        x[ident] = value
+    for i, ident in enumerate(tables.ids):
+        x[ident] = fw.place(tables.feats, i, vector[i])
+    out = array("i", [0] * evaluator.OUT_SIZE)
+    tables.evaluate(x, out)
+    return out.tolist()
+
+
+def _padded(raw: bytes) -> bytes:
+    return raw + bytes(-len(raw) % 4)
+
+
+def _self_test(tables: evaluator.Tables, extra: dict[int, int], vectors: list[list[int]]) -> bytes:
+    raw = _padded(bytes((len(vectors), len(extra), *extra)))
+    raw += struct.pack(f"<{len(extra)}i", *extra.values())
+    raw = _padded(raw + bytes(v for vector in vectors for v in vector))
     for vector in vectors:
-        x = array("i", [0] * firmware_features.COUNT)
-        for ident, value in zip(ids, vector, strict=True):
-            x[ident] = value
-        out = array("i", [0] * evaluator.OUT_SIZE)
-        tables.evaluate(x, out)
-        raw += struct.pack(f"<{len(ids) + fw.TESTED}i", *vector, *out[: fw.TESTED])
+        raw += struct.pack(f"<{fw.TESTED}i", *estimate(tables, extra, vector)[: fw.TESTED])
     return raw
+
+
+def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None) -> dict[int, bytes]:
+    n, terms = tables.head[0], tables.head[1]
+    info = "\n".join((",".join(spec.features), ",".join(f"{name} 1e-6 {unit}" for name, unit in OUTPUTS)))
+    outs = [tables.outs[8 * j + k] for j in range(evaluator.OUTPUTS) for k in (1, 2, 5, 6)]
+    rows = tables.rows.tolist()
+    return {
+        fw.NUMBERS: tables.head.tobytes(),
+        fw.IDS: bytes(tables.ids),
+        fw.FEATURES: tables.feats.tobytes(),
+        fw.STEPS: b"" if bytes(tables.steps) == fw.all_pairs(n, terms) else bytes(tables.steps),
+        fw.HIGH: tables.c.tobytes(),
+        fw.LOW: tables.d.tobytes(),
+        fw.ROWS: struct.pack(f"<{len(rows) // 2}i{len(rows) // 2}b", *rows[::2], *rows[1::2]),
+        fw.OUTPUTS: struct.pack(f"<{len(outs)}i", *outs),
+        fw.LIMITS: tables.limits.tobytes(),
+        fw.INFO: info.encode("ascii"),
+        fw.FORCE_MAP: force_map or b"",
+        fw.SELF_TEST: _self_test(tables, *self_test_vectors(spec, tables)),
+    }
 
 
 def build(
     spec: ModelSpec,
     tables: evaluator.Tables,
     force_map: bytes | None,
-    vectors: list[list[int]],
     counter: int,
     replaces: int = 0,
 ) -> bytes:
@@ -54,8 +113,6 @@ def build(
     spec, tables : the model and its tables (`compiler.compile_model`)
     force_map : bytes or None
         Blob of `firmware_py.forcemap`.
-    vectors : list of list of int
-        Self-test inputs, Q24, in the order of `self_test_ids`.
     counter : int
         Security counter; a probe that has confirmed a higher one refuses the image.
     replaces : int
@@ -65,28 +122,13 @@ def build(
         raise ModelError(f"a security counter lies between 0 and {MAX_COUNTER}")
     if replaces and replaces < counter:
         raise ModelError("a rollback replaces newer images: its limit must not be below its own counter")
-    info = "\n".join((",".join(spec.features), ",".join(name for name, _ in OUTPUTS), "1e-6"))
-    sections = {
-        fw.NUMBERS: tables.head.tobytes(),
-        fw.IDS: bytes(tables.ids),
-        fw.FEATURES: tables.feats.tobytes(),
-        fw.STEPS: bytes(tables.steps),
-        fw.HIGH: tables.c.tobytes(),
-        fw.LOW: tables.d.tobytes(),
-        fw.ROWS: tables.rows.tobytes(),
-        fw.OUTPUTS: tables.outs.tobytes(),
-        fw.LIMITS: tables.limits.tobytes(),
-        fw.INFO: info.encode("ascii"),
-        fw.FORCE_MAP: force_map or b"",
-        fw.SELF_TEST: _self_test(spec, tables, vectors),
-    }
     table, content = b"", b""
-    for tag, raw in sections.items():
+    for tag, raw in _sections(spec, tables, force_map).items():
         if raw:
             if len(raw) > 0xFFFF:
                 raise ModelError(f"section {tag} of the image would have {len(raw)} bytes; 65535 fit")
             table += struct.pack("<BBH", tag, 0, len(raw))
-            content += raw + bytes(-len(raw) % 4)
+            content += _padded(raw)
     size = fw.HEAD_SIZE + len(table) + len(content)
 
     def head(model_id: bytes) -> bytes:

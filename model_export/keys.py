@@ -4,7 +4,7 @@ A key directory holds
 
     secret.json    seed, identifier, parameters (mode 600)
     tree.bin       the tree's leaves (public; saves growing them again)
-    public.key     56 bytes for the probe
+    public.key     for the probe
     state.json     the next unused leaf, and a random word that changes with every signature
     journal        one line for every leaf used: number, random word, hash of what it signed
 
@@ -35,6 +35,7 @@ def generate(
     directory: str | os.PathLike[str],
     height: int = 10,
     width: int = 8,
+    size: int = 24,
     progress: Callable[[int, int], None] | None = None,
     secret: lms_sign.Secret | None = None,
 ) -> bytes:
@@ -47,7 +48,10 @@ def generate(
     height : int
         5, 10 or 15: the key signs 32, 1024 or 32768 images.
     width : int
-        4 or 8 bits a digit: signatures of 2508 or 1452 bytes (height 10); 8 takes longer to verify.
+        4 or 8 bits a digit; 8 gives shorter signatures that take longer to verify.
+    size : int
+        24 or 32 bytes a node: signatures of 900 or 1452 bytes (height 10, width 8). 24 is RFC 9858's
+        and NIST SP 800-208's shorter set, SHA-256 cut to 192 bits.
     progress : callable, optional
         Called with the leaves done and all leaves.
     secret : Secret, optional
@@ -58,15 +62,15 @@ def generate(
     SigningError
         If the directory cannot be written or already holds a key.
     """
-    if height not in lms_sign.HEIGHTS or width not in lms_sign.WIDTHS:
-        raise SigningError("a key has a height of 5, 10 or 15 and a width of 1, 2, 4 or 8")
+    if (size, height) not in lms_sign.HEIGHTS or (size, width) not in lms_sign.WIDTHS:
+        raise SigningError("a key has a height of 5, 10 or 15, a width of 1, 2, 4 or 8, a size of 24 or 32")
     path = Path(directory)
     try:
         path.mkdir(parents=True, exist_ok=True)
         if (path / "secret.json").exists():
             raise SigningError(f"{path} already holds a signing key; choose another directory")
         if secret is None:
-            secret = lms_sign.Secret(secrets.token_bytes(32), secrets.token_bytes(16), height, width)
+            secret = lms_sign.Secret(secrets.token_bytes(size), secrets.token_bytes(16), height, width, size)
         leaves = []
         for number in range(1 << secret.height):
             leaves.append(lms_sign.leaf_node(secret, number))
@@ -80,6 +84,7 @@ def generate(
             "ident": secret.ident.hex(),
             "height": secret.height,
             "width": secret.width,
+            "size": secret.size,
         }
         word = secrets.token_hex(16)
         files.write(path / "tree.bin", b"".join(leaves))
@@ -117,10 +122,15 @@ def load(directory: str | os.PathLike[str], adopt: bool = False) -> Key:
         if data["format"] != "palpate-signing-key" or data["version"] != 1:
             raise ValueError
         secret = lms_sign.Secret(
-            bytes.fromhex(data["seed"]), bytes.fromhex(data["ident"]), data["height"], data["width"]
+            bytes.fromhex(data["seed"]),
+            bytes.fromhex(data["ident"]),
+            data["height"],
+            data["width"],
+            data.get("size", 32),
         )
         public = (path / "public.key").read_bytes()
-        if len(secret.seed) != 32 or public[:24] != secret.types + secret.ident or len(public) != 56:
+        good = public[:24] == secret.types + secret.ident and len(public) == 24 + secret.size
+        if not good or len(secret.seed) != secret.size or not lms.parameters(public):
             raise ValueError
     except FileNotFoundError:
         raise SigningError(f"{path} holds no signing key; make one with `palpate keygen {path}`") from None
@@ -212,7 +222,9 @@ def sign(
             files.append(path / "journal", f"{key.used} {word} {hashlib.sha256(message).hexdigest()}")
             files.write(path / "state.json", files.state(key.used + 1, word))
             files.write_witness(key.secret.ident, key.used + 1, word)
-            signature = lms_sign.sign(key.secret, _nodes(key), key.used, message, secrets.token_bytes(32))
+            signature = lms_sign.sign(
+                key.secret, _nodes(key), key.used, message, secrets.token_bytes(key.secret.size)
+            )
     except OSError as error:
         raise SigningError(
             f"the signing state in {path} cannot be written: {error.strerror or error}"
@@ -229,8 +241,9 @@ def _nodes(key: Key) -> list[bytes]:
         raw = (key.directory / "tree.bin").read_bytes()
     except OSError:
         raw = b""
-    leaves = [raw[i : i + 32] for i in range(0, len(raw), 32)]
-    if len(raw) == 32 * key.count:
+    size = key.secret.size
+    leaves = [raw[i : i + size] for i in range(0, len(raw), size)]
+    if len(raw) == size * key.count:
         nodes = lms_sign.tree(key.secret, leaves)
         if nodes[1] == key.public[24:]:
             return nodes

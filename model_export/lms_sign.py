@@ -1,4 +1,4 @@
-"""LMS signatures (RFC 8554), the signing half: keys grown from a seed by the RFC's Appendix A.
+"""LMS signatures, the signing half: keys grown from a seed as RFC 8554, appendix A, does.
 
 Pure functions of the key; which leaf may be used is `keys.py`'s business.
 """
@@ -10,56 +10,59 @@ from dataclasses import dataclass
 
 from firmware_py import lms
 
-HEIGHTS = {5: 5, 10: 6, 15: 7}  # height: RFC type number (LMS_SHA256_M32_H..)
-WIDTHS = {1: 1, 2: 2, 4: 3, 8: 4}  # bits a digit: RFC one-time type number (LMOTS_SHA256_N32_W..)
+# (node size, height): type number; (node size, bits a digit): one-time type number (RFC 8554, RFC 9858)
+HEIGHTS = {(32, 5): 5, (32, 10): 6, (32, 15): 7, (24, 5): 10, (24, 10): 11, (24, 15): 12}
+WIDTHS = {(32, 1): 1, (32, 2): 2, (32, 4): 3, (32, 8): 4, (24, 1): 5, (24, 2): 6, (24, 4): 7, (24, 8): 8}
 
 
 @dataclass(frozen=True)
 class Secret:
-    """A private key: seed (32 bytes), identifier (16 bytes), tree height, bits a digit."""
+    """A private key: seed (as long as a node), identifier (16 bytes), height, bits a digit, node size."""
 
     seed: bytes
     ident: bytes
     height: int
     width: int
+    size: int = 32
 
     @property
     def types(self) -> bytes:
         """Type and one-time type, as in the public key."""
-        return HEIGHTS[self.height].to_bytes(4, "big") + WIDTHS[self.width].to_bytes(4, "big")
+        numbers = HEIGHTS[self.size, self.height], WIDTHS[self.size, self.width]
+        return b"".join(number.to_bytes(4, "big") for number in numbers)
 
-    def parameters(self) -> tuple[int, int, int, int]:
-        """(height, bits a digit, digits, checksum's shift)."""
-        found = lms.parameters(self.types + bytes(48))
+    def parameters(self) -> tuple[int, int, int, int, int]:
+        """(node size, height, bits a digit, digits, checksum's shift)."""
+        found = lms.parameters(self.types + bytes(16 + self.size))
         assert found is not None
         return found
 
 
-def _sha(*parts: bytes) -> bytes:
-    return hashlib.sha256(b"".join(parts)).digest()
+def _sha(secret: Secret, *parts: bytes) -> bytes:
+    return hashlib.sha256(secret.ident + b"".join(parts)).digest()[: secret.size]
 
 
 def _start(secret: Secret, leaf: bytes, digit: int) -> bytes:
     """Private element of one digit's chain (RFC 8554, appendix A)."""
-    return _sha(secret.ident, leaf, digit.to_bytes(2, "big"), b"\xff", secret.seed)
+    return _sha(secret, leaf, digit.to_bytes(2, "big"), b"\xff", secret.seed)
 
 
 def _walk(secret: Secret, leaf: bytes, digit: int, node: bytes, first: int, last: int) -> bytes:
     head = secret.ident + leaf + digit.to_bytes(2, "big")
-    sha256 = hashlib.sha256
+    sha256, size = hashlib.sha256, secret.size
     for step in range(first, last):
-        node = sha256(head + bytes((step,)) + node).digest()
+        node = sha256(head + bytes((step,)) + node).digest()[:size]
     return node
 
 
 def leaf_node(secret: Secret, number: int) -> bytes:
     """Node of the tree's leaf: hash of the leaf's one-time public key."""
-    height, width, digits, _ = secret.parameters()
+    _, height, width, digits, _ = secret.parameters()
     leaf = number.to_bytes(4, "big")
     most = (1 << width) - 1
     ends = [_walk(secret, leaf, i, _start(secret, leaf, i), 0, most) for i in range(digits)]
-    key = _sha(secret.ident, leaf, b"\x80\x80", *ends)
-    return _sha(secret.ident, ((1 << height) + number).to_bytes(4, "big"), b"\x82\x82", key)
+    key = _sha(secret, leaf, b"\x80\x80", *ends)
+    return _sha(secret, ((1 << height) + number).to_bytes(4, "big"), b"\x82\x82", key)
 
 
 def tree(secret: Secret, leaves: list[bytes]) -> list[bytes]:
@@ -68,20 +71,20 @@ def tree(secret: Secret, leaves: list[bytes]) -> list[bytes]:
     nodes = [b""] * count + leaves
     for number in range(count - 1, 0, -1):
         pair = nodes[2 * number] + nodes[2 * number + 1]
-        nodes[number] = _sha(secret.ident, number.to_bytes(4, "big"), b"\x83\x83", pair)
+        nodes[number] = _sha(secret, number.to_bytes(4, "big"), b"\x83\x83", pair)
     return nodes
 
 
 def public_key(secret: Secret, nodes: list[bytes]) -> bytes:
-    """The 56 bytes that a probe keeps."""
+    """What a probe keeps."""
     return secret.types + secret.ident + nodes[1]
 
 
 def sign(secret: Secret, nodes: list[bytes], number: int, message: bytes, randomizer: bytes) -> bytes:
     """Signature of a message with leaf `number`, which must never be used again."""
-    height, width, digits, shift = secret.parameters()
+    _, height, width, digits, shift = secret.parameters()
     leaf = number.to_bytes(4, "big")
-    q = _sha(secret.ident, leaf, b"\x81\x81", randomizer, message)
+    q = _sha(secret, leaf, b"\x81\x81", randomizer, message)
     values = lms.digits_of(q, width, digits, shift)
     chains = [_walk(secret, leaf, i, _start(secret, leaf, i), 0, values[i]) for i in range(digits)]
     path = []

@@ -29,8 +29,8 @@ def test_rfc_case_1_verifies_and_nothing_else_does(key, message, signature):
     assert verify(other, message + signature) == status.BAD_SIGNATURE
 
 
-def grow(seed: bytes, ident: bytes, height: int, width: int):
-    secret = lms_sign.Secret(seed, ident, height, width)
+def grow(seed: bytes, ident: bytes, height: int, width: int, size: int = 32):
+    secret = lms_sign.Secret(seed, ident, height, width, size)
     return secret, lms_sign.tree(secret, [lms_sign.leaf_node(secret, i) for i in range(1 << height)])
 
 
@@ -55,12 +55,13 @@ def test_rfc_case_2_is_grown_and_signed_from_its_seeds():
     assert verify(lower_key, rfc.CASE2_MESSAGE + signature) == status.OK
 
 
+@pytest.mark.parametrize("size", [24, 32])
 @pytest.mark.parametrize("width", [1, 2, 4, 8])
-def test_every_width_agrees_with_an_independent_implementation(width):
-    secret, nodes = grow(bytes(range(32)), bytes(range(16)), 5, width)
+def test_every_width_and_size_agrees_with_an_independent_implementation(width, size):
+    secret, nodes = grow(bytes(range(size)), bytes(range(16)), 5, width, size)
     key = lms_sign.public_key(secret, nodes)
     message = b"a model image"
-    signature = lms_sign.sign(secret, nodes, 7, message, bytes(range(32, 64)))
+    signature = lms_sign.sign(secret, nodes, 7, message, bytes(range(32, 32 + size)))
     assert verify(key, message + signature) == status.OK
     theirs = pyhsslms.LmsPublicKey.deserialize(key)
     assert theirs.verify(message, signature)
@@ -73,7 +74,7 @@ def test_too_few_bytes_are_refused(size):
 
 
 def test_keys_of_unknown_types_are_refused():
-    for at, value in ((3, 4), (3, 10), (7, 0), (7, 5), (0, 1)):
+    for at, value in ((3, 4), (3, 10), (3, 15), (7, 0), (7, 5), (7, 9), (0, 1)):
         key = bytearray(rfc.CASE1_LOWER)
         key[at] = value
         assert lms.signature_size(bytes(key)) == 0
