@@ -10,7 +10,6 @@ from host.errors import VersionMismatch
 
 CAPABILITIES = {
     messages.CAN_FLASH: "flash",
-    messages.CAN_COMPRESS: "compress",
     messages.CAN_CALIBRATE: "calibrate",
 }
 
@@ -30,7 +29,7 @@ class Identity:
     rows, columns, pitch_mm, bits : int, int, float, int
         The sensors: along the stroke, across it, their pitch and the ADC's bits.
     capabilities : tuple of str
-        Of flash, compress, calibrate.
+        Of flash, calibrate.
     features_version : int
         Version of the feature list.
     model_status : int

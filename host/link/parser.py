@@ -29,7 +29,6 @@ LONGEST_BODY = 2048
 """Longest body taken, bytes; a frame has 641. Longer ones are counted as oversize."""
 
 _FRAME = messages.TYPE["frame"]
-_FRAME_RICE = messages.TYPE["frame_rice"]
 _STATE = messages.TYPE["stroke_state"]
 _MAP = messages.TYPE["map"]
 _ESTIMATE = messages.TYPE["estimate"]
@@ -184,7 +183,7 @@ class LiveParser:
         if values is None:
             self.counts.unreadable += 1
             return None
-        if kind in (_FRAME, _FRAME_RICE):
+        if kind == _FRAME:
             return self._frame(kind, values, host_ns)
         if kind & messages.ANSWER:
             answer = Answer(host_ns, kind, messages.message_id(body), messages.answer_status(body), values)
