@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 @click.command("fit")
 @click.argument("directory", type=click.Path(path_type=Path, file_okay=False))
 @click.option("--kind", type=click.Choice(["thesis", "field"]), default="thesis", show_default=True,
-              help="thesis: the 29 runs and the thesis' equations. field: lumps over the whole range.")  # fmt: skip
+              help="thesis: the 29 runs, the thesis' equations. field: lumps of all kinds.")  # fmt: skip
 @click.option("--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="As model.json.")
 @click.option("--noise", default="typical", show_default=True,
               help="Sensors to train for: none, good, typical or poor.")  # fmt: skip
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 @click.option("--lumps", default=None, type=click.IntRange(64),
               help="field: lumps to simulate where DIRECTORY holds none.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1), help="field: processes for that; all cores by default.")
+@click.option("--tissue", multiple=True, metavar="NAME=VALUE",
+              help="field: another tissue or probe, as gland_ratio=8; may be repeated.")  # fmt: skip
 @click.option("--report", type=click.Path(path_type=Path, file_okay=False), help="Draw the figures there.")
 @json_option
 def command(
@@ -35,14 +37,15 @@ def command(
     seed: int,
     lumps: int | None,
     workers: int | None,
+    tissue: tuple[str, ...],
     report: Path | None,
     as_json: bool,
 ) -> None:
     """Fit a model to the strokes in DIRECTORY and say how good it is.
 
     \b
-    thesis  Table 1 beside the thesis' numbers, in sample and left out. DIRECTORY: palpate sweep --design thesis
-    field   the held-out table. What DIRECTORY lacks is simulated into it first (10 minutes on two cores).
+    thesis  Table 1 beside the thesis' numbers, in sample and left out
+    field   the held-out table; what DIRECTORY lacks is simulated into it first
 
     \b
     Example:
@@ -58,7 +61,7 @@ def command(
         strokes, fit, spec = _thesis(directory, noise, seed)
         words: dict[str, Any] = {"strokes": strokes, "thesis": fit}
     else:
-        fit = _field(directory, noise, seed, lumps, workers)
+        fit = _field(directory, noise, seed, lumps, workers, _tissue(tissue))
         spec, words = fit.spec, {"field": fit}
     _save(spec, out)
     page = None
@@ -91,7 +94,9 @@ def _thesis(directory: Path, noise: str, seed: int) -> tuple[Any, Any, ModelSpec
     return strokes, fit, fit_thesis_model(strokes, seed=seed, noise=noise)
 
 
-def _field(directory: Path, noise: str, seed: int, lumps: int | None, workers: int | None) -> Any:
+def _field(
+    directory: Path, noise: str, seed: int, lumps: int | None, workers: int | None, tissue: dict[str, float]
+) -> Any:
     from host.regression.field.data import LUMPS, prepare
     from host.regression.field.fit import fit_field
 
@@ -103,5 +108,24 @@ def _field(directory: Path, noise: str, seed: int, lumps: int | None, workers: i
                 tasks[name] = bar.add_task(f"simulating {name}", total=now.total)
             bar.update(tasks[name], completed=now.done, total=now.total)
 
-        strokes = prepare(directory, lumps or LUMPS, workers=workers, show=show)
+        strokes = prepare(directory, lumps or LUMPS, workers=workers, tissue=tissue, show=show)
     return fit_field(strokes, noise=noise, seed=seed, tell=note)
+
+
+def _tissue(words: tuple[str, ...]) -> dict[str, float]:
+    """NAME=VALUE pairs as fields of a case; UsageError names the field that there is none of."""
+    from dataclasses import fields
+
+    from sim.tissue import Case
+
+    known = {f.name for f in fields(Case)} - {"d_mm", "h", "E_ratio", "F_rel"}
+    out = {}
+    for word in words:
+        name, _, value = word.partition("=")
+        if name not in known:
+            raise UsageError(f"--tissue {word}: there is no {name!r}; there are {', '.join(sorted(known))}")
+        try:
+            out[name] = float(value)
+        except ValueError:
+            raise UsageError(f"--tissue {word}: {value!r} is not a number") from None
+    return out

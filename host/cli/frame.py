@@ -23,6 +23,7 @@ CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
     ),
     "Model": (
         ("fit", "host.cli.fit", "fit a model to strokes; Table 1 beside the thesis"),
+        ("study", "host.cli.study", "what a better or worse probe would change"),
         ("keygen", "host.cli.keygen", "make a signing key"),
         ("export", "host.cli.export", "compile and sign the model for the probe"),
     ),

@@ -129,7 +129,7 @@ def test_the_design_fills_the_range_and_no_lump_cases_have_none():
     assert len(cases) == 64
     mean = [np.sqrt(a.F_rel * b.F_rel) for a, b in zip(cases[::2], cases[1::2])]
     assert min(mean) >= 0.3 and max(mean) <= 1.0
-    assert {c.gland_ratio for c in design.lump_cases(4, gland_ratio=4.0)} == {4.0}
+    assert {c.gland_ratio for c in design.lump_cases(4, tissue={"gland_ratio": 4.0})} == {4.0}
     plain = design.no_lump_cases(16)
     assert not any(c.has_lump for c in plain) and all(3.9 < c.t_mm < 40.1 for c in plain)
     assert not data.inside(Case(25.0, 0.8, 10.0)) and data.inside(Case(15.0, 0.8, 10.0))

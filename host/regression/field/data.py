@@ -15,10 +15,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from host.regression.field.design import FIELD_SETTINGS, LumpPair, lump_cases, no_lump_cases, pairs_of
+from host.regression.field.design import (
+    FIELD_SETTINGS,
+    OUTSIDE,
+    LumpPair,
+    lump_cases,
+    no_lump_cases,
+    pairs_of,
+)
 from host.regression.table import TableError
 from sim.probe.sensors import StrokeField
-from sim.tissue import WIDEST, Case, Progress, Settings, load_strokes, read_table, sweep
+from sim.tissue import Case, Progress, Settings, load_strokes, read_table, sweep
 from sim.tissue.design import USUAL, Ranges
 
 LUMPS, PLAIN, WIDE = 1536, 512, 128
@@ -63,6 +70,7 @@ def prepare(
     plain: int = PLAIN,
     wide: int = WIDE,
     workers: int | None = None,
+    tissue: dict[str, float] | None = None,
     show: Show | None = None,
 ) -> FieldStrokes:
     """Simulate into `directory` what it does not hold yet, and read all of it.
@@ -75,14 +83,16 @@ def prepare(
         How many of each to simulate.
     workers : int, optional
         Processes; by default one for each core.
+    tissue : dict, optional
+        Fields of `Case` that differ from the usual tissue or probe, as gland_ratio: to fit a model of it.
     show : callable, optional
         Called with the part's name and its `Progress`.
     """
     directory = Path(directory)
     parts: dict[str, tuple[Callable[[], list[Case]], Settings]] = {
-        "lumps": (lambda: lump_cases(lumps), FIELD_SETTINGS),
-        "plain": (lambda: no_lump_cases(plain), _PLAIN_SETTINGS),
-        "wide": (lambda: lump_cases(wide, 5, WIDEST), FIELD_SETTINGS),
+        "lumps": (lambda: lump_cases(lumps, tissue=tissue), FIELD_SETTINGS),
+        "plain": (lambda: no_lump_cases(plain, tissue=tissue), _PLAIN_SETTINGS),
+        "wide": (lambda: lump_cases(wide, 5, OUTSIDE, tissue), FIELD_SETTINGS),
     }
     for name, (cases, settings) in parts.items():
         home = directory / name
@@ -103,17 +113,22 @@ def read(directory: str | PathLike[str]) -> FieldStrokes:
         if not (home / "strokes.parquet").exists():
             found[name] = []
             continue
-        failed = int((read_table(home)["status"] != "ok").sum())
-        pairs, alone = pairs_of(load_strokes(home))
-        found[name] = pairs
+        found[name], failed, alone = read_pairs(home)
         _count(excluded, f"{name}: no equilibrium found", failed)
-        _count(excluded, f"{name}: the other force of the pair is missing", len(alone))
+        _count(excluded, f"{name}: the other force of the pair is missing", alone)
     if not found["lumps"]:
         raise TableError(f"{directory} holds no strokes in pairs of two forces over lumps")
     within = [inside(pair.case) for pair in found["wide"]]
     _count(excluded, "wide: inside the training ranges, so no test of the domain", sum(within))
     found["wide"] = [pair for pair, is_in in zip(found["wide"], within) if not is_in]
     return FieldStrokes(found["lumps"], found["plain"], found["wide"], excluded)
+
+
+def read_pairs(home: Path) -> tuple[list[LumpPair], int, int]:
+    """Pairs of a sweep's directory, how many strokes failed, and how many have no partner."""
+    failed = int((read_table(home)["status"] != "ok").sum())
+    pairs, alone = pairs_of(load_strokes(home))
+    return pairs, failed, len(alone)
 
 
 def inside(case: Case, ranges: Ranges = USUAL) -> bool:

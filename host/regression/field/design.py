@@ -21,7 +21,9 @@ FIELD_SETTINGS = Settings(far_start_mm=-44.0)
 """The usual steps of 2 mm, and a coarser approach so that a stroke may start 5 mm off."""
 
 NO_LUMP_THICKNESS_MM = (4.0, 40.0)
-_FAR_ONLY = (-30.0, -28.0)
+
+OUTSIDE = Ranges((4.0, 25.0), (0.2, 2.0), (1.3, 1000.0), (0.2, 1.2))
+"""Wider than the training ranges in everything: what the domain flag is tried on."""
 
 
 @dataclass(frozen=True)
@@ -43,19 +45,22 @@ def pair_of(case: Case) -> tuple[Case, Case]:
     return replace(case, F_rel=case.F_rel / step), replace(case, F_rel=case.F_rel * step)
 
 
-def lump_cases(n: int, seed: int = 1, ranges: Ranges = USUAL, **tissue: float) -> list[Case]:
+def lump_cases(
+    n: int, seed: int = 1, ranges: Ranges = USUAL, tissue: dict[str, float] | None = None
+) -> list[Case]:
     """2 n cases: Sobol lumps over `ranges`, in pairs; `tissue` changes fields of `Case`, as gland_ratio."""
-    return [c for case in sobol_cases(n, seed, ranges) for c in pair_of(replace(case, **tissue))]
+    return [c for case in sobol_cases(n, seed, ranges) for c in pair_of(replace(case, **(tissue or {})))]
 
 
-def no_lump_cases(n: int, seed: int = 2) -> list[Case]:
+def no_lump_cases(n: int, seed: int = 2, tissue: dict[str, float] | None = None) -> list[Case]:
     """2 n cases of plain tissue, its thickness even in its logarithm from 4 to 40 mm."""
     points = qmc.Sobol(2, seed=np.random.default_rng(seed)).random_base2(max(0, (n - 1).bit_length()))[:n]
     low, high = (log10(t) for t in NO_LUMP_THICKNESS_MM)
     out: list[Case] = []
     for u, v in points:
         F_low, F_high = USUAL.F_rel
-        out += pair_of(Case.without_lump(10 ** (low + (high - low) * u), F_low + (F_high - F_low) * v))
+        t_mm, F = 10 ** (low + (high - low) * u), F_low + (F_high - F_low) * v
+        out += pair_of(Case.without_lump(t_mm, F, **(tissue or {})))
     return out
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -173,10 +175,12 @@ class Bench:
     strokes : FieldStrokes
     seed : int
         Of the split and of all noise.
+    directory : path
+        Where they came from; studies of other tissues keep theirs beside them.
     """
 
-    def __init__(self, strokes: FieldStrokes, seed: int = 1) -> None:
-        self.strokes, self.seed = strokes, seed
+    def __init__(self, strokes: FieldStrokes, seed: int = 1, directory: str | PathLike[str] = ".") -> None:
+        self.strokes, self.seed, self.directory = strokes, seed, Path(directory)
         self.lumps = stroke_fields(strokes.lumps)
         self.plain = stroke_fields(strokes.plain)
         self.wide = stroke_fields(strokes.wide)

@@ -206,3 +206,29 @@ STUDIES: dict[str, Study] = {
         Study("learning", "Learning curve", "model, training lumps", _learning),
     )
 }  # fmt: skip
+
+
+def study_table(study: Study, result: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
+    """A study as heads and rows of text: R2 and median error in %, half-width of d's interval in %."""
+    columns: dict[str, Callable[[Any], str]] = {
+        "t R2": lambda r: f"{r.t_r2:.3f}",
+        "t err": lambda r: f"{100 * r.t_error:.1f}",
+        "d R2": lambda r: f"{r.d_r2:.3f}",
+        "d err": lambda r: f"{100 * r.d_error:.1f}",
+        "d +-90": lambda r: f"{100 * r.d_half:.1f}" if r.d_half == r.d_half else "",
+        "h R2": lambda r: f"{r.h_r2:.3f}",
+        "h err": lambda r: f"{100 * r.h_error:.1f}",
+        "E^-2/3 R2": lambda r: f"{r.E_inv23_r2:.3f}",
+        "hard/soft": lambda r: f"{100 * r.hard_soft:.1f}",
+        "not found": lambda r: f"{100 * r.not_found:.1f}",
+    }
+    if "d_bias" in result:
+        columns |= {
+            "t bias": lambda r: f"{100 * r.t_bias:+.1f}",
+            "d bias": lambda r: f"{100 * r.d_bias:+.1f}",
+            "h bias": lambda r: f"{100 * r.h_bias:+.1f}",
+            "d covered": lambda r: f"{100 * r.covered_d:.0f}",
+            "flagged": lambda r: f"{100 * r.flagged:.0f}",
+        }
+    rows = [[str(r.setting), *(show(r) for show in columns.values())] for r in result.itertuples()]
+    return [study.setting, *columns], rows

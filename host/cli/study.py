@@ -1,0 +1,52 @@
+"""`palpate study`: what a probe's designer wants to know, one table and figure each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from host.cli.output import json_option, note, print_json, table
+from host.errors import UsageError
+
+
+@click.command("study")
+@click.argument("name")
+@click.argument("directory", type=click.Path(path_type=Path, file_okay=False))
+@click.option("--seed", default=1, show_default=True, help="Of the split and of the sensors' noise.")
+@click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Draw it, as SVG or PNG.")
+@json_option
+def command(name: str, directory: Path, seed: int, figure: Path | None, as_json: bool) -> None:
+    """Retrain the field model with one thing about the probe, the hand or the tissue changed.
+
+    DIRECTORY holds the strokes of `palpate fit --kind field`. NAME is one of
+
+    \b
+    noise bits pitch gain dead position force displacement forces learning
+    tissue    (simulates other tissues into DIRECTORY first, a few minutes)
+
+    \b
+    Example:
+      palpate study noise out/field --figure noise.svg
+    """
+    from host.regression.field.data import read
+    from host.regression.field.fit import Bench
+    from host.regression.field.study import STUDIES, study_table
+    from host.regression.field.tissues import TISSUE_STUDY
+
+    studies = STUDIES | {TISSUE_STUDY.name: TISSUE_STUDY}
+    if name not in studies:
+        raise UsageError(f"there is no study {name!r}; there are {', '.join(studies)}")
+    study = studies[name]
+    result = study.table(Bench(read(directory), seed, directory), tell=note)
+    if figure is not None:
+        from host.report.study_figures import study_figure
+
+        figure.parent.mkdir(parents=True, exist_ok=True)
+        study_figure(study, result).savefig(figure)
+        note(f"wrote {figure}")
+    if as_json:
+        print_json({"study": name, "title": study.title, "rows": result.to_dict("records")})
+        return
+    heads, rows = study_table(study, result)
+    table(heads, rows, study.title)

@@ -1,0 +1,64 @@
+"""How wrong the field model is where the tissue is not the one it was trained on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from host.regression.field.data import read_pairs, stroke_fields
+from host.regression.field.design import FIELD_SETTINGS, lump_cases
+from host.regression.field.fit import FIELD, Bench
+from host.regression.field.model import FieldModel, fit_field_model
+from host.regression.field.score import coverage
+from host.regression.field.study import DRAWS, TYPICAL, Row, Study, row_of
+from host.regression.seen import look
+from host.regression.table import TARGETS
+from sim.tissue import sweep
+
+LUMPS = 32
+TISSUES: dict[str, dict[str, float]] = {
+    "gland 4 times the fat, not 6": {"gland_ratio": 4.0},
+    "gland 8 times the fat": {"gland_ratio": 8.0},
+    "fat 30 % softer": {"fat_kPa": 7.0},
+    "fat 30 % stiffer": {"fat_kPa": 13.0},
+    "fat that stiffens (b = 3)": {"fat_stiffening": 3.0},
+    "probe radius 10 % smaller": {"probe_radius_mm": 36.0},
+    "probe radius 10 % larger": {"probe_radius_mm": 44.0},
+}
+
+
+def other_tissue(directory: Path, changes: dict[str, float], lumps: int = LUMPS) -> list[Any]:
+    """Pairs of strokes over lumps in another tissue, simulated under `directory` where they are missing."""
+    name = "tissue-" + "-".join(f"{k}-{v:g}" for k, v in sorted(changes.items()))
+    if not (directory / name / "strokes.parquet").exists():
+        sweep(lump_cases(lumps, 7, tissue=changes), FIELD_SETTINGS, directory / name)
+    return read_pairs(directory / name)[0]
+
+
+def _run(bench: Bench) -> Iterator[Row]:
+    train, calibration, test = bench.parts(TYPICAL, True, DRAWS)
+    model = fit_field_model(FIELD, train, calibration)
+    yield _row("as trained", model, test)
+    for words, changes in TISSUES.items():
+        fields = stroke_fields(other_tissue(bench.directory, changes))
+        seen = look(fields, TYPICAL, 900, force_map=bench.blob)
+        yield _row(words, model, seen)
+
+
+def _row(words: str, model: FieldModel, seen: Any) -> Row:
+    answers = model.answer(seen)
+    row = row_of(words, model, seen, answers)
+    found = answers.lump
+    ratio = np.median(answers.value[found] / seen.Y[found], axis=0)
+    row |= {f"{t}_bias": float(r - 1) for t, r in zip(TARGETS, ratio)}
+    row["covered_d"] = float(coverage(seen, answers, found)["d"]["all"])
+    row["flagged"] = float((~answers.in_domain[found]).mean())
+    return row
+
+
+TISSUE_STUDY = Study(
+    "tissue", "A tissue, or a probe, that the model was not trained on", "what differs", _run
+)
