@@ -1,0 +1,214 @@
+"""What the link carries, and what it costs the probe: python -m tests.benchmarks.bench_link
+
+Frames a second over a paced 921,600-baud line and over an unpaced pseudo-terminal, with the firmware
+under CPython and under MicroPython/WASM; overhead beside what people would write; microseconds a frame
+on the probe; and what a compressed frame would save and cost.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import struct
+import time
+
+import numpy as np
+
+from firmware_py import messages, wire
+from sim.probe.emulated import EmulatedProbe
+from sim.probe.scripts import run_micropython
+from tests.probe.talk import Ears, command
+
+BAUD = 921_600
+RATE_MHZ = 10_000_000  # more than any link carries
+RUNTIMES = ("cpython", "micropython")
+
+
+class Still:
+    """Frames like those of a stroke through typical sensors: a smooth image and .25 % of full scale noise."""
+
+    def __init__(self, n: int = 60) -> None:
+        random = np.random.default_rng(1)
+        rows = 800 * np.exp(-(((np.arange(16) - 7.5) / 6) ** 2))
+        counts = np.clip(rows[None, :, None] + 82 + random.normal(0, 10, (n, 16, 26)), 0, 4095).astype(
+            np.uint32
+        )
+        pairs = counts.reshape(n, -1)
+        whole = pairs[:, 0::2] | pairs[:, 1::2] << 12
+        self.packed = [b"".join(int(p).to_bytes(3, "little") for p in frame) for frame in whole]
+        self.positions_um = np.linspace(-40_000, 40_000, n).astype(int)
+        self.displacements_um = np.full(n, 2500)
+
+
+def wire_bytes_a_frame(frame: bytes) -> int:
+    """Bytes that one frame takes on the wire."""
+    body = bytearray(messages.FRAME_BODY + 4)
+    messages.put_frame_head(body, 123_456, 789_012_345, -40_000, 2500)
+    body[messages.FRAME_HEAD : messages.FRAME_BODY] = frame
+    return wire.seal(body, messages.FRAME_BODY, bytearray(700), 0)
+
+
+def stream(runtime: str, baud: int, seconds: float) -> dict:
+    """Stream as fast as it goes for so many seconds; what arrived."""
+    with EmulatedProbe(runtime, [Still()], repeat=True, baud=baud) as probe:
+        fd = os.open(probe.port, os.O_RDWR | os.O_NOCTTY)
+        ears = Ears()
+
+        def listen(duration: float) -> tuple[list, int]:
+            got, size = [], 0
+            end = time.monotonic() + duration
+            while time.monotonic() < end:
+                if select.select([fd], [], [], 0.02)[0]:
+                    data = os.read(fd, 65536)
+                    size += len(data)
+                    got += ears.hear(data)
+            return got, size
+
+        listen(1.5)
+        os.write(fd, command("set_setting", 1, (0, RATE_MHZ)))
+        os.write(fd, command("stream_start", 2, (messages.CONTENT_FRAMES, 1, 0)))
+        listen(1.0)
+        got, size = listen(seconds)
+        os.close(fd)
+        frames = [m for m in got if m.name == "frame"]
+        return {
+            "runtime": runtime,
+            "link": f"{baud} baud" if baud else "pty, unpaced",
+            "frames_per_s": round(len(frames) / seconds, 1),
+            "wire_share": round(size / seconds / (baud / 10), 3) if baud else None,
+            "bad_packets": ears.receiver.bad_crc + ears.receiver.bad_frame,
+        }
+
+
+def latency(runtime: str) -> dict:
+    """From the last frame of a stroke to its estimate at the host, ms."""
+    with EmulatedProbe(runtime, [Still()]) as probe:
+        fd = os.open(probe.port, os.O_RDWR | os.O_NOCTTY)
+        ears = Ears()
+        os.write(fd, command("stream_start", 2, (messages.CONTENT_FRAMES | messages.CONTENT_STROKES, 1, 0)))
+        last = 0.0
+        delays = []
+        end = time.monotonic() + 15
+        while not delays and time.monotonic() < end:
+            if not select.select([fd], [], [], 0.02)[0]:
+                continue
+            data = os.read(fd, 65536)
+            now = time.monotonic()
+            for m in ears.hear(data):
+                if m.name == "stroke_state" and m.fields["state"] == messages.STATE_ENDED:
+                    last = last or now
+                elif m.name == "frame" and not last:
+                    before = now
+                elif m.name == "estimate":
+                    delays.append(now - before)
+        os.close(fd)
+    return {
+        "runtime": runtime,
+        "last_frame_to_estimate_ms": round(1000 * min(delays, default=float("nan")), 1),
+    }
+
+
+def overhead() -> dict:
+    """Bytes beyond the data, in per cent of what is on the wire.
+
+    And of a line of text with the same numbers.
+    """
+    sizes = [wire_bytes_a_frame(f) for f in Still().packed]
+    size = float(np.mean(sizes))
+    data = messages.PACKED + 12  # counts; position, displacement and time
+    line = ",".join(["123456", "789012345", "-40000", "2500", *["882"] * messages.CELLS]) + "\n"
+    unpacked = struct.calcsize(f"<IIii{messages.CELLS}H") + 2  # with a two-byte start mark, unchecked
+    return {
+        "bytes_a_frame": size,
+        "overhead_percent": round(100 * (size - data) / size, 2),
+        "all_but_counts_percent": round(100 * (size - messages.PACKED) / size, 2),
+        "text_line_bytes": len(line),
+        "struct_bytes": unpacked,
+        "frames_per_s_at_921600": round(BAUD / 10 / size, 1),
+        "text_frames_per_s_at_921600": round(BAUD / 10 / len(line), 1),
+        "struct_frames_per_s_at_921600": round(BAUD / 10 / unpacked, 1),
+    }
+
+
+COSTS = """
+import time
+from firmware_py import calib, cobs, crc, messages, pipeline, settings, stroke_state
+f = open("frames", "rb")
+frames = [f.read(624) for _ in range(60)]
+body, out = bytearray(645), bytearray(700)
+
+def rice(counts, before, out, k):
+    held = bits = at = p = 0
+    mask = (1 << k) - 1
+    for i in range(0, 416, 2):
+        b = counts[p + 1]
+        c = before[p + 1]
+        for half in range(2):
+            if half:
+                d = (b >> 4 | counts[p + 2] << 4) - (c >> 4 | before[p + 2] << 4)
+            else:
+                d = (counts[p] | (b & 15) << 8) - (before[p] | (c & 15) << 8)
+            d = d << 1 if d >= 0 else (-d << 1) - 1
+            q = d >> k
+            if q > 11:
+                held |= 4095 << bits
+                bits += 12
+                held |= d << bits
+                bits += 13
+            else:
+                held |= ((1 << q) - 1) << bits
+                bits += q + 1
+                held |= (d & mask) << bits
+                bits += k
+            while bits >= 8:
+                out[at] = held & 255
+                at += 1
+                held >>= 8
+                bits -= 8
+        p += 3
+    out[at] = held & 255
+    return at + 1
+
+def clock(work, n=300):
+    best = 1 << 29
+    for _ in range(3):
+        t = time.ticks_us()
+        for i in range(n):
+            work(i % 59)
+        best = min(best, time.ticks_diff(time.ticks_us(), t) // n)
+    return best
+
+p = pipeline.Pipeline(calib.Calibration())
+s = stroke_state.StrokeState(settings.Settings().values)
+size = sum([rice(frames[i + 1], frames[i], out, 4) for i in range(59)]) // 59
+print(clock(lambda i: crc.append(body, 641)), clock(lambda i: cobs.encode(body, 645, out, 0)),
+      clock(lambda i: s.update(frames[i], 1000 * i, 20000 * i)),
+      clock(lambda i: p.add_frame(frames[i], 1500 * i, 2500)),
+      clock(lambda i: rice(frames[i + 1], frames[i], out, 4)), size)
+"""
+
+
+def costs() -> dict:
+    """Microseconds a frame in plain bytecode on MicroPython/WASM, and what delta + Rice coding would do."""
+    said = run_micropython(COSTS, {"frames": b"".join(Still().packed)}).split()
+    names = ("crc_us", "cobs_us", "stroke_state_us", "pipeline_us", "rice_us", "rice_bytes")
+    return dict(zip(names, map(int, said), strict=True))
+
+
+def run(seconds: float = 5.0) -> dict:
+    """Everything, as one dictionary."""
+    return {
+        "overhead": overhead(),
+        "streams": [stream(runtime, baud, seconds) for baud in (BAUD, 0) for runtime in RUNTIMES],
+        "latency": [latency(runtime) for runtime in RUNTIMES],
+        "costs_on_micropython": costs(),
+    }
+
+
+def main() -> None:
+    print(json.dumps(run(), indent=2))
+
+
+if __name__ == "__main__":
+    main()
