@@ -256,6 +256,18 @@ def middle(lo, hi):
     return mid, shift
 
 
+def scaling(lo, hi, centre):
+    """Entries SHIFT and FACTOR of a feature: what takes x - centre into +-1 in Q28. Needs long integers."""
+    half = max(hi - centre, centre - lo, 1)
+    shift = 0
+    while half << shift <= 1 << 27:
+        shift += 1
+    while half > 1 << 28 - shift:
+        shift -= 1
+    size = half << shift if shift >= 0 else half >> -shift
+    return -shift, ((1 << 56) + (size >> 1)) // size
+
+
 class Tables:
     """A model as arrays; `evaluate(features, out)` is all that a probe does with it."""
 

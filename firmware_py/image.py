@@ -1,8 +1,9 @@
 """The model image: how a model lies in the probe's store, and how it becomes tables.
 
-Little endian. Head of 80 bytes, a table of sections (tag, 0, length as u16 each), the sections, each
-padded to a multiple of four, then the signature over all of it. docs/model-image.md has it in full.
-Everything here believes what it reads: the caller verifies the signature first (lms.py).
+Little endian. Head of 104 bytes, at its end the lengths of the sections (u16 each, 0 for one that is
+left out); the sections in order, each padded to a multiple of four; the signature over all of it.
+docs/model-image.md has it in full. Everything here believes what it reads: the caller verifies the
+signature first (lms.py).
 """
 
 from array import array
@@ -12,7 +13,7 @@ from firmware_py import evaluator, status
 PROBE = b"palpate-16x26"
 MAGIC = b"PALP"
 VERSION = 1
-HEAD_SIZE = 80
+HEAD_SIZE = 104
 ROLLBACK = 1
 
 # sections
@@ -65,21 +66,17 @@ class Header:
             self.code = status.BAD_PROBE
             return
         self.places = {}
-        table = read(HEAD_SIZE, 4 * b[20])
-        at = HEAD_SIZE + 4 * b[20]
-        for i in range(0, len(table), 4):
-            n = table[i + 2] | table[i + 3] << 8
-            if not 1 <= table[i] <= LAST:
-                self.code = status.BAD_VERSION
-                return
-            self.places[table[i]] = (at, n)
+        at = HEAD_SIZE
+        for tag in range(1, LAST + 1):
+            n = b[78 + 2 * tag] | b[79 + 2 * tag] << 8
+            self.places[tag] = (at, n)
             at += n + 3 & -4
         if at != body:
             self.code = status.BAD_LENGTH
 
     def section(self, read, tag):
         """Bytes of a section; empty if the image has none of that tag."""
-        at, n = self.places.get(tag, (0, 0))
+        at, n = self.places[tag]
         return bytes(read(at, n)) if n else b""
 
 
@@ -104,6 +101,38 @@ def all_pairs(n, terms):
                 steps.append(i)
                 steps.append(j)
     return bytes(steps)
+
+
+def _low_words(raw, n, bits):
+    """n low words: bytes up to 8 bits, else two of 12 bits in three bytes."""
+    if bits <= 8:
+        return array("b", raw)
+    words = array("h", bytearray(2 * n))
+    at = 0
+    for i in range(0, n, 2):
+        v = raw[at] | (raw[at + 1] & 15) << 8
+        words[i] = v - 4096 if v > 2047 else v
+        if i + 1 < n:
+            v = raw[at + 1] >> 4 | raw[at + 2] << 4
+            words[i + 1] = v - 4096 if v > 2047 else v
+        at += 3
+    return words
+
+
+def _feats(raw):
+    """The feature table from what the image keeps of it: clip, centre and box."""
+    kept = array("i", raw)
+    n = len(kept) // 5
+    feats = array("i", bytearray(28 * n))
+    for i in range(n):
+        lo, hi, centre = kept[5 * i], kept[5 * i + 1], kept[5 * i + 2]
+        feats[7 * i] = lo
+        feats[7 * i + 1] = hi
+        feats[7 * i + 2] = centre
+        feats[7 * i + 3], feats[7 * i + 4] = evaluator.scaling(lo, hi, centre)
+        feats[7 * i + 5] = kept[5 * i + 3]
+        feats[7 * i + 6] = kept[5 * i + 4]
+    return feats
 
 
 def _rows(raw):
@@ -181,12 +210,17 @@ def load(read, body, features_version, feature_count, probe=PROBE):
     rows = h.section(read, ROWS)
     if not 0 < head[1] < 1000 or len(outs) != 16 * evaluator.OUTPUTS or len(rows) % 5:
         return status.BAD_LENGTH, None
+    n_low = 5 * (head[1] + 5 + head[2])
+    low = h.section(read, LOW)
+    if len(low) != (n_low if head[3] <= 8 else (n_low + 1) // 2 * 3):
+        return status.BAD_LENGTH, None
+    low = _low_words(low, n_low, head[3])
     tables = evaluator.Tables(
         h.section(read, IDS),
-        array("i", h.section(read, FEATURES)),
+        _feats(h.section(read, FEATURES)),
         h.section(read, STEPS) or all_pairs(head[0], head[1]),
         array("h", h.section(read, HIGH)),
-        array("b" if head[3] <= 8 else "h", h.section(read, LOW)),
+        low,
         _rows(rows),
         _outs(outs, head[9]),
         array("i", h.section(read, LIMITS)),

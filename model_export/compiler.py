@@ -141,10 +141,7 @@ def _features(spec: ModelSpec) -> tuple[array[int], np.ndarray]:
         lo, hi = math.floor(spec.clip_lo[i] * Q24), math.ceil(spec.clip_hi[i] * Q24)
         lo, hi = max(lo, 1 - NO_LIMIT), min(hi, NO_LIMIT - 1)
         centre = round(spec.centre[i] * Q24)
-        half = max(hi - centre, centre - lo, 1)
-        shift = half.bit_length() - 28 - (half & (half - 1) == 0 and half.bit_length() > 1)
-        size = half / 2.0**shift  # in (2^27, 2^28]
-        factor = round(2.0**56 / size)
+        shift, factor = ev.scaling(lo, hi, centre)
         box = (math.floor(spec.domain.lo[i] * Q24), math.ceil(spec.domain.hi[i] * Q24))
         table.extend((lo, hi, centre, shift, factor, *box))
         radius.append(2.0**56 / factor * 2.0**shift / Q24)

@@ -78,18 +78,26 @@ def _self_test(tables: evaluator.Tables, extra: dict[int, int], vectors: list[li
     return raw
 
 
+def _packed_12(words: list[int]) -> bytes:
+    """Two signed 12-bit words in three bytes."""
+    words = [w & 0xFFF for w in words] + [0] * (len(words) % 2)
+    pairs = zip(words[::2], words[1::2])
+    return b"".join((a | b << 12).to_bytes(3, "little") for a, b in pairs)
+
+
 def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None) -> dict[int, bytes]:
     n, terms = tables.head[0], tables.head[1]
-    info = "\n".join((",".join(spec.features), ",".join(f"{name} 1e-6 {unit}" for name, unit in OUTPUTS)))
+    info = ",".join(spec.features) + "\n1e-6 " + ",".join(unit for _, unit in OUTPUTS)
+    feats = [tables.feats[7 * i + k] for i in range(n) for k in (0, 1, 2, 5, 6)]
     outs = [tables.outs[8 * j + k] for j in range(evaluator.OUTPUTS) for k in (1, 2, 5, 6)]
     rows = tables.rows.tolist()
     return {
         fw.NUMBERS: tables.head.tobytes(),
         fw.IDS: bytes(tables.ids),
-        fw.FEATURES: tables.feats.tobytes(),
+        fw.FEATURES: struct.pack(f"<{len(feats)}i", *feats),
         fw.STEPS: b"" if bytes(tables.steps) == fw.all_pairs(n, terms) else bytes(tables.steps),
         fw.HIGH: tables.c.tobytes(),
-        fw.LOW: tables.d.tobytes(),
+        fw.LOW: tables.d.tobytes() if tables.head[3] <= 8 else _packed_12(tables.d.tolist()),
         fw.ROWS: struct.pack(f"<{len(rows) // 2}i{len(rows) // 2}b", *rows[::2], *rows[1::2]),
         fw.OUTPUTS: struct.pack(f"<{len(outs)}i", *outs),
         fw.LIMITS: tables.limits.tobytes(),
@@ -122,25 +130,22 @@ def build(
         raise ModelError(f"a security counter lies between 0 and {MAX_COUNTER}")
     if replaces and replaces < counter:
         raise ModelError("a rollback replaces newer images: its limit must not be below its own counter")
-    table, content = b"", b""
-    for tag, raw in _sections(spec, tables, force_map).items():
-        if raw:
-            if len(raw) > 0xFFFF:
-                raise ModelError(f"section {tag} of the image would have {len(raw)} bytes; 65535 fit")
-            table += struct.pack("<BBH", tag, 0, len(raw))
-            content += _padded(raw)
-    size = fw.HEAD_SIZE + len(table) + len(content)
+    sections = _sections(spec, tables, force_map)
+    content = b"".join(_padded(sections[tag]) for tag in range(1, fw.LAST + 1))
+    lengths = [len(sections[tag]) for tag in range(1, fw.LAST + 1)]
+    if max(lengths) > 0xFFFF:
+        raise ModelError(f"a section of the image would have {max(lengths)} bytes; 65535 fit")
 
     def head(model_id: bytes) -> bytes:
         return struct.pack(
-            "<4sBBBBIIIB3x16s8s32s", fw.MAGIC, fw.VERSION, KINDS.index(spec.kind), spec.features_version,
-            fw.ROLLBACK if replaces else 0, size, counter, replaces, len(table) // 4,
-            spec.probe.encode("ascii"), model_id, bytes.fromhex(spec.training["hash"]),
+            f"<4sBBBBIII4x16s8s32s{fw.LAST}H", fw.MAGIC, fw.VERSION, KINDS.index(spec.kind),
+            spec.features_version, fw.ROLLBACK if replaces else 0, fw.HEAD_SIZE + len(content), counter,
+            replaces, spec.probe.encode("ascii"), model_id, bytes.fromhex(spec.training["hash"]), *lengths,
         )  # fmt: skip
 
     # the id is the hash of everything else in the image
-    model_id = hashlib.sha256(head(bytes(8)) + table + content).digest()[:8]
-    return head(model_id) + table + content
+    model_id = hashlib.sha256(head(bytes(8)) + content).digest()[:8]
+    return head(model_id) + content
 
 
 @dataclass(frozen=True)
