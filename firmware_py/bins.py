@@ -40,16 +40,16 @@ def add_cells(packed, at, cells, base):
         base += 2
 
 
-class Bins:
-    """The stroke so far: per bin the cells' raw sums, how many frames, where, and how deep."""
+class Places:
+    """The bins' places: how many frames each holds, and the sums of where they were and how deep."""
 
     def __init__(self, bins=BINS, width_um=WIDTH_UM):
         self.bins = bins
         self.width_um = width_um
-        self.cells = array("H", bytes(2 * calib.CELLS * bins))
         self.count = bytearray(bins)
         self.x_sum = array("i", bytes(4 * bins))
         self.d_sum = array("i", bytes(4 * bins))
+        self.why = status.OK
         self.reset()
 
     def reset(self):
@@ -61,36 +61,37 @@ class Bins:
         for i in range(self.bins):
             self.count[i] = 0
 
-    def add(self, packed, at, position_um, displacement_um):
-        """Add one frame; OK, IGNORED, BEYOND or BAD_VALUE. Allocates nothing."""
+    def enter(self, position_um, displacement_um):
+        """Enter a frame; returns its bin's slot, or -1 and in `why` IGNORED, BEYOND or BAD_VALUE."""
         if not -_FAR < position_um < _FAR or not -_DEEP < displacement_um < _DEEP:
-            return status.BAD_VALUE
+            self.why = status.BAD_VALUE
+            return -1
         if self.high < self.low:
             self.origin_um = position_um
             self.low = self.high = 0
         x = position_um - self.origin_um
         b = x // self.width_um
         if b >= self.low + self.bins or b <= self.high - self.bins:
-            return BEYOND
+            self.why = BEYOND
+            return -1
         k = b % self.bins
         n = self.count[k]
         if n >= 16:
-            return IGNORED
-        if n == 0:
-            put_cells(packed, at, self.cells, k * 416)
-            self.x_sum[k] = x - b * self.width_um
-            self.d_sum[k] = displacement_um
-        else:
-            add_cells(packed, at, self.cells, k * 416)
-            self.x_sum[k] += x - b * self.width_um
-            self.d_sum[k] += displacement_um
+            self.why = IGNORED
+            return -1
+        x -= b * self.width_um
+        if n:
+            x += self.x_sum[k]
+            displacement_um += self.d_sum[k]
+        self.x_sum[k] = x
+        self.d_sum[k] = displacement_um
         self.count[k] = n + 1
         self.frames += 1
         if b < self.low:
             self.low = b
         elif b > self.high:
             self.high = b
-        return status.OK
+        return k
 
     def order(self, x_um, d_um, slot):
         """Write the filled bins in rising position: mean place from the origin, mean depth (1/16 um), slot.
@@ -109,3 +110,22 @@ class Bins:
                 n += 1
             b += 1
         return n
+
+
+class Bins(Places):
+    """The stroke so far: the places, and per bin the cells' raw sums."""
+
+    def __init__(self, bins=BINS, width_um=WIDTH_UM):
+        Places.__init__(self, bins, width_um)
+        self.cells = array("H", bytes(2 * calib.CELLS * bins))
+
+    def add(self, packed, at, position_um, displacement_um):
+        """Add one frame; OK, IGNORED, BEYOND or BAD_VALUE. Allocates nothing."""
+        k = self.enter(position_um, displacement_um)
+        if k < 0:
+            return self.why
+        if self.count[k] == 1:
+            put_cells(packed, at, self.cells, k * 416)
+        else:
+            add_cells(packed, at, self.cells, k * 416)
+        return status.OK

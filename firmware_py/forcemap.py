@@ -69,18 +69,19 @@ def slopes(f, w, lf, ld, total):
 
     lf, ld: ln F and ln D less their centres, Q12. Image sensor s gets w[s], displacement w[16].
     """
-    mean = total >> 4
+    mean = (total + 8) >> 4
+    half = mean >> 1
     w[0] = 4096
     w[1] = limit(lf, 16383)
     w[2] = limit(ld, 16383)
-    w[3] = limit(w[1] * w[1] >> 12, 16383)
-    w[4] = limit(w[1] * w[2] >> 12, 16383)
-    w[5] = limit(w[2] * w[2] >> 12, 16383)
+    w[3] = limit((w[1] * w[1] + 2048) >> 12, 16383)
+    w[4] = limit((w[1] * w[2] + 2048) >> 12, 16383)
+    w[5] = limit((w[2] * w[2] + 2048) >> 12, 16383)
     for i in range(8):
         a = w[32 + i]
         b = w[47 - i]
-        w[6 + i] = limit(((a + b) << 11) // mean, 16383)
-        w[14 + i] = limit(((a - b) << 11) // mean, 16383)
+        w[6 + i] = limit((((a + b) << 11) + half) // mean, 16383)
+        w[14 + i] = limit((((a - b) << 11) + half) // mean, 16383)
     down = f[0] - 12
     for j in range(9):
         s = 0
@@ -121,14 +122,14 @@ def move(f, rows, at, depth, u, w):
         u = 11000000
     elif u < -11000000:
         u = -11000000
-    lf = (_ln(total) - f[1]) >> 12
-    ld = (_ln(depth) - f[2]) >> 12
+    lf = (_ln(total) - f[1] + 2048) >> 12
+    ld = (_ln(depth) - f[2] + 2048) >> 12
     slopes(f, w, lf, ld, total)
     # half a step
     step = _mul(u >> 1, total)
     total = 0
     for i in range(16):
-        v = limit(rows[at + i] + (_mul(step, w[i] << 6) >> 4), MOST)
+        v = limit(rows[at + i] + ((_mul(step, w[i] << 6) + 8) >> 4), MOST)
         w[32 + i] = v
         total += v
     if total < 2048:
@@ -136,6 +137,6 @@ def move(f, rows, at, depth, u, w):
     slopes(f, w, lf + (u >> 13), ld + (_mul(u >> 1, w[16] << 6) >> 12), total)
     step = _mul(u, total)
     for i in range(16):
-        rows[at + i] = limit(rows[at + i] + (_mul(step, w[i] << 6) >> 4), MOST)
+        rows[at + i] = limit(rows[at + i] + ((_mul(step, w[i] << 6) + 8) >> 4), MOST)
     u = limit(_mul(u, w[16] << 6), _TWO)
     return limit(_mul(depth << 4, _exp(u, 4)), DEEPEST)

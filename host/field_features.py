@@ -143,8 +143,10 @@ def find_place(y: Floats, low: int, high: int) -> int | None:
     return place
 
 
-def fit_gaussian(y: ArrayLike, centre: float = 0.0) -> Gaussian:
-    """Least squares of a Gaussian on a base, from several widths; x = -n/2 .. n/2 mm.
+def fit_gaussian(
+    y: ArrayLike, centre: float = 0.0, widths_mm: tuple[float, ...] = (3.0, 6.0, 12.0)
+) -> Gaussian:
+    """Least squares of a Gaussian on a base, the best from several widths; x = -n/2 .. n/2 mm.
 
     Bounds: amp at least 0, stdev 1.5 to 25 mm, the centre 14 mm or more inside the ends.
     """
@@ -163,7 +165,7 @@ def fit_gaussian(y: ArrayLike, centre: float = 0.0) -> Gaussian:
         return np.column_stack([np.ones_like(x), g, b, b * z]) / size
 
     best = None
-    for stdev in (3.0, 6.0, 12.0):
+    for stdev in widths_mm:
         start = [float(np.median(y)), size / 2, np.clip(centre, 14.01 - half, half - 14.01), stdev]
         lower = [-np.inf, 0, 14 - half, STDEV_BOUNDS_MM[0]]
         upper = [np.inf, np.inf, half - 14, STDEV_BOUNDS_MM[1]]

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py import calib, features, gauss
+from firmware_py import calib, features, forcemap, gauss
 from host import twin
 from sim.probe.sensors import FrameStream
 
@@ -62,6 +62,8 @@ class Replay:
         The blob that the model carries (model_export.force_map.blob).
     fixed_columns : (int, int), optional
         Look at these columns only.
+    small : bool
+        The small build (firmware_py.rowpipeline), which keeps to fixed columns: all, if none are given.
     plain : bool
         Run the firmware under plain CPython instead (a hundred times slower), to compare.
     n_bins, width_um : int, optional
@@ -73,19 +75,23 @@ class Replay:
         force_map: bytes | None = None,
         *,
         fixed_columns: tuple[int, int] | None = None,
+        small: bool = False,
         plain: bool = False,
         **bins: int,
     ) -> None:
-        import firmware_py.forcemap
-        import firmware_py.pipeline
-
-        module: Any = firmware_py.pipeline if plain else compiled().pipeline
+        modules: Any = twin.plain() if plain else compiled()
         self.force_map = None
         if force_map is not None:
-            self.force_map = firmware_py.forcemap.load(force_map)
+            self.force_map = forcemap.load(force_map)
             if self.force_map is None:
                 raise ValueError("the model's force map is of a kind that this firmware does not know")
-        self.pipeline = module.Pipeline(calib.Calibration(), fixed_columns=fixed_columns, **bins)
+        if small:
+            first, last = fixed_columns or (0, calib.COLS)
+            self.pipeline = modules.rowpipeline.RowPipeline(calib.Calibration(), first, last, **bins)
+        else:
+            self.pipeline = modules.pipeline.Pipeline(
+                calib.Calibration(), fixed_columns=fixed_columns, **bins
+            )
 
     def stroke(
         self,

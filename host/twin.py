@@ -22,11 +22,14 @@ STAGES = (
     "traces",
     "search",
     "gauss",
+    "gaussfit",
     "columns",
     "forcemap",
     "profile",
     "features",
+    "chain",
     "pipeline",
+    "rowpipeline",
 )
 
 Treat = Callable[[types.FunctionType], Any]
@@ -37,6 +40,11 @@ def source_of(name: str) -> Path:
     """Where the firmware module of this name lies."""
     module = importlib.import_module(f"firmware_py.{name}")
     return Path(str(module.__file__))
+
+
+def plain() -> types.SimpleNamespace:
+    """The firmware's modules as they are."""
+    return types.SimpleNamespace(**{name: importlib.import_module(f"firmware_py.{name}") for name in STAGES})
 
 
 def load(

@@ -44,7 +44,7 @@ class _Wrap(ast.NodeTransformer):
 
     def _checked(self, node, at):
         where = ast.Constant(f"{self.name}.py:{at.lineno}")
-        return ast.copy_location(ast.Call(ast.Name("__watch", ast.Load()), [node, where], []), at)
+        return ast.copy_location(ast.Call(ast.Name("_watch_", ast.Load()), [node, where], []), at)
 
     def visit_BinOp(self, node):
         self.generic_visit(node)
@@ -65,7 +65,7 @@ class _Wrap(ast.NodeTransformer):
 
 
 def _calls(node):
-    return isinstance(node, ast.Call) and not (isinstance(node.func, ast.Name) and node.func.id == "__watch")
+    return isinstance(node, ast.Call) and not (isinstance(node.func, ast.Name) and node.func.id == "_watch_")
 
 
 def load(stages=twin.STAGES):
@@ -73,7 +73,7 @@ def load(stages=twin.STAGES):
     watch = Watch()
     names = iter(stages)
     modules = twin.load(
-        stages, label="checked", rewrite=lambda tree: _Wrap(next(names)).visit(tree), names={"__watch": watch}
+        stages, label="checked", rewrite=lambda tree: _Wrap(next(names)).visit(tree), names={"_watch_": watch}
     )
     return modules, watch
 

@@ -1,4 +1,4 @@
-"""Finite-element strokes (made by make_strokes.py) and a force map learned from them, for the pipeline's tests."""
+"""Finite-element strokes (made by make_strokes.py), and a force map learned from them, for these tests."""
 
 import numpy as np
 import pytest

@@ -1,0 +1,167 @@
+"""The fit of firmware_py.gauss: where it starts, how it descends, and what it tries when the bump is weak."""
+
+from firmware_py import fixed, gauss
+
+_mul = fixed.mul
+_ratio = fixed.ratio
+_ln = fixed.ln
+_limit = gauss.limit
+_evaluate = gauss.evaluate
+_solve = gauss.solve
+_prepare = gauss.prepare
+
+MIN_STDEV = gauss.MIN_STDEV
+MAX_STDEV = gauss.MAX_STDEV
+EDGE = gauss.EDGE
+MAX_AMP = 0x4000000
+TURNS = 60
+SLACK = 8192
+WEAK = 60121846  # ln 36: amp six times the rms residual
+
+
+def start(y, n, p, width_um):
+    """Amplitude and stdev to start from, for a bump of width_um at p[CENTRE]; base from the map's mean."""
+    total = 0
+    for i in range(n):
+        total += y[i] >> 3
+    k = p[2] >> 16
+    top = (y[k - 1] + y[k] + y[k + 1]) // 3
+    p[3] = (width_um << 8) // 1000 << 8
+    amp = top - total * 8 // n
+    p[1] = amp if amp > 64 else 64
+
+
+def flat(y, n, p):
+    """What stands in p where there is no bump: the mean as base, amplitude 0, the widest stdev."""
+    total = 0
+    for i in range(n):
+        total += y[i] >> 3
+    base = total * 8 // n
+    cost = 1
+    for i in range(n):
+        v = (y[i] - base) >> 6
+        v = v if v >= 0 else -v
+        v = v if v < 4096 else 4095
+        cost += v * v
+    p[0] = base
+    p[1] = 0
+    p[2] = (n >> 1) << 16
+    p[3] = MAX_STDEV
+    p[4] = _ln(cost) + 12 * 11629080
+
+
+def relative(x, amp, scale):
+    """x (scaled residual, Q24) over amp: the relative step in Q24."""
+    while scale > 0 and amp < 0x20000:
+        amp <<= 1
+        scale -= 1
+    while scale < 0 and amp > 1:
+        amp >>= 1
+        scale += 1
+    while scale > 0:
+        x >>= 1
+        scale -= 1
+    while amp >= 0x20000:
+        amp >>= 1
+        x >>= 1
+    return _ratio(x, amp << 12)
+
+
+def descend(n, p, best, work, s, d):
+    """Levenberg's and Marquardt's steps on the prepared map; returns how many."""
+    high = (n - 1) * 65536 - EDGE
+    _evaluate(n, p, work, s)
+    for i in range(5):
+        best[i] = p[i]
+    damp = 7
+    turn = 0
+    while turn < TURNS:
+        turn += 1
+        hold = 0
+        if (p[3] <= MIN_STDEV and s[8] < 0) or (p[3] >= MAX_STDEV and s[8] > 0):
+            hold = 1
+        if (p[2] <= EDGE and s[7] < 0) or (p[2] >= high and s[7] > 0):
+            hold |= 2
+        if not _solve(s, damp, hold, d):
+            damp = damp - 2 if damp > 2 else 1
+            if damp == 1:
+                break
+            continue
+        for i in range(3):
+            d[i] = _limit(relative(d[i], p[1], s[9]), 8388608)
+        p[1] += _mul(p[1], d[0])
+        p[1] = _limit(p[1], MAX_AMP)
+        if p[1] < 1:
+            p[1] = 1
+        p[2] += _mul(p[3], d[1])
+        if p[2] < EDGE:
+            p[2] = EDGE
+        elif p[2] > high:
+            p[2] = high
+        p[3] += _mul(p[3], _limit(d[2], 5033164))
+        if p[3] < MIN_STDEV:
+            p[3] = MIN_STDEV
+        elif p[3] > MAX_STDEV:
+            p[3] = MAX_STDEV
+        small = -1000 < d[0] < 1000 and -1000 < d[1] < 1000 and -1000 < d[2] < 1000
+        _evaluate(n, p, work, s)
+        # the sum of squares is known to a few parts in ten thousand, the gradient far better
+        if p[4] <= best[4] + SLACK:
+            for i in range(5):
+                best[i] = p[i]
+            if damp < 20:
+                damp += 4
+            if small:
+                break
+        else:
+            if small:
+                break
+            for i in range(5):
+                p[i] = best[i]
+            _evaluate(n, p, work, s)
+            damp -= 3
+            if damp < 1:
+                break
+    for i in range(5):
+        p[i] = best[i]
+    return turn
+
+
+def fit(y, n, p, best, work, s, d):
+    """Least squares from the start in p (amp, centre, stdev); leaves the best parameters in p.
+
+    best, d: space for PARAMS numbers. Returns how many turns it took, or 0 if p holds no bump to start from.
+    """
+    if p[1] < 1:
+        return 0
+    _prepare(y, n, work, s)
+    p[1] = _limit(p[1], 0xFFFFFF >> s[11]) << s[11]
+    turn = descend(n, p, best, work, s, d)
+    half = (1 << s[11]) >> 1
+    p[0] = s[10] + ((p[0] + half) >> s[11])
+    p[1] = (p[1] + half) >> s[11]
+    p[4] -= 2 * s[11] * 11629080
+    return turn
+
+
+def fit_from(y, n, p, best, work, s, d, place, width_um, keep):
+    """The fit from a bump of width_um at the grid's point `place`; tried from other widths too if it is weak.
+
+    keep: space for PARAMS numbers. Returns the turns of all fits together, 0 if there is no bump.
+    """
+    p[2] = place << 16
+    start(y, n, p, width_um)
+    turns = fit(y, n, p, best, work, s, d)
+    # where the bump is over six times the rms residual the valley has one floor
+    if turns == 0 or 2 * _ln(p[1]) - p[4] + _ln(n) > WEAK:
+        return turns
+    for width in (3000, 13000):
+        for i in range(5):
+            keep[i] = p[i]
+        p[2] = place << 16
+        start(y, n, p, width)
+        turns += fit(y, n, p, best, work, s, d)
+        if p[4] >= keep[4]:
+            for i in range(5):
+                p[i] = keep[i]
+    return turns
