@@ -7,11 +7,13 @@ import time
 from collections import deque
 from pathlib import Path
 
+from firmware_py import messages
 from host.errors import LinkError, PortAmbiguous, RecordingError, VersionMismatch
 from host.link.events import Event as LinkEvent
 from host.link.events import Frame as LinkFrame
 from host.link.events import Gap, Log
 from host.link.probe import Probe
+from host.record.replay import CALIBRATION, MODEL
 from host.record.writer import RecordingWriter
 from host.view.cell_scale import CellScale
 from host.view.events import Device, Health, LinkChanged, LinkState
@@ -73,12 +75,9 @@ class LiveSource:
         if (probe := self._probe) is not None and probe.connected:
             try:
                 probe.refresh_identity()  # its answer goes into the file: a recording needs a handshake
-                for what, name, media in (
-                    (0, "calibration.bin", "application/octet-stream"),
-                    (1, "model.palp", "application/octet-stream"),
-                ):
+                for name, what in ((MODEL, messages.READ_MODEL), (CALIBRATION, messages.READ_CALIBRATION)):
                     if blob := probe.read_back(what):
-                        writer.attach(name, media, blob)
+                        writer.attach(name, "application/octet-stream", blob)
             except LinkError:
                 pass  # the probe has just gone; the link says so, and the recording goes on when it is back
 
@@ -119,7 +118,7 @@ class LiveSource:
 
     def _follow(self, probe: Probe, emit: Emit, stop: threading.Event) -> None:
         translator = Translator(CellScale())
-        translator.scale.load(probe.read_back(0))
+        translator.scale.load(probe.read_back(messages.READ_CALIBRATION))
         device = describe(probe, translator.scale)
         self.name = device.serial or self._port
         emit(LinkChanged(LinkState.CONNECTED, "Connected.", device))
@@ -136,7 +135,7 @@ class LiveSource:
                     translator.reset()
                     latency.restart()
                     if event.ended:
-                        translator.scale.load(probe.read_back(0))
+                        translator.scale.load(probe.read_back(messages.READ_CALIBRATION))
                         emit(
                             LinkChanged(LinkState.CONNECTED, "Connected.", describe(probe, translator.scale))
                         )
@@ -177,12 +176,21 @@ def describe(probe: Probe, scale: CellScale) -> Device:
     identity = probe.identity
     return Device(
         name="Probe" if probe.live else Path(probe.name).name,
-        serial=identity.serial,
+        serial=readable(identity.serial),
         firmware=identity.firmware,
         runtime=probe.name if probe.live else "",
         model_id=identity.model_id if identity.model_status == 0 else "",
         full_scale_kPa=scale.full_scale_kPa,
     )
+
+
+def readable(serial: str) -> str:
+    """A serial number as its letters where its bytes are letters, else in hexadecimal."""
+    try:
+        text = bytes.fromhex(serial).rstrip(b"\0").decode("ascii")
+    except ValueError:
+        return serial
+    return text if text.isprintable() and text.strip() else serial
 
 
 def _sentence(error: Exception) -> str:

@@ -18,6 +18,7 @@ from host.link import events as link
 from host.link.probe import Probe
 from host.record import channels
 from host.record.reader import Recording
+from host.record.replay import CALIBRATION
 from host.view.assemble import Assembler
 from host.view.cell_scale import CellScale
 from host.view.events import Device, Health, LinkChanged, LinkState, Mark, Playback
@@ -35,7 +36,7 @@ PLAYBACK_EVERY_S = 0.1
 def calibration(recording: Recording) -> CellScale:
     """The recorded probe's calibration, or the nominal sensor's."""
     scale = CellScale()
-    scale.load(recording.attachment("calibration.bin") or b"")
+    scale.load(recording.attachment(CALIBRATION) or b"")
     return scale
 
 

@@ -51,8 +51,8 @@ def method_2(position_mm: Array, row_kPa: Array) -> tuple[Array, Array, Array]:
     Returns
     -------
     x_mm : (m,) places on the tissue, 1 mm apart
-    pressure_kPa : (m,) mean of the traces that reach there
-    rows : (m,) how many of the 16 rows do; places that fewer than half of them reach are left out
+    pressure_kPa : (m,) mean of the traces that reach there; where not all do, the face's own profile is
+    allowed for rows : (m,) how many of the 16 rows do; places that fewer than half of them reach are left out
     """
     order = np.argsort(position_mm, kind="stable")
     position, row = position_mm[order], row_kPa[order]
@@ -64,7 +64,10 @@ def method_2(position_mm: Array, row_kPa: Array) -> tuple[Array, Array, Array]:
         traces[i] = np.interp(x, position + s, row[:, i], left=np.nan, right=np.nan)
     rows = np.isfinite(traces).sum(axis=0)
     keep = rows >= MIN_ROWS
-    return x[keep], np.nanmean(traces[:, keep], axis=0), rows[keep].astype(np.float64)
+    face = row_kPa.mean(axis=0) / max(float(row_kPa.mean()), 1e-9)
+    share = (np.isfinite(traces) * face[:, None]).sum(axis=0)
+    mean = np.nansum(traces, axis=0)[keep] / np.maximum(share[keep], 1e-9)
+    return x[keep], mean, rows[keep].astype(np.float64)
 
 
 def gaussian(x_mm: Array, base: float, amp: float, centre: float, stdev: float) -> Array:

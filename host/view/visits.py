@@ -40,13 +40,14 @@ class Visits:
         self._next_stroke = 1
 
     def new_stroke(self, started_s: float) -> Stroke:
-        """A stroke that has just begun; `add` it when it is over."""
-        stroke = Stroke(number=self._next_stroke, visit=self._current.number, started_s=started_s)
-        self._next_stroke += 1
-        return stroke
+        """A stroke that has just begun; `add` it when it is over (one that breaks off leaves no number
+        out)."""
+        return Stroke(number=self._next_stroke, visit=self._current.number, started_s=started_s)
 
     def add(self, stroke: Stroke) -> None:
-        """Keep a finished stroke; the oldest give way beyond a thousand."""
+        """Number and keep a finished stroke; the oldest give way beyond a thousand."""
+        stroke.number = self._next_stroke
+        self._next_stroke += 1
         self._strokes.append(stroke)
         if len(self._strokes) > STROKES_WITH_IMAGES:
             self._strokes[-STROKES_WITH_IMAGES - 1].drop_images()
@@ -54,8 +55,7 @@ class Visits:
 
     def adopt(self, stroke: Stroke) -> None:
         """Keep a stroke that was put together elsewhere, in the current visit."""
-        stroke.number, stroke.visit = self._next_stroke, self._current.number
-        self._next_stroke += 1
+        stroke.visit = self._current.number
         self.add(stroke)
 
     def at(self, started_s: float) -> Stroke | None:
@@ -83,8 +83,7 @@ class Visits:
         if strokes:
             visit.wall_time = strokes[0].wall_time
         for stroke in strokes:
-            stroke.number, stroke.visit = self._next_stroke, visit.number
-            self._next_stroke += 1
+            stroke.visit = visit.number
             self.add(stroke)
         return visit
 

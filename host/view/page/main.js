@@ -63,7 +63,8 @@ function receive(message) {
       break;
     case "progress":
       page.running = message.number === null ? null : message;
-      if (page.running && !selected.picked && !page.held) charts.show(page.running);
+      // The last stroke stays until there is something to see of the next.
+      if (page.running?.map.x_mm.length > 7 && !selected.picked && !page.held) charts.show(page.running);
       page.chartsNew = true;
       break;
     case "stroke":

@@ -1,0 +1,216 @@
+"""The whole way: firmware in its interpreter, the link, the viewer, a real browser."""
+
+from __future__ import annotations
+
+import re
+import time
+
+import pytest
+from playwright.sync_api import expect
+
+from host.link.events import Estimate, Gap
+from host.link.flash import flash
+from host.link.probe import Probe
+from host.view.live import LiveSource
+from host.view.replay import ReplaySource, load_strokes
+from host.view.translate import estimate as as_shown
+from host.view.words import depth_mm
+from tests.view.conftest import keep_picture
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture
+def probe(emulated, images):
+    """An emulated probe with a model, strokes without end, on a TCP port that outlives an unplug."""
+    made = emulated("cpython", listen="tcp:127.0.0.1:0", repeat=True)
+    with Probe.open(made.port) as client:
+        flash(client, images[0])
+    return made
+
+
+@pytest.fixture(scope="module")
+def recording(strokes, public_key, images, tmp_path_factory):
+    """Three strokes on MicroPython, recorded."""
+    from host.record.session import recorded
+    from sim.probe.emulated import EmulatedProbe
+
+    path = tmp_path_factory.mktemp("recording") / "monday.mcap"
+    with EmulatedProbe("micropython", strokes=strokes, public_key=public_key, repeat=True) as made:
+        with Probe.open(made.port) as client:
+            flash(client, images[0])
+        with recorded(made.port, path) as client:
+            estimates = [e for e in client.stream(strokes=3, timeout_s=20) if isinstance(e, Estimate)]
+    return path, estimates
+
+
+def numbers_of(estimate: Estimate) -> dict[str, str]:
+    """What the card must say of an estimate."""
+    shown = as_shown(estimate)
+    depth = depth_mm(shown.t_mm, shown.d_mm)
+    wanted = {"d_mm": shown.d_mm, "depth_mm": depth, "t_mm": shown.t_mm}
+    out = {key: f"{v.value:.1f} mm {v.low:.1f} to {v.high:.1f}" for key, v in wanted.items()}
+    force = shown.F_N_per_m
+    out["F_N_per_m"] = f"{force.value:.0f} N/m {force.low:.0f} to {force.high:.0f}"
+    return out
+
+
+def numbers_on(page) -> dict[str, str]:
+    """What the card says, on one line each, without labels."""
+    found = {}
+    for node in page.locator("#card [data-key]").all():
+        text = " ".join(node.inner_text().split())
+        found[node.get_attribute("data-key")] = re.sub(r"^\D+ (?=\d)", "", text)
+    found.pop("stiffness", None)
+    return found
+
+
+def see(page, selector: str, text: str) -> None:
+    """Wait for a text that may stand there for a few pictures only (these strokes know no rest)."""
+    page.wait_for_function(
+        "([selector, text]) => document.querySelector(selector).textContent.includes(text)",
+        arg=[selector, text],
+        polling="raf",
+    )
+
+
+def test_a_stroke_appears_and_the_card_says_what_the_probe_said(probe, viewer, open_page, tmp_path):
+    running = viewer(LiveSource(probe.port))
+    page = open_page(running)
+    expect(page.locator("#link-text")).to_have_text("Connected")
+    expect(page.locator("#device")).to_contain_text("EMULATED")
+    page.keyboard.press("r")
+    expect(page.locator("#record-text")).to_contain_text("Stop")
+    expect(page.locator('[data-step="stroke"]')).to_have_class("on")
+    see(page, "#map-legend", "fit by the probe")
+    expect(page.locator("#stroke-3")).to_be_visible(timeout=60_000)
+    page.keyboard.press("r")
+    expect(page.locator("#record-text")).to_have_text("Record")
+    (file,) = (tmp_path / "recordings").glob("*.mcap")
+    with Probe.open(str(file)) as recorded:
+        said = {e.stroke: e for e in recorded.stream() if isinstance(e, Estimate)}
+    assert said
+    strokes = running.session.visits.strokes()
+    by_time = {round(s.estimate.time_s, 3): s.number for s in strokes}
+    for estimate in said.values():
+        page.locator(f"#stroke-{by_time[round(estimate.time_us * 1e-6, 3)]}").click()
+        number = by_time[round(estimate.time_us * 1e-6, 3)]
+        expect(page.locator("#estimate-which")).to_contain_text(f"stroke {number},")
+        assert numbers_on(page) == numbers_of(estimate)
+        expect(page.locator("#card .foot")).to_contain_text(estimate.model_id.hex())
+
+
+def test_health_is_shown_and_nothing_is_lost(probe, viewer, open_page):
+    page = open_page(viewer(LiveSource(probe.port)))
+    expect(page.locator("#h-latency")).not_to_have_text("–")
+    expect(page.locator("#h-rate")).not_to_have_text("0")
+    assert page.locator("#h-lost").inner_text() == page.locator("#h-crc").inner_text() == "0"
+
+
+def test_unplugged_it_says_so_and_plugged_in_again_it_goes_on(probe, viewer, open_page, tmp_path):
+    page = open_page(viewer(LiveSource(probe.port)))
+    expect(page.locator("#stroke-1")).to_be_visible(timeout=60_000)
+    page.keyboard.press("r")
+    expect(page.locator("#record-text")).to_contain_text("Stop")
+    time.sleep(0.5)
+    probe.cut_power()
+    probe.unplug()
+    expect(page.locator("#banner")).to_contain_text("The probe is gone")
+    expect(page.locator("body")).to_have_attribute("data-link", "gone")
+    seen = page.locator("#strokes [data-number]").count()
+    probe.start()
+    expect(page.locator("#banner")).to_be_hidden(timeout=30_000)
+    expect(page.locator(f"#stroke-{seen + 1}")).to_be_visible(timeout=60_000)
+    page.keyboard.press("r")
+    expect(page.locator("#record-text")).to_have_text("Record")
+    (file,) = (tmp_path / "recordings").glob("*.mcap")
+    with Probe.open(str(file)) as recorded:
+        gaps = [e for e in recorded.stream() if isinstance(e, Gap)]
+    assert [g.ended for g in gaps] == [False, True] and gaps[1].restarted
+
+
+def test_a_page_opened_before_the_probe_is_there_waits_for_it(emulated, viewer, open_page):
+    made = emulated("cpython", listen="tcp:127.0.0.1:0")
+    port = made.port
+    made.cut_power()
+    page = open_page(viewer(LiveSource(port)))
+    expect(page.locator("#banner")).to_contain_text("Trying again")
+    made.start()
+    expect(page.locator("#link-text")).to_have_text("Connected", timeout=30_000)
+    expect(page.locator("#card .verdict")).to_have_text("No model on the probe", timeout=60_000)
+
+
+def test_a_recording_is_replayed_with_the_same_estimates(recording, viewer, open_page):
+    path, estimates = recording
+    page = open_page(viewer(ReplaySource(path), mode="replay"))
+    expect(page.locator("#transport")).to_be_visible()
+    expect(page.locator("#ticks .stroke")).to_have_count(3)
+    for number, estimate in enumerate(estimates, 1):
+        page.locator(f"#stroke-{number}").click()
+        expect(page.locator("#estimate-which")).to_contain_text(f"stroke {number},")
+        assert numbers_on(page) == numbers_of(estimate)
+    expect(page.locator("#record")).to_be_hidden()
+
+
+def test_a_recording_is_paused_wound_and_hurried(recording, viewer, open_page):
+    page = open_page(viewer(ReplaySource(recording[0]), mode="replay"))
+    expect(page.locator("#ticks .stroke")).to_have_count(3)
+    page.keyboard.press("Space")
+    expect(page.locator("#play")).to_have_attribute("aria-label", "Play")
+    at = page.locator("#play-time").inner_text()
+    time.sleep(0.6)
+    assert page.locator("#play-time").inner_text() == at
+    page.locator("#seek").fill("0.5")
+    expect(page.locator("#play-time")).to_have_text("0:00.5")
+    page.locator("body").click(position={"x": 5, "y": 60})
+    page.keyboard.press("ArrowRight")
+    expect(page.locator("#play-time")).to_have_text("0:01.5")
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("]")
+    expect(page.locator("#speed")).to_have_value("2")
+    page.locator("#speed").select_option("10")
+    page.locator("body").click(position={"x": 5, "y": 60})
+    page.keyboard.press("Space")
+    expect(page.locator("#link-text")).to_have_text("End of file", timeout=30_000)
+    expect(page.locator("#play")).to_have_attribute("aria-label", "Play")
+    expect(page.locator("#estimate-which")).to_contain_text("stroke 3,")
+    page.keyboard.press("Space")
+    expect(page.locator("#play")).to_have_attribute("aria-label", "Pause")
+
+
+def test_an_earlier_recording_is_loaded_as_a_visit(recording, viewer, open_page, tmp_path):
+    path, estimates = recording
+    folder = tmp_path / "recordings"
+    folder.mkdir()
+    (folder / "last-year.mcap").write_bytes(path.read_bytes())
+    (folder / "broken.mcap").write_bytes(b"not a recording")
+    page = open_page(viewer(ReplaySource(path), mode="replay", load_strokes=load_strokes))
+    expect(page.locator("#ticks .stroke")).to_have_count(3)
+    page.locator("#load-visit").click()
+    page.get_by_role("button", name="broken.mcap").click()
+    expect(page.locator("#toasts")).to_contain_text("is not a recording")
+    page.locator("#load-visit").click()
+    page.get_by_role("button", name="last-year.mcap").click()
+    expect(page.locator("#visit-a option:checked")).to_have_text("last-year")
+    expect(page.locator("#comparison .result")).to_contain_text("within repeatability")
+    assert page.locator("#strokes [data-number]").count() == 2 * len(estimates)
+
+
+@pytest.mark.parametrize(("name", "width", "height"), [("desk", 1280, 800), ("phone", 390, 844)])
+def test_both_windows_show_the_stroke(recording, viewer, open_page, name, width, height):
+    page = open_page(viewer(ReplaySource(recording[0]), mode="replay"), width, height)
+    expect(page.locator("#stroke-3")).to_be_attached()
+    see(page, "#map-legend", "fit by the probe")
+    painted = page.evaluate(
+        """(id) => {
+          const canvas = document.getElementById(id);
+          const data = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+          const colors = new Set();
+          for (let i = 0; i < data.length; i += 4) colors.add(data.slice(i, i + 3).join());
+          return colors.size;
+        }""",
+        "image",
+    )
+    assert painted > 20
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    keep_picture(page, f"viewer-replay-{name}")
