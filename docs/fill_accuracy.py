@@ -1,0 +1,111 @@
+"""Write the tables and figures of docs/accuracy.md anew: `python docs/fill_accuracy.py THESIS_DIR FIELD_DIR`.
+
+Every block between `<!-- begin NAME -->` and `<!-- end NAME -->` is replaced by what the command named in
+the text above it prints; the words round the blocks are written by hand. Names after the two directories
+limit it to these blocks. Directories: palpate sweep --design thesis --out THESIS_DIR; FIELD_DIR may be empty.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Iterable
+from functools import lru_cache
+from pathlib import Path
+
+from rich.table import Table
+
+from host.regression.field.data import prepare
+from host.regression.field.fit import Bench, FieldFit, fit_field
+from host.regression.field.study import STUDIES, study_table
+from host.regression.field.tissues import TISSUE_STUDY
+from host.regression.runs import features_table, read_strokes
+from host.regression.thesis import ThesisFit, fit_thesis
+from host.report.study_figures import study_figure
+
+DOCS = Path(__file__).parent
+PAGE = DOCS / "accuracy.md"
+FIGURES = DOCS / "figures"
+
+
+def markdown(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """A table in Markdown, numbers to the right."""
+    names = [h.replace("\n", " ").strip() or " " for h in heads]
+    rule = [":--", *("--:" for _ in names[1:])]
+    lines = [names, rule, *([c.replace("|", "/") for c in row] for row in rows)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def of_rich(table: Table) -> str:
+    """A rich table in Markdown, with its caption below."""
+    cells = [[str(c) for c in column.cells] for column in table.columns]
+    text = markdown([str(column.header) for column in table.columns], zip(*cells))
+    return text + (f"\n\n{table.caption}." if table.caption else "")
+
+
+class Numbers:
+    """What the blocks hold, worked out when it is asked for and once."""
+
+    def __init__(self, thesis_dir: str, field_dir: str) -> None:
+        self.thesis_dir, self.field_dir = thesis_dir, Path(field_dir)
+        self.thesis = lru_cache(self._thesis)
+        self.strokes = lru_cache(lambda: prepare(self.field_dir))
+        self.field = lru_cache(self._field)
+        self.bench = lru_cache(lambda: Bench(self.strokes(), directory=self.field_dir))
+
+    def _thesis(self) -> ThesisFit:
+        return fit_thesis(features_table(read_strokes(self.thesis_dir)))
+
+    def _field(self) -> FieldFit:
+        return fit_field(self.strokes(), tell=print)
+
+    def blocks(self) -> dict[str, Callable[[], str]]:
+        """Name of a block -> what writes it."""
+        thesis = {name: k for k, name in enumerate(("table-1", "forward", "inverse"))}
+        field = {n: k for k, n in enumerate(("held-out", "coverage", "flags", "left-out", "found", "visits"))}
+        out: dict[str, Callable[[], str]] = {}
+        for name, k in thesis.items():
+            out[name] = lambda k=k: of_rich(self.thesis().tables()[k])  # type: ignore[misc]
+        out["transforms"] = self._transforms
+        out["permutation"] = self._permutation
+        for name, k in field.items():
+            out[name] = lambda k=k: of_rich(self.field().tables()[k])  # type: ignore[misc]
+        for name in (*STUDIES, TISSUE_STUDY.name):
+            out[f"study-{name}"] = lambda name=name: self._study(name)  # type: ignore[misc]
+        return out
+
+    def _transforms(self) -> str:
+        rows = self.thesis().transforms.to_dict("records")
+        cells = [[r["transform"], f"{r['r2']:.3f}", f"{r['largest_leverage']:.2f}"] for r in rows]
+        return markdown(("transform of E", "R2 of Amp, one factor", "largest leverage"), cells)
+
+    def _permutation(self) -> str:
+        return markdown(("target", "P"), [[k, f"{p:.2f}"] for k, p in self.thesis().permutation.items()])
+
+    def _study(self, name: str) -> str:
+        study = STUDIES.get(name, TISSUE_STUDY)
+        result = study.table(self.bench(), tell=print)
+        FIGURES.mkdir(exist_ok=True)
+        figure = FIGURES / f"study-{name}.svg"
+        study_figure(study, result).savefig(figure, metadata={"Date": None})
+        return markdown(*study_table(study, result)) + f"\n\n![{study.title}](figures/{figure.name})"
+
+
+def main(thesis_dir: str, field_dir: str, *names: str) -> None:
+    """Fill the blocks `names`, or all."""
+    blocks = Numbers(thesis_dir, field_dir).blocks()
+    for name in names or blocks:
+        text = blocks[name]()
+        page = PAGE.read_text(encoding="utf-8")
+        pattern = re.compile(f"(<!-- begin {name} -->\n).*?(<!-- end {name} -->)", re.DOTALL)
+        page, n = pattern.subn(lambda m, text=text: f"{m[1]}\n{text}\n\n{m[2]}", page)  # type: ignore[misc]
+        if not n:
+            sys.exit(f"docs/accuracy.md has no block {name}")
+        PAGE.write_text(page, encoding="utf-8")
+        print(f"filled {name}")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 3:
+        sys.exit("usage: python docs/fill_accuracy.py THESIS_DIR FIELD_DIR [BLOCK ...]")
+    main(*sys.argv[1:])
