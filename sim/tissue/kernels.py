@@ -11,18 +11,26 @@ _EXPONENT_CAP = 4.0
 
 
 @njit(cache=True, fastmath=True, nogil=True)
-def residual(u, elements, g, C, L, C0, mu, bulk, R):
-    """Add the internal forces of all elements to R (2N,)."""
+def residual(u, pressures, frozen, elements, g, C, L, C0, mu, bulk, R, mixed, theta):
+    """Add the internal forces of all elements to R (2N,) and those of the mixed method to `mixed` (2N,).
+
+    `frozen` (M, 3, 18) holds the volume gradients G of the tangent that is in use; `theta` (M, 3) is filled
+    with the volume change.
+    """
     ux = np.empty(9)
     uy = np.empty(9)
     fx = np.empty(9)
     fy = np.empty(9)
+    dx = np.zeros(9)
+    dy = np.zeros(9)
     Gx = np.empty(9)
     Gy = np.empty(9)
     for e in range(elements.shape[0]):
         for a in range(9):
             ux[a] = u[2 * elements[e, a]]
             uy[a] = u[2 * elements[e, a] + 1]
+            dx[a] = 0.0
+            dy[a] = 0.0
         m = mu[e]
         for a in range(9):
             x = 0.0
@@ -33,37 +41,44 @@ def residual(u, elements, g, C, L, C0, mu, bulk, R):
             fx[a] = m * x
             fy[a] = m * y
         for k in range(3):
-            theta = 0.0
+            t = 0.0
             for a in range(9):
                 x = g[e, 0, k, a]
                 y = g[e, 1, k, a]
-                theta += y * uy[a]
+                t += y * uy[a]
                 for b in range(9):
                     c = C[e, k, a, b]
                     x += c * uy[b]
                     y -= c * ux[b]
-                theta += x * ux[a]
+                t += x * ux[a]
                 Gx[a] = x
                 Gy[a] = y
-            q = bulk[e] * theta
+            theta[e, k] = t
+            q = bulk[e] * t
+            excess = pressures[e, k] - q
             for a in range(9):
                 fx[a] += q * Gx[a]
                 fy[a] += q * Gy[a]
+                dx[a] += excess * (Gx[a] - frozen[e, k, a])
+                dy[a] += excess * (Gy[a] - frozen[e, k, 9 + a])
         for a in range(9):
-            R[2 * elements[e, a]] += fx[a]
-            R[2 * elements[e, a] + 1] += fy[a]
+            n = 2 * elements[e, a]
+            R[n] += fx[a]
+            R[n + 1] += fy[a]
+            mixed[n] += dx[a]
+            mixed[n + 1] += dy[a]
 
 
 @njit(cache=True, fastmath=True, nogil=True)
-def tangent(u, pressures, elements, g, C, L, C0, mu, bulk, K):
-    """Fill the element stiffnesses K (M, 18, 18)."""
+def tangent(u, pressures, which, elements, g, C, L, C0, mu, bulk, K, frozen):
+    """Fill the stiffnesses K (M, 18, 18) and volume gradients (M, 3, 18) of the elements `which`."""
     ux = np.empty(9)
     uy = np.empty(9)
-    G = np.empty((3, 18))
-    for e in range(elements.shape[0]):
+    for e in which:
         for a in range(9):
             ux[a] = u[2 * elements[e, a]]
             uy[a] = u[2 * elements[e, a] + 1]
+        G = frozen[e]
         for k in range(3):
             for a in range(9):
                 x = g[e, 0, k, a]
@@ -96,32 +111,16 @@ def tangent(u, pressures, elements, g, C, L, C0, mu, bulk, K):
 
 
 @njit(cache=True, fastmath=True, nogil=True)
-def pressure(u, du, elements, g, C, bulk):
-    """Pressure coefficients (M, 3), bulk (theta(u) + dtheta(u) du)."""
-    q = np.empty((elements.shape[0], 3))
-    ux = np.empty(9)
-    uy = np.empty(9)
-    vx = np.empty(9)
-    vy = np.empty(9)
+def pressure(du, elements, theta, frozen, bulk):
+    """Pressure coefficients (M, 3) after the step `du`: bulk (theta + G du) with the tangent's own G."""
+    q = np.empty_like(theta)
     for e in range(elements.shape[0]):
-        for a in range(9):
-            n = 2 * elements[e, a]
-            ux[a] = u[n]
-            uy[a] = u[n + 1]
-            vx[a] = du[n]
-            vy[a] = du[n + 1]
         for k in range(3):
-            theta = 0.0
+            t = theta[e, k]
             for a in range(9):
-                t = 0.0
-                s = 0.0
-                for b in range(9):
-                    t += C[e, k, a, b] * (uy[b] + vy[b])
-                    s += C[e, k, a, b] * uy[b]
-                theta += (
-                    (ux[a] + vx[a]) * g[e, 0, k, a] + (uy[a] + vy[a]) * g[e, 1, k, a] + ux[a] * t + vx[a] * s
-                )
-            q[e, k] = bulk[e] * theta
+                n = 2 * elements[e, a]
+                t += frozen[e, k, a] * du[n] + frozen[e, k, 9 + a] * du[n + 1]
+            q[e, k] = bulk[e] * t
     return q
 
 

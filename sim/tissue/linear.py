@@ -16,6 +16,7 @@ from sim.tissue.errors import CaseError
 from sim.tissue.mesh import TissueMesh
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 class NotPositiveDefinite(ArithmeticError):
@@ -23,10 +24,21 @@ class NotPositiveDefinite(ArithmeticError):
 
 
 class LinearSolver(Protocol):
-    """Factor once, solve many times."""
+    """Factor, solve many times, change a part, factor again."""
 
-    def factor(self, K: Floats, contact: Floats) -> None:
-        """Factor element stiffnesses K (M, 18, 18) and surface blocks (S, 3) of xx, xy, yy.
+    def change(self, K: Floats, which: Ints) -> None:
+        """Take over the stiffnesses K (M, 18, 18) of the elements `which`.
+
+        Raises
+        ------
+        NotPositiveDefinite
+            An element alone makes a factor impossible.
+        """
+
+    def factor(self, contact: Floats, position_mm: float) -> None:
+        """Factor the elements' stiffnesses and surface blocks (S, 3) of xx, xy, yy.
+
+        Work may be ordered for changes round `position_mm`.
 
         Raises
         ------
@@ -35,7 +47,7 @@ class LinearSolver(Protocol):
         """
 
     def solve(self, B: Floats) -> Floats:
-        """Solve for right-hand sides (2N, k); 0 at held degrees of freedom."""
+        """Solve for right-hand sides (k, 2N); 0 at held degrees of freedom."""
 
 
 class SparseSystem:
@@ -58,16 +70,22 @@ class SparseSystem:
         self._contact_used = pairs[:, 0] >= 0
         self._contact_place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
 
-    def values(self, K: Floats, contact: Floats) -> Floats:
+        self._K = np.zeros((len(mesh.elements), 18, 18))
+
+    def change(self, K: Floats, which: Ints) -> None:
+        """See `LinearSolver.change`."""
+        self._K[which] = K[which]
+
+    def values(self, contact: Floats) -> Floats:
         """Values of the lower triangle, in the order of `rows`."""
-        data = np.bincount(self._place, K.ravel()[self._used], len(self.rows)).astype(float, copy=False)
+        data = np.bincount(self._place, self._K.ravel()[self._used], len(self.rows)).astype(float, copy=False)
         np.add.at(data, self._contact_place[self._contact_used], contact.T[self._contact_used])
         return data
 
-    def expand(self, x: Floats, size: int) -> Floats:
-        """Free values (n, k) put into vectors over all degrees of freedom."""
-        out = np.zeros((size, x.shape[1]))
-        out[self.free] = x
+    def expand(self, x: Floats, B: Floats) -> Floats:
+        """Free values (n, k) put into vectors shaped like `B` (k, 2N)."""
+        out = np.zeros_like(B)
+        out[:, self.free] = x.T
         return out
 
 
@@ -76,13 +94,14 @@ class SuperLU:
 
     def __init__(self, mesh: TissueMesh) -> None:
         self.system = SparseSystem(mesh)
+        self.change = self.system.change
 
-    def factor(self, K: Floats, contact: Floats) -> None:
+    def factor(self, contact: Floats, position_mm: float) -> None:
         """See `LinearSolver.factor`. Definiteness is read off the pivots' signs."""
         from scipy.sparse.linalg import splu
 
         s = self.system
-        lower = sparse.csc_matrix((s.values(K, contact), s.rows, s.starts), shape=(s.size, s.size))
+        lower = sparse.csc_matrix((s.values(contact), s.rows, s.starts), shape=(s.size, s.size))
         options = {"SymmetricMode": True}
         full = (lower + sparse.tril(lower, -1).T).tocsc()
         try:
@@ -94,7 +113,7 @@ class SuperLU:
 
     def solve(self, B: Floats) -> Floats:
         """See `LinearSolver.solve`."""
-        return self.system.expand(self._lu.solve(np.ascontiguousarray(B[self.system.free])), len(B))
+        return self.system.expand(self._lu.solve(np.ascontiguousarray(B[:, self.system.free].T)), B)
 
 
 class Cholmod:
@@ -107,13 +126,14 @@ class Cholmod:
         self._cvxopt, self._cholmod = cvxopt, cholmod
         cholmod.options["supernodal"] = 2
         self.system = s = SparseSystem(mesh)
+        self.change = s.change
         ones = cvxopt.matrix(np.ones(len(s.rows)))
         self._matrix = cvxopt.spmatrix(ones, s.rows.tolist(), s.columns.tolist(), (s.size, s.size))
         self._factor = cholmod.symbolic(self._matrix, uplo="L")
 
-    def factor(self, K: Floats, contact: Floats) -> None:
+    def factor(self, contact: Floats, position_mm: float) -> None:
         """See `LinearSolver.factor`."""
-        self._matrix.V = self._cvxopt.matrix(self.system.values(K, contact))
+        self._matrix.V = self._cvxopt.matrix(self.system.values(contact))
         try:
             self._cholmod.numeric(self._matrix, self._factor)
         except ArithmeticError:
@@ -121,13 +141,13 @@ class Cholmod:
 
     def solve(self, B: Floats) -> Floats:
         """See `LinearSolver.solve`."""
-        x = self._cvxopt.matrix(B[self.system.free])
+        x = self._cvxopt.matrix(B[:, self.system.free].T)
         self._cholmod.solve(self._factor, x)
-        return self.system.expand(np.array(x), len(B))
+        return self.system.expand(np.array(x), B)
 
 
 def make_solver(name: str, mesh: TissueMesh) -> LinearSolver:
-    """The back-end called `name`; `auto` takes the fastest that is installed.
+    """The back-end called `name`; `auto` is `strip`, which needs nothing but SciPy and numba.
 
     Raises
     ------
@@ -136,9 +156,11 @@ def make_solver(name: str, mesh: TissueMesh) -> LinearSolver:
     """
     if name == "superlu":
         return SuperLU(mesh)
-    try:
-        return Cholmod(mesh)
-    except ImportError:
-        if name == "cholmod":
+    if name == "cholmod":
+        try:
+            return Cholmod(mesh)
+        except ImportError:
             raise CaseError("solver cholmod needs the package cvxopt; install palpate[fast]") from None
-        return SuperLU(mesh)
+    from sim.tissue.strip import StripCholesky
+
+    return StripCholesky(mesh)

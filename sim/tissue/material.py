@@ -66,36 +66,52 @@ class Tissue:
         self.mu_linear = np.where(constants.stiffening > 0, 0.0, constants.mu)
         self.stiffening_elements = np.nonzero(constants.stiffening > 0)[0]
 
-    def residual(self, u: Floats) -> Floats:
-        """Internal forces (2N,) at displacement `u` (2N,)."""
-        I, R = self.integrals, np.zeros_like(u)
-        kernels.residual(u, self.mesh.elements, I.g, I.C, I.L, I.C0, self.mu_linear, self.constants.bulk, R)
+    def residual(self, u: Floats, q: Floats, frozen: Floats) -> tuple[Floats, Floats, Floats]:
+        """Internal forces at displacement `u` (2N,).
+
+        Parameters
+        ----------
+        q : ndarray (M, 3)
+            Pressures, unknowns of their own while Newton's iteration runs.
+        frozen : ndarray (M, 3, 18)
+            Volume gradients of the tangent in use.
+
+        Returns
+        -------
+        true, mixed : ndarray (2N,)
+            Forces with the pressure that belongs to `u`; and the right-hand side of the mixed method,
+            condensed with the gradients of the tangent: with an old tangent only this converges well, since
+            the bulk modulus does not multiply the tangent's age.
+        theta : ndarray (M, 3)
+            Volume change.
+        """
+        I, c, elements = self.integrals, self.constants, self.mesh.elements
+        true, excess, theta = np.zeros_like(u), np.zeros_like(u), np.empty_like(q)
+        kernels.residual(
+            u, q, frozen, elements, I.g, I.C, I.L, I.C0, self.mu_linear, c.bulk, true, excess, theta
+        )
         if len(self.stiffening_elements):
             kernels.stiffening_residual(
-                u, self.mesh.elements, self.stiffening_elements, I.dN, I.dx,
-                self.constants.mu, self.constants.stiffening, R,
-            )  # fmt: skip
-        return R
+                u, elements, self.stiffening_elements, I.dN, I.dx, c.mu, c.stiffening, true
+            )
+        excess += true
+        return true, excess, theta
 
-    def tangent(self, u: Floats, q: Floats) -> Floats:
-        """Element stiffnesses (M, 18, 18), nine x then nine y, with pressures `q` (M, 3) held apart.
+    def tangent(self, u: Floats, q: Floats, which: NDArray[np.int64], K: Floats, frozen: Floats) -> None:
+        """Fill, for the elements `which`, stiffnesses K (M, 18, 18), nine x then nine y, and `frozen`.
 
-        The pressure in the geometric term is an unknown of its own during Newton's iteration (a mixed
-        method condensed element by element), which saves half of the iterations.
+        With the pressures `q` as unknowns of their own (condensed element by element) Newton's method needs
+        half of the iterations.
         """
-        I, K = self.integrals, np.empty((len(self.mesh.elements), 18, 18))
-        kernels.tangent(u, q, self.mesh.elements, I.g, I.C, I.L, I.C0, self.mu_linear, self.constants.bulk, K)
+        I, c, elements = self.integrals, self.constants, self.mesh.elements
+        kernels.tangent(u, q, which, elements, I.g, I.C, I.L, I.C0, self.mu_linear, c.bulk, K, frozen)
         if len(self.stiffening_elements):
-            kernels.stiffening_tangent(
-                u, self.mesh.elements, self.stiffening_elements, I.dN, I.dx,
-                self.constants.mu, self.constants.stiffening, K,
-            )  # fmt: skip
-        return K
+            some = which[c.stiffening[which] > 0]
+            kernels.stiffening_tangent(u, elements, some, I.dN, I.dx, c.mu, c.stiffening, K)
 
-    def pressure(self, u: Floats, du: Floats) -> Floats:
-        """Pressure coefficients (M, 3) at `u`, linearised over the step `du`."""
-        I = self.integrals
-        return kernels.pressure(u, du, self.mesh.elements, I.g, I.C, self.constants.bulk)
+    def pressure(self, du: Floats, theta: Floats, frozen: Floats) -> Floats:
+        """Pressures (M, 3) after the step `du`, to first order with the gradients `frozen`."""
+        return kernels.pressure(du, self.mesh.elements, theta, frozen, self.constants.bulk)
 
     def smallest_jacobian(self, u: Floats) -> float:
         """Smallest determinant of the deformation gradient at any Gauss point; below 0 is inverted."""

@@ -1,7 +1,8 @@
 """Newton's method for one position of the probe, under a given force.
 
-The multipliers of the active nodes are eliminated with a large stiffness (the constraint stays exact), the
-probe's height is one bordered unknown, and a factor is kept while it serves. Units: mm, kPa, N/m.
+The multipliers of the active nodes are eliminated with a large stiffness (the constraint stays exact) and
+the probe's height is one bordered unknown. The residual is always exact; the tangent is renewed where it
+has changed, round the probe, and only when the iteration asks for it. Units: mm, kPa, N/m.
 """
 
 from __future__ import annotations
@@ -20,9 +21,15 @@ Floats = NDArray[np.float64]
 
 _GAP_TOLERANCE_MM = 1e-4
 _FORCE_TOLERANCE = 1e-7
+_VOLUME_SLACK = 30.0
+"""The bulk modulus magnifies what is left of the volume change: true forces may be so much farther off."""
+
 _LARGEST_RISE_MM = 1.5
-_KEEP_FACTOR_BELOW = 3e-2
-_KEEP_FACTOR_TIMES = 3
+_WINDOW_MM = 22.0
+"""The tangent of elements farther from the probe is renewed only if the iteration goes badly."""
+
+_GOOD_PROGRESS = 0.2
+"""While each step leaves less of the error than this, the tangent may stay."""
 
 
 class NoConvergence(ArithmeticError):
@@ -34,6 +41,7 @@ class Counts:
     """What the work consisted of."""
 
     iterations: int = 0
+    tangents: int = 0
     factorisations: int = 0
 
 
@@ -50,18 +58,26 @@ class Newton:
 
     def __init__(self, tissue: Tissue, contact: Contact, solver: LinearSolver, tolerance: float) -> None:
         self.tissue, self.contact, self.solver, self.tolerance = tissue, contact, solver, tolerance
-        self.free = ~tissue.mesh.fixed.ravel()
         self.counts = Counts()
+        mesh = tissue.mesh
+        self._held = np.nonzero(mesh.fixed.ravel())[0]
+        self._middle_mm = mesh.nodes_mm[mesh.elements[:, 4], 0]
+        self._all = np.arange(len(mesh.elements))
+        self._stiffness = np.empty((len(mesh.elements), 18, 18))
+        self._frozen = np.zeros((len(mesh.elements), 3, 18))
+        self._started = False
 
-    def solve(self, start: State, position: float, force: float, limit: int = 30, keep: bool = True) -> State:
+    def solve(
+        self, start: State, position: float, force: float, limit: int = 30, careful: bool = False
+    ) -> State:
         """Equilibrium at `position` under `force`, from the guess `start`, which is left as it is.
 
         Parameters
         ----------
         limit : int
             Most iterations.
-        keep : bool
-            Whether a factor may serve for more than one step.
+        careful : bool
+            Renew the whole tangent in every iteration.
 
         Raises
         ------
@@ -69,75 +85,107 @@ class Newton:
             It did not settle within `limit` iterations, or diverged.
         """
         state = start.copy()
-        factored: ContactState | None = None
-        kept = 0
+        seen_before: ContactState | None = None
+        error = np.inf
         for _ in range(limit):
             seen = self.contact.evaluate(state.u, state.multiplier, state.height, position)
-            inactive = np.ones(len(state.multiplier), bool)
-            inactive[seen.active] = False
-            state.multiplier[inactive] = 0.0
-            residual = self.tissue.residual(state.u)
-            self.contact.add_residual(seen, residual)
-            residual[~self.free] = 0.0
+            self._release(state, seen)
+            true, mixed, theta = self._residual(state, seen)
             lack = force - self.contact.vertical_force(seen)
-            error = max(np.abs(residual).max(), abs(lack)) / force
-            gap = np.abs(seen.gap).max(initial=0.0) if len(seen.active) else 1.0
-            if error < self.tolerance and abs(lack) < _FORCE_TOLERANCE * force and gap < _GAP_TOLERANCE_MM:
+            error_before, error = error, max(np.abs(mixed).max(), abs(lack)) / force
+            gap = np.abs(seen.gap).max() if len(seen.active) else 1.0
+            if (
+                error < self.tolerance
+                and np.abs(true).max() < _VOLUME_SLACK * self.tolerance * force
+                and abs(lack) < _FORCE_TOLERANCE * force
+                and gap < _GAP_TOLERANCE_MM
+            ):
                 return state
             if not error < 1e6:
                 raise NoConvergence("the iteration diverged")
-            same = factored is not None and np.array_equal(factored.active, seen.active)
-            if keep and same and error < _KEEP_FACTOR_BELOW and kept < _KEEP_FACTOR_TIMES:
-                kept += 1
+            slow = error > _GOOD_PROGRESS * error_before
+            if careful or not self._started or error > 1.0:
+                self._factor(state, seen, position, self._all)
+            elif seen_before is None:
+                self._factor(state, seen, position, self._near(position))
+            elif slow:
+                self._factor(state, seen, position, self._all)
+            elif not np.array_equal(seen.active, seen_before.active):
+                self._factor(state, seen, position, self._all[:0])
             else:
-                self._factor(state, seen)
-                factored, kept = seen, 0
-            assert factored is not None
-            self._step(state, seen, factored.slope, residual, lack, fresh=kept == 0)
+                seen = ContactState(seen.active, seen.gap, seen_before.slope, seen.curvature, seen.force)
+            fresh = seen_before is None or seen.slope is not seen_before.slope
+            if fresh:  # the tangent may have changed, and with it the mixed method's right-hand side
+                _, mixed, theta = self._residual(state, seen)
+            self._step(state, seen, mixed, theta, lack, fresh)
+            seen_before = seen
             self.counts.iterations += 1
         raise NoConvergence(f"no equilibrium within {limit} iterations (still {error:.1e} of the force out)")
 
-    def _factor(self, state: State, seen: ContactState) -> None:
+    def _residual(self, state: State, seen: ContactState) -> tuple[Floats, Floats, Floats]:
+        """Forces out of balance, (2N,), true and of the mixed method, and the volume change."""
+        true, mixed, theta = self.tissue.residual(state.u, state.pressure, self._frozen)
+        for forces in (true, mixed):
+            self.contact.add_residual(seen, forces)
+            forces[self._held] = 0.0
+        return true, mixed, theta
+
+    def _near(self, position: float) -> NDArray[np.int64]:
+        return np.nonzero(np.abs(self._middle_mm - position) < _WINDOW_MM)[0]
+
+    @staticmethod
+    def _release(state: State, seen: ContactState) -> None:
+        """Nodes out of contact carry nothing."""
+        active = state.multiplier[seen.active]
+        state.multiplier[:] = 0.0
+        state.multiplier[seen.active] = active
+
+    def _factor(self, state: State, seen: ContactState, position: float, which: NDArray[np.int64]) -> None:
         self.counts.factorisations += 1
+        self.counts.tangents += len(which) > 0
+        K = self._stiffness
         try:
-            K = self.tissue.tangent(state.u, state.pressure)
-            self.solver.factor(K, self.contact.stiffness(seen))
+            self.tissue.tangent(state.u, state.pressure, which, K, self._frozen)
+            self.solver.change(K, which)
+            self.solver.factor(self.contact.stiffness(seen), position)
+            self._started = True
         except NotPositiveDefinite:
             # Far from equilibrium the pressure's geometric term can spoil definiteness; go on without.
-            K = self.tissue.tangent(state.u, np.zeros_like(state.pressure))
+            self._started = False
             try:
-                self.solver.factor(K, self.contact.stiffness(seen, curved=False))
+                self.tissue.tangent(state.u, np.zeros_like(state.pressure), self._all, K, self._frozen)
+                self.solver.change(K, self._all)
+                self.solver.factor(self.contact.stiffness(seen, curved=False), position)
             except NotPositiveDefinite:
                 raise NoConvergence("the tissue has buckled") from None
 
     def _step(
-        self, state: State, seen: ContactState, slope: Floats, residual: Floats, lack: float, fresh: bool
+        self, state: State, seen: ContactState, residual: Floats, theta: Floats, lack: float, fresh: bool
     ) -> None:
         x = self.contact.x_dof[seen.active]
         weight = self.contact.weight[seen.active]
         pull = AUGMENTATION * seen.gap
         right = -residual
-        right[x] += weight * pull * slope
+        right[x] += weight * pull * seen.slope
         right[x + 1] -= weight * pull
         if fresh:
             border = np.zeros_like(right)
-            border[x] = weight * AUGMENTATION * slope
+            border[x] = weight * AUGMENTATION * seen.slope
             border[x + 1] = -weight * AUGMENTATION
-            both = self.solver.solve(np.stack([right, border], 1))
-            change, self._border_change = both[:, 0], both[:, 1]
+            change, self._border_change = self.solver.solve(np.stack([right, border]))
             self._border = border
             self._pivot = AUGMENTATION * weight.sum() - border @ self._border_change
         else:
-            change = self.solver.solve(right[:, None])[:, 0]
+            change = self.solver.solve(right[None])[0]
         if len(x):
             rise = (float(weight @ pull) - lack - self._border @ change) / self._pivot
         else:
             rise = -0.2  # not touching yet: let the probe sink
-        change = change - self._border_change * rise
+        change -= self._border_change * rise
         scale = min(1.0, _LARGEST_RISE_MM / max(abs(rise), 1e-12))
-        moved = change[x + 1] - slope * change[x] - rise
+        moved = change[x + 1] - seen.slope * change[x] - rise
         state.multiplier[seen.active] += scale * (pull + AUGMENTATION * moved)
         change *= scale
-        state.pressure = self.tissue.pressure(state.u, change)
+        state.pressure = self.tissue.pressure(change, theta, self._frozen)
         state.u += change
         state.height += scale * rise

@@ -15,7 +15,7 @@ import numpy as np
 from sim.tissue.case import Case
 from sim.tissue.errors import CaseError
 
-SOLVER_VERSION = "tissue-1"
+SOLVER_VERSION = "tissue-2"
 """Changes whenever the same case and settings would give other numbers."""
 
 _FAR_STEP_MM = 4.0
