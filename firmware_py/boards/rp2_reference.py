@@ -9,6 +9,7 @@
 import time
 
 import machine
+import rp2
 from machine import SPI, UART, Pin
 
 from firmware_py import counters, estimator, flash, probe, record, store
@@ -104,7 +105,9 @@ def make(link: "links.UsbLink | links.UartLink") -> "tuple[Board, estimator.Esti
 
 
 def main(uart: bool = False) -> None:
-    """Serve for ever, on USB or on UART 0 (GP0, GP1)."""
+    """Serve for ever, on USB or on UART 0 (GP0, GP1). With BOOTSEL held, return to MicroPython's prompt."""
+    if rp2.bootsel_button():
+        return
     try:
         from firmware_py.boards import fast_link
 

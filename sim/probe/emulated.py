@@ -16,7 +16,8 @@ import threading
 from collections.abc import Iterable
 from pathlib import Path
 
-from firmware_py import status
+from firmware_py import calib, record, status
+from firmware_py.store import FileStore
 from sim.probe import node, source
 from sim.probe.faults import Faults
 from sim.probe.relay import Relay
@@ -39,6 +40,8 @@ class EmulatedProbe:
     store: directory that keeps model, calibration and settings over restarts; None: a new one, removed
         at the end
     repeat: begin again with the first stroke after the last
+    calibration: what the probe left the bench with (sim.probe.sensors.SensorModel.calibration); default:
+        nominal
     public_key: the LMS public key whose models the probe accepts
     to_host, to_device, seed, baud: a bad or slow link, see sim.probe.relay.Relay
 
@@ -53,6 +56,7 @@ class EmulatedProbe:
         store: Path | None = None,
         repeat: bool = False,
         public_key: bytes | None = None,
+        calibration: calib.Calibration | None = None,
         serial: bytes = b"EMULATED",
         to_host: Faults | None = None,
         to_device: Faults | None = None,
@@ -69,6 +73,8 @@ class EmulatedProbe:
         self._dir = Path(tempfile.mkdtemp(prefix="palpate-probe-"))
         self._store = store or self._dir / "store"
         self._store.mkdir(parents=True, exist_ok=True)
+        if calibration:
+            record.Record(FileStore(str(self._store)), "cal").save(calibration.to_bytes())
         self._repeat = repeat
         self._serial = serial
         self._public_key = public_key

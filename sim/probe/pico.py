@@ -222,8 +222,10 @@ def installed(circuit: Circuit) -> Iterator[None]:
     def ticks_us() -> int:
         return int(circuit.clock.us) & (1 << 30) - 1
 
-    before = {name: sys.modules.get(name) for name in ("machine", "micropython")}
-    sys.modules.update(machine=machine, micropython=micropython)
+    rp2 = types.ModuleType("rp2")
+    rp2.bootsel_button = lambda: 0  # type: ignore[attr-defined]
+    before = {name: sys.modules.get(name) for name in ("machine", "micropython", "rp2")}
+    sys.modules.update(machine=machine, micropython=micropython, rp2=rp2)
     time.sleep_us, time.ticks_us = sleep_us, ticks_us  # type: ignore[attr-defined]
     try:
         yield

@@ -58,6 +58,7 @@ const cut = () => process.kill(process.pid, 'SIGKILL');
 const where = (name) => path.join(config.store, name);
 
 function storeWrite(name, offset, address, n) {
+  obey(); // a cut that was ordered before this write must find it
   const data = Buffer.from(view(address, n)); // a copy: memory may move
   const whole = Math.min(n, powerLeft);
   try {
