@@ -14,6 +14,7 @@ export class History {
     this.visits = [];
     this.current = 1;
     this.picked = null;
+    this.pair = null;
     this.plot = new Plot(get("repeat"), { xLabel: "", yLabel: "mm" });
     get("strokes").addEventListener("click", (event) => {
       const item = event.target.closest("[data-number]");
@@ -22,7 +23,7 @@ export class History {
     for (const name of ["quantity", "last"]) get(name).addEventListener("change", () => this.refresh());
     for (const name of ["visit-a", "visit-b"]) {
       get(name).addEventListener("change", () => {
-        this.chosen = true;
+        this.pair = [get("visit-a").value, get("visit-b").value];
         this.compare();
       });
     }
@@ -106,13 +107,11 @@ export class History {
 
   fillVisits() {
     const [a, b] = [this.get("visit-a"), this.get("visit-b")];
-    const before = [a.value, b.value];
     for (const select of [a, b]) {
       select.replaceChildren(...this.visits.map((v) => new Option(v.name, v.number)));
     }
     const earlier = this.visits.filter((v) => v.number !== this.current).at(-1)?.number ?? this.current;
-    a.value = this.chosen ? before[0] : earlier;
-    b.value = this.chosen ? before[1] : this.current;
+    [a.value, b.value] = this.pair ?? [earlier, this.current];
   }
 
   async refresh() {
@@ -194,9 +193,8 @@ export class History {
     this.get("dialog-load").close();
     try {
       const { visit, strokes } = await this.hooks.ask("load-visit", { file });
-      this.chosen = true;
-      this.get("visit-a").value = visit;
-      this.get("visit-b").value = this.current;
+      this.pair = [visit, this.current]; // the list of visits may come before this answer or after it
+      this.fillVisits();
       await this.compare();
       this.hooks.toast(`${file}: ${strokes} ${strokes === 1 ? "stroke" : "strokes"} loaded.`);
     } catch (error) {
