@@ -2,7 +2,7 @@
 
 Every frame of a stroke is moved to the stroke's mean force by the derivatives dp/d ln F and
 d ln D/d ln F. Both are linear in the relative image p / mean(p) and quadratic in ln F and ln D. Probe
-and layers are symmetric, so the map is fitted to the even and odd halves of the image apart.
+and layers are symmetric, so the map is fitted to the even and odd halves of the image apart; q = p / mean(p).
 
 Units: kPa, mm; ln F is the logarithm of the image's sum of 16 pressures in kPa.
 """
@@ -32,7 +32,7 @@ class ForceMap:
     Attributes
     ----------
     even : ndarray (14, 9)
-        Inputs 1, lnF, lnD, lnF^2, lnF lnD, lnD^2 (less their centres) and (q_i + q_15-i)/2, i = 0..7;
+        Inputs 1, lnF, lnD, lnF^2, lnF lnD, lnD^2 (less their centres) and (q_i + q_15-i)/2 - 1, i = 0..7;
         outputs the even half of d q_i/d ln F, i = 0..7, and d ln D/d ln F.
     odd : ndarray (8, 8)
         From (q_i - q_15-i)/2 to the odd half.
@@ -71,11 +71,15 @@ class ForceMap:
             raise ValueError("the force map holds a number that is not finite")
         return out
 
-    def slopes(self, image: Floats, depth: Floats) -> tuple[Floats, Floats]:
-        """d q/d ln F (n, 16) and d ln D/d ln F (n,) of images (n, 16) in kPa and depths (n,) in mm."""
+    def slopes(self, image: Floats, depth: Floats, ln_F: Floats | None = None) -> tuple[Floats, Floats]:
+        """d q/d ln F (n, 16) and d ln D/d ln F (n,) of images (n, 16) in kPa and depths (n,) in mm.
+
+        ln_F, by default, is that of the image's sum.
+        """
         total = image.sum(1)
         q = image / total[:, None] * 16
-        lf, ld = np.log(total) - self.ln_F, np.log(depth) - self.ln_D
+        lf = (np.log(total) if ln_F is None else ln_F) - self.ln_F
+        ld = np.log(depth) - self.ln_D
         e = even_inputs(lf, ld, q) @ self.even
         o = 0.5 * (q[:, :8] - q[:, :7:-1]) @ self.odd
         return np.column_stack([e[:, :8] + o, (e[:, :8] - o)[:, ::-1]]), e[:, 8]
@@ -88,14 +92,14 @@ class ForceMap:
         g, m = self.slopes(image, depth)
         mean = image.mean(1)
         half = image + (u / 2 * mean)[:, None] * g
-        g, m = self.slopes(half, depth * np.exp(u / 2 * m))
+        g, m = self.slopes(half, depth * np.exp(u / 2 * m), np.log(image.sum(1)) + u / 2)
         return image + (u * half.mean(1))[:, None] * g, depth * np.exp(u * m)
 
 
 def even_inputs(lf: Floats, ld: Floats, q: Floats) -> Floats:
     """The 14 inputs of the even half, (n, 14)."""
     return np.column_stack(
-        [np.ones_like(lf), lf, ld, lf * lf, lf * ld, ld * ld, 0.5 * (q[:, :8] + q[:, :7:-1])]
+        [np.ones_like(lf), lf, ld, lf * lf, lf * ld, ld * ld, 0.5 * (q[:, :8] + q[:, :7:-1]) - 1]
     )
 
 

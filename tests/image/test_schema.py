@@ -1,0 +1,118 @@
+"""model.json: what is written is read, and what is wrong is named in one sentence."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import json
+import math
+
+import pytest
+
+from model_export.errors import ExportError, ModelError
+from model_export.schema import ModelSpec
+
+
+@pytest.fixture(scope="module")
+def data(thesis):
+    return json.loads(json.dumps(thesis.to_dict()))
+
+
+def test_a_model_comes_back_as_it_was_written(field, tmp_path):
+    field.save(tmp_path / "model.json")
+    assert ModelSpec.load(tmp_path / "model.json") == field
+    assert list(tmp_path.iterdir()) == [tmp_path / "model.json"]
+
+
+def broken(data, change):
+    other = copy.deepcopy(data)
+    change(other)
+    return other
+
+
+def set_(*path, value):
+    def change(d):
+        for key in path[:-1]:
+            d = d[key]
+        d[path[-1]] = value
+
+    return change
+
+
+WRONG = [
+    (set_("format", value="other"), "not a Palpate model"),
+    (set_("version", value=2), "version 2"),
+    (set_("kind", value="guess"), "kind"),
+    (set_("probe", value="a name that is much too long"), "probe"),
+    (set_("features_version", value=0), "features_version"),
+    (set_("surprise", value=1), "surprise"),
+    (lambda d: d.pop("terms"), "terms"),
+    (lambda d: d["outputs"].pop(), "outputs must be"),
+    (lambda d: d["outputs"][0].pop("link"), "lacks 'link'"),
+    (set_("outputs", 1, "link", value="log10"), "link of t_mm"),
+    (set_("outputs", 1, "lo", value=0.0), "t_mm"),
+    (lambda d: d["outputs"][2]["coefficients"].pop(), "coefficients of d_mm"),
+    (set_("scale", 0, value=0.0), "scale of ln_base"),
+    (set_("clip_lo", 0, value=99.0), "clip_lo of ln_base"),
+    (set_("clip_hi", 0, value=40.0), "ln_base"),
+    (set_("terms", 1, value=[9]), "terms[1]"),
+    (set_("terms", 1, value=[0, 0, 0, 0]), "degree 4"),
+    (set_("terms", 1, value=[1, 0]), "sorted"),
+    (set_("terms", 1, value=[1]), "twice"),
+    (set_("interval", "level", value=1.5), "interval.level"),
+    (set_("interval", "quantiles", 0, value=[-1.0, 1.0]), "negative"),
+    (set_("interval", "coefficients", 0, value=[0.0]), "interval.coefficients[0]"),
+    (set_("domain", "threshold", value=0.0), "threshold"),
+    (set_("domain", "precision", 0, 1, value=1e9), "symmetric"),
+    (set_("domain", "lo", 0, value=-31.0), "domain of ln_base"),
+    (set_("hard_below", value=0), "hard_below"),
+    (set_("force_range", value=[3, 2]), "force_range"),
+    (set_("training", "hash", value="abc"), "hash"),
+    (set_("training", "n", value=0), "training"),
+    (set_("force_map", value=3), "force_map"),
+    (set_("centre", 0, value=True), "centre[0]"),
+    (set_("centre", 0, value="1"), "centre[0]"),
+    (set_("lump", 0, "hi", value=99.0), "lump[0].hi"),
+]
+
+
+@pytest.mark.parametrize(("change", "words"), WRONG, ids=[w for _, w in WRONG])
+def test_what_is_wrong_is_named(data, change, words):
+    with pytest.raises(ModelError) as caught:
+        ModelSpec.from_dict(broken(data, change))
+    assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("word", ["NaN", "Infinity", "-Infinity"])
+def test_numbers_that_are_none_are_refused_reading_and_writing(thesis, tmp_path, word):
+    path = tmp_path / "model.json"
+    thesis.save(path)
+    text = path.read_text()
+    path.write_text(text.replace('"hard_below": 0.3', f'"hard_below": {word}'))
+    with pytest.raises(ModelError, match=word):
+        ModelSpec.load(path)
+    bad = dataclasses.replace(thesis, hard_below=float(word.replace("Infinity", "inf")))
+    with pytest.raises(ModelError):
+        bad.save(path)
+    for part in ("training", "notes", "force_map"):
+        nested = {"hash": "0" * 64, "n": 1, "deep": [{"x": float(word.replace("Infinity", "inf"))}]}
+        with pytest.raises(ModelError, match=part):
+            dataclasses.replace(thesis, **{part: nested}).validate()
+
+
+def test_a_failed_save_leaves_the_old_file(thesis, tmp_path):
+    path = tmp_path / "model.json"
+    thesis.save(path)
+    before = path.read_bytes()
+    with pytest.raises(ModelError):
+        dataclasses.replace(thesis, hard_below=math.nan).save(path)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff\xfe", b"3"])
+def test_a_file_that_is_no_model_is_refused(tmp_path, content):
+    (tmp_path / "model.json").write_bytes(content)
+    with pytest.raises(ExportError):
+        ModelSpec.load(tmp_path / "model.json")
+    with pytest.raises(ExportError, match="cannot read"):
+        ModelSpec.load(tmp_path / "missing.json")
