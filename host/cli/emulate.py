@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from host.cli.output import json_option, note, print_json
-from host.errors import NoSuchFile, PalpateError
+from host.errors import NoSuchFile, PalpateError, UsageError
 
 if TYPE_CHECKING:
+    from sim.probe.emulated import EmulatedProbe
     from sim.probe.sensors import FrameStream
+    from sim.tissue import Case
 
 PUBLIC_KEY = "public.key"
 POLL_S = 0.2
@@ -59,12 +63,20 @@ def command(
       palpate emulate d12h07e20f09 --listen tcp:127.0.0.1:7624 --runtime cpython
     """
     from host.link import emulated
-    from sim.probe.emulated import EmulatedProbe
+    from sim.probe.emulated import RUNTIMES, EmulatedProbe
 
+    if runtime not in RUNTIMES:
+        raise UsageError(f"there is no runtime {runtime!r} to stream from; use {' or '.join(RUNTIMES)}")
     public = _public_key(key)
-    streams: Any = strokes_over(code, noise, seed, frames, strokes)
-    probe = EmulatedProbe(runtime, streams, listen, store, repeat=True, public_key=public)
-    with probe:
+    check_words(code, noise)
+    try:
+        probe = EmulatedProbe(runtime, listen=listen, store=store, repeat=True, public_key=public)
+    except (ValueError, OSError) as error:
+        raise UsageError(f"cannot listen on {listen!r} ({error}); use pty or tcp:HOST:PORT") from error
+    with closing_probe(probe):
+        streams: Any = strokes_over(code, noise, seed, frames, strokes)
+        probe.set_strokes(streams)
+        probe.start()
         port = ""
         path: Path | None = None
         try:
@@ -84,6 +96,15 @@ def command(
         )
 
 
+@contextmanager
+def closing_probe(probe: EmulatedProbe) -> Iterator[None]:
+    """Switch the probe off in the end, also if it was never switched on."""
+    try:
+        yield
+    finally:
+        probe.stop()
+
+
 def strokes_over(code: str, noise: str, seed: int, frames: int, strokes: int) -> list[FrameStream]:
     """What a probe's sensors read of some strokes over one lump.
 
@@ -100,18 +121,25 @@ def strokes_over(code: str, noise: str, seed: int, frames: int, strokes: int) ->
     """
     from dataclasses import replace
 
-    from host.errors import UsageError
-    from sim.probe.sensors import FORCE_RATIO, LEVELS, StrokeField, stroke_frames
-    from sim.tissue import Case, Settings, simulate_forces
+    from sim.probe.sensors import FORCE_RATIO, StrokeField, stroke_frames
+    from sim.tissue import Settings, simulate_forces
 
-    if noise not in LEVELS:
-        raise UsageError(f"there is no noise level {noise!r}; use {', '.join(LEVELS)}")
-    case = Case.from_code(code)
+    case = check_words(code, noise)
     low = replace(case, F_rel=case.F_rel / FORCE_RATIO**0.5)
     pair = simulate_forces(low, [low.F_rel, low.F_rel * FORCE_RATIO], Settings(far_start_mm=-44.0))
     field = StrokeField(*pair)
     words: dict[str, Any] = {"mean_force_N_per_m": case.F_N_per_m}
     return [stroke_frames(field, noise, seed + k, frames, **words) for k in range(strokes)]
+
+
+def check_words(code: str, noise: str) -> Case:
+    """The case of a code; refuses unknown noise levels before anything is computed."""
+    from sim.probe.sensors import LEVELS
+    from sim.tissue import Case
+
+    if noise not in LEVELS:
+        raise UsageError(f"there is no noise level {noise!r}; use {', '.join(LEVELS)}")
+    return Case.from_code(code)
 
 
 def _announce(port: str, code: str, runtime: str, as_json: bool) -> None:

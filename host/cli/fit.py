@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 @click.option("--workers", type=click.IntRange(1), help="field: processes for that; all cores by default.")
 @click.option("--tissue", multiple=True, metavar="NAME=VALUE",
               help="field: another tissue or probe, as gland_ratio=8; may be repeated.")  # fmt: skip
+@click.option("--studies", is_flag=True, help="field: all of palpate study too (an hour).")
 @click.option("--report", type=click.Path(path_type=Path, file_okay=False), help="Draw the figures there.")
 @json_option
 def command(
@@ -38,6 +39,7 @@ def command(
     lumps: int | None,
     workers: int | None,
     tissue: tuple[str, ...],
+    studies: bool,
     report: Path | None,
     as_json: bool,
 ) -> None:
@@ -62,6 +64,8 @@ def command(
         words: dict[str, Any] = {"strokes": strokes, "thesis": fit}
     else:
         fit = _field(directory, noise, seed, lumps, workers, _tissue(tissue))
+        if studies:
+            fit = _with_studies(fit, directory, seed)
         spec, words = fit.spec, {"field": fit}
     _save(spec, out)
     page = None
@@ -110,6 +114,18 @@ def _field(
 
         strokes = prepare(directory, lumps or LUMPS, workers=workers, tissue=tissue, show=show)
     return fit_field(strokes, noise=noise, seed=seed, tell=note)
+
+
+def _with_studies(fit: Any, directory: Path, seed: int) -> Any:
+    from dataclasses import replace
+
+    from host.regression.field.data import read
+    from host.regression.field.fit import Bench
+    from host.regression.field.study import STUDIES
+    from host.regression.field.tissues import TISSUE_STUDY
+
+    bench = Bench(read(directory), seed, directory)
+    return replace(fit, studies=[(s, s.table(bench, note)) for s in (*STUDIES.values(), TISSUE_STUDY)])
 
 
 def _tissue(words: tuple[str, ...]) -> dict[str, float]:

@@ -33,7 +33,7 @@ def command(directory: Path, height: str, width: str, as_json: bool) -> None:
             directory,
             int(height),
             int(width),
-            lambda done, total: bar.update(task, completed=done, total=total),
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
     if as_json:
         print_json({"directory": directory, "public_key": public, "signatures": 1 << int(height)})

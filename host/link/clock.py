@@ -51,19 +51,22 @@ class ClockState:
     Parameters
     ----------
     offset_us : float
-        Host time minus probe time at the last exchange, us (host time is Unix time).
+        Host time (Unix) minus probe time, us, at `at_probe_us`.
     drift_ppm : float
         Rate of the probe's clock against the host's, minus 1, in ppm.
     uncertainty_us : float
         Half the shortest round trip: the true offset is within this of `offset_us`, whatever the asymmetry.
     exchanges : int
         Exchanges that this rests on.
+    at_probe_us : float
+        The probe's (unwrapped) time for which the offset holds.
     """
 
     offset_us: float
     drift_ppm: float
     uncertainty_us: float
     exchanges: int
+    at_probe_us: float = 0.0
 
 
 class ClockSync:
@@ -119,15 +122,14 @@ class ClockSync:
             slope = above / below
             offset = host_last + mean_host - slope * mean_probe - probe_last
         else:
-            best_host, best_probe, _ = min(self._exchanges, key=lambda exchange: exchange[2])
-            offset = best_host - best_probe
-        return ClockState(offset, (1.0 / slope - 1.0) * 1e6, shortest / 2, len(good))
+            best_host, probe_last, _ = min(self._exchanges, key=lambda exchange: exchange[2])
+            offset = best_host - probe_last
+        return ClockState(offset, (1.0 / slope - 1.0) * 1e6, shortest / 2, len(good), probe_last)
 
     def host_time_us(self, probe_us: int) -> float | None:
         """Host (Unix) time of an unwrapped probe time, us; None before the first exchange."""
         state = self.state
         if state is None:
             return None
-        # The offset belongs to the last exchange; from there the drift takes over.
-        since = probe_us - self._exchanges[-1][1]
+        since = probe_us - state.at_probe_us
         return probe_us + state.offset_us - since * state.drift_ppm * 1e-6

@@ -15,7 +15,7 @@ from firmware_py import messages, status
 from host.errors import CommandRefused, FlashError, ImageRefused, ImageUnreadable
 from host.link.probe import Probe
 
-VERIFY_TIMEOUT_S = 5.0
+VERIFY_TIMEOUT_S = 60.0
 """A small probe needs seconds for SHA-256 over its image; the command is harmless to repeat."""
 
 REFUSALS = {

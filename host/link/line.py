@@ -20,10 +20,11 @@ from host.link.identity import Identity
 from host.link.parser import HAVE, Again, LiveParser
 from host.link.transport import Transport
 
-ANSWER_TIMEOUT_S = 0.4
-RETRIES = 24
-GROWTH = 1.4
-SHORTEST_WAIT_S = 0.03
+GIVE_UP_S = 6.0
+"""How long a command is repeated before the probe counts as silent."""
+FIRST_WAIT_S, SHORTEST_WAIT_S = 0.4, 0.03
+"""How long to wait for an answer before sending again: at first, and on a quick line."""
+GROWTH, MOST_GROWTH = 1.4, 4.0
 POLL_S = 0.05
 REOPEN_EVERY_S = 0.25
 INLINE_TRIES = 8
@@ -66,8 +67,8 @@ class Line:
         self.stream: tuple[int, int, int] | None = None
         """The stream to ask for again after an unplug: content, every, strokes."""
         self.failure: PalpateError | None = None
-        self._trip_s = ANSWER_TIMEOUT_S / 4
-        self._patience_s = ANSWER_TIMEOUT_S
+        self._trip_s = FIRST_WAIT_S / 4
+        self._patience_s = FIRST_WAIT_S
         self.asked_ns = 0
         """When the last question of `ask_afresh` left."""
         self._reopen = reopen
@@ -99,33 +100,39 @@ class Line:
         name: str,
         values: tuple[int, ...] = (),
         tail: bytes = b"",
-        timeout_s: float = ANSWER_TIMEOUT_S,
-        retries: int = RETRIES,
+        timeout_s: float = GIVE_UP_S,
+        once: bool = False,
     ) -> Answer:
-        """Give a command and wait for its answer; see `Probe.command`."""
+        """Give a command and wait for its answer; see `Probe.command`. `once`: never send it again."""
         number = self._pending.begin()
         raw = pack_command(name, number, values, tail)
         counts = self.parser.counts
         counts.commands += 1
+        patience_s = timeout_s if once else min(self._patience_s, timeout_s)
+        waited_s = 0.0  # on a line that is up: an unplugged probe's time does not count
+        tries = 0
         try:
-            for attempt in range(retries + 1):
+            while waited_s < timeout_s:
                 self._wait_until_up()
-                counts.retries += 1 if attempt else 0
+                counts.retries += 1 if tries else 0
+                tries += 1
                 began = time.monotonic()
                 self._write(raw)
                 # Every command is idempotent, so a lost one may be sent again soon; patience grows each time.
-                answer = self._pending.wait(number, min(timeout_s, self._patience_s * GROWTH**attempt))
+                answer = self._pending.wait(number, patience_s)
                 if answer is not None:
-                    if not attempt:
+                    if tries == 1:
                         self._learn_patience(time.monotonic() - began)
                     return check_answer(name, answer)
+                waited_s += patience_s
+                patience_s = min(GROWTH * patience_s, MOST_GROWTH * self._patience_s)
         finally:
             self._pending.end(number)
         if self.failure is not None:
             raise self.failure
         raise CommandTimeout(
-            f"the probe at {self.transport.name} did not answer {name}, sent {retries + 1} times; "
-            "reset it or plug it in again"
+            f"the probe at {self.transport.name} did not answer {name} within {timeout_s:g} s "
+            f"(sent {tries} times); reset it or plug it in again"
         )
 
     def _learn_patience(self, trip_s: float) -> None:
@@ -133,15 +140,16 @@ class Line:
         self._trip_s += 0.2 * (trip_s - self._trip_s)
         self._patience_s = max(SHORTEST_WAIT_S, 4 * self._trip_s)
 
-    def ask_afresh(self, name: str, tries: int = RETRIES) -> Answer:
+    def ask_afresh(self, name: str, tries: int = 20) -> Answer:
         """Ask under a new id each time: for questions whose old answer is worth nothing (the time)."""
-        for _ in range(tries):
+        for _ in range(tries - 1):
             try:
                 self.asked_ns = time.time_ns()
-                return self.ask(name, retries=0)
+                return self.ask(name, timeout_s=self._patience_s, once=True)
             except CommandTimeout:
                 self.parser.counts.retries += 1
-        return self.ask(name, retries=0)
+        self.asked_ns = time.time_ns()
+        return self.ask(name, once=True)
 
     def _wait_until_up(self) -> None:
         while not self._up.wait(POLL_S):
@@ -253,7 +261,7 @@ class Line:
             for _ in range(INLINE_TRIES):
                 self.transport.write(raw)
                 self._note_sent(raw)
-                deadline = time.monotonic() + ANSWER_TIMEOUT_S
+                deadline = time.monotonic() + FIRST_WAIT_S
                 while (left := deadline - time.monotonic()) > 0 and not self._stopping.is_set():
                     self._pump(min(left, POLL_S))
                     answer = self._pending.get(number)

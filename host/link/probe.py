@@ -25,13 +25,13 @@ from host.link.clock import ClockState, ClockSync
 from host.link.commands import setting_key
 from host.link.events import Answer, Estimate, Event, Gap
 from host.link.identity import Identity
-from host.link.line import ANSWER_TIMEOUT_S, RETRIES, Line, Recorder
+from host.link.line import GIVE_UP_S, Line, Recorder
 from host.link.parser import Again, LinkCounts, LiveParser
 from host.link.transport import Transport
 
 BUSY_TRIES, BUSY_WAIT_S = 20, 0.1
-READ_RETRIES = 80
-"""Of a piece read back: its answer is four times as long as others, so a bad line eats it more often."""
+READ_BACK_S = 30.0
+"""For a piece read back: its answer is four times as long as others, so a bad line eats it more often."""
 
 
 class Probe:
@@ -161,8 +161,8 @@ class Probe:
         name: str,
         *values: int,
         tail: bytes = b"",
-        timeout_s: float = ANSWER_TIMEOUT_S,
-        retries: int = RETRIES,
+        timeout_s: float = GIVE_UP_S,
+        once: bool = False,
     ) -> tuple[Any, ...]:
         """Give a command and wait for its answer; the same bytes are sent again until it comes.
 
@@ -173,9 +173,9 @@ class Probe:
         values, tail
             Its fields, in order.
         timeout_s : float
-            How long to wait for an answer before sending again, s.
-        retries : int
-            How often to send again.
+            How long to go on before the probe counts as silent, s (while unplugged the clock stands still).
+        once : bool
+            Do not send it again.
 
         Returns
         -------
@@ -185,7 +185,7 @@ class Probe:
         Raises
         ------
         CommandTimeout
-            No answer after all retries.
+            No answer in that time.
         CommandRefused
             The probe's status was negative (after two seconds of tries, if it was busy).
         LinkGone
@@ -196,13 +196,13 @@ class Probe:
         line = self._live(name)
         for _ in range(BUSY_TRIES):
             try:
-                return line.ask(name, values, tail, timeout_s, retries).values
+                return line.ask(name, values, tail, timeout_s, once).values
             except CommandRefused as refusal:
                 # The probe remembers its refusal of this id; the next try has an id of its own.
                 if refusal.status != status.BUSY:
                     raise
                 time.sleep(BUSY_WAIT_S)
-        return line.ask(name, values, tail, timeout_s, retries).values
+        return line.ask(name, values, tail, timeout_s, once).values
 
     def sync_clock(self, exchanges: int = 8) -> ClockState:
         """Compare the clocks a few times; more often, and over longer, makes the drift better.
@@ -255,7 +255,7 @@ class Probe:
         found = b""
         while True:
             try:
-                _, offset, size, piece = self.command("read_back", what, len(found), retries=READ_RETRIES)
+                _, offset, size, piece = self.command("read_back", what, len(found), timeout_s=READ_BACK_S)
             except CommandRefused as refusal:
                 if refusal.status in (status.NO_MODEL, status.NOT_SUPPORTED, status.BAD_TYPE):
                     return b""
@@ -267,9 +267,7 @@ class Probe:
 
     # Events
 
-    def start_stream(
-        self, strokes: int = 0, every: int = 1, frames: bool = True, compressed: bool = False
-    ) -> None:
+    def start_stream(self, strokes: int = 0, every: int = 1, frames: bool = True) -> None:
         """Ask for frames and stroke results; after an unplug they are asked for again without a word.
 
         Parameters
@@ -280,13 +278,10 @@ class Probe:
             Send each n-th frame.
         frames : bool
             False: only states, maps and estimates.
-        compressed : bool
-            Allow losslessly compressed frames.
         """
         line = self._live("stream_start")
         content = messages.CONTENT_STROKES
         content |= messages.CONTENT_FRAMES if frames else 0
-        content |= messages.CONTENT_COMPRESSED if compressed else 0
         line.stream = (content, every, strokes)
         line.ask("stream_start", line.stream)
 
@@ -372,4 +367,4 @@ class Probe:
 
     def _identify(self) -> Identity:
         nonce = random.randrange(1 << 30)
-        return Identity.from_answer(self.command("identify", nonce, timeout_s=0.5, retries=5))
+        return Identity.from_answer(self.command("identify", nonce))
