@@ -1,8 +1,8 @@
 """The force map: moves each frame to the stroke's mean force, as if the hand had pressed evenly.
 
 The map gives d p_s / d ln F (16 values, in units of the image's mean) and d ln D / d ln F from the
-image itself: linear in the 16 relative pressures, quadratic in ln F and ln D. Layers and probe are
-symmetric, so it works on the image's even and odd halves apart, with half of the numbers. A frame
+image itself: linear in the 16 relative pressures p / mean(p) - 1, quadratic in ln F and ln D. Layers and
+probe are symmetric, so it works on the image's even and odd halves apart, with half of the numbers. A frame
 takes two steps, the second with the map evaluated half way (midpoint rule). Learned from
 finite-element strokes at two forces by `model_export.force_map`.
 
@@ -19,7 +19,7 @@ _ln = fixed.ln
 _mul = fixed.mul
 _exp = fixed.exp
 
-VERSION = 1
+VERSION = 2
 EVEN_IN = 14  # 1, lnF, lnD, lnF^2, lnF lnD, lnD^2, eight even pressures
 EVEN_OUT = 9  # eight even pressures, ln D
 COEFS = EVEN_IN * EVEN_OUT + 64
@@ -67,7 +67,8 @@ def limit(v, most):
 def slopes(f, w, lf, ld, total):
     """Evaluate the map f for the image in w[32..47] with sum `total`; outputs in w[0..16], Q18.
 
-    lf, ld: ln F and ln D less their centres, Q12. Image sensor s gets w[s], displacement w[16].
+    lf, ld: ln F and ln D less their centres, Q12 (held within +-4); relative pressures go in as Q13, within
+    +-2. Image sensor s gets w[s], displacement w[16].
     """
     mean = (total + 8) >> 4
     half = mean >> 1
@@ -80,14 +81,17 @@ def slopes(f, w, lf, ld, total):
     for i in range(8):
         a = w[32 + i]
         b = w[47 - i]
-        w[6 + i] = limit((((a + b) << 11) + half) // mean, 16383)
-        w[14 + i] = limit((((a - b) << 11) + half) // mean, 16383)
+        w[6 + i] = limit(((limit(a + b - 2 * mean, 250000) << 12) + half) // mean, 16383)
+        w[14 + i] = limit(((limit(a - b, 250000) << 12) + half) // mean, 16383)
     down = f[0] - 12
     for j in range(9):
         s = 0
         k = 3 + j
-        for i in range(14):
+        for i in range(6):
             s += w[i] * f[k] >> 6
+            k += 9
+        for i in range(6, 14):
+            s += w[i] * f[k] >> 7
             k += 9
         w[22 + j] = limit(s >> down, STEEPEST)
     # the inputs are no longer needed: outputs take their places
@@ -95,7 +99,7 @@ def slopes(f, w, lf, ld, total):
         s = 0
         k = 129 + j
         for i in range(8):
-            s += w[14 + i] * f[k] >> 6
+            s += w[14 + i] * f[k] >> 7
             k += 8
         w[j] = s >> down
     for j in range(8):

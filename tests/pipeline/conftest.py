@@ -1,5 +1,7 @@
 """Finite-element strokes (made by make_strokes.py), and a force map learned from them, for these tests."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -11,11 +13,15 @@ from tests.pipeline.make_strokes import FILE
 
 
 def _stroke(code, positions, images, depths):
-    n = len(positions)
-    return Stroke(
-        Case.from_code(code), positions, np.float64(depths), np.float64(images),
-        np.zeros(n), np.zeros(n), np.zeros((n, 2)), np.zeros(n, int), 0, 0, 0.0,
-    )  # fmt: skip
+    """A stroke of which only what the sensors need is known."""
+    values = dict.fromkeys((f.name for f in dataclasses.fields(Stroke)), 0)
+    values |= {
+        "case": Case.from_code(code),
+        "positions_mm": positions,
+        "images_kPa": np.float64(images),
+        "displacement_mm": np.float64(depths),
+    }
+    return Stroke(**values)
 
 
 @pytest.fixture(scope="session")
