@@ -15,6 +15,7 @@ from host.report import style
 from host.report.items import Beside, Item
 
 if TYPE_CHECKING:
+    from host.regression.field.fit import FieldFit
     from host.regression.thesis import ThesisFit
     from sim.tissue import Stroke
 
@@ -28,7 +29,7 @@ def write_report(
     *,
     strokes: Sequence[Stroke] = (),
     thesis: ThesisFit | None = None,
-    field: Any = None,
+    field: FieldFit | None = None,
     recording: str | PathLike[str] | None = None,
     weights: Sequence[str | PathLike[str]] = (),
     thickness_mm: float = 30.0,
@@ -46,7 +47,7 @@ def write_report(
     thesis : ThesisFit, optional
         For Table 1, Figures 13 and 17 to 19, the appendices.
     field : optional
-        The field model's fit, for what goes beyond the thesis: anything with `tables()`.
+        The field model's fit, for what goes beyond the thesis.
     recording, weights, thickness_mm
         A recording or table of a real map (Figure 20); measured force curves and the thickness of the model
         they were measured on (Figure 21).
@@ -76,7 +77,7 @@ def write_report(
 def _items(
     strokes: Sequence[Stroke],
     thesis: ThesisFit | None,
-    field: Any,
+    field: FieldFit | None,
     recording: str | PathLike[str] | None,
     weights: Sequence[str | PathLike[str]],
     thickness_mm: float,
@@ -84,6 +85,7 @@ def _items(
     tell: Callable[[str], None],
 ) -> list[Item]:
     from host.report import (
+        field_figures,
         map_figures,
         model_figures,
         recording_figures,
@@ -105,7 +107,7 @@ def _items(
         found += strain_figures.items([Path(w) for w in weights], thickness_mm)
     found += recording_figures.items(None if recording is None else Path(recording))
     if field is not None:
-        found.append(_field(field))
+        found += field_figures.items(field)
     return found
 
 
@@ -126,23 +128,6 @@ def _without_fit() -> list[Item]:
         "Appendix C": "Regression Analysis Results for the Inverse Model",
     }
     return [Item(name, title, missing=why) for name, title in titles.items()]
-
-
-def _field(field: Any) -> Item:
-    """What the thesis did not have: the field model's tables as they are printed."""
-    import pandas as pd
-
-    tables = []
-    for table in field.tables():
-        cells = {str(c.header).replace("\n", " ") or " ": [str(v) for v in c.cells] for c in table.columns}
-        tables.append((str(table.title or ""), pd.DataFrame(cells)))
-    return Item(
-        "Beyond the thesis",
-        "The field model",
-        "Fitted to space-filling runs felt through realistic sensors; all accuracies on strokes it was not "
-        "fitted to.",
-        tables=tables,
-    )
 
 
 def _place(item: Item) -> tuple[int, float, str]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -40,6 +40,9 @@ from host.regression.seen import Seen, join, look, noise_named
 from model_export import force_map as force_maps
 from model_export.schema import ModelSpec
 from sim.probe.sensors import Noise, StrokeField
+
+if TYPE_CHECKING:
+    from host.regression.field.study import Study
 
 FIELD_FEATURES = (
     *R11,
@@ -134,6 +137,7 @@ class FieldFit:
     visits: pd.DataFrame
     test: Seen = field(repr=False)
     answers: Answers = field(repr=False)
+    studies: list[tuple[Study, pd.DataFrame]] = field(default_factory=list, repr=False)
 
     def tables(self) -> list[Table]:
         """What `palpate fit --kind field` prints."""
@@ -164,6 +168,7 @@ class FieldFit:
             "detectability": self.found.to_dict("records"),
             "two_visits_change_of_diameter_percent": self.visits.to_dict("records"),
             "training": self.spec.training,
+            "studies": {study.name: result.to_dict("records") for study, result in self.studies},
         }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -128,6 +128,11 @@ def found_by(seen: Seen, lump: Mask) -> pd.DataFrame:
                         }
                     )
     return pd.DataFrame(rows)
+
+
+def ordered(ranges: Iterable[str]) -> list[str]:
+    """Ranges such as "5 to 10", each once, by their lower end."""
+    return sorted(set(ranges), key=lambda text: float(text.split()[0]))
 
 
 def visits(seen: Seen, y: Floats, answered: Mask, strokes: int = 1) -> pd.DataFrame:

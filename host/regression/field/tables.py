@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from host.regression.field.score import ordered
 from host.regression.table import TARGETS
 
 if TYPE_CHECKING:
@@ -101,12 +102,14 @@ def _excluded(fit: FieldFit) -> Table:
 
 def _found(fit: FieldFit) -> Table:
     out = Table(title="Lumps found, %, by d (mm), h and E")
-    E_ranges = list(dict.fromkeys(fit.found["E"]))
+    E_ranges = ordered(fit.found["E"])
     for name in ("d", "h", *(f"E {e}" for e in E_ranges)):
         out.add_column(name, justify="right")
-    for (d, h), rows in fit.found.groupby(["d_mm", "h"], sort=False):  # type: ignore[misc]
-        share = dict(zip(rows["E"], rows["found"]))
-        out.add_row(str(d), str(h), *(f"{100 * share[e]:.0f}" if e in share else "" for e in E_ranges))
+    share = fit.found.set_index(["d_mm", "h", "E"])["found"].to_dict()
+    for d in ordered(fit.found["d_mm"]):
+        for h in ordered(fit.found["h"]):
+            cells = [share.get((d, h, e)) for e in E_ranges]
+            out.add_row(d, h, *("" if c is None else f"{100 * c:.0f}" for c in cells))
     return out
 
 
