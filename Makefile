@@ -38,7 +38,7 @@ bench: ## speed and memory, beside the tools people would pick instead
 	$(PY) -m tests.benchmarks
 
 docs: setup ## the documentation as a site, in site/
-	.venv/bin/mkdocs build --strict -q
+	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --strict -q
 
 clean:
 	rm -rf .venv build dist site out sim/probe/wasm/node_modules *.egg-info
