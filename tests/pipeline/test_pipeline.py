@@ -156,7 +156,7 @@ def clear(fields, replay):
 FAINT = Noise(gain=0.01)
 
 
-@pytest.mark.parametrize("n_frames", [30, 40, 80, 160])
+@pytest.mark.parametrize("n_frames", [40, 80, 160])
 def test_the_frame_rate_hardly_matters(fields, map_blob, n_frames):
     """Cubic traces: Amp and Stdev do not shrink or grow with the spacing of the frames."""
     replay = Replay(map_blob)
