@@ -134,7 +134,7 @@ def figure_10(stroke: Stroke) -> Figure:
     half = fit.base_kPa + fit.amp_kPa * np.exp(-0.5)
     left.annotate("", (0, half), (fit.stdev_mm, half), arrowprops=arrow)
     left.text(fit.stdev_mm + 1, half, "Stdev", va="center")
-    left.text(x[0], fit.base_kPa + 0.02 * fit.amp_kPa, "Base", va="bottom")
+    left.text(x[0], fit.base_kPa + 0.07 * fit.amp_kPa, "Base", va="bottom")
     left.set(xlabel="place on the tissue (mm)", ylabel="pressure (kPa)")
     left.set_title("tactile map")
     left.legend(loc="upper right")

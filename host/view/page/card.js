@@ -56,7 +56,7 @@ function stiffness({ hardness, hardness_text: words, E_ratio: ratio }) {
     const high = ratio.high === null ? 1 : share(ratio.high);
     const bound = (e) => (e >= 100 ? e.toFixed(0) : e.toPrecision(2));
     const value = ratio.high === null || ratio.value === null ? null : share(ratio.value);
-    const text = ratio.high === null || ratio.high > 1000 ? `over ${bound(low)} × fat` : `${bound(low)} to ${bound(ratio.high)} × fat`;
+    const text = ratio.high === null ? `over ${bound(low)} × fat` : `${bound(low)} to ${bound(ratio.high)} × fat`;
     row.append(element("dd", { class: "between" }, range(share(low), high, value, share(10)), element("span", { class: "range-text" }, text)));
   }
   return row;

@@ -57,7 +57,7 @@ export class Plot {
   draw(layers, x, y) {
     const { context: c, width, height } = prepare(this.canvas);
     if (width < 40 || height < 40) return;
-    const box = { left: 42, right: width - 8, top: 8, bottom: height - (this.xLabel ? 32 : 18) };
+    const box = { left: 48, right: width - 8, top: 8, bottom: height - (this.xLabel ? 32 : 18) };
     const toX = (v) => box.left + ((v - x[0]) / (x[1] - x[0])) * (box.right - box.left);
     const toY = (v) => box.bottom - ((v - y[0]) / (y[1] - y[0])) * (box.bottom - box.top);
     this.place = { toX, toY, box, x, y };
@@ -93,7 +93,7 @@ export class Plot {
       c.fillText(this.xLabel, (box.left + box.right) / 2, box.bottom + 18);
     }
     c.save();
-    c.translate(9, (box.top + box.bottom) / 2);
+    c.translate(8, (box.top + box.bottom) / 2);
     c.rotate(-Math.PI / 2);
     c.textBaseline = "middle";
     c.fillText(this.yLabel, 0, 0);
