@@ -41,6 +41,7 @@ class JournalFile:
         self._synced = time.monotonic()
         self._full = False
         try:
+            path.parent.mkdir(parents=True, exist_ok=True)
             self._fd = os.open(self._temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
         except OSError as error:
             reason = (error.strerror or str(error)).lower()

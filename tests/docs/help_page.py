@@ -12,8 +12,8 @@ COMMANDS = [name for chapter in CHAPTERS.values() for name, _, _ in chapter]
 
 HEAD = """# Help texts
 
-What `palpate --help` and `palpate COMMAND --help` print, word for word. [Commands](../commands.md) tells when to
-use which.
+What `palpate --help` and `palpate COMMAND --help` print, word for word. [Commands](../commands.md) tells
+when to use which.
 
 <!-- Written by `python -m tests.docs.help_page`; a test holds it equal to the commands. -->
 """

@@ -14,6 +14,7 @@ REASONS = (
     "needs the registry",
     "installs packages",
     "takes minutes",
+    "minutes",
     "opens a browser",
     "the tests run it",
     "not for this machine",
