@@ -17,9 +17,6 @@ from sim.tissue.probe_shape import SENSOR_PITCH_MM, SENSORS_MM, ProbeShape
 
 Floats = NDArray[np.float64]
 
-AUGMENTATION = 1e6
-"""Stiffness (kPa/mm) that eliminates the multipliers; the constraint itself stays exact."""
-
 _SWITCH = 50.0
 """kPa/mm: weighs penetration against multiplier when the active set is chosen."""
 
@@ -36,10 +33,16 @@ class ContactState:
 
 
 class Contact:
-    """The surface of `mesh` under a probe of the given shape and friction coefficient."""
+    """The surface of `mesh` under a probe of the given shape and friction coefficient.
 
-    def __init__(self, mesh: TissueMesh, shape: ProbeShape, friction: float) -> None:
-        self.shape, self.friction = shape, friction
+    `augmentation` (kPa/mm) is the stiffness that eliminates the multipliers: the constraint stays exact
+    whatever it is, but the smaller, the more iterations; the larger, the more digits are rounded away.
+    """
+
+    def __init__(
+        self, mesh: TissueMesh, shape: ProbeShape, friction: float, augmentation: float = 1e6
+    ) -> None:
+        self.shape, self.friction, self.augmentation = shape, friction, augmentation
         self.x_dof = 2 * mesh.surface
         self.x0, self.y0 = mesh.nodes_mm[mesh.surface].T.copy()
         side = self.x0[2::2] - self.x0[:-2:2]
@@ -70,13 +73,16 @@ class Contact:
     def stiffness(self, state: ContactState, curved: bool = True) -> Floats:
         """Blocks (S, 3) of xx, xy, yy that the contact adds to the tangent."""
         blocks = np.zeros((len(self.x0), 3))
-        k, g = AUGMENTATION * self.weight[state.active], -state.slope
+        k, g = self.augmentation * self.weight[state.active], -state.slope
         bend = np.maximum(state.force, 0.0) * state.curvature if curved else 0.0
         blocks[state.active] = np.stack([k * g * g - bend, k * g, k], -1)
         return blocks
 
-    def pressure(self, u: Floats, multiplier: Floats) -> tuple[Floats, Floats]:
-        """Deformed places (S,), mm, and pressures (S,), kPa: force over the deformed integral of N_i."""
+    def pressure(self, u: Floats, multiplier: Floats) -> tuple[Floats, Floats, float]:
+        """Deformed places (S,), mm, pressures (S,), kPa, and their integral, N/m.
+
+        A node's pressure is its force over the deformed integral of its shape function.
+        """
         x = self.x0 + u[self.x_dof]
         a, b, c = x[:-2:2], x[1::2], x[2::2]
         area = np.zeros(len(x))
@@ -84,7 +90,7 @@ class Contact:
         area[1::2] += 4 * (c - a) / 6
         area[2::2] += (a - 4 * b + 3 * c) / 6
         pressure = np.where(multiplier > 0, multiplier * self.weight / area, 0.0)
-        return x, pressure
+        return x, pressure, float(pressure @ area)
 
 
 _SAMPLES = np.linspace(-SENSOR_PITCH_MM / 2, SENSOR_PITCH_MM / 2, 9)

@@ -12,7 +12,7 @@ from sim.tissue.case import Case
 from sim.tissue.mesh import TissueMesh
 from sim.tissue.probe_shape import SENSORS_MM
 from sim.tissue.settings import Settings
-from sim.tissue.stroke import _checked, _geometry, _Run
+from sim.tissue.stroke import Run, checked_positions, geometry_of, one_blas_thread
 
 Floats = NDArray[np.float64]
 
@@ -58,16 +58,16 @@ def deformation(
         As `simulate`.
     """
     settings = settings or Settings()
-    wanted = _checked(positions_mm)
-    geometry = _geometry(case, settings, float(wanted[0]), float(wanted[-1]))
-    run = _Run(case, settings, geometry)
+    wanted = checked_positions(positions_mm)
     out = []
-    for position in wanted:
-        at = float(position)
-        state = run.press(at, None)
-        displacement, image, *_ = run._read(state, at)
-        s = np.linspace(-14.0, 14.0, 141)
-        face = np.column_stack((at + s, state.height + run.contact.shape.height(s)[0]))
-        nodes = geometry.mesh.nodes_mm + state.u.reshape(-1, 2)
-        out.append(Pressed(at, nodes, face, image, displacement, SENSORS_MM))
+    with one_blas_thread():
+        geometry = geometry_of(case, settings, float(wanted[0]), float(wanted[-1]))
+        run = Run(case, settings, geometry)
+        for at in map(float, wanted):
+            state = run.press(at, None)
+            felt = run.read(state, at)
+            s = np.linspace(-14.0, 14.0, 141)
+            face = np.column_stack((at + s, state.height + run.contact.shape.height(s)[0]))
+            nodes = geometry.mesh.nodes_mm + state.u.reshape(-1, 2)
+            out.append(Pressed(at, nodes, face, felt["images_kPa"], felt["displacement_mm"], SENSORS_MM))
     return geometry.mesh, out

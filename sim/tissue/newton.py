@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.tissue.contact import AUGMENTATION, Contact, ContactState
+from sim.tissue.contact import Contact, ContactState
 from sim.tissue.linear import LinearSolver, NotPositiveDefinite
 from sim.tissue.material import Tissue
 from sim.tissue.predictor import State
@@ -164,17 +164,17 @@ class Newton:
     ) -> None:
         x = self.contact.x_dof[seen.active]
         weight = self.contact.weight[seen.active]
-        pull = AUGMENTATION * seen.gap
+        pull = self.contact.augmentation * seen.gap
         right = -residual
         right[x] += weight * pull * seen.slope
         right[x + 1] -= weight * pull
         if fresh:
             border = np.zeros_like(right)
-            border[x] = weight * AUGMENTATION * seen.slope
-            border[x + 1] = -weight * AUGMENTATION
+            border[x] = weight * self.contact.augmentation * seen.slope
+            border[x + 1] = -weight * self.contact.augmentation
             change, self._border_change = self.solver.solve(np.stack([right, border]))
             self._border = border
-            self._pivot = AUGMENTATION * weight.sum() - border @ self._border_change
+            self._pivot = self.contact.augmentation * weight.sum() - border @ self._border_change
         else:
             change = self.solver.solve(right[None])[0]
         if len(x):
@@ -184,7 +184,7 @@ class Newton:
         change -= self._border_change * rise
         scale = min(1.0, _LARGEST_RISE_MM / max(abs(rise), 1e-12))
         moved = change[x + 1] - seen.slope * change[x] - rise
-        state.multiplier[seen.active] += scale * (pull + AUGMENTATION * moved)
+        state.multiplier[seen.active] += scale * (pull + self.contact.augmentation * moved)
         change *= scale
         state.pressure = self.tissue.pressure(change, theta, self._frozen)
         state.u += change

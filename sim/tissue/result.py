@@ -13,6 +13,8 @@ from sim.tissue.probe_shape import SENSORS_MM
 
 Floats = NDArray[np.float64]
 
+_SERIES = ("positions_mm", "displacement_mm", "peak_mm", "peak_kPa", "force_error", "smallest_jacobian")
+
 
 @dataclass(frozen=True)
 class Stroke:
@@ -32,6 +34,10 @@ class Stroke:
         Where on the probe the contact pressure is greatest, and how great it is there.
     contact_mm : ndarray (n, 2)
         First and last place on the probe that touches.
+    force_error : ndarray (n,)
+        Sum of the contact forces over the force on the probe, less one.
+    smallest_jacobian : ndarray (n,)
+        Least volume ratio det F at any point of the tissue; negative would be turned inside out.
     iterations : ndarray (n,), int
         Newton iterations at each position.
     factorisations : int
@@ -49,6 +55,8 @@ class Stroke:
     peak_mm: Floats
     peak_kPa: Floats
     contact_mm: Floats
+    force_error: Floats
+    smallest_jacobian: Floats
     iterations: NDArray[np.int64]
     factorisations: int
     nodes: int
@@ -84,6 +92,8 @@ class Stroke:
             peak_mm=-self.peak_mm[::-1],
             peak_kPa=self.peak_kPa[::-1],
             contact_mm=-self.contact_mm[::-1, ::-1],
+            force_error=self.force_error[::-1],
+            smallest_jacobian=self.smallest_jacobian[::-1],
             iterations=self.iterations[::-1],
         )
 
@@ -102,15 +112,7 @@ class Stroke:
                 f"{self.code}: only a frictionless stroke that ends over the lump has a mirror half"
             )
         back = self.mirrored()
-        names = (
-            "positions_mm",
-            "displacement_mm",
-            "images_kPa",
-            "peak_mm",
-            "peak_kPa",
-            "contact_mm",
-            "iterations",
-        )
+        names = (*_SERIES, "images_kPa", "contact_mm", "iterations")
         joined: dict[str, Any] = {
             name: np.concatenate([getattr(self, name), getattr(back, name)[1:]]) for name in names
         }
@@ -118,15 +120,7 @@ class Stroke:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain lists and numbers, for JSON; `from_dict` reads them back exactly."""
-        arrays = (
-            "positions_mm",
-            "displacement_mm",
-            "sensors_mm",
-            "images_kPa",
-            "peak_mm",
-            "peak_kPa",
-            "contact_mm",
-        )
+        arrays = (*_SERIES, "sensors_mm", "images_kPa", "contact_mm")
         out: dict[str, Any] = {"code": self.code, "F_N_per_m": self.F_N_per_m, "t_mm": self.case.t_mm}
         out |= {name: getattr(self, name).tolist() for name in arrays}
         out |= {"strain": self.strain.tolist(), "iterations": self.iterations.tolist()}
@@ -137,10 +131,9 @@ class Stroke:
     def from_dict(cls, record: dict[str, Any]) -> Stroke:
         """Read what `to_dict` wrote."""
         n = len(record["positions_mm"])
-        floats = ("positions_mm", "displacement_mm", "peak_mm", "peak_kPa")
         return cls(
             case=Case(**record["case"]),
-            **{name: np.asarray(record[name], float) for name in floats},
+            **{name: np.asarray(record[name], float) for name in _SERIES},
             images_kPa=np.asarray(record["images_kPa"], float).reshape(n, len(SENSORS_MM)),
             contact_mm=np.asarray(record["contact_mm"], float).reshape(n, 2),
             iterations=np.asarray(record["iterations"], np.int64),

@@ -33,7 +33,17 @@ _MAGIC = b"STRK"
 _LONGEST = 1 << 24
 _ROWS = 4096
 
-_LISTS = ("positions_mm", "displacement_mm", "images_kPa", "peak_mm", "peak_kPa", "contact_mm", "iterations")
+_LISTS = (
+    "positions_mm",
+    "displacement_mm",
+    "images_kPa",
+    "peak_mm",
+    "peak_kPa",
+    "contact_mm",
+    "force_error",
+    "smallest_jacobian",
+    "iterations",
+)
 SCHEMA = pa.schema(
     [(name, pa.string()) for name in ("key", "code", "status", "reason")]
     + [(f.name, pa.float64()) for f in fields(Case)]

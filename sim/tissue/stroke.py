@@ -6,8 +6,10 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +46,7 @@ class Geometry:
 _local = threading.local()
 
 
-def _geometry(case: Case, settings: Settings, first: float, last: float) -> Geometry:
+def geometry_of(case: Case, settings: Settings, first: float, last: float) -> Geometry:
     """The geometry of a case, remembered per thread: stiffness and force do not change it."""
     memory: OrderedDict[tuple, Geometry] = _local.__dict__.setdefault("memory", OrderedDict())
     key = (case.d_mm, case.h, case.gland_mm, settings, first, last)
@@ -96,19 +98,26 @@ def simulate_forces(
     The geometry's set-up is shared and each load starts from the one before; otherwise as `simulate`.
     """
     settings = settings or Settings()
-    positions = _checked(settings.positions_mm(case.friction > 0) if positions_mm is None else positions_mm)
+    positions = checked_positions(
+        settings.positions_mm(case.friction > 0) if positions_mm is None else positions_mm
+    )
     strokes = []
     began = time.thread_time()
     pressed: State | None = None
-    with _blas().limit(limits=1, user_api="blas"):  # the matrices are too small to share
-        geometry = _geometry(case, settings, float(positions[0]), float(positions[-1]))
+    with one_blas_thread():
+        geometry = geometry_of(case, settings, float(positions[0]), float(positions[-1]))
         for force in forces:
             loaded = replace(case, F_rel=force)
-            run = _Run(loaded, settings, geometry)
+            run = Run(loaded, settings, geometry)
             pressed = run.press(positions[0], pressed)
             strokes.append(run.stroke(positions, pressed, began))
             began = time.thread_time()
     return strokes
+
+
+def one_blas_thread() -> AbstractContextManager[object]:
+    """While this lasts, linear algebra keeps to one thread; more would slow small matrices tenfold."""
+    return _blas().limit(limits=1, user_api="blas")
 
 
 @cache
@@ -125,7 +134,7 @@ def load_curve(
     return simulate_forces(case, forces, settings, [position_mm])
 
 
-def _checked(positions: Sequence[float] | Floats) -> Floats:
+def checked_positions(positions: Sequence[float] | Floats) -> Floats:
     out = np.asarray(positions, float)
     if out.ndim != 1 or not len(out) or not np.isfinite(out).all() or (np.diff(out) <= 0).any():
         raise CaseError("positions_mm must be a non-empty ascending list of numbers")
@@ -134,7 +143,7 @@ def _checked(positions: Sequence[float] | Floats) -> Floats:
     return out
 
 
-class _Run:
+class Run:
     """One case on one geometry."""
 
     def __init__(self, case: Case, settings: Settings, geometry: Geometry) -> None:
@@ -212,39 +221,43 @@ class _Run:
                 history = [(float(position), state)]
             iterations.append(self.newton.counts.iterations - before)
             before = self.newton.counts.iterations
-            rows.append(self._read(state, float(position)))
-        displacement, images, peak_mm, peak_kPa, contact = zip(*rows)
+            rows.append(self.read(state, float(position)))
+        columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
         return Stroke(
             case=self.case,
             positions_mm=positions,
-            displacement_mm=np.array(displacement),
-            images_kPa=np.array(images),
-            peak_mm=np.array(peak_mm),
-            peak_kPa=np.array(peak_kPa),
-            contact_mm=np.array(contact),
+            **columns,
             iterations=np.array(iterations),
             factorisations=self.newton.counts.factorisations,
             nodes=len(self.mesh.nodes_mm),
             cpu_s=time.thread_time() - began,
         )
 
-    def _read(self, state: State, position: float) -> tuple[float, Floats, float, float, tuple[float, float]]:
-        x, pressure = self.contact.pressure(state.u, state.multiplier)
+    def read(self, state: State, position: float) -> dict[str, Any]:
+        """What the probe feels, checked: a wrong equilibrium must not pass for a result."""
+        x, pressure, force = self.contact.pressure(state.u, state.multiplier)
         s = x - position
-        image = read_sensors(s, pressure)
-        displacement = self.case.t_mm - state.height
-        if not (np.isfinite(image).all() and np.isfinite(displacement)):
-            raise StrokeError(self.case.code, position, "the result is not a number")
-        if (jacobian := self.tissue.smallest_jacobian(state.u)) <= 0.0:
-            raise StrokeError(
-                self.case.code, position, f"an element is turned inside out (det F = {jacobian:.2g})"
-            )
         touching = np.nonzero(pressure > 0)[0]
         peak = int(pressure.argmax())
-        return (
-            displacement,
-            image,
-            float(s[peak]),
-            float(pressure[peak]),
-            (float(s[touching[0]]), float(s[touching[-1]])),
-        )
+        balance = force / self.case.F_N_per_m - 1.0 if not self.case.friction else 0.0
+        row = {
+            "displacement_mm": self.case.t_mm - state.height,
+            "images_kPa": read_sensors(s, pressure),
+            "peak_mm": s[peak],
+            "peak_kPa": pressure[peak],
+            "contact_mm": s[touching[[0, -1]]],
+            "force_error": balance,
+            "smallest_jacobian": self.tissue.smallest_jacobian(state.u),
+        }
+        trouble = None
+        if not all(np.isfinite(value).all() for value in row.values()):
+            trouble = "the result is not a number"
+        elif row["smallest_jacobian"] <= 0.0:
+            trouble = f"an element is turned inside out (det F = {row['smallest_jacobian']:.2g})"
+        elif abs(balance) > 1e-6:
+            trouble = f"the contact forces miss the force on the probe by {balance:.1e} of it"
+        elif row["displacement_mm"] >= self.case.t_mm:
+            trouble = "the probe has gone through the fat"
+        if trouble:
+            raise StrokeError(self.case.code, position, trouble)
+        return row

@@ -1,0 +1,157 @@
+"""What the thesis saw in its simulations, and what a probe's designer asks next, holds here."""
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.tissue import Case, Settings, Stroke, load_curve, simulate, simulate_forces
+
+FORCES = (0.2, 0.4, 0.6, 0.8, 1.0)
+REFERENCE = Case.from_code("d10h08e10f10")
+
+
+@functools.cache
+def run(code: str) -> Stroke:
+    return simulate(Case.from_code(code))
+
+
+def of_stiffness(E: float) -> Stroke:
+    return run(replace(REFERENCE, E_ratio=E).code)
+
+
+def height_of_bump(stroke: Stroke) -> float:
+    """Mean trace over the lump less that far from it, kPa: what becomes the map's amplitude."""
+    middle = stroke.images_kPa[:, 5:11].mean(1)
+    return float(middle[-1] - middle[0])
+
+
+def power_law(force, strain):
+    """Exponent and R2 of force = A strain^B."""
+    x, y = np.log(strain), np.log(force)
+    slope, level = np.polyfit(x, y, 1)
+    residual = y - slope * x - level
+    return slope, 1 - residual.var() / y.var()
+
+
+@functools.cache
+def strain_over_lump(E: float | None) -> np.ndarray:
+    case = Case.from_code("d10h08eNLf10") if E is None else replace(REFERENCE, E_ratio=E)
+    return np.array([s.strain[0] for s in load_curve(case, FORCES)])
+
+
+def test_displacement_far_from_the_lump_does_not_know_its_stiffness():
+    far = [of_stiffness(E).displacement_mm[0] for E in (2.0, 5.0, 10.0, 50.0, 1000.0)]
+    assert np.ptp(far) < 0.02 * np.mean(far)
+
+
+def test_pressure_far_from_the_lump_is_proportional_to_force():
+    strokes = simulate_forces(REFERENCE, FORCES, positions_mm=[-28])
+    base = np.array([s.images_kPa[0].mean() for s in strokes])
+    slope = base @ FORCES / np.dot(FORCES, FORCES)
+    np.testing.assert_allclose(base, slope * np.array(FORCES), rtol=0.03)
+
+
+def test_the_bump_is_linear_in_stiffness_to_minus_two_thirds():
+    E = np.array([2.0, 5.0, 10.0, 50.0, 1000.0])
+    bump = np.array([height_of_bump(of_stiffness(e)) for e in E])
+    x = E ** (-2 / 3)
+    assert np.corrcoef(x, bump)[0, 1] ** 2 > 0.99
+    assert (np.diff(bump) > 0).all()
+
+
+def test_without_a_lump_there_is_no_bump():
+    stroke = of_stiffness(1.0)
+    traces = stroke.images_kPa[:, 2:-2]
+    assert np.abs(traces - traces.mean(0)).max() < 1e-3 * stroke.images_kPa.mean()
+    assert abs(height_of_bump(stroke)) < 1e-4 * stroke.images_kPa.mean()
+
+
+def test_strain_force_curves_are_power_laws_between_those_of_no_lump_and_a_rigid_one():
+    curves = {E: strain_over_lump(E) for E in (1.0, 2.0, 5.0, 10.0, 50.0, 1000.0)}
+    for strain in curves.values():
+        assert power_law(FORCES, strain)[1] > 0.999
+    stiffer = np.array(list(curves.values()))
+    assert (np.diff(stiffer[1:], axis=0) < 0).all()
+    assert (stiffer[1:] > stiffer[-1] - 1e-12).all()
+    assert (stiffer[0] > stiffer[2:]).all()
+
+
+def test_the_nonlinear_lump_is_soft_far_away_and_hard_beneath_the_probe():
+    lump, soft, hard = run("d10h08eNLf10"), of_stiffness(2.0), of_stiffness(10.0)
+    assert lump.displacement_mm[0] == pytest.approx(soft.displacement_mm[0], rel=0.01)
+    share = (soft.displacement_mm - lump.displacement_mm)[-1] / (soft.displacement_mm - hard.displacement_mm)[
+        -1
+    ]
+    assert share > 0.8
+    curve = strain_over_lump(None)
+    position = [
+        (strain_over_lump(2.0) - curve)[i] / (strain_over_lump(2.0) - strain_over_lump(10.0))[i]
+        for i in (0, -1)
+    ]
+    assert position[1] > position[0] + 0.1  # it crosses the linear ones
+
+
+def test_the_place_of_the_peak_pressure_jumps_as_the_lump_comes_near():
+    stroke = run("d10h03e10f10").full()
+    jump = np.abs(np.diff(stroke.peak_mm))
+    assert jump.max() > 4.0
+    assert np.median(jump) < 2.5
+
+
+def test_a_stroke_from_the_other_side_is_the_mirror_image():
+    wide = Settings(left_mm=-120.0, right_mm=120.0)
+    there = simulate(REFERENCE, wide, positions_mm=np.arange(-12, 13, 2.0))
+    np.testing.assert_allclose(there.mirrored().images_kPa, there.images_kPa, atol=2e-3)
+    np.testing.assert_allclose(there.mirrored().displacement_mm, there.displacement_mm, atol=2e-4)
+
+
+def test_loading_more_gives_what_loading_at_once_gives():
+    low, high = simulate_forces(REFERENCE, [0.4, 1.0])
+    np.testing.assert_allclose(high.images_kPa, of_stiffness(10.0).images_kPa, atol=2e-3)
+    assert (low.displacement_mm < high.displacement_mm).all()
+
+
+def test_stiffening_tissue_yields_less_the_harder_it_is_pressed():
+    plain = np.array([s.strain[0] for s in load_curve(REFERENCE, FORCES, -28.0)])
+    wellman = replace(REFERENCE, fat_stiffening=6.0, gland_stiffening=16.0)
+    stiff = np.array([s.strain[0] for s in load_curve(wellman, FORCES, -28.0)])
+    ratio = stiff / plain
+    assert (np.diff(ratio) < 0).all()
+    assert ratio[-1] < 0.95
+    assert power_law(FORCES, stiff)[0] > power_law(FORCES, plain)[0]
+
+
+def test_friction_breaks_the_symmetry_and_needs_the_whole_stroke():
+    sliding = simulate(replace(REFERENCE, friction=0.2), Settings(start_mm=-16.0))
+    assert sliding.positions_mm[-1] == 16.0
+    difference = np.abs(sliding.mirrored().images_kPa - sliding.images_kPa).max()
+    assert difference > 0.05
+    with pytest.raises(ValueError, match="mirror"):
+        simulate(replace(REFERENCE, friction=0.2), positions_mm=[-2, 0]).full()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"probe_radius_mm": float("inf")},
+        {"probe_radius_mm": 25.0},
+        {"face_half_mm": 6.0},
+        {"fillet_per_mm2": 0.5},
+        {"gland_mm": 30.0},
+    ],
+    ids=str,
+)
+def test_probe_shapes_and_layer_depths_are_parameters(change):
+    stroke = simulate(replace(REFERENCE, **change), positions_mm=[-28, -26, 0])
+    reference = simulate(REFERENCE, positions_mm=[-28, -26, 0])
+    assert np.abs(stroke.images_kPa - reference.images_kPa).max() > 0.02
+    assert np.abs(stroke.force_error).max() < 1e-6
+
+
+def test_every_position_balances_presses_and_stays_whole():
+    stroke = run("d20h03e10f10")
+    assert np.abs(stroke.force_error).max() < 1e-6
+    assert (stroke.images_kPa >= 0).all()
+    assert (stroke.smallest_jacobian > 0.5).all()

@@ -1,0 +1,104 @@
+"""A sweep loses nothing, repeats nothing, and gives the same table however it was interrupted."""
+
+import hashlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import distributed
+import numpy as np
+import pytest
+
+from sim.tissue import Case, CaseError, Settings, load_strokes, read_table, sobol_cases, sweep
+
+QUICK = Settings(start_mm=-4.0)
+
+SCRIPT = """
+import sys
+from sim.tissue import Settings, sobol_cases, sweep
+if __name__ == "__main__":
+    sweep(sobol_cases(24, 9), Settings(start_mm=-4.0), sys.argv[1], workers=2)
+"""
+
+
+def digest(directory):
+    return hashlib.sha256((directory / "strokes.parquet").read_bytes()).hexdigest()
+
+
+def journal_size(directory):
+    path = directory / "finished.journal"
+    return path.stat().st_size if path.exists() else 0
+
+
+def test_a_killed_sweep_goes_on_and_ends_in_the_same_table(tmp_path):
+    script = tmp_path / "run.py"
+    script.write_text(SCRIPT)
+    killed, whole = tmp_path / "killed", tmp_path / "whole"
+    child = subprocess.Popen([sys.executable, script, killed], start_new_session=True)
+    deadline = time.monotonic() + 120
+    while journal_size(killed) < 6000 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    os.killpg(child.pid, signal.SIGKILL)
+    child.wait()
+    with open(killed / "finished.journal", "ab") as journal:
+        journal.write(b"STRK\x99\x00")  # as if it had died in the middle of a record
+    seen = []
+    sweep(sobol_cases(24, 9), QUICK, killed, workers=1, progress=seen.append)
+    assert seen[-1].reused > 0
+    assert seen[-1].done == seen[-1].total == 24
+    sweep(sobol_cases(24, 9), QUICK, whole, executor=ThreadPoolExecutor(1))
+    assert digest(killed) == digest(whole)
+    assert not (killed / "finished.journal").exists()
+
+
+def test_a_second_sweep_computes_only_what_is_new(tmp_path):
+    seen = []
+    pool = ThreadPoolExecutor(1)
+    sweep(sobol_cases(3, 9), QUICK, tmp_path, executor=pool)
+    table = sweep(sobol_cases(5, 9), QUICK, tmp_path, executor=pool, progress=seen.append)
+    assert (seen[-1].total, seen[-1].reused) == (5, 3)
+    assert len(table) == 5
+    before = digest(tmp_path)
+    sweep(sobol_cases(5, 9), QUICK, tmp_path, executor=pool, progress=seen.append)
+    assert seen[-1].reused == 5
+    assert digest(tmp_path) == before
+
+
+def test_a_case_that_fails_is_recorded_and_the_sweep_goes_on(tmp_path):
+    cases = [Case(10, 0.8, 10), Case(10, 0.8, 10, F_rel=100), Case(10, 0.8, 5)]
+    table = sweep(cases, QUICK, tmp_path, executor=ThreadPoolExecutor(1))
+    assert list(table.status) == ["ok", "failed", "ok"]
+    assert "-4.0 mm" in table.reason[1]
+    strokes = load_strokes(tmp_path)
+    assert [s.case for s in strokes] == [cases[0], cases[2]]
+    assert np.isfinite(strokes[0].images_kPa).all()
+
+
+def test_a_directory_without_a_finished_sweep_says_so(tmp_path):
+    with pytest.raises(CaseError, match="no finished sweep"):
+        read_table(tmp_path)
+
+
+def dask_process(kind, *words):
+    command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *words]
+    return subprocess.Popen(command, stderr=subprocess.DEVNULL, env={**os.environ, "OMP_NUM_THREADS": "1"})
+
+
+def test_a_dask_cluster_gives_the_same_table_as_a_pool(tmp_path):
+    meeting_point = ["--scheduler-file", str(tmp_path / "s.json")]
+    scheduler = dask_process("scheduler", "--port", "0", "--no-dashboard", *meeting_point)
+    workers = [dask_process("worker", "--nthreads", "1", "--no-dashboard", *meeting_point) for _ in range(2)]
+    try:
+        with distributed.Client(scheduler_file=str(tmp_path / "s.json"), timeout=60) as client:
+            client.wait_for_workers(2, timeout=60)
+            sweep(sobol_cases(6, 9), QUICK, tmp_path / "dask", executor=client.get_executor())
+    finally:
+        for process in (*workers, scheduler):
+            process.terminate()
+        for process in (*workers, scheduler):
+            process.wait()
+    sweep(sobol_cases(6, 9), QUICK, tmp_path / "here", executor=ThreadPoolExecutor(1))
+    assert digest(tmp_path / "dask") == digest(tmp_path / "here")
