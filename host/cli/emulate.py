@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +13,8 @@ from host.cli.output import json_option, note, print_json
 from host.errors import NoSuchFile, PalpateError, UsageError
 
 if TYPE_CHECKING:
-    from sim.probe.emulated import EmulatedProbe
+    from firmware_py.calib import Calibration
     from sim.probe.sensors import FrameStream
-    from sim.tissue import Case
 
 PUBLIC_KEY = "public.key"
 POLL_S = 0.2
@@ -34,6 +31,9 @@ POLL_S = 0.2
 @click.option(
     "--noise", default="typical", show_default=True, help="none, good, typical or poor sensors and hand."
 )
+@click.option(
+    "--steady", is_flag=True, help="A hand whose force does not wander (the thesis' runs know only such)."
+)
 @click.option("--seed", default=1, show_default=True, help="Of the sensors' noise.")
 @click.option("--frames", type=click.IntRange(8, 2000), default=50, show_default=True, help="Per stroke.")
 @click.option("--strokes", type=click.IntRange(1, 1000), default=1, show_default=True,
@@ -46,6 +46,7 @@ def command(
     key: Path | None,
     store: Path | None,
     noise: str,
+    steady: bool,
     seed: int,
     frames: int,
     strokes: int,
@@ -68,15 +69,13 @@ def command(
     if runtime not in RUNTIMES:
         raise UsageError(f"there is no runtime {runtime!r} to stream from; use {' or '.join(RUNTIMES)}")
     public = _public_key(key)
-    check_words(code, noise)
-    try:
-        probe = EmulatedProbe(runtime, listen=listen, store=store, repeat=True, public_key=public)
-    except (ValueError, OSError) as error:
-        raise UsageError(f"cannot listen on {listen!r} ({error}); use pty or tcp:HOST:PORT") from error
-    with closing_probe(probe):
-        streams: Any = strokes_over(code, noise, seed, frames, strokes)
-        probe.set_strokes(streams)
-        probe.start()
+    check_words(code, noise, listen)
+    streams: Any
+    streams, calibration = strokes_over(code, noise, seed, frames, strokes, steady)
+    probe = EmulatedProbe(
+        runtime, streams, listen, store, repeat=True, public_key=public, calibration=calibration
+    )
+    with probe:
         port = ""
         path: Path | None = None
         try:
@@ -96,17 +95,10 @@ def command(
         )
 
 
-@contextmanager
-def closing_probe(probe: EmulatedProbe) -> Iterator[None]:
-    """Switch the probe off in the end, also if it was never switched on."""
-    try:
-        yield
-    finally:
-        probe.stop()
-
-
-def strokes_over(code: str, noise: str, seed: int, frames: int, strokes: int) -> list[FrameStream]:
-    """What a probe's sensors read of some strokes over one lump.
+def strokes_over(
+    code: str, noise: str, seed: int, frames: int, strokes: int, steady: bool = False
+) -> tuple[list[FrameStream], Calibration]:
+    """What a probe's sensors read of some strokes over one lump, and the calibration it left the bench with.
 
     Parameters
     ----------
@@ -118,28 +110,43 @@ def strokes_over(code: str, noise: str, seed: int, frames: int, strokes: int) ->
         Of the first stroke; each further one has the next.
     frames, strokes : int
         Frames per stroke, and strokes.
+    steady : bool
+        The hand's force does not wander.
     """
     from dataclasses import replace
 
-    from sim.probe.sensors import FORCE_RATIO, StrokeField, stroke_frames
-    from sim.tissue import Settings, simulate_forces
+    import numpy as np
 
-    case = check_words(code, noise)
+    from sim.probe.sensors import FORCE_RATIO, LEVELS, SensorModel, StrokeField
+    from sim.tissue import Case, Settings, simulate_forces
+
+    case = Case.from_code(code)
     low = replace(case, F_rel=case.F_rel / FORCE_RATIO**0.5)
     pair = simulate_forces(low, [low.F_rel, low.F_rel * FORCE_RATIO], Settings(far_start_mm=-44.0))
-    field = StrokeField(*pair)
-    words: dict[str, Any] = {"mean_force_N_per_m": case.F_N_per_m}
-    return [stroke_frames(field, noise, seed + k, frames, **words) for k in range(strokes)]
+    level = LEVELS[noise].without("force") if steady else LEVELS[noise]
+    probes = [
+        SensorModel(StrokeField(*pair), level, seed + k, mean_force_N_per_m=case.F_N_per_m)
+        for k in range(strokes)
+    ]
+    calibration = probes[0].calibration()
+    # One emulated probe stands for all of them: it knows the dead cells of each.
+    calibration.set_dead([int(cell) for probe in probes for cell in np.flatnonzero(probe.known_dead)])
+    return [probe.stroke(frames) for probe in probes], calibration
 
 
-def check_words(code: str, noise: str) -> Case:
-    """The case of a code; refuses unknown noise levels before anything is computed."""
+def check_words(code: str, noise: str, listen: str) -> None:
+    """Refuse wrong words before anything is computed."""
+    from sim.probe.endpoints import endpoint
     from sim.probe.sensors import LEVELS
     from sim.tissue import Case
 
+    Case.from_code(code)
     if noise not in LEVELS:
         raise UsageError(f"there is no noise level {noise!r}; use {', '.join(LEVELS)}")
-    return Case.from_code(code)
+    try:
+        endpoint(listen).close()
+    except (ValueError, OSError) as error:
+        raise UsageError(f"cannot listen on {listen!r} ({error}); use pty or tcp:HOST:PORT") from error
 
 
 def _announce(port: str, code: str, runtime: str, as_json: bool) -> None:

@@ -3,38 +3,76 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from host.cli.output import json_option, note, print_json
 from host.files import whole_file
 
+if TYPE_CHECKING:
+    from model_export.schema import ModelSpec
+
 
 @click.command("export")
 @click.argument("model", type=click.Path(path_type=Path, dir_okay=False))
 @click.option("--key", required=True, type=click.Path(path_type=Path), help="Directory made by keygen.")
 @click.option("--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="As model.palp.")
+@click.option("--emit-py", type=click.Path(path_type=Path, dir_okay=False),
+              help="Also write the model as a readable MicroPython module.")  # fmt: skip
+@click.option(
+    "--emit-mpy", type=click.Path(path_type=Path, dir_okay=False), help="The same, compiled to .mpy."
+)
+@click.option(
+    "--arch", default="bytecode", show_default=True, help="Of --emit-mpy: bytecode, armv6m, armv7em ..."
+)
 @click.option("--rollback", is_flag=True, help="Let it replace newer models.")
 @click.option("--adopt", is_flag=True, help="Take over a key that has signed on another machine.")
 @json_option
-def command(model: Path, key: Path, out: Path, rollback: bool, adopt: bool, as_json: bool) -> None:
+def command(
+    model: Path,
+    key: Path,
+    out: Path,
+    emit_py: Path | None,
+    emit_mpy: Path | None,
+    arch: str,
+    rollback: bool,
+    adopt: bool,
+    as_json: bool,
+) -> None:
     """Compile a model to fixed point, prove its bounds, measure its error against float64, and sign it.
 
     \b
     Example:
       palpate keygen out/key
       palpate export out/model.json --key out/key --out out/model.palp
+      palpate export out/model.json --key out/key --out out/model.palp --emit-mpy out/model.mpy --arch armv6m
     """
     from model_export.exporter import export
     from model_export.schema import ModelSpec
 
     spec = ModelSpec.load(model)
+    files = _emitted(spec, emit_py, emit_mpy, arch)  # before a signature is spent
     image, report = export(spec, key, rollback=rollback, adopt=adopt)
-    with whole_file(out) as path:
-        path.write_bytes(image)
+    for place, content in {out: image, **files}.items():
+        with whole_file(place) as path:
+            path.write_bytes(content)
     if as_json:
-        print_json({"out": out, **report.to_dict()})
+        print_json({"out": out, "emitted": list(files), **report.to_dict()})
         return
-    click.echo(str(out))
+    for place in (out, *files):
+        click.echo(str(place))
     for line in report.lines():
         note(line)
+
+
+def _emitted(spec: ModelSpec, emit_py: Path | None, emit_mpy: Path | None, arch: str) -> dict[Path, bytes]:
+    """The model as modules for probes without the evaluator: path to content."""
+    from model_export import emit
+
+    files = {}
+    if emit_py is not None:
+        files[emit_py] = emit.emit_py(spec).encode()
+    if emit_mpy is not None:
+        files[emit_mpy] = emit.emit_mpy(spec, arch)
+    return files

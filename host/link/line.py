@@ -27,7 +27,7 @@ FIRST_WAIT_S, SHORTEST_WAIT_S = 0.4, 0.03
 GROWTH, MOST_GROWTH = 1.4, 4.0
 POLL_S = 0.05
 REOPEN_EVERY_S = 0.25
-INLINE_TRIES = 8
+INLINE_TRIES = 3
 
 
 class Recorder(Protocol):
@@ -244,9 +244,11 @@ class Line:
             return False
         before, now = self.identity, Identity.from_answer(answer.values)
         now.check()
+        if before is not None and now.serial != before.serial:
+            return False  # another probe, or another program's terminal under the old name: wait for ours
         if self.stream is not None and self._ask_inline("stream_start", self.stream) is None:
             return False
-        restarted = before is None or (now.boots, now.serial) != (before.boots, before.serial)
+        restarted = before is None or now.boots != before.boots
         self.identity = now
         self.parser.counts.reconnects += 1
         self._tell(Gap(time.time_ns(), time.monotonic() - began, reason, restarted=restarted))

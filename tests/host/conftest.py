@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from tests.image import synthetic
 
 LUMP = "d12h07e20f09"
 FRAMES = 40
+SERIALS = itertools.count(1000 * os.getpid() % 100_000_000)
 
 
 @pytest.fixture(autouse=True)
@@ -32,9 +34,14 @@ def own_directories(tmp_path_factory, monkeypatch):
 
 
 @pytest.fixture(scope="session")
-def strokes():
-    """Two strokes over one lump through typical sensors, as frames."""
+def bench():
+    """Two strokes over one lump through typical sensors, and the calibration that knows their dead cells."""
     return strokes_over(LUMP, "typical", 1, FRAMES, 2)
+
+
+@pytest.fixture(scope="session")
+def strokes(bench):
+    return bench[0]
 
 
 @pytest.fixture(scope="session")
@@ -52,12 +59,12 @@ def public_key(key_dir):
 
 
 @pytest.fixture(scope="session")
-def specs(strokes):
+def specs(bench):
     """Two made-up models whose domain lies around the stroke's own features."""
     from host.replay_core import Replay
 
     pipeline = Replay(plain=True)
-    pipeline.stream(strokes[0])
+    pipeline.stream(bench[0][0], bench[1])
     felt = pipeline.features()
     return [around(synthetic.model("thesis", seed=seed), felt) for seed in (1, 2)]
 
@@ -87,12 +94,15 @@ def images(specs, key_dir, tmp_path_factory):
 
 
 @pytest.fixture
-def emulated(strokes, public_key):
+def emulated(bench, public_key):
     """Makes emulated probes, and ends them."""
     running = []
 
     def make(runtime="cpython", **words):
-        probe = EmulatedProbe(runtime, strokes=strokes, public_key=public_key, **words).start()
+        strokes, calibration = bench
+        serial = b"%08d" % next(SERIALS)  # two workers' pseudo-terminals may get one another's names
+        given = {"strokes": strokes, "calibration": calibration, "public_key": public_key, "serial": serial}
+        probe = EmulatedProbe(runtime, **{**given, **words}).start()
         running.append(probe)
         return probe
 

@@ -22,8 +22,8 @@ RUNTIMES = [("cpython", "pty"), ("micropython", "pty"), ("micropython", "tcp:127
 
 @pytest.mark.parametrize(("runtime", "listen"), RUNTIMES)
 def test_a_probe_says_who_it_is_takes_a_model_and_answers_a_stroke(emulated, images, runtime, listen):
-    with connect(emulated(runtime, listen=listen)) as probe:
-        assert probe.identity.serial == b"EMULATED".hex()
+    with connect(emulated(runtime, listen=listen, serial=b"SERIAL-7")) as probe:
+        assert probe.identity.serial == b"SERIAL-7".hex()
         assert not probe.identity.has_model
         done = flash(probe, images[0])
         assert probe.identity.has_model and probe.identity.model_id == done.model_id
@@ -142,7 +142,7 @@ def test_an_unplugged_probe_comes_back_and_the_gap_is_marked(emulated):
         probe.set_setting("frame_rate", 200_000)
         probe.start_stream()
         seen, frames = [], 0
-        for event in probe.events(5.0):
+        for event in probe.events(20.0):
             seen.append(event)
             frames += isinstance(event, Frame)
             if frames == 10:

@@ -71,10 +71,10 @@ def test_missing_ports_and_wrong_words(tmp_path):
 def test_auto_finds_the_one_probe_and_will_not_choose_between_two(emulated):
     with pytest.raises(PortMissing, match="palpate emulate"):
         devices.resolve("auto")
-    one = emulated()
+    one = emulated(serial=b"SERIAL-1")
     notes.leave(notes.Note(one.port, os.getpid(), "d12h07e20f09", "cpython"))
     assert devices.resolve("auto").port == one.port
-    assert devices.resolve(b"EMULATED".hex()).port == one.port
+    assert devices.resolve(b"SERIAL-1".hex()).port == one.port
     two = emulated()
     notes.leave(notes.Note(two.port, os.getpid(), "d12h07e20f09", "cpython"))
     with pytest.raises(PortAmbiguous, match="--port") as caught:
