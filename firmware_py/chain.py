@@ -93,6 +93,17 @@ class Chain:
         self._measure()
         return code
 
+    def _take(self):
+        """Fill n, _x, _raw_depth, _rows and _force from the frames; what every build does its own way."""
+
+    def _choose(self):
+        """Find the columns that see the lump and fill _rows from them alone; True if they are not all."""
+        return False
+
+    def _origin(self):
+        """The encoder's reading that _x counts from."""
+        return 0
+
     def _move(self, force_map):
         for k in range(self.n):
             self._depth[k] = self._raw_depth[k]

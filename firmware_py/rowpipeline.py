@@ -102,6 +102,3 @@ class RowPipeline(chain.Chain):
             self._live[r] = n if n else 1
         self.n = self._places.order(self._x, self._raw_depth, self._slot)
         mean_rows(self._sums, self._places.count, self._slot, self.n, self._live, self._rows, self._force)
-
-    def _choose(self):
-        return False

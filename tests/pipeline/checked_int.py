@@ -68,6 +68,11 @@ def _calls(node):
     return isinstance(node, ast.Call) and not (isinstance(node.func, ast.Name) and node.func.id == "_watch_")
 
 
+def wrap(tree, name):
+    """A module's syntax tree with every arithmetic result put through `_watch_`."""
+    return _Wrap(name).visit(tree)
+
+
 def load(stages=twin.STAGES):
     """The firmware's modules with every intermediate checked, and the watch that saw them."""
     watch = Watch()

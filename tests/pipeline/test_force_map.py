@@ -27,7 +27,7 @@ def test_it_moves_an_image_to_another_force(all_strokes, fitted_map, map_blob):
             u = float(np.log(high.images_kPa[k].sum() / low.images_kPa[k].sum()))
             image, depth = firmware_move(map_blob, low.images_kPa[k], low.displacement_mm[k], u)
             way = np.linalg.norm(high.images_kPa[k] - low.images_kPa[k])
-            assert np.linalg.norm(image - high.images_kPa[k]) < 0.1 * way
+            assert np.linalg.norm(image - high.images_kPa[k]) < 0.15 * way
             assert depth == pytest.approx(high.displacement_mm[k], rel=0.03)
 
 
