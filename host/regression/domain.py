@@ -37,7 +37,7 @@ class DomainCheck:
         return boxed & (self.distance(z) <= self.threshold)
 
 
-def fit_domain(features: Floats, z: Floats, share_out: float = 0.05) -> DomainCheck:
+def fit_domain(features: Floats, z: Floats, share_out: float = 0.025) -> DomainCheck:
     """A domain that leaves out about `share_out` of strokes like these.
 
     Parameters
