@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,102 +9,139 @@ import click
 
 from host.cli.output import console, json_option, note, print_json, progress
 from host.errors import UsageError
-from host.files import whole_file
 
 if TYPE_CHECKING:
-    from sim.tissue import Progress
+    from model_export.schema import ModelSpec
 
 
 @click.command("fit")
 @click.argument("directory", type=click.Path(path_type=Path, file_okay=False))
 @click.option("--kind", type=click.Choice(["thesis", "field"]), default="thesis", show_default=True,
-              help="thesis: 29 runs, its equations; field: space-filling runs, for use.")  # fmt: skip
+              help="thesis: the 29 runs, the thesis' equations. field: lumps of all kinds.")  # fmt: skip
 @click.option("--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="As model.json.")
-@click.option("--report", type=click.Path(path_type=Path, file_okay=False),
-              help="Write every figure and table of the thesis that the data can make here.")  # fmt: skip
-@click.option("--noise", default="typical", show_default=True, help="Sensors to train for.")
-@click.option("--seed", default=1, show_default=True, help="Of the sensors' noise.")
-@click.option("--lumps", type=click.IntRange(16), default=1536, show_default=True,
-              help="field: how many lumps to simulate where DIRECTORY holds none.")  # fmt: skip
-@click.option(
-    "--workers", type=click.IntRange(1), help="field: processes to simulate with; all cores by default."
-)
+@click.option("--noise", default="typical", show_default=True,
+              help="Sensors to train for: none, good, typical or poor.")  # fmt: skip
+@click.option("--seed", default=1, show_default=True, help="Of the split and of the sensors' noise.")
+@click.option("--lumps", default=None, type=click.IntRange(64),
+              help="field: lumps to simulate where DIRECTORY holds none.")  # fmt: skip
+@click.option("--workers", type=click.IntRange(1), help="field: processes for that; all cores by default.")
+@click.option("--tissue", multiple=True, metavar="NAME=VALUE",
+              help="field: another tissue or probe, as gland_ratio=8; may be repeated.")  # fmt: skip
+@click.option("--studies", is_flag=True, help="field: all of palpate study too (an hour).")
+@click.option("--report", type=click.Path(path_type=Path, file_okay=False), help="Draw the figures there.")
 @json_option
 def command(
     directory: Path,
     kind: str,
     out: Path,
-    report: Path | None,
     noise: str,
     seed: int,
-    lumps: int,
+    lumps: int | None,
     workers: int | None,
+    tissue: tuple[str, ...],
+    studies: bool,
+    report: Path | None,
     as_json: bool,
 ) -> None:
-    """Fit a model to strokes; print how well it does beside the thesis' numbers, always out of sample, too.
+    """Fit a model to the strokes in DIRECTORY and say how good it is.
 
-    The thesis kind takes the strokes of `palpate sweep --design thesis`. The field kind needs each lump at
-    two forces and simulates into DIRECTORY what is missing there.
+    \b
+    thesis  Table 1 beside the thesis' numbers, in sample and left out
+    field   the held-out table; what DIRECTORY lacks is simulated into it first
 
     \b
     Example:
       palpate sweep --design thesis --out out/thesis
-      palpate fit out/thesis --kind thesis --out out/model.json --report out/report
-      palpate fit out/field --kind field --out out/field.json --lumps 256
+      palpate fit out/thesis --kind thesis --out out/model.json
+      palpate fit out/field --kind field --out out/field.json --report out/report
     """
     from sim.probe.sensors import LEVELS
 
     if noise not in LEVELS:
-        raise UsageError(f"there is no noise level {noise!r}; use {', '.join(LEVELS)}")
-    fit = _thesis if kind == "thesis" else _field
-    spec, found, report_words = fit(directory, noise=noise, seed=seed, lumps=lumps, workers=workers)
-    with whole_file(out) as path:
-        spec.save(path)
-    page = _report(report, report_words) if report is not None else None
+        raise UsageError(f"there is no noise level {noise!r}; there are {', '.join(LEVELS)}")
+    if kind == "thesis":
+        strokes, fit, spec = _thesis(directory, noise, seed)
+        words: dict[str, Any] = {"strokes": strokes, "thesis": fit}
+    else:
+        fit = _field(directory, noise, seed, lumps, workers, _tissue(tissue))
+        if studies:
+            fit = _with_studies(fit, directory, seed)
+        spec, words = fit.spec, {"field": fit}
+    _save(spec, out)
+    page = None
+    if report is not None:
+        from host.report import write_report
+
+        page = write_report(report, **words)
     if as_json:
-        print_json({"out": out, "kind": kind, "report": page, **found.to_dict()})
+        print_json({"out": out, "kind": kind, "report": page, **fit.to_dict()})
         return
-    _print_tables(found.tables())
+    for found in fit.tables():
+        console().print(found)
     note(f"wrote {out}" + (f" and {page}" if page else ""))
 
 
-def _thesis(directory: Path, noise: str, seed: int, **_: Any) -> tuple[Any, Any, dict[str, Any]]:
+def _save(spec: ModelSpec, out: Path) -> None:
+    from host.files import whole_file
+
+    with whole_file(out) as path:
+        spec.save(path)
+
+
+def _thesis(directory: Path, noise: str, seed: int) -> tuple[Any, Any, ModelSpec]:
     from host.regression.runs import features_table, read_strokes
     from host.regression.thesis import fit_thesis
     from host.regression.thesis_model import fit_thesis_model
 
     strokes = read_strokes(directory)
     fit = fit_thesis(features_table(strokes))
-    return fit_thesis_model(strokes, seed=seed, noise=noise), fit, {"strokes": strokes, "thesis": fit}
+    return strokes, fit, fit_thesis_model(strokes, seed=seed, noise=noise)
 
 
 def _field(
-    directory: Path, noise: str, seed: int, lumps: int, workers: int | None
-) -> tuple[Any, Any, dict[str, Any]]:
-    from host.regression.field.data import prepare
+    directory: Path, noise: str, seed: int, lumps: int | None, workers: int | None, tissue: dict[str, float]
+) -> Any:
+    from host.regression.field.data import LUMPS, prepare
     from host.regression.field.fit import fit_field
 
     with progress("strokes") as bar:
         tasks: dict[str, Any] = {}
 
-        def show(part: str, now: Progress) -> None:
-            if part not in tasks:
-                tasks[part] = bar.add_task(f"simulating {part}")
-            bar.update(tasks[part], completed=now.done, total=now.total)
+        def show(name: str, now: Any) -> None:
+            if name not in tasks:
+                tasks[name] = bar.add_task(f"simulating {name}", total=now.total)
+            bar.update(tasks[name], completed=now.done, total=now.total)
 
-        strokes = prepare(directory, lumps, max(16, lumps // 3), max(8, lumps // 12), workers, show=show)
-    fit = fit_field(strokes, noise=noise, seed=seed, tell=note)
-    return fit.spec, fit, {"field": fit}
-
-
-def _report(directory: Path, words: dict[str, Any]) -> Path:
-    from host.report import write_report
-
-    with progress("figures and tables") as bar:
-        task = bar.add_task("drawing", total=None)
-        return write_report(directory, **words, progress=lambda name: bar.update(task, description=name))
+        strokes = prepare(directory, lumps or LUMPS, workers=workers, tissue=tissue, show=show)
+    return fit_field(strokes, noise=noise, seed=seed, tell=note)
 
 
-def _print_tables(tables: Iterable[Any]) -> None:
-    for table in tables:
-        console().print(table)
+def _with_studies(fit: Any, directory: Path, seed: int) -> Any:
+    from dataclasses import replace
+
+    from host.regression.field.data import read
+    from host.regression.field.fit import Bench
+    from host.regression.field.study import STUDIES
+    from host.regression.field.tissues import TISSUE_STUDY
+
+    bench = Bench(read(directory), seed, directory)
+    return replace(fit, studies=[(s, s.table(bench, note)) for s in (*STUDIES.values(), TISSUE_STUDY)])
+
+
+def _tissue(words: tuple[str, ...]) -> dict[str, float]:
+    """NAME=VALUE pairs as fields of a case; UsageError names the field that there is none of."""
+    from dataclasses import fields
+
+    from sim.tissue import Case
+
+    known = {f.name for f in fields(Case)} - {"d_mm", "h", "E_ratio", "F_rel"}
+    out = {}
+    for word in words:
+        name, _, value = word.partition("=")
+        if name not in known:
+            raise UsageError(f"--tissue {word}: there is no {name!r}; there are {', '.join(sorted(known))}")
+        try:
+            out[name] = float(value)
+        except ValueError:
+            raise UsageError(f"--tissue {word}: {value!r} is not a number") from None
+    return out

@@ -121,11 +121,10 @@ class Line:
                 # Every command is idempotent, so a lost one may be sent again soon; patience grows each time.
                 answer = self._pending.wait(number, patience_s)
                 if answer is not None:
-                    if tries == 1:
-                        self._learn_patience(time.monotonic() - began)
+                    self._learn_patience(time.monotonic() - began)
                     return check_answer(name, answer)
                 waited_s += patience_s
-                patience_s = min(GROWTH * patience_s, MOST_GROWTH * self._patience_s)
+                patience_s = min(GROWTH * patience_s, MOST_GROWTH * self._patience_s, FIRST_WAIT_S)
         finally:
             self._pending.end(number)
         if self.failure is not None:
@@ -136,9 +135,13 @@ class Line:
         )
 
     def _learn_patience(self, trip_s: float) -> None:
-        """Wait four times the usual round trip before sending again, at least `SHORTEST_WAIT_S`."""
+        """Wait four times the usual round trip before sending again, within the two bounds.
+
+        After a repetition the trip seems too short (the answer may be to the first sending); that costs a few
+        more repetitions on a slow line, where taking none into account would never learn on a lossy one.
+        """
         self._trip_s += 0.2 * (trip_s - self._trip_s)
-        self._patience_s = max(SHORTEST_WAIT_S, 4 * self._trip_s)
+        self._patience_s = min(max(SHORTEST_WAIT_S, 4 * self._trip_s), FIRST_WAIT_S)
 
     def ask_afresh(self, name: str, tries: int = 20) -> Answer:
         """Ask under a new id each time: for questions whose old answer is worth nothing (the time)."""

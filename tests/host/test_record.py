@@ -216,7 +216,7 @@ def test_what_is_no_recording_and_what_cannot_be_written(tmp_path):
     with pytest.raises(RecordingError, match="--overwrite"):
         RecordingWriter(good)
     with pytest.raises(RecordingError, match="choose another place"):
-        RecordingWriter(tmp_path / "no" / "such" / "place.mcap")
+        RecordingWriter(tmp_path / "text.mcap" / "place.mcap")
     with pytest.raises(UnknownFormat, match=r"\.parquet"):
         convert(good, tmp_path / "out.xlsx")
     assert not list(tmp_path.glob(".*")), "a temporary file was left"
