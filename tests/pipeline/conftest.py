@@ -24,13 +24,17 @@ def _stroke(code, positions, images, depths):
     return Stroke(**values)
 
 
-@pytest.fixture(scope="session")
-def all_strokes():
+def read_strokes():
     """Pairs (low, high) of strokes at two forces; the last pair has no lump."""
     table = np.load(FILE)
     rows = zip(table["codes"], table["images_kPa"], table["depths_mm"], strict=True)
     strokes = [_stroke(str(code), table["positions_mm"], images, depths) for code, images, depths in rows]
     return list(zip(strokes[::2], strokes[1::2], strict=True))
+
+
+@pytest.fixture(scope="session")
+def all_strokes():
+    return read_strokes()
 
 
 @pytest.fixture(scope="session")
