@@ -7,7 +7,7 @@ say otherwise:
     <!-- exits with 2 -->                 it is, and must end with that status
     <!-- prints -->                       (above a `text` block) it is what the block before printed
 
-A block whose title holds "leave it running" stays up in the background until the page ends. A page that says
+A block whose title or text holds "leave it running" stays up in the background until the page ends. A page that says
 `<!-- goes on from: tutorial/emulated.md -->` begins in the directory in which that page ended.
 """
 
@@ -65,7 +65,7 @@ class Block:
     @property
     def stays(self) -> bool:
         """True for a command in a terminal of its own that the reader leaves running."""
-        return "leave it running" in self.title
+        return "leave it running" in self.title or "leave it running" in self.text
 
 
 def pages() -> list[Path]:

@@ -5,8 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.docs.blocks import blocks_of, goes_on_from
+from tests.docs.blocks import DOCS, blocks_of, goes_on_from
 from tests.docs.session import BlockFailed, Session, copy_files, differs
+
+TUTORIAL = DOCS / "tutorial" / "emulated.md"
+"""Simulates the thesis' strokes; other pages that want them re-use these, as a reader's sweep would."""
 
 
 @pytest.fixture(scope="session")
@@ -30,6 +33,8 @@ def run_page(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], Path]
         before = goes_on_from(page)
         if before is not None:
             copy_files(run(before), directory)
+        elif page != TUTORIAL and "out/thesis" in page.read_text(encoding="utf-8"):
+            copy_files(run(TUTORIAL) / "out" / "thesis", directory / "out" / "thesis")
         session = Session(directory)
         printed = ""
         try:

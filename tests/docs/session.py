@@ -101,6 +101,7 @@ class Session:
         self._env = os.environ | {
             "PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}",
             "XDG_RUNTIME_DIR": str(run_time),
+            "XDG_STATE_HOME": str(directory / ".state"),
             "MPLBACKEND": "Agg",
             "BROWSER": "true",
             "COLUMNS": "110",
