@@ -101,7 +101,8 @@ def dot(c, d, at, high, low, first, n, bits):
     """Sum of n coefficients (c, d from `at`) times inputs (high, low from `first`)."""
     a = 0
     b = 0
-    for i in range(n):
+    n += first
+    while first < n:
         x = c[at]
         h = high[first]
         a += x * h
@@ -112,7 +113,7 @@ def dot(c, d, at, high, low, first, n, bits):
 
 
 def dot_high(c, at, high, first, n):
-    """The same with high parts alone, good to 1e-3 of the largest coefficient."""
+    """One sum with high parts alone, good to 1e-3 of the largest coefficient."""
     a = 0
     for _ in range(n):
         a += c[at] * high[first]
@@ -141,29 +142,31 @@ def value(y, link):
     return ((y >> 12) * 15625 + ((y & 4095) * 15625 >> 12) + 32) >> 6
 
 
-def compute(x, ids, feats, steps, c, d, rows, outs, head, u, high, low, work, out):
-    """All outputs and intervals into `out`, the squared distance from the domain's centre as its permille.
+def put(v, k, bits, high, low):
+    """Keep a Q28 number as input k: its high and its low part."""
+    high[k] = v >> 15
+    low[k] = (v >> (15 - bits)) & ((1 << bits) - 1)
 
-    high and low hold the predictions first, then the terms; work holds y of each output.
-    """
-    n = head[0]
-    terms = head[1]
-    n_sigma = head[2]
-    bits = head[3]
-    mask = (1 << bits) - 1
-    down = 15 - bits
+
+def standardise(x, ids, feats, n, bits, u, high, low):
+    """The features as u, within +-1 over the clip box."""
     at = 0
     for i in range(n):
         v = clip(x[ids[i]], feats[at], feats[at + 1]) - feats[at + 2]
         v = mul28(scaled(v, feats[at + 3]), feats[at + 4])
         u[i] = v
-        high[5 + i] = v >> 15
-        low[5 + i] = (v >> down) & mask
+        put(v, 5 + i, bits, high, low)
         at += 7
+
+
+def multiply(steps, n, terms, bits, u, high, low):
+    """The other terms: each a term before it times a feature."""
     at = 0
     k = 5 + n
+    mask = (1 << bits) - 1
+    down = 15 - bits
     for i in range(n, terms):
-        # mul28, written out: a call costs as much as the product
+        # mul28 and put, written out: a call costs as much as the product
         v = u[steps[at]]
         w = u[steps[at + 1]]
         a = v >> 14
@@ -176,39 +179,62 @@ def compute(x, ids, feats, steps, c, d, rows, outs, head, u, high, low, work, ou
         low[k] = (v >> down) & mask
         at += 2
         k += 1
+
+
+def predict(c, d, rows, outs, terms, bits, high, low, work, out):
+    """The outputs; their predictions, clipped, become inputs 0 to 4."""
     at = 0
-    row = 0
-    o = 0
     for j in range(5):
-        v = scaled(dot(c, d, at, high, low, 5, terms, bits), rows[row + 1]) + rows[row]
-        v = clip(v, outs[o + 1], outs[o + 2])
+        v = dot(c, d, terms * j, high, low, 5, terms, bits)
+        v = scaled(v, rows[2 * j + 1]) + rows[2 * j]
+        v = clip(v, outs[at + 1], outs[at + 2])
         work[j] = v
-        out[3 * j] = value(v, outs[o])
-        v = scaled(v - outs[o + 3], outs[o + 4])
-        high[j] = v >> 15
-        low[j] = (v >> down) & mask
-        at += terms
-        row += 2
-        o += 8
-    o = 0
+        out[3 * j] = value(v, outs[at])
+        put(scaled(v - outs[at + 3], outs[at + 4]), j, bits, high, low)
+        at += 8
+
+
+def doubt(c, d, first, rows, outs, n, bits, hard_below, high, low, work, out):
+    """The intervals: a quantile for the predicted class times sigma, on the link scale."""
+    at = 0
     e = out[12]
     for j in range(5):
-        v = scaled(dot(c, d, at, high, low, 0, 5 + n_sigma, bits), rows[row + 1]) + rows[row]
+        v = dot(c, d, first + n * j, high, low, 0, n, bits)
+        v = scaled(v, rows[2 * j + 11]) + rows[2 * j + 10]
         v = clip(v, _MIN_LN_WIDTH, _MAX_LN_WIDTH)
-        v = width(v + pick(e, head[5], outs[o + 6], outs[o + 5]))
-        out[3 * j + 1] = value(clip(work[j] - v, outs[o + 1], outs[o + 2]), outs[o])
-        out[3 * j + 2] = value(clip(work[j] + v, outs[o + 1], outs[o + 2]), outs[o])
-        at += 5 + n_sigma
-        row += 2
-        o += 8
+        v = width(v + pick(e, hard_below, outs[at + 6], outs[at + 5]))
+        out[3 * j + 1] = value(clip(work[j] - v, outs[at + 1], outs[at + 2]), outs[at])
+        out[3 * j + 2] = value(clip(work[j] + v, outs[at + 1], outs[at + 2]), outs[at])
+        at += 8
+
+
+def distance(c, at, rows, n, high):
+    """Squared distance from the domain's centre, as permille of its edge's."""
     total = 0
+    row = 20
     for i in range(n):
         v = scaled(dot_high(c, at, high, 5, i + 1), rows[row + 1]) + rows[row]
         v = clip(v, -16384, 16384)
         total += v * v >> 3
         at += i + 1
         row += 2
-    out[16] = (total >> 11) * 1000 >> 10
+    return (total >> 11) * 1000 >> 10
+
+
+def compute(x, ids, feats, steps, c, d, rows, outs, head, u, high, low, work, out):
+    """All outputs and intervals into `out`, and the distance from the domain's centre.
+
+    high and low hold the predictions first, then the terms; work holds y of each output.
+    """
+    n = head[0]
+    terms = head[1]
+    bits = head[3]
+    k = 5 + head[2]
+    standardise(x, ids, feats, n, bits, u, high, low)
+    multiply(steps, n, terms, bits, u, high, low)
+    predict(c, d, rows, outs, terms, bits, high, low, work, out)
+    doubt(c, d, 5 * terms, rows, outs, k, bits, head[5], high, low, work, out)
+    out[16] = distance(c, 5 * (terms + k), rows, n, high)
 
 
 def verdict(x, ids, feats, limits, head, out):

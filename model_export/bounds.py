@@ -197,8 +197,9 @@ def prove(tables: evaluator.Tables) -> Proof:
     """
     namespace = dict(vars(evaluator))
     namespace.update(clip=_clip, pick=_pick, exp=_exp)
-    for name in ("mul28", "dot", "scaled", "width", "value", "compute"):
-        namespace[name] = types.FunctionType(getattr(evaluator, name).__code__, namespace, name)
+    for name, item in vars(evaluator).items():
+        if isinstance(item, types.FunctionType) and namespace[name] is item:
+            namespace[name] = types.FunctionType(item.__code__, namespace, name)
     words = {"b": 7, "h": 15, "i": 31}
     for part in ("c", "d"):
         table = getattr(tables, part)

@@ -101,11 +101,12 @@ def compile_model(spec: ModelSpec) -> ev.Tables:
     rows += _distance_rows(spec, gain)
     bits = low_bits(rows)
     c, d, heads = array("h"), array("b" if bits == FEW_LOW_BITS else "h"), array("i")
-    for k, row in enumerate(rows):
-        high, low, intercept, shift = quantise(row, bits)
+    words = [quantise(row, bits) for row in rows]
+    for k, (high, low, _, _) in enumerate(words):
         c.extend(high)
         if k < 2 * ev.OUTPUTS:  # the distance does without
             d.extend(low)
+    for _, _, intercept, shift in words:
         heads.extend((intercept, shift))
     limits = array("i")
     for ident, limit in zip(feature_ids([r.feature for r in spec.lump]), spec.lump):

@@ -29,10 +29,8 @@ ARCHITECTURES = (
 
 _FUNCTIONS = (
     (fixed, ("mul", "exp")),
-    (
-        evaluator,
-        ("clip", "pick", "mul28", "dot", "dot_high", "scaled", "width", "value", "compute", "verdict"),
-    ),
+    (evaluator, ("clip", "pick", "mul28", "dot", "dot_high", "scaled", "width", "value", "put")),
+    (evaluator, ("standardise", "multiply", "predict", "doubt", "distance", "compute", "verdict")),
 )
 _NUMBERS = ("NO_LUMP", "_MAX_LN_WIDTH", "_MIN_LN_WIDTH")
 
@@ -121,21 +119,21 @@ def emit_py(spec: ModelSpec) -> str:
     names = list(dict.fromkeys([*spec.features, *extra]))
     place = {ident: names.index(name) for name, ident in zip(names, compiler.feature_ids(names))}
     order, _ = compiler.term_order(spec)
+    inputs = [_product(term, spec.features) for term in order]
     lengths = [terms] * 5 + [5 + n_sigma] * 5
-    coordinates = [f"coordinate {i} of the domain" for i in range(n)]
     titles = outputs + [f"ln sigma of {name}" for name in outputs]
+    titles += [f"coordinate {i} of the domain" for i in range(n)]
     limits = _cut(tables.limits, [3] * len(spec.lump))
     parts = [
         _table("_IDS", "tuple", [(range(n), "")]),
         _table("_FEATS", "i", zip(_cut(tables.feats, [7] * n), spec.features)),
     ]
     steps = _cut(tables.steps, [2] * (terms - n))
-    products = [_product(term, spec.features) for term in order[n:]]
-    parts.append(_table("_STEPS", "B", zip(steps, products)))
+    parts.append(_table("_STEPS", "B", zip(steps, inputs[n:])))
     whole = [*lengths, *range(1, n + 1)]
-    parts.append(_table("_HIGH_WORDS", "h", zip(_cut(tables.c, whole), titles + coordinates)))
+    parts.append(_table("_HIGH_WORDS", "h", zip(_cut(tables.c, whole), titles)))
     parts.append(_table("_LOW_WORDS", tables.d.typecode, zip(_cut(tables.d, lengths), titles)))
-    parts.append(_table("_ROWS", "i", zip(_cut(tables.rows, [2] * len(whole)), titles + coordinates)))
+    parts.append(_table("_ROWS", "i", zip(_cut(tables.rows, [2] * len(titles)), titles)))
     parts.append(_table("_OUTS", "i", zip(_cut(tables.outs, [8] * 5), outputs)))
     parts.append(_table("_LIMITS", "i", [((place[i], lo, hi), names[place[i]]) for i, lo, hi in limits]))
     parts.append(_table("_HEAD", "i", [(tables.head, "")]))
