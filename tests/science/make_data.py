@@ -16,7 +16,7 @@ from sim.tissue import THESIS_CODES, Case, load_strokes, sweep
 def main(directory: str) -> None:
     """Simulate into `directory` what the tests read from tests/science/data."""
     home = Path(directory)
-    prepare(home, lumps=96, plain=24, wide=0)
+    prepare(home, lumps=96, rim=0, plain=24, wide=0)
     sweep([Case.from_code(code) for code in THESIS_CODES], out_dir=home / "thesis")
     features_table(load_strokes(home / "thesis")).round(7).to_csv(home / "thesis_runs.csv", index=False)
 

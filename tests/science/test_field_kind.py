@@ -52,7 +52,7 @@ def test_no_lump_is_in_two_parts_and_none_is_lost():
 
 
 def test_test_lumps_are_never_fitted_to(bench, parts):
-    train, calibration, test = parts
+    train, calibration, test, _ = parts
     assert not set(test.group) & (set(train.group) | set(calibration.group))
     assert not set(train.group) & set(calibration.group)
 
@@ -73,7 +73,7 @@ def test_a_small_field_model_holds_on_lumps_it_never_saw(fitted, parts):
 def test_moving_frames_to_the_mean_force_is_what_makes_it_hold(bench, parts):
     """Without the force map the hand's wandering turns into ripple of the map (FACTS, "The sensor")."""
     bare = model.Recipe("bare", model.R11, 1, force_map=False)
-    train, calibration, test = bench.parts("typical", False, draws=(2, 2, 2))
+    train, calibration, test, _ = bench.parts("typical", False, draws=(2, 2, 2))
     poor = model.fit_field_model(bare, train, calibration).answer(test)
     good = model.fit_field_model(SMALL, parts[0], parts[1]).answer(parts[2])
     with_map = score.scores(parts[2], good.value, good.lump)["d_error"]
@@ -134,7 +134,7 @@ def test_the_design_fills_the_range_and_no_lump_cases_have_none():
     assert {c.gland_ratio for c in design.lump_cases(4, tissue={"gland_ratio": 4.0})} == {4.0}
     plain = design.no_lump_cases(16)
     assert not any(c.has_lump for c in plain) and all(3.9 < c.t_mm < 40.1 for c in plain)
-    assert not data.inside(Case(25.0, 0.8, 10.0)) and data.inside(Case(15.0, 0.8, 10.0))
+    assert not design.inside(Case(25.0, 0.8, 10.0)) and design.inside(Case(15.0, 0.8, 10.0))
 
 
 @settings(max_examples=10, deadline=None)

@@ -8,7 +8,7 @@ DIR/wide    pairs over lumps from wider ranges, for the domain flag
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
@@ -19,16 +19,17 @@ from host.regression.field.design import (
     FIELD_SETTINGS,
     OUTSIDE,
     LumpPair,
+    inside,
     lump_cases,
     no_lump_cases,
     pairs_of,
+    rim_cases,
 )
 from host.regression.table import TableError
 from sim.probe.sensors import StrokeField
 from sim.tissue import Case, Progress, Settings, load_strokes, read_table, sweep
-from sim.tissue.design import USUAL, Ranges
 
-LUMPS, PLAIN, WIDE = 1536, 512, 128
+LUMPS, RIM_LUMPS, PLAIN, WIDE = 1536, 256, 512, 128
 _PLAIN_SETTINGS = Settings(start_mm=0.0)
 """Plain tissue is the same everywhere: one position will do."""
 
@@ -43,13 +44,14 @@ class FieldStrokes:
 
     Attributes
     ----------
-    lumps, plain, wide : lists of LumpPair
-        `wide` holds only lumps outside the training ranges.
+    lumps, rim, plain, wide : lists of LumpPair
+        `rim` and `wide` hold only lumps outside the ranges that the model is for.
     excluded : dict
         Why -> how many strokes.
     """
 
     lumps: list[LumpPair]
+    rim: list[LumpPair]
     plain: list[LumpPair]
     wide: list[LumpPair]
     excluded: dict[str, int]
@@ -67,6 +69,7 @@ class Split:
 def prepare(
     directory: str | PathLike[str],
     lumps: int = LUMPS,
+    rim: int = RIM_LUMPS,
     plain: int = PLAIN,
     wide: int = WIDE,
     workers: int | None = None,
@@ -79,7 +82,7 @@ def prepare(
     ----------
     directory : path
         Parts that are there already are used as they are.
-    lumps, plain, wide : int
+    lumps, rim, plain, wide : int
         How many of each to simulate.
     workers : int, optional
         Processes; by default one for each core.
@@ -91,12 +94,14 @@ def prepare(
     directory = Path(directory)
     parts: dict[str, tuple[Callable[[], list[Case]], Settings]] = {
         "lumps": (lambda: lump_cases(lumps, tissue=tissue), FIELD_SETTINGS),
+        "rim": (lambda: rim_cases(rim, tissue=tissue), FIELD_SETTINGS),
         "plain": (lambda: no_lump_cases(plain, tissue=tissue), _PLAIN_SETTINGS),
         "wide": (lambda: lump_cases(wide, 5, OUTSIDE, tissue), FIELD_SETTINGS),
     }
+    wanted = {"lumps": lumps, "rim": rim, "plain": plain, "wide": wide}
     for name, (cases, settings) in parts.items():
         home = directory / name
-        if (home / "strokes.parquet").exists() or not {"lumps": lumps, "plain": plain, "wide": wide}[name]:
+        if (home / "strokes.parquet").exists() or not wanted[name]:
             continue
         report = None if show is None else (lambda p, name=name: show(name, p))  # type: ignore[misc]
         sweep(cases(), settings, home, workers=workers, progress=report)
@@ -108,7 +113,7 @@ def read(directory: str | PathLike[str]) -> FieldStrokes:
     directory = Path(directory)
     found: dict[str, list[LumpPair]] = {}
     excluded: dict[str, int] = {}
-    for name in ("lumps", "plain", "wide"):
+    for name in ("lumps", "rim", "plain", "wide"):
         home = directory / name
         if not (home / "strokes.parquet").exists():
             found[name] = []
@@ -121,7 +126,7 @@ def read(directory: str | PathLike[str]) -> FieldStrokes:
     within = [inside(pair.case) for pair in found["wide"]]
     _count(excluded, "wide: inside the training ranges, so no test of the domain", sum(within))
     found["wide"] = [pair for pair, is_in in zip(found["wide"], within) if not is_in]
-    return FieldStrokes(found["lumps"], found["plain"], found["wide"], excluded)
+    return FieldStrokes(found["lumps"], found["rim"], found["plain"], found["wide"], excluded)
 
 
 def read_pairs(home: Path) -> tuple[list[LumpPair], int, int]:
@@ -129,13 +134,6 @@ def read_pairs(home: Path) -> tuple[list[LumpPair], int, int]:
     failed = int((read_table(home)["status"] != "ok").sum())
     pairs, alone = pairs_of(load_strokes(home))
     return pairs, failed, len(alone)
-
-
-def inside(case: Case, ranges: Ranges = USUAL) -> bool:
-    """Whether a lump lies in the training ranges, the probe being the usual one."""
-    named = [f.name for f in fields(ranges) if getattr(ranges, f.name) is not None]
-    within = all(getattr(ranges, n)[0] <= getattr(case, n) <= getattr(ranges, n)[1] for n in named)
-    return within and case.probe_radius_mm == 40.0
 
 
 def split(n: int, seed: int = 1) -> Split:

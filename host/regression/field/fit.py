@@ -187,10 +187,11 @@ class Bench:
     def __init__(self, strokes: FieldStrokes, seed: int = 1, directory: str | PathLike[str] = ".") -> None:
         self.strokes, self.seed, self.directory = strokes, seed, Path(directory)
         self.lumps = stroke_fields(strokes.lumps)
+        self.rim = stroke_fields(strokes.rim)
         self.plain = stroke_fields(strokes.plain)
         self.wide = stroke_fields(strokes.wide)
         self.split: Split = split(len(self.lumps), seed)
-        self.force_map = learn_force_map([strokes.lumps[k] for k in self.split.train])
+        self.force_map = learn_force_map([strokes.lumps[k] for k in self.split.train] + strokes.rim)
         self.blob = force_maps.blob(self.force_map)
 
     def see(
@@ -233,8 +234,8 @@ class Bench:
         force_map: bool = True,
         draws: tuple[int, int, int] = (TRAIN_DRAWS, CALIBRATION_DRAWS, TEST_DRAWS),
         **sensor: Any,
-    ) -> tuple[Seen, Seen, Seen]:
-        """Training, calibration and test strokes over lumps, at one noise level."""
+    ) -> tuple[Seen, Seen, Seen, Seen | None]:
+        """Training, calibration, test and rim strokes over lumps, at one noise level."""
         s = self.split
         if noise_named(noise) == Noise():
             draws = (1, 1, 1)
@@ -243,7 +244,9 @@ class Bench:
             self.see(self.lumps, lumps, noise, n, 100 * k, force_map, **sensor)
             for k, (lumps, n) in enumerate(zip(which, draws))
         )
-        return train, calibration, test
+        every = np.arange(len(self.rim))
+        rim = self.see(self.rim, every, noise, draws[0], 600, force_map, **sensor) if self.rim else None
+        return train, calibration, test, rim
 
 
 def fit_field(
@@ -273,14 +276,14 @@ def fit_field(
     rows: list[HeldOutRow] = []
     kept: tuple[FieldModel, Seen, Seen, Seen] | None = None
     for level in dict.fromkeys((*levels, noise)):
-        seen: dict[bool, tuple[Seen, Seen, Seen]] = {}
+        seen: dict[bool, tuple[Seen, Seen, Seen, Seen | None]] = {}
         for recipe in dict.fromkeys((FIELD, *recipes)):
             if tell:
                 tell(f"noise {level}: {recipe.name}")
             if recipe.force_map not in seen:
                 seen[recipe.force_map] = bench.parts(level, recipe.force_map)
-            train, calibration, test = seen[recipe.force_map]
-            model = fit_field_model(recipe, train, calibration)
+            train, calibration, test, rim = seen[recipe.force_map]
+            model = fit_field_model(recipe, train, calibration, rim)
             rows += held_out(level, model, test)
             if level == noise and recipe == FIELD:
                 kept = model, train, calibration, test

@@ -7,7 +7,7 @@ predictions of these, quantiles on both these and calibration lumps, the domain 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ from host.regression.probe_model import (
     training_hash,
 )
 from host.regression.ridge import Term, all_terms
-from host.regression.seen import NAMES, Seen
+from host.regression.seen import NAMES, Seen, join
 from model_export import force_map as force_maps
 from model_export.schema import ModelSpec
 
@@ -163,6 +163,7 @@ def fit_field_model(
     recipe: Recipe,
     train: Seen,
     calibration: Seen,
+    rim: Seen | None = None,
     least_amp_share: float = LEAST_AMP_SHARE,
 ) -> FieldModel:
     """Fit one recipe.
@@ -172,12 +173,19 @@ def fit_field_model(
     recipe : Recipe
     train, calibration : Seen
         Strokes over lumps, no lump in both; those that show no lump are left out.
+    rim : Seen, optional
+        Strokes over lumps just outside the ranges: the polynomial is fitted to them too, so that it does
+        not hang free at the ranges' corners; intervals and domain are not.
     least_amp_share : float
         Amp over Base from which a bump counts as a lump.
     """
     rule = (least_amp_share,)
     train = train.take(train.whole & shows_lump(train.X, NAMES, *rule))
     calibration = calibration.take(calibration.whole & shows_lump(calibration.X, NAMES, *rule))
+    within = len(train)
+    if rim is not None and len(rim):
+        rim = rim.take(rim.whole & shows_lump(rim.X, NAMES, *rule))
+        train = join([train, replace(rim, group=-1 - rim.group)])
     X, Y = train.columns(recipe.features), to_link(train.Y)
     lo, hi = to_link(np.array([LOWEST]))[0], to_link(np.array([HIGHEST]))[0]
     terms = recipe.terms()
@@ -186,8 +194,9 @@ def fit_field_model(
         return fit_polynomial(recipe.features, x, y, groups, terms, lo, hi)
 
     model = fit(X, Y, train.group)
-    guess = out_of_fold(X, Y, train.group, lambda x, y, g: fit(x, y, g).predict)
-    sigma_terms, sigma = fit_sigma(model.standard(X), guess, Y - guess, train.group)
+    guess = out_of_fold(X, Y, train.group, lambda x, y, g: fit(x, y, g).predict)[:within]
+    X, Y = X[:within], Y[:within]
+    sigma_terms, sigma = fit_sigma(model.standard(X), guess, Y - guess, train.group[:within])
     x = calibration.columns(recipe.features)
     z, y = model.standard(x), model.predict(x)
     guesses, truth = np.concatenate([guess, y]), np.concatenate([Y, to_link(calibration.Y)])

@@ -61,8 +61,8 @@ def row_of(setting: str, model: FieldModel, test: Seen, answers: Answers | None 
 
 
 def _row(bench: Bench, setting: str, noise: Noise, recipe: Recipe = FIELD, **sensor: Any) -> Row:
-    train, calibration, test = bench.parts(noise, recipe.force_map, DRAWS, **sensor)
-    return row_of(setting, fit_field_model(recipe, train, calibration), test)
+    train, calibration, test, rim = bench.parts(noise, recipe.force_map, DRAWS, **sensor)
+    return row_of(setting, fit_field_model(recipe, train, calibration, rim), test)
 
 
 def _varied(**values: Any) -> Callable[[Bench], Iterator[Row]]:
@@ -117,7 +117,7 @@ def _displacement(bench: Bench) -> Iterator[Row]:
 
 
 def _learning(bench: Bench) -> Iterator[Row]:
-    train, calibration, test = bench.parts(TYPICAL, True, DRAWS)
+    train, calibration, test, _ = bench.parts(TYPICAL, True, DRAWS)
     lumps = np.random.default_rng(bench.seed).permutation(bench.split.train)
     linear = Recipe("degree 1", FIELD.features, 1)
     square = Recipe("degree 2", FIELD.features, 2)

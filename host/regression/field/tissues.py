@@ -39,8 +39,8 @@ def other_tissue(directory: Path, changes: dict[str, float], lumps: int = LUMPS)
 
 
 def _run(bench: Bench) -> Iterator[Row]:
-    train, calibration, test = bench.parts(TYPICAL, True, DRAWS)
-    model = fit_field_model(FIELD, train, calibration)
+    train, calibration, test, rim = bench.parts(TYPICAL, True, DRAWS)
+    model = fit_field_model(FIELD, train, calibration, rim)
     yield _row("as trained", model, test)
     for words, changes in TISSUES.items():
         fields = stroke_fields(other_tissue(bench.directory, changes))
