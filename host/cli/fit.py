@@ -29,6 +29,12 @@ if TYPE_CHECKING:
               help="field: another tissue or probe, as gland_ratio=8; may be repeated.")  # fmt: skip
 @click.option("--studies", is_flag=True, help="field: all of palpate study too (an hour).")
 @click.option("--report", type=click.Path(path_type=Path, file_okay=False), help="Draw the figures there.")
+@click.option("--recording", type=click.Path(path_type=Path, dir_okay=False),
+              help="A real stroke for the report: .mcap, or .csv of place in mm and kPa.")  # fmt: skip
+@click.option("--weights", multiple=True, type=click.Path(path_type=Path, dir_okay=False),
+              help="For the report: .csv of force and displacement in mm of one lump; may be repeated.")  # fmt: skip
+@click.option("--thickness", default=30.0, show_default=True, type=click.FloatRange(min=0, min_open=True),
+              help="mm of the model that --weights was measured on.")  # fmt: skip
 @json_option
 def command(
     directory: Path,
@@ -41,6 +47,9 @@ def command(
     tissue: tuple[str, ...],
     studies: bool,
     report: Path | None,
+    recording: Path | None,
+    weights: tuple[Path, ...],
+    thickness: float,
     as_json: bool,
 ) -> None:
     """Fit a model to the strokes in DIRECTORY and say how good it is.
@@ -72,7 +81,7 @@ def command(
     if report is not None:
         from host.report import write_report
 
-        page = write_report(report, **words)
+        page = write_report(report, recording=recording, weights=weights, thickness_mm=thickness, **words)
     if as_json:
         print_json({"out": out, "kind": kind, "report": page, **fit.to_dict()})
         return
