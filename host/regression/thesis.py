@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from rich import box
 from rich.table import Table
 
 from host.regression.direct import DirectEquation, fit_direct, permutation_test
@@ -192,21 +193,22 @@ def _shown(value: float | None) -> str:
 
 
 def _table_1(entries: list[Table1Entry]) -> Table:
-    out = Table(title="Table 1: R2 of the inverse models (thesis beside ours)")
-    out.add_column("")
-    heads = ("thesis", "in sample", "left out", "inverted", "left out")
-    for side in ("pressure", "with displacement"):
-        for k, head in enumerate(heads):
-            out.add_column(f"{side}\n{head}" if k == 0 else f"\n{head}", justify="right")
-    out.add_column("\nn", justify="right")
-    for a, b in zip(entries[::2], entries[1::2]):
-        cells = [
-            _shown(v)
-            for e in (a, b)
-            for v in (e.thesis_r2, e.direct.r2_in, e.direct.r2_loo, e.inverted_in, e.inverted_loo)
-        ]
-        out.add_row(a.row.name, *cells, str(a.n))
-    out.caption = "left out: leave-one-out, terms chosen anew each time; inverted: forward quadratics solved"
+    """Narrow enough for a terminal of 80 columns."""
+    title = "Table 1: R2 of the inverse models (thesis beside ours)"
+    out = Table(title=title, title_justify="left", caption_justify="left", box=box.SIMPLE_HEAD)
+    out.padding = (0, 1, 0, 0)
+    for name in ("", "from"):
+        out.add_column(name, no_wrap=True)
+    for name in ("n", "thesis", "in sample", "left out", "inverted", "left out"):
+        out.add_column(name, justify="right", no_wrap=True)
+    for e in entries:
+        values = (e.thesis_r2, e.direct.r2_in, e.direct.r2_loo, e.inverted_in, e.inverted_loo)
+        first = ("", "p, D") if e.displacement else (e.row.name, "p")
+        out.add_row(*first, str(e.n), *map(_shown, values), end_section=e.displacement)
+    out.caption = (
+        "p: from pressure; p, D: and displacement. left out: leave-one-out, terms chosen anew each time; "
+        "inverted: forward quadratics solved"
+    )
     return out
 
 
@@ -221,8 +223,11 @@ def _forward_table(fit: ThesisFit) -> Table:
 
 def _inverse_table(entries: list[Table1Entry]) -> Table:
     out = Table(title="Inverse model (Appendix C)", show_lines=True)
-    for name in ("runs", "equation", "RMSE", "left out", "largest VIF", "largest Cook's D"):
-        out.add_column(name, justify="left" if name in ("runs", "equation") else "right")
+    for name in ("runs", "equation"):
+        out.add_column(name)
+    for name in ("RMSE", "left out", "VIF", "Cook"):
+        out.add_column(name, justify="right", no_wrap=True)
+    out.caption = "RMSE in sample and left out; the largest variance inflation factor and Cook's distance"
     for e in entries:
         d = e.direct
         kind = "with displacement" if e.displacement else "pressure"

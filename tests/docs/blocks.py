@@ -7,8 +7,8 @@ say otherwise:
     <!-- exits with 2 -->                 it is, and must end with that status
     <!-- prints -->                       (above a `text` block) it is what the block before printed
 
-A block whose title or text holds "leave it running" stays up in the background until the page ends. A page that says
-`<!-- goes on from: tutorial/emulated.md -->` begins in the directory in which that page ended.
+A block whose title or text holds "leave it running" stays up in the background until the page ends. A page
+that says `<!-- goes on from: tutorial/emulated.md -->` begins in the directory in which that page ended.
 """
 
 from __future__ import annotations

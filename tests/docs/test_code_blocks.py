@@ -15,6 +15,8 @@ REASONS = (
     "installs packages",
     "takes minutes",
     "minutes",
+    "fifteen minutes",
+    "the whole page is run by",
     "opens a browser",
     "the tests run it",
     "not for this machine",
