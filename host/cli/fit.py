@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 @click.option("--recording", type=click.Path(path_type=Path, dir_okay=False),
               help="A real stroke for the report: .mcap, or .csv of place in mm and kPa.")  # fmt: skip
 @click.option("--weights", multiple=True, type=click.Path(path_type=Path, dir_okay=False),
-              help="For the report: .csv of force and displacement in mm of one lump; may be repeated.")  # fmt: skip
+              help="For the report: .csv of force and displacement in mm; one for each lump.")  # fmt: skip
 @click.option("--thickness", default=30.0, show_default=True, type=click.FloatRange(min=0, min_open=True),
               help="mm of the model that --weights was measured on.")  # fmt: skip
 @json_option
