@@ -40,8 +40,10 @@ NAMES = (
     "ln_width_near",  # the same near the lump, less ln_width_far
     "edge_far",  # mean of the two outermost sensors / image mean, far
     "ln_peak",  # ln(greatest pressure of the near image / image mean)
+    "tilt_15_19",
+    "tilt_20_24",
 )
-COUNT = 28
+COUNT = 30
 
 LN_COUNT_TO_KPA = -359705684  # ln(1 / (2^11 1e6)): Q11 counts of 1 mPa to kPa
 LN_SUM_TO_N_PER_M = -283128629  # ln(.0015 / (2^5 1e3)): sum of Q5 counts of 1 mPa to N/m
@@ -104,6 +106,8 @@ def from_profile(q, out):
     out[21] = tilt(q, 3, 5)
     out[22] = tilt(q, 6, 9)
     out[23] = tilt(q, 10, 14)
+    out[28] = tilt(q, 15, 19)
+    out[29] = tilt(q, 20, 24)
 
     s = profile.AT_28
     v = q[s + 7] if q[s + 7] > 512 else 512
@@ -159,7 +163,7 @@ def finish(force, count_mpa, out):
     out[0] += unit
     out[1] += unit
     out[6] = _ln(force) + LN_SUM_TO_N_PER_M + unit
-    for i in range(28):
+    for i in range(30):
         if out[i] > 0x1FFFFFFF:
             out[i] = 0x1FFFFFFF
         elif out[i] < -0x1FFFFFFF:

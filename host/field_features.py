@@ -341,5 +341,7 @@ def _features(
         "ln_width_near": width(near) - width(far),
         "edge_far": far[:2].mean() / far.mean(),
         "ln_peak": np.log(near.max() / near.mean()),
+        "tilt_15_19": tilt(15, 19),
+        "tilt_20_24": tilt(20, 24),
     }
     return {name: float(out[name]) for name in features.NAMES}
