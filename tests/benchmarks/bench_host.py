@@ -159,10 +159,10 @@ def latency(runtime: str, listen: str, strokes: int = 5) -> None:
             if isinstance(event, Frame):
                 frames[event.seq] = event.host_ns
             elif isinstance(event, Estimate):
-                last = event.first_seq + event.frames - 1  # then the probe lifts, one frame later
+                last = event.first_seq + event.frames - 1  # the probe lifts a frame later
                 waits.append((event.host_ns - frames[last]) / 1e6)
     print(
-        f"  {runtime:12} {listen.split(':')[0]:4} from a stroke's last frame to the estimate, at 100 frames/s: "
+        f"  {runtime:12} {listen.split(':')[0]:4} from last frame to estimate, at 100 frames/s: "
         f"median {statistics.median(waits):6.1f} ms, longest {max(waits):6.1f} ms ({len(waits)} strokes)"
     )
 
