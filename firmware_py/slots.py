@@ -171,7 +171,7 @@ class Slots:
             code = self._signed(slot)
         if code == status.OK:
             code, self.trial = self._load(slot)
-        if code == status.OK:
+        if self.trial is not None:
             code = self._new_enough(self.trial.header)
         if code != status.OK:
             self.abort()
@@ -194,7 +194,7 @@ class Slots:
 
     def confirm(self):
         """Make the tried model the live one, for good. A status; on STORE_ERROR the old one stays live."""
-        if self.state != TRIED:
+        if self.state != TRIED or self.trial is None:
             return status.BAD_STATE
         header = self.trial.header
         highest = max(self._highest, header.counter)
