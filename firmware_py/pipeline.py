@@ -9,7 +9,7 @@
 
 from array import array
 
-from firmware_py import bins, calib, chain, columns, status, traces
+from firmware_py import bins, calib, chain, columns, status, stuck, traces
 
 POINTS = chain.POINTS
 HALF_UM = chain.HALF_UM
@@ -60,6 +60,8 @@ class Pipeline(chain.Chain):
         self.bins = bins.Bins(n_bins, width_um)
         self.fixed_columns = fixed_columns
         self.columns = array("i", bytes(4 * calib.COLS))  # how much of the bump each column sees, Q3 counts
+        self.stuck = 0  # how many cells stood at a rail all along, and were mended
+        self._found = bytearray(calib.CELLS // 8)
         self._slot = bytearray(n_bins)
         self._maps = array("i", bytes(4 * chain.POINTS * calib.COLS))
         self._exact = array("i", bytes(64 * n_bins))  # rows over all columns, before cells were rounded
@@ -94,6 +96,9 @@ class Pipeline(chain.Chain):
         if not self.done:
             self.done = True
             self.n = b.order(self._x, self._raw_depth, self._slot)
+            self.stuck = 0
+            if self.n >= chain.FEWEST:
+                self.stuck = stuck.mend(b.cells, self._slot, self.n, b.count, c.offset, c.dead, self._found)
             calib.calibrate_bins(
                 b.cells,
                 self._slot,

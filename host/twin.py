@@ -19,6 +19,7 @@ STAGES = (
     "fixed",
     "calib",
     "bins",
+    "stuck",
     "traces",
     "search",
     "gauss",

@@ -241,6 +241,20 @@ def test_known_dead_cells_cost_little(fields, map_blob):
     assert replay.features() == pytest.approx(whole, abs=0.03)
 
 
+def test_cells_that_died_since_the_calibration_are_found_and_mended(fields, map_blob, fitted_map):
+    replay = Replay(map_blob)
+    replay.stream(SensorModel(fields[0], FAINT, 1).stroke())
+    whole = replay.features()
+    model = SensorModel(fields[0], FAINT.with_(dead=0.05, dead_unknown=0.5), 1)
+    frames, code = replayed(replay, model)
+    assert code == status.OK
+    assert replay.pipeline.stuck == int((model.dead & ~model.known_dead).sum()) > 5
+    assert replay.features() == pytest.approx(whole, abs=0.03)
+    given = frames.counts, frames.positions_um / 1e3, frames.displacements_um / 1e3
+    true = field_features.compute(*given, model.calibration(), fitted_map)
+    assert replay.features() == pytest.approx(list(true.features.values()), abs=5e-3)
+
+
 def test_no_lump_is_no_lump(flat_field, replay):
     """Nothing that rises, or so little of it that the model's lump rule turns it down."""
     for seed in range(10):
