@@ -27,7 +27,7 @@ def stands(cells, slot, n, counts, offset, i):
 def mend(cells, slot, n, counts, offset, dead, found):
     """Give each cell that stands at a rail the mean of its live neighbours in the row, in all n bins.
 
-    dead: mask of the known dead cells, which are left alone; found: gets that of the others. Returns how many.
+    dead: mask of the known dead cells, which are left alone; found: gets the others. Returns how many.
     """
     total = 0
     for i in range(52):
