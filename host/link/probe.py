@@ -13,28 +13,20 @@ oldest first, and counted; the recording has them all). After an unplug the stre
 
 from __future__ import annotations
 
-import random
-import time
 from collections.abc import Callable, Iterator
-from typing import Any, Self
+from typing import Self
 
-from firmware_py import messages, status
-from host.errors import CommandRefused, CommandTimeout, LinkGone, NotAProbe, NotLive
-from host.link.accounting import Counts
-from host.link.clock import ClockState, ClockSync
-from host.link.commands import setting_key
+from firmware_py import messages
+from host.errors import CommandRefused, CommandTimeout, LinkGone, NotAProbe
 from host.link.events import Answer, Estimate, Event, Gap
 from host.link.identity import Identity
-from host.link.line import GIVE_UP_S, Line, Recorder
-from host.link.parser import Again, LinkCounts, LiveParser
+from host.link.line import Line, Recorder
+from host.link.parser import Again, LinkCounts
+from host.link.remote import Commandable
 from host.link.transport import Transport
 
-BUSY_TRIES, BUSY_WAIT_S = 20, 0.1
-READ_BACK_S = 30.0
-"""For a piece read back: its answer is four times as long as others, so a bad line eats it more often."""
 
-
-class Probe:
+class Probe(Commandable):
     """A probe at the other end of a transport, past its handshake.
 
     Parameters
@@ -60,19 +52,17 @@ class Probe:
         recorder: Recorder | None = None,
         reopen: Callable[[], Transport] | None = None,
     ) -> None:
+        super().__init__(transport.name, Line(transport, recorder, reopen) if transport.live else None)
         self._transport = transport
-        self._line = Line(transport, recorder, reopen) if transport.live else None
-        self._parser = LiveParser() if self._line is None else self._line.parser
-        self._sync = ClockSync()
-        self._sync_restarts = 0
         try:
-            self._identity = self._handshake()
-            self._identity.check()
+            identity = self._handshake()
+            identity.check()
         except BaseException:
             self.close()
             raise
+        self._identity = identity
         if self._line is not None:
-            self._line.identity = self._identity
+            self._line.identity = identity
 
     @classmethod
     def open(cls, port: str = "auto", baud: int = 921_600, recorder: Recorder | None = None) -> Self:
@@ -128,7 +118,9 @@ class Probe:
     @property
     def identity(self) -> Identity:
         """Who answered the last handshake."""
-        return self._identity if self._line is None or self._line.identity is None else self._line.identity
+        told = self._identity if self._line is None else self._line.identity
+        assert told is not None
+        return told
 
     @property
     def counts(self) -> LinkCounts:
@@ -137,133 +129,12 @@ class Probe:
             self._parser.counts.queue_dropped = self._line.events.dropped
         return self._parser.counts
 
-    @property
-    def frame_counts(self) -> Counts:
-        """Frames received, lost, duplicate, late."""
-        return self._parser.frames.counts
-
-    @property
-    def clock(self) -> ClockState | None:
-        """Offset and drift of the probe's clock; None before `sync_clock`."""
-        return self._sync.state
-
     def close(self) -> None:
         """Stop reading and close the port; harmless when repeated. The recorder stays open."""
         if self._line is not None:
             self._line.close()
         else:
             self._transport.close()
-
-    # Commands
-
-    def command(
-        self,
-        name: str,
-        *values: int,
-        tail: bytes = b"",
-        timeout_s: float = GIVE_UP_S,
-        once: bool = False,
-    ) -> tuple[Any, ...]:
-        """Give a command and wait for its answer; the same bytes are sent again until it comes.
-
-        Parameters
-        ----------
-        name : str
-            Of `firmware_py.messages.COMMANDS`.
-        values, tail
-            Its fields, in order.
-        timeout_s : float
-            How long to go on before the probe counts as silent, s (while unplugged the clock stands still).
-        once : bool
-            Do not send it again.
-
-        Returns
-        -------
-        tuple
-            The answer's fields.
-
-        Raises
-        ------
-        CommandTimeout
-            No answer in that time.
-        CommandRefused
-            The probe's status was negative (after two seconds of tries, if it was busy).
-        LinkGone
-            The port vanished and does not come back.
-        NotLive
-            The source is a recording.
-        """
-        line = self._live(name)
-        for _ in range(BUSY_TRIES):
-            try:
-                return line.ask(name, values, tail, timeout_s, once).values
-            except CommandRefused as refusal:
-                # The probe remembers its refusal of this id; the next try has an id of its own.
-                if refusal.status != status.BUSY:
-                    raise
-                time.sleep(BUSY_WAIT_S)
-        return line.ask(name, values, tail, timeout_s, once).values
-
-    def sync_clock(self, exchanges: int = 8) -> ClockState:
-        """Compare the clocks a few times; more often, and over longer, makes the drift better.
-
-        Returns
-        -------
-        ClockState
-            Offset, drift and their doubt.
-        """
-        line = self._live("time_sync")
-        if self._sync_restarts != self.frame_counts.restarts:
-            self._sync_restarts = self.frame_counts.restarts
-            self._sync.restart()
-        for _ in range(exchanges):
-            answer = line.ask_afresh("time_sync")
-            asked_ns, taken_us, answered_us = line.asked_ns, *answer.values
-            self._sync.add(asked_ns / 1000, taken_us, answered_us, answer.host_ns / 1000)
-        state = self._sync.state
-        assert state is not None
-        return state
-
-    def host_time_us(self, probe_us: int) -> float | None:
-        """Unix time, us, of an event's `time_us`; None before `sync_clock` and after a restart."""
-        if self._sync_restarts != self.frame_counts.restarts:
-            return None
-        return self._sync.host_time_us(probe_us)
-
-    def statistics(self) -> dict[str, int]:
-        """The probe's own counters, by the names of `firmware_py.messages.COUNTERS`."""
-        (values,) = self.command("statistics")
-        return dict(zip(messages.COUNTERS, values))
-
-    def get_setting(self, name: str) -> int:
-        """A setting's value, in the unit of its table row (docs/protocol.md)."""
-        return int(self.command("get_setting", setting_key(name))[1])
-
-    def set_setting(self, name: str, value: int) -> None:
-        """Set and store a setting; `CommandRefused` where it is outside its limits."""
-        self.command("set_setting", setting_key(name), value)
-
-    def refresh_identity(self) -> Identity:
-        """Shake hands again: what the probe is now (after a flash: which model is live)."""
-        self._identity = self._identify()
-        if self._line is not None:
-            self._line.identity = self._identity
-        return self._identity
-
-    def read_back(self, what: int) -> bytes:
-        """The stored calibration (0) or the live model image (1), bit for bit; b"" where there is none."""
-        found = b""
-        while True:
-            try:
-                _, offset, size, piece = self.command("read_back", what, len(found), timeout_s=READ_BACK_S)
-            except CommandRefused as refusal:
-                if refusal.status in (status.NO_MODEL, status.NOT_SUPPORTED, status.BAD_TYPE):
-                    return b""
-                raise
-            if offset == len(found):
-                found += piece
-            if len(found) >= size or not piece:
-                return found
 
     # Events
 
@@ -327,11 +198,6 @@ class Probe:
             if self.connected:
                 self.stop_stream()
 
-    def _live(self, command: str) -> Line:
-        if self._line is None:
-            raise NotLive(f"{self.name} is a recording: it cannot be given the command {command}")
-        return self._line
-
     def _play(self) -> Iterator[Event]:
         """A recording has no thread: it is read as fast as its reader goes."""
         while True:
@@ -364,7 +230,3 @@ class Probe:
                 f"{self.name} does not answer as a Palpate probe; check the port (`palpate devices`) "
                 "and that the firmware runs"
             ) from error
-
-    def _identify(self) -> Identity:
-        nonce = random.randrange(1 << 30)
-        return Identity.from_answer(self.command("identify", nonce))
