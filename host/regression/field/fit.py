@@ -56,7 +56,7 @@ FIELD_FEATURES = (
     "edge_far",
     "ln_width_far",
 )
-CUBIC = ("asinh_amp", "ln_stdev", "ln_d_far", "ln_force", "dip_6_10", "asinh_rise")
+CUBIC = ("asinh_amp", "ln_stdev", "ln_d_far", "ln_force", "dip_6_10", "asinh_rise", "tilt_6_9")
 
 FIELD = Recipe("field", FIELD_FEATURES, 2, True, CUBIC)
 SIX_WITH_MAP = Recipe("thesis' six, force map", THESIS_SIX, 3)
