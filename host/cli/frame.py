@@ -31,6 +31,8 @@ CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("emulate", "host.cli.emulate", "a probe without hardware, on real MicroPython"),
         ("devices", "host.cli.devices", "ports, and the probes behind them"),
         ("flash", "host.cli.flash", "put a model onto a probe"),
+        ("calibrate", "host.cli.calibrate", "zero and gain of the cells, stored on the probe"),
+        ("settings", "host.cli.settings", "show or change what the probe can be set to"),
         ("stream", "host.cli.stream", "strokes and estimates from a probe, recorded"),
         ("view", "host.cli.view", "watch a probe, or a recording, in the browser"),
     ),

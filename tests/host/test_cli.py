@@ -53,6 +53,8 @@ def one_sentence(text: str) -> bool:
         (("export", "{text}", "--key", "k", "--out", "o.palp"), 2, "not a readable model.json"),
         (("fit", "{tmp}", "--out", "m.json"), 2, "no finished sweep"),
         (("completion", "tcsh"), 2, "bash"),
+        (("calibrate", "gain"), 2, "--pressure"),
+        (("settings", "colour"), 2, "frame_rate"),
     ],
 )  # fmt: skip
 def test_wrong_words_and_missing_things_get_one_sentence(palpate, tmp_path, words, status, says):
@@ -157,6 +159,19 @@ def test_flash_stream_replay_and_convert_through_the_command_line(flashed, palpa
     assert status == 0 and out.splitlines()[-1].startswith("replay: identical")
     status, out, _ = palpate("convert", path, tmp_path / "visit.csv", "--json")
     assert status == 0 and json.loads(out)["estimates"] == 2
+
+
+def test_settings_and_calibration_are_kept_on_the_probe(flashed, palpate):
+    status, out, _ = palpate("settings", "frame_rate", 80000, "--json")
+    (setting,) = json.loads(out)
+    assert status == 0 and (setting["value"], setting["unit"], setting["lowest"]) == (80000, "mHz", 100)
+    assert len(json.loads(palpate("settings", "--json")[1])) > 5
+    status, _, err = palpate("settings", "frame_rate", 1)
+    assert status == 1 and "outside its range" in err
+    status, out, _ = palpate("calibrate", "zero", "--frames", 20, "--json")
+    done = json.loads(out)
+    assert status == 0 and done["frames"] == 20 and done["noise_counts"] >= 0
+    assert palpate("calibrate", "clear")[0] == 0
 
 
 def test_a_recording_that_was_tampered_with_is_found_out(flashed, palpate, tmp_path):

@@ -149,3 +149,29 @@ def test_echoes_and_unknown_messages_are_not_believed():
     assert events == []
     assert parser.counts.bad_crc + parser.counts.bad_frame == 1
     assert messages.SCHEMA  # the table both ends share
+
+
+def test_a_slow_program_loses_the_oldest_frames_and_no_results():
+    from host.link.event_queue import EventQueue
+
+    data = b"".join(wires.frame(k) for k in range(50)) + wires.estimate(1) + wires.frame(50)
+    queue = EventQueue(frames_kept=8)
+    for event in parse(data)[1]:
+        queue.put(event)
+    got = []
+    while (event := queue.get(0)) is not None:
+        got.append(event)
+    assert [e.seq for e in got if isinstance(e, Frame)] == list(range(43, 51))
+    assert len([e for e in got if isinstance(e, Estimate)]) == 1
+    assert queue.dropped == 43
+
+
+def test_counts_are_unpacked_as_the_protocol_says():
+    from host.link.events import unpack_counts
+
+    rng = np.random.default_rng(7)
+    counts = rng.integers(0, 4096, 416)
+    packed = bytearray()
+    for v, w in counts.reshape(-1, 2).tolist():
+        packed += bytes((v & 255, v >> 8 | (w & 15) << 4, w >> 4))  # docs/protocol.md, "frame"
+    assert (unpack_counts(bytes(packed)).ravel() == counts).all()

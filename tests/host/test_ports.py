@@ -90,3 +90,26 @@ def test_notes_of_killed_emulators_are_forgotten():
     path = notes.leave(notes.Note("/dev/pts/999", gone.pid, "d12h07e20f09", "cpython"))
     assert notes.running() == []
     assert not path.exists()
+
+
+def test_a_usb_probe_is_found_by_its_serial_number_wherever_it_is_plugged(emulated, monkeypatch):
+    from types import SimpleNamespace
+
+    from serial.tools import list_ports
+
+    device = emulated()
+    usb = SimpleNamespace(
+        device=device.port, vid=0x2E8A, pid=0x0005, serial_number="E660583883", description="Board in FS mode"
+    )
+    other = SimpleNamespace(device="/dev/ttyS9", vid=None, pid=None, serial_number=None, description="n/a")
+    monkeypatch.setattr(list_ports, "comports", lambda: [usb, other])
+    place = devices.resolve("e660583883")
+    assert (place.port, place.usb_serial) == (device.port, "E660583883")
+    assert devices.resolve("auto").port == device.port  # the port of unknown hardware is not even asked
+    states = {d.port: d.state for d in devices.find()}
+    assert states == {device.port: "probe", "/dev/ttyS9": "not asked"}
+    usb.device = "/dev/ttyACM7"
+    assert place.port_now() == "/dev/ttyACM7"
+    monkeypatch.setattr(list_ports, "comports", lambda: [other])
+    with pytest.raises(PortMissing):
+        place.port_now()

@@ -1,0 +1,49 @@
+"""`palpate calibrate`: zero and gain of the cells, stored on the probe."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import click
+
+from host.cli.output import json_option, print_json
+from host.cli.ports import port_option
+from host.errors import UsageError
+
+
+@click.command("calibrate")
+@click.argument("kind", type=click.Choice(["zero", "gain", "clear"]))
+@click.option("--pressure", "pressure_kPa", type=float, help="gain: the uniform pressure on the cells, kPa.")
+@click.option("--frames", type=click.IntRange(1, 255), default=100, show_default=True, help="To average.")
+@port_option
+@json_option
+def command(kind: str, pressure_kPa: float | None, frames: int, port: str, baud: int, as_json: bool) -> None:
+    """Calibrate the probe's cells: zero in the air, gain under a known uniform pressure, or clear both.
+
+    The result is stored on the probe. Cells that do not answer the pressure are marked dead.
+
+    \b
+    Example:
+      palpate calibrate zero
+      palpate calibrate gain --pressure 10
+    """
+    from host.link.probe import Probe
+
+    if (kind == "gain") != (pressure_kPa is not None):
+        raise UsageError(
+            "--pressure belongs to gain, and gain needs it: palpate calibrate gain --pressure 10"
+        )
+    with Probe.open(port, baud) as probe:
+        if kind == "clear":
+            done = probe.forget_calibration()
+        elif pressure_kPa is None:
+            done = probe.calibrate_zero(frames)
+        else:
+            done = probe.calibrate_gain(pressure_kPa, frames)
+    if as_json:
+        print_json({"kind": kind, "pressure_kPa": pressure_kPa, **asdict(done)})
+    elif kind == "clear":
+        click.echo("the calibration is forgotten; zero and gain are nominal")
+    else:
+        noise = f"noise {done.noise_counts:.2f} counts"
+        click.echo(f"{kind}: {done.frames} frames, {noise}, {done.dead_cells} dead cells")

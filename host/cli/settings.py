@@ -1,0 +1,39 @@
+"""`palpate settings`: what can be set on the probe."""
+
+from __future__ import annotations
+
+import click
+
+from host.cli.output import json_option, print_json, table
+from host.cli.ports import port_option
+
+
+@click.command("settings")
+@click.argument("name", required=False)
+@click.argument("value", type=int, required=False)
+@port_option
+@json_option
+def command(name: str | None, value: int | None, port: str, baud: int, as_json: bool) -> None:
+    """Show the probe's settings with their limits, or set one; it is stored on the probe.
+
+    \b
+    Example:
+      palpate settings
+      palpate settings frame_rate 100000
+    """
+    from firmware_py import messages
+    from host.link.commands import setting_key
+    from host.link.probe import Probe
+
+    if name is not None:
+        setting_key(name)  # a wrong word is told before the port is opened
+    with Probe.open(port, baud) as probe:
+        if name is not None and value is not None:
+            probe.set_setting(name, value)
+        wanted = [row for row in messages.SETTINGS if name in (None, row[1])]
+        rows = [(row[1], probe.get_setting(row[1]), *row[2:]) for row in wanted]
+    names = ("name", "value", "unit", "lowest", "highest", "default")
+    if as_json:
+        print_json([dict(zip(names, row)) for row in rows])
+    else:
+        table(names, [[str(cell) for cell in row] for row in rows])
