@@ -41,7 +41,8 @@ def estimate_lines(estimate: Estimate) -> list[str]:
     for name, bounded in estimate.outputs.items():
         value, low, high = bounded["value"], bounded["low"], bounded["high"]
         lines.append(f"  {WORDS[name]:20} {value:8.3f} {UNITS[name]:4} ({low:.3f} to {high:.3f}, {level})")
-    lines.append(f"  the lump is {estimate.hardness}" + stiffness_words(estimate))
+    found = "soft or hard, which cannot be told" if estimate.hardness == "unsure" else estimate.hardness
+    lines.append(f"  the lump is {found}" + stiffness_words(estimate))
     if not estimate.in_domain:
         lines.append("  outside what the model was trained on: do not rely on the numbers")
     lines.append("  research use, not a diagnosis")
