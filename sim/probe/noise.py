@@ -1,0 +1,85 @@
+"""Everything that stands between the skin and the count, and four named levels of it. Units: mm, kPa."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Everything between the skin and the count; sensor errors are fractions of full scale or of the reading.
+
+    Attributes
+    ----------
+    white, offset, drift : float
+        Of full scale, standard deviations: of each reading, of each cell's zero since calibration, of the
+        common zero (at the start, and twice that more by the end).
+    gain, row_gain : float
+        Of the reading: spread of the cells, and of whole rows.
+    dead, dead_unknown : float
+        Share of dead cells; share of these that the calibration does not know.
+    displacement_noise_mm, displacement_zero_mm, displacement_drift_mm : float
+        White noise, zero error, and linear drift (half its range) of the displacement.
+    position_mm, position_scale : float
+        White noise of the encoder's reading, and its scale error.
+    force : float
+        Greatest departure of the hand's force from its mean, as a fraction, wandering slowly.
+    creep : float
+        Twice the part of each reading that lags by .3 s at 60 mm/s.
+    start_mm : float
+        The lump lies up to so far from the middle of the stroke.
+    quantise : bool
+        Whether an ADC is there at all; False keeps the frames' counts in float64 for reference.
+    """
+
+    white: float = 0.0
+    offset: float = 0.0
+    drift: float = 0.0
+    gain: float = 0.0
+    row_gain: float = 0.0
+    dead: float = 0.0
+    dead_unknown: float = 0.0
+    displacement_noise_mm: float = 0.0
+    displacement_zero_mm: float = 0.0
+    displacement_drift_mm: float = 0.0
+    position_mm: float = 0.0
+    position_scale: float = 0.0
+    force: float = 0.0
+    creep: float = 0.0
+    start_mm: float = 0.0
+    quantise: bool = True
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if f.name != "quantise" and not 0 <= value < (1 if f.name in ("dead", "force") else 1e3):
+                raise ValueError(f"noise '{f.name}' is {value}: it must be 0 or more (dead, force: below 1)")
+
+    def without(self, *names: str) -> Noise:
+        """The same with the named disturbances at 0."""
+        return self.with_(**dict.fromkeys(names, 0.0))
+
+    def with_(self, **values: Any) -> Noise:
+        """The same with some disturbances set."""
+        return replace(self, **values)
+
+
+LEVELS: dict[str, Noise] = {
+    "none": Noise(),
+    "good": Noise(
+        white=0.001, offset=0.001, drift=0.0005, gain=0.01, dead=0.01,
+        displacement_noise_mm=0.010, displacement_zero_mm=0.02, displacement_drift_mm=0.02,
+        position_mm=0.1, position_scale=0.001, force=0.05, creep=0.005, start_mm=5.0,
+    ),
+    "typical": Noise(
+        white=0.0025, offset=0.002, drift=0.001, gain=0.02, dead=0.01,
+        displacement_noise_mm=0.025, displacement_zero_mm=0.05, displacement_drift_mm=0.05,
+        position_mm=0.25, position_scale=0.003, force=0.10, creep=0.01, start_mm=5.0,
+    ),
+    "poor": Noise(
+        white=0.005, offset=0.004, drift=0.002, gain=0.03, dead=0.01,
+        displacement_noise_mm=0.050, displacement_zero_mm=0.1, displacement_drift_mm=0.1,
+        position_mm=0.5, position_scale=0.005, force=0.20, creep=0.02, start_mm=5.0,
+    ),
+}  # fmt: skip
