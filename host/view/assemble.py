@@ -63,7 +63,7 @@ class Assembler:
         self._contact = state.contact
         if state.stroke and self.running is None:
             finished, self.waiting = self.waiting, None
-            self.running = self._new_stroke(self._before[0].time_s if self._before else state.time_s)
+            self.running = self._new_stroke(state.time_s)
             for frame in self._before:
                 self.running.add(frame)
             self._before.clear()

@@ -188,7 +188,7 @@ class Session:
     def _finish(self, stroke: Stroke) -> None:
         """A stroke is over: live, it goes into the history; replayed, it is there already."""
         if self.mode == "replay":
-            known = self.visits.at(stroke.started_s)
+            known = self.visits.same(stroke)
             stroke = stroke if known is None else known
         else:
             self.visits.add(stroke)

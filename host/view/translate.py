@@ -69,7 +69,7 @@ class Translator:
         if change == "started":
             return StrokeState(time_s, contact=True, stroke=True)
         if change == "lump_passed":
-            return replace(state, lump=True)
+            return StrokeState(time_s, contact=True, stroke=True, lump=True)
         if change == "ended":
             return replace(state, stroke=False, lump=False)
         return StrokeState(time_s)

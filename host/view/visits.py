@@ -63,6 +63,15 @@ class Visits:
         visit = self.strokes(self._current.number)
         return next((s for s in visit if abs(s.started_s - started_s) < 0.1), None)
 
+    def same(self, stroke: Stroke) -> Stroke | None:
+        """The kept stroke that this one is (it may have been seen in part only): the same estimate, or
+        start."""
+        if stroke.estimate is None:
+            return self.at(stroke.started_s)
+        told = stroke.estimate
+        visit = self.strokes(self._current.number)
+        return next((s for s in visit if s.estimate is not None and s.estimate.time_s == told.time_s), None)
+
     def get(self, number: int) -> Stroke | None:
         """The stroke with this number."""
         return next((s for s in self._strokes if s.number == number), None)

@@ -14,6 +14,7 @@ import pytest
 from host.view.serve import Viewer
 from host.view.source import Source
 from tests.host.conftest import (  # noqa: F401  (fixtures: emulated probes and a model for them)
+    bench,
     emulated,
     images,
     key_dir,
@@ -94,12 +95,6 @@ def open_page(browser):
     for page in pages:
         page.context.close()
     assert wrong == []
-
-
-def keep_picture(page, name: str) -> None:
-    """A screenshot for the documentation, if PALPATE_PICTURES is set; always taken, so that it cannot rot."""
-    target = PICTURES / f"{name}.png" if os.environ.get("PALPATE_PICTURES") else None
-    page.screenshot(path=target)
 
 
 def free_port() -> int:

@@ -143,7 +143,7 @@ def test_frames_before_the_probe_says_started_belong_to_the_stroke_and_those_in_
     assert assembler.running is None
     done = assembler.feed(estimate(Bump(), 0.21))
     assert done is not None and done.position_mm == [float(n) for n in range(5, 20)]
-    assert done.started_s == pytest.approx(0.05) and done.gaps == 0
+    assert done.started_s == pytest.approx(0.09) and done.gaps == 0
 
 
 def test_a_lost_estimate_does_not_go_to_the_next_stroke():

@@ -24,7 +24,7 @@ const replay = new Replay(get, quietly);
 const selected = new Selected(get, { image, charts, history, page, redraw });
 const toggleTheme = startTheme(redraw);
 const connection = new Connection({ message: receive, frame: receiveFrame, open: () => {}, closed: offline });
-const tools = startTools(get, { ask, image, selected, page });
+const tools = startTools(get, { ask, image, page });
 startKeys({ get, history, page, replay, selected, toggleTheme, tools });
 get("theme").addEventListener("click", toggleTheme);
 image.loadColors().then(redraw);

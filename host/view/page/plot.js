@@ -76,7 +76,9 @@ export class Plot {
     c.fillStyle = color("soft");
     c.textBaseline = "middle";
     c.textAlign = "right";
-    const marks = ticks(y[0], y[1], Math.min(this.yTicks, (box.bottom - box.top) / 28));
+    let marks = [];
+    const most = Math.max(2, Math.min(this.yTicks, (box.bottom - box.top) / 24));
+    for (let n = most; marks.length < 3 && n < 12; n++) marks = ticks(y[0], y[1], n);
     const step = marks.length > 1 ? marks[1] - marks[0] : 1;
     const digits = [0, 1, 2, 3].find((n) => Math.abs(step * 10 ** n - Math.round(step * 10 ** n)) < 1e-6) ?? 3;
     for (const v of marks) {

@@ -60,7 +60,9 @@ export class Replay {
   }
 
   seek(position_s) {
-    this.ask("seek", { position_s: Math.min(Math.max(position_s, 0), this.state.length_s) });
+    const target = Math.min(Math.max(position_s, 0), this.state.length_s);
+    this.state.position_s = target; // two quick steps add up, whenever the answer comes
+    this.ask("seek", { position_s: target });
   }
 
   step(seconds) {

@@ -15,11 +15,6 @@ export class Selected {
     map.addEventListener("pointerdown", (event) => this.hover(event.offsetX));
   }
 
-  /** The number of the stroke that exports should take: the shown one. */
-  get number() {
-    return this.picked?.number ?? this.last?.number ?? null;
-  }
-
   async start(number) {
     if (number !== null && !this.picked) {
       this.last = await this.fetch(number);
@@ -50,6 +45,7 @@ export class Selected {
     this.card(stroke);
     this.images = unpackImages(stroke.images);
     const range = this.get("scrub-range");
+    document.body.dataset.picked = number;
     range.max = Math.max(this.images.length - 1, 0);
     this.get("scrub").hidden = this.images.length < 2;
     if (this.images.length) this.scrub(this.images.reduce((best, i, n) => (i.peak > this.images[best].peak ? n : best), 0));
@@ -62,7 +58,8 @@ export class Selected {
     this.place = null;
     this.get("back-live").hidden = true;
     this.get("scrub").hidden = true;
-    this.get("image-note").textContent = "16 × 26 sensors, 1.5 mm apart";
+    this.get("image-note").textContent = "";
+    delete document.body.dataset.picked;
     this.history.mark(null);
     this.charts.show(this.page.running ?? this.last);
     if (this.last) this.card(this.last);
@@ -76,10 +73,24 @@ export class Selected {
     if (!shown) return;
     this.get("scrub-range").value = index;
     this.get("scrub-text").textContent = `At ${shown.position_mm.toFixed(1)} mm`;
-    this.get("image-note").textContent = `stroke ${this.picked.number}, probe at ${shown.position_mm.toFixed(1)} mm`;
+    this.get("image-note").textContent = `stroke ${this.picked.number}`;
+    document.body.dataset.picked = this.picked.number;
     this.place = shown.position_mm;
+    this.readouts(shown);
     this.image.draw(shown.pressure);
     this.page.chartsNew = true;
+  }
+
+  /** Force and displacement where the picked stroke's image was taken. */
+  readouts({ position_mm: at, peak }) {
+    const { position_mm: places, force_N_per_m: force, displacement_mm: depth } = this.picked.traces;
+    const far = (n) => Math.abs(places[n] - at);
+    const here = places.reduce((best, _, n) => (far(n) < far(best) ? n : best), 0);
+    const show = (id, value, digits) => (this.get(id).textContent = Number.isFinite(value) ? value.toFixed(digits) : "–");
+    show("now-force", force[here], 0);
+    show("now-displacement", depth[here], 2);
+    show("now-position", at, 1);
+    show("now-peak", peak, 1);
   }
 
   /** The pointer over the map moves along the picked stroke. */
@@ -95,7 +106,18 @@ export class Selected {
     drawCard(this.get("card"), stroke.card, this.page.link === "gone");
     const time = new Date(stroke.wall_time * 1000).toLocaleTimeString([], { hour12: false });
     const lost = stroke.gaps ? `, ${stroke.gaps} frames lost` : "";
+    this.exports(stroke.number);
     this.get("estimate-which").textContent = `stroke ${stroke.number}, ${time}${lost}`;
+  }
+
+  /** The export menu takes the stroke that is shown. */
+  exports(number) {
+    for (const kind of ["png", "svg", "csv", "json"]) {
+      const link = this.get(`export-${kind}`);
+      link.href = `/api/stroke-${number}.${kind}`;
+      link.download = `stroke-${number}.${kind}`;
+      link.removeAttribute("aria-disabled");
+    }
   }
 
   async fetch(number) {

@@ -1,6 +1,6 @@
 // Record, mark, new visit, export, and short notices.
 
-export function startTools(get, { ask, image, selected, page }) {
+export function startTools(get, { ask, image, page }) {
   let recording = null;
 
   function toast(text) {
@@ -57,19 +57,6 @@ export function startTools(get, { ask, image, selected, page }) {
     if (await run("new-visit", name.trim() ? { name } : {})) toast("A new visit has begun; strokes go there from now on.");
   }
 
-  function fillExport() {
-    for (const kind of ["png", "svg", "csv", "json"]) {
-      const link = get(`export-${kind}`);
-      const number = selected.number;
-      link.setAttribute("aria-disabled", number === null);
-      if (number === null) link.removeAttribute("href");
-      else {
-        link.href = `/api/stroke-${number}.${kind}`;
-        link.download = `stroke-${number}.${kind}`;
-      }
-    }
-  }
-
   function saveImage() {
     image.canvas.toBlob((blob) => {
       const link = document.createElement("a");
@@ -84,7 +71,6 @@ export function startTools(get, { ask, image, selected, page }) {
   get("record").addEventListener("click", record);
   get("mark").addEventListener("click", mark);
   get("new-visit").addEventListener("click", visit);
-  get("export").addEventListener("toggle", fillExport);
   get("export-image").addEventListener("click", saveImage);
   get("help").addEventListener("click", () => get("dialog-help").showModal());
   get("scale").addEventListener("change", () => {
