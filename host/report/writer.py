@@ -154,7 +154,7 @@ def _draw(item: Item, target: Path) -> str:
     if item.draw is None:
         return ""
     figure = item.draw()
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     figure.set_layout_engine("none")  # laid out once is enough for both files
     png = io.BytesIO()
     figure.savefig(png, format="png", dpi=_PNG_DPI, metadata={"Software": None})

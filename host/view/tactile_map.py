@@ -16,7 +16,8 @@ from scipy.optimize import OptimizeWarning, curve_fit
 from host.view.events import ROW_MM, ROWS, MapFit
 
 Array = NDArray[np.float64]
-MIN_ROWS = ROWS // 2
+MIN_ROWS = 11
+"""Of the 16 rows, before a place is shown."""
 _WORST_FIT = 0.6
 
 
@@ -52,7 +53,7 @@ def method_2(position_mm: Array, row_kPa: Array) -> tuple[Array, Array, Array]:
     -------
     x_mm : (m,) places on the tissue, 1 mm apart
     pressure_kPa : (m,) mean of the traces that reach there; where not all do, the face's own profile is
-    allowed for rows : (m,) how many of the 16 rows do; places that fewer than half of them reach are left out
+    allowed for rows : (m,) how many of the 16 rows do; places that too few of them reach are left out
     """
     order = np.argsort(position_mm, kind="stable")
     position, row = position_mm[order], row_kPa[order]

@@ -22,7 +22,7 @@ from sim.probe.emulated import EmulatedProbe
 from tests.view.conftest import CHROMIUM_OPTIONS, PICTURES, chromium
 
 FIRST, SECOND = "d12h07e20f09", "d15h05e20f09"
-STROKES, FRAMES = 4, 150
+STROKES, FRAMES = 5, 150
 
 
 def main(demo: Path) -> None:
@@ -65,9 +65,9 @@ def _open(
 
 def _live(page: Page, phone: Page, viewer: Viewer) -> None:
     page.keyboard.press("r")
-    expect(page.locator(f"#stroke-{STROKES}")).to_be_visible()
-    _new_visit(page, "After six months")
-    expect(page.locator(f"#stroke-{STROKES + 2}")).to_be_visible()
+    expect(page.locator(f"#stroke-{STROKES - 1}")).to_be_visible()
+    _new_visit(page, "After six months")  # the fifth stroke has begun and still belongs to the first
+    expect(page.locator(f"#stroke-{2 * STROKES - 1}")).to_be_visible()
     _in_mid_stroke(page)
     page.screenshot(path=PICTURES / "viewer.png")
     phone.screenshot(path=PICTURES / "viewer-phone.png")

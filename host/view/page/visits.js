@@ -3,7 +3,7 @@
 import { Plot, extent } from "./plot.js";
 
 const UNITS = { d_mm: "mm", depth_mm: "mm", t_mm: "mm", F_N_per_m: "N/m" };
-const NAMES = { d_mm: "Diameter", depth_mm: "Depth", t_mm: "Tissue thickness", F_N_per_m: "Force" };
+const NAMES = { d_mm: "Diameter", depth_mm: "Depth", t_mm: "Thickness", F_N_per_m: "Force" };
 
 export class History {
   /** hooks: {ask(command, options), pick(number|null), toast(text)} */
