@@ -25,8 +25,11 @@ def command(recording: Path, out: Path, as_json: bool) -> None:
       palpate convert visit.mcap visit.csv
     """
     from host.record.convert import convert
+    from host.record.reader import Recording
 
     done = convert(recording, out)
+    if damage := Recording(recording).check():
+        note(damage)
     if as_json:
         print_json(
             {"files": done.files, "frames": done.frames, "estimates": done.estimates, "lost": done.lost}

@@ -51,6 +51,8 @@ def command(recording: Path, model: Path | None, as_json: bool) -> None:
     }
     if as_json:
         print_json(summary)
+    if damage := opened.check():
+        note(damage)
     if not opened.finished:
         note(f"{recording} has no end (its writer was stopped); it was read up to its last complete frame")
     if any(not stroke.identical for stroke in compared):

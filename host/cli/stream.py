@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ import click
 
 from host.cli.output import json_option, note, plain, print_json
 from host.cli.ports import estimate_lines, port_option
-from host.errors import CommandTimeout
+from host.errors import CommandTimeout, LinkError
 
 if TYPE_CHECKING:
     from host.link.events import Event
@@ -65,6 +66,7 @@ def command(
     with recorded(port, record, overwrite, baud) as probe:
         if not quiet:
             _greet(probe)
+        clock_dict(probe)
         interrupted = False
         try:
             for event in probe.stream(strokes, every, timeout_s):
@@ -80,6 +82,7 @@ def command(
             "probe": probe.identity.as_dict(),
             "strokes": estimates,
             "link": counts,
+            "clock": clock_dict(probe),
         }
     if record is not None and not quiet:
         note(f"recorded {record}")
@@ -92,6 +95,22 @@ def command(
             f"no sign of the probe for {timeout_s:g} s, {len(estimates)} of {strokes} strokes came; "
             "check the probe, or give a longer --timeout"
         )
+
+
+def clock_dict(probe: Probe) -> dict[str, float] | None:
+    """Offset and drift of the probe's clock against this machine's, with their doubt; None if it is gone."""
+    with suppress(LinkError):
+        if probe.connected:
+            probe.sync_clock()
+    clock = probe.clock
+    if clock is None:
+        return None
+    return {
+        "offset_us": clock.offset_us,
+        "drift_ppm": clock.drift_ppm,
+        "uncertainty_us": clock.uncertainty_us,
+        "exchanges": clock.exchanges,
+    }
 
 
 def _greet(probe: Probe) -> None:

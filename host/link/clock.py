@@ -93,7 +93,7 @@ class ClockSync:
         taken_us, answered_us : int
             When the probe took the question and made the answer, on its clock modulo 2^30.
         """
-        taken = self._unwrap(taken_us)
+        taken = self._unwrap(taken_us, int(came_us))
         spent = (answered_us - taken_us) % WRAP
         trip = came_us - asked_us - spent
         self._exchanges.append(((asked_us + came_us) / 2, taken + spent / 2, max(trip, 0.0)))

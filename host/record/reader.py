@@ -83,6 +83,12 @@ class Recording:
             if topic in topics and isinstance(record, Message):
                 yield record.log_time, topic, record.data
 
+    def check(self) -> str:
+        """Read it all once: where it is damaged, in words; "" where it is sound (a missing end is no damage)."""
+        for _ in self.records():
+            pass
+        return self.damage
+
     def metadata(self) -> dict[str, dict[str, str]]:
         """Words about the session: session, probe, clock, counts (as far as written)."""
         return {r.name: r.metadata for _, r in self.records() if isinstance(r, Metadata)}

@@ -55,6 +55,7 @@ def recorded(
             try:
                 yield probe
             finally:
+                _compare_clocks(probe, writer)
                 writer.note("counts", {name: str(value) for name, value in both_counts(probe).items()})
     finally:
         writer.close()
@@ -81,7 +82,17 @@ def _introduce(probe: Probe, writer: RecordingWriter) -> None:
             data = b""  # a probe that only streams
         if data:
             writer.attach(name, "application/octet-stream", data)
-    clock = probe.sync_clock()
+    _compare_clocks(probe, writer)
+
+
+def _compare_clocks(probe: Probe, writer: RecordingWriter) -> None:
+    """At both ends of a session: the drift needs the time between."""
+    if not probe.connected:
+        return
+    try:
+        clock = probe.sync_clock()
+    except LinkError:
+        return  # gone at this moment: the comparison at the beginning stays
     words = {
         "offset_us": clock.offset_us,
         "drift_ppm": clock.drift_ppm,

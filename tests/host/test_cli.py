@@ -151,6 +151,8 @@ def test_flash_stream_replay_and_convert_through_the_command_line(flashed, palpa
         assert estimate["hardness"] in ("hard", "soft", "unsure")
         assert estimate["level"] == 0.9 and estimate["model_id"] == model["model_id"]
     assert told["link"]["frames_lost"] == told["link"]["probe_frames_dropped"] == 0
+    assert 0 < told["clock"]["uncertainty_us"] < 100_000
+    assert Recording(path).metadata()["clock"]["offset_us"]
     status, out, _ = palpate("replay", path, "--json")
     again = json.loads(out)
     assert status == 0 and again["identical"] is True and again["compared"] == 2

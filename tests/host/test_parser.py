@@ -122,10 +122,10 @@ def test_clock_sync_finds_offset_and_drift_through_jitter(drift_ppm):
 
 
 def test_an_hour_at_a_thousandth_lost_is_counted_exactly_and_memory_stays_flat():
-    """A minute here, the hour in test_long: the real firmware on a virtual clock, the wire between."""
+    """Half a minute here, the hour below: the real firmware on a virtual clock, the wire between."""
     from tests.host.simulated import stream_over_a_bad_line
 
-    told = stream_over_a_bad_line(minutes=1, seed=8)
+    told = stream_over_a_bad_line(minutes=0.5, seed=8)
     assert told.received + told.lost == told.acquired
     assert told.lost == told.missing > 0
     assert told.grown_bytes < 200_000
