@@ -11,6 +11,7 @@ from firmware_py import calib, status
 
 BINS = 64
 WIDTH_UM = 1500
+LONGEST_UM = 250000  # a longer way times 2^12 would leave the integer range
 IGNORED = 1  # the frame's bin is full (the probe stands still): nothing is lost by leaving it out
 BEYOND = 2  # the frame lies further from the others than the ring reaches
 
@@ -44,6 +45,10 @@ class Places:
     """The bins' places: how many frames each holds, and the sums of where they were and how deep."""
 
     def __init__(self, bins=BINS, width_um=WIDTH_UM):
+        if not 8 <= bins <= 255 or not 100 <= width_um <= LONGEST_UM // bins:
+            raise ValueError(
+                "%d bins of %d um: no more than 255, and %d um in all" % (bins, width_um, LONGEST_UM)
+            )
         self.bins = bins
         self.width_um = width_um
         self.count = bytearray(bins)

@@ -41,7 +41,11 @@ def levels(force, mean, n, level):
         v = 4096
         if force[k] > 2048:
             v = (mean << 9) // (force[k] >> 3)
-        level[k] = v if v < 8191 else 8191
+        if v > 8191:
+            v = 8191
+        elif v < 0:
+            v = 0
+        level[k] = v
 
 
 class Pipeline(chain.Chain):

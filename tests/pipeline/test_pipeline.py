@@ -116,3 +116,30 @@ def test_a_force_map_of_extreme_numbers_stays_in_range(fields):
         for k, packed in enumerate(frames.packed):
             p.add_frame(packed, int(frames.positions_um[k]), int(frames.displacements_um[k]))
         p.finish(watched.forcemap.load(bytes(blob)))
+
+
+@pytest.mark.long
+def test_all_200_strokes_stay_in_range(fields, map_blob):
+    """The strokes of the accuracy test, and as many over balls, every intermediate watched."""
+    watched, watch = checked_int.load()
+    p = watched.pipeline.Pipeline(calib.Calibration())
+    small = watched.rowpipeline.RowPipeline(calib.Calibration(), 5, 21)
+    loaded = forcemap.load(map_blob)
+    fast = Replay(map_blob)
+    for i, field in enumerate(fields):
+        for seed in range(20):
+            level = ("none", "good", "typical", "poor")[seed % 4]
+            for across in (None, 3.9):
+                model = SensorModel(field, LEVELS[level], 100 * i + seed, across_mm=across)
+                frames, code = replayed(fast, model)
+                for build in (p, small):
+                    build.reset()
+                    build.calibration = model.calibration()
+                    for k, packed in enumerate(frames.packed):
+                        build.add_frame(packed, int(frames.positions_um[k]), int(frames.displacements_um[k]))
+                    done = build.finish(loaded)
+                    if build is p:
+                        assert done == code
+                        assert list(build.features) == list(fast.pipeline.features)
+    print(f"largest intermediate: {watch.most} at {watch.where}")
+    assert 2**29 < watch.most < 2**30

@@ -202,3 +202,18 @@ def test_finish_can_be_asked_again_with_another_force_map(fields, map_blob):
     p = without.pipeline
     assert p.finish(forcemap.load(map_blob)) == status.OK
     assert list(p.features) == list(with_map.pipeline.features)
+
+
+@pytest.mark.parametrize(("n_bins", "width_um"), [(7, 1500), (256, 500), (64, 50), (64, 4000)])
+def test_bins_that_the_integers_cannot_hold_are_refused(n_bins, width_um):
+    with pytest.raises(ValueError, match="bins of"):
+        pipeline.Pipeline(calib.Calibration(), n_bins, width_um)
+
+
+def test_wider_and_fewer_bins_still_give_the_stroke(fields, map_blob):
+    """Half the memory: 32 bins of 3 mm; the bump is smoothed, but found."""
+    usual, coarse = Replay(map_blob), Replay(map_blob, n_bins=32, width_um=3000)
+    frames = SensorModel(fields[0], FAINT, 1).stroke()
+    assert usual.stream(frames) == coarse.stream(frames) == status.OK
+    assert coarse.features() == pytest.approx(usual.features(), abs=0.6)
+    assert abs(coarse.pipeline.place_um - usual.pipeline.place_um) <= 2000
