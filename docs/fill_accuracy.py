@@ -21,7 +21,7 @@ from host.regression.field.study import STUDIES, study_table
 from host.regression.field.tissues import TISSUE_STUDY
 from host.regression.runs import features_table, read_strokes
 from host.regression.thesis import ThesisFit, fit_thesis
-from host.report.study_figures import study_figure
+from host.report.study_figures import save_study_figure
 
 DOCS = Path(__file__).parent
 PAGE = DOCS / "accuracy.md"
@@ -85,9 +85,8 @@ class Numbers:
     def _study(self, name: str) -> str:
         study = STUDIES.get(name, TISSUE_STUDY)
         result = study.table(self.bench(), tell=print)
-        FIGURES.mkdir(exist_ok=True)
         figure = FIGURES / f"study-{name}.svg"
-        study_figure(study, result).savefig(figure, metadata={"Date": None})
+        save_study_figure(study, result, figure)
         return markdown(*study_table(study, result)) + f"\n\n![{study.title}](figures/{figure.name})"
 
 

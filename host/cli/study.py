@@ -40,10 +40,9 @@ def command(name: str, directory: Path, seed: int, figure: Path | None, as_json:
     study = studies[name]
     result = study.table(Bench(read(directory), seed, directory), tell=note)
     if figure is not None:
-        from host.report.study_figures import study_figure
+        from host.report.study_figures import save_study_figure
 
-        figure.parent.mkdir(parents=True, exist_ok=True)
-        study_figure(study, result).savefig(figure)
+        save_study_figure(study, result, figure)
         note(f"wrote {figure}")
     if as_json:
         print_json({"study": name, "title": study.title, "rows": result.to_dict("records")})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -29,3 +31,11 @@ def study_figure(study: Study, result: pd.DataFrame) -> Figure:
         right.set(xlim=(min(0.8, low - 0.05), 1.0), title="stiffness")
         figure.legend(loc="outside lower center", ncols=6)
     return figure
+
+
+def save_study_figure(study: Study, result: pd.DataFrame, path: Path) -> None:
+    """Draw a study into a file, as SVG or whatever its suffix says; the same numbers give the same bytes."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure = study_figure(study, result)
+    with style.look():
+        figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)

@@ -13,7 +13,7 @@ from host.regression.field import data, design, fit, model, score
 from host.regression.field.study import STUDIES, study_table
 from host.regression.seen import Seen, look
 from host.regression.table import TableError
-from host.report.study_figures import study_figure
+from host.report.study_figures import save_study_figure
 from model_export.reference import evaluate
 from model_export.schema import ModelSpec
 from sim.tissue import Case
@@ -224,7 +224,7 @@ def test_a_study_retrains_for_each_setting_and_draws_one_figure(bench, tmp_path)
     assert result["d_error"].between(0, 0.2).all()
     heads, rows = study_table(study, result)
     assert len(heads) == len(rows[0]) == len(rows[1])
-    study_figure(study, result).savefig(tmp_path / "pitch.svg")
+    save_study_figure(study, result, tmp_path / "pitch.svg")
     assert (tmp_path / "pitch.svg").read_text().count("3 mm (8 rows)") == 1
 
 
