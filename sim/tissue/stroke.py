@@ -63,6 +63,11 @@ def geometry_of(case: Case, settings: Settings, first: float, last: float) -> Ge
     return memory[key]
 
 
+def forget_geometries() -> None:
+    """Forget what this thread has set up, to time a stroke from nothing."""
+    _local.__dict__.clear()
+
+
 def simulate(
     case: Case, settings: Settings | None = None, positions_mm: Sequence[float] | None = None
 ) -> Stroke:

@@ -1,0 +1,127 @@
+"""How long a stroke takes, beside its peers and its floor: python -m tests.benchmarks.bench_tissue [--alone]
+
+One process, one thread, CPU seconds. Ours at hx = 2 and 1, set-up of a fresh geometry included; the floor,
+which is as many bare factorisations of the same tangent as the stroke has positions; the thirty thesis
+strokes and a projection for many on a process pool; and, unless --alone, felupe (PyPI) and CalculiX (Debian
+calculix-ccx) on the same mesh, material and load.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from sim.tissue import Case, Settings, Stroke, read_design, simulate, sweep
+from sim.tissue import stroke as stroke_module
+from sim.tissue.element import integrate
+from sim.tissue.linear import make_solver
+from sim.tissue.material import Tissue, elasticity
+from sim.tissue.mesh import build_mesh
+
+CODE = "d10h08e10f10"
+
+
+def fresh(case: Case, settings: Settings) -> Stroke:
+    """A stroke whose geometry has not been seen before."""
+    stroke_module.forget_geometries()
+    return simulate(case, settings)
+
+
+def best(action: Callable[[], object], times: int) -> float:
+    """Least CPU seconds of `times` runs."""
+    least = np.inf
+    for _ in range(times):
+        began = time.process_time()
+        action()
+        least = min(least, time.process_time() - began)
+    return float(least)
+
+
+def floor_s(case: Case, settings: Settings, solver: str) -> float:
+    """Least CPU seconds of one bare factorisation of the tangent at rest."""
+    positions = settings.positions_mm()
+    mesh = build_mesh(case, settings, positions[0], positions[-1])
+    tissue = Tissue(mesh, integrate(mesh), elasticity(case, mesh))
+    m = len(mesh.elements)
+    K, every = np.empty((m, 18, 18)), np.arange(m)
+    tissue.tangent(np.zeros(2 * len(mesh.nodes_mm)), np.zeros((m, 3)), every, K, np.empty((m, 3, 18)))
+    backend = make_solver(solver, mesh)
+    contact = np.zeros((len(mesh.surface), 3))
+    x = mesh.nodes_mm[mesh.surface, 0]
+    contact[np.abs(x) < 12] = [0.0, 0.0, 1e6]
+
+    def work() -> None:
+        backend.change(K, every)
+        backend.factor(contact, 0.0)
+
+    with stroke_module.one_blas_thread():
+        work()
+        return best(work, 15)
+
+
+def ours() -> dict[float, Stroke]:
+    case, strokes = Case.from_code(CODE), {}
+    print(f"{CODE}, 15 positions, CPU s on one thread (least of 5)")
+    print("  hx   nodes  stroke  floor strip  floor CHOLMOD  floor SuperLU  factors  iterations")
+    for hx in (2.0, 1.0):
+        settings = Settings(hx_mm=hx)
+        strokes[hx] = min((fresh(case, settings) for _ in range(6)), key=lambda s: s.cpu_s)
+        floors = [15 * floor_s(case, settings, name) for name in ("strip", "cholmod", "superlu")]
+        s = strokes[hx]
+        print(
+            f"  {hx:g}  {s.nodes:6d}  {s.cpu_s:6.3f}  {floors[0]:11.3f}  {floors[1]:13.3f}  {floors[2]:13.3f}"
+            f"  {s.factorisations:7d}  {s.iterations.sum():10d}"
+        )
+    return strokes
+
+
+def many() -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        began = time.monotonic()
+        sweep(read_design("thesis"), out_dir=folder + "/thesis", workers=2)
+        print(f"30 thesis strokes on two processes, start-up included: {time.monotonic() - began:.1f} s")
+        began = time.monotonic()
+        sweep(read_design("sobol:128:3"), out_dir=folder + "/sobol", workers=2)
+        wall = time.monotonic() - began
+        print(f"128 Sobol strokes: {wall:.1f} s, so 1000 in {wall / 0.128:.0f} s")
+
+
+def peers(strokes: dict[float, Stroke]) -> None:
+    from tests.benchmarks.peers import calculix_stroke, felupe_stroke
+
+    case, settings, fine = Case.from_code(CODE), Settings(), strokes[1.0]
+    print(
+        "peers at hx = 2 against ours at hx = 1: displacement (largest), pressure (rms over sensors / peak)"
+    )
+    runs: list[Callable] = [
+        lambda: felupe_stroke.run(case, settings),
+        lambda: calculix_stroke.run(case, settings, strokes[2.0].displacement_mm),
+    ]
+    for run in runs:
+        try:
+            peer = run()
+        except (RuntimeError, ArithmeticError, OSError) as error:
+            print(f"  did not get through: {error}")
+            continue
+        depth = np.abs(peer.displacement_mm / fine.displacement_mm - 1).max()
+        rms = np.sqrt(np.mean((peer.images_kPa - fine.images_kPa) ** 2, axis=1)) / fine.peak_kPa
+        factor = peer.cpu_s / strokes[2.0].cpu_s
+        print(
+            f"  {peer.name:16s} {peer.nodes} nodes  {peer.cpu_s:6.1f} CPU s ({factor:.0f} times ours)"
+            f"  displacement {100 * depth:.2f} %  pressure {100 * rms.max():.1f} %"
+        )
+
+
+def main() -> None:
+    strokes = ours()
+    many()
+    if "--alone" not in sys.argv:
+        peers(strokes)
+
+
+if __name__ == "__main__":
+    main()
