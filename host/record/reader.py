@@ -84,7 +84,7 @@ class Recording:
                 yield record.log_time, topic, record.data
 
     def check(self) -> str:
-        """Read it all once: where it is damaged, in words; "" where it is sound (a missing end is no damage)."""
+        """Read it all once: where it is damaged, in words; "" where it is sound (a missing end is none)."""
         for _ in self.records():
             pass
         return self.damage
