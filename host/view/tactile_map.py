@@ -77,7 +77,8 @@ def gaussian(x_mm: Array, base: float, amp: float, centre: float, stdev: float) 
 
 
 def fit_gaussian(x_mm: Array, pressure_kPa: Array) -> MapFit | None:
-    """Fit the map's bump; None where there is none to see yet (too few points, no maximum, a poor fit)."""
+    """Fit the map's bump; None where there is none to see yet (too few points, not past the top, a poor
+    fit)."""
     if x_mm.size < 12:
         return None
     base, top = float(pressure_kPa.min()), float(pressure_kPa.max())
@@ -99,6 +100,7 @@ def fit_gaussian(x_mm: Array, pressure_kPa: Array) -> MapFit | None:
     except (RuntimeError, ValueError):
         return None
     residual = float(np.std(pressure_kPa - gaussian(x_mm, *p)))
-    if p[3] > 0.5 * span or residual > _WORST_FIT * float(np.std(pressure_kPa)):
+    seen_whole = x_mm[0] + p[3] / 2 < p[2] < x_mm[-1] - p[3] / 2 and p[3] > 1.6
+    if not seen_whole or p[3] > 0.5 * span or residual > _WORST_FIT * float(np.std(pressure_kPa)):
         return None
     return MapFit(float(p[0]), float(p[1]), float(p[2]), float(p[3]))

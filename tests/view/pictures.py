@@ -87,7 +87,7 @@ def _in_mid_stroke(page: Page) -> None:
     page.wait_for_function(
         "() => document.querySelector('[data-step=lump]').className === 'on' && "
         "document.getElementById('map-legend').textContent.includes('fit by the viewer') && "
-        "Number(document.getElementById('now-position').textContent) > 10",
+        "Number(document.getElementById('now-position').textContent) > 18",
         polling="raf",
     )
 
@@ -104,8 +104,8 @@ def _replay(page: Page) -> None:
 def _report(browser: Browser, path: Path) -> None:
     page = browser.new_page(viewport={"width": 1280, "height": 900})
     page.goto(path.resolve().as_uri())
-    page.locator("#figure_12").scroll_into_view_if_needed()
-    page.evaluate("document.getElementById('figure_12').scrollIntoView()")
+    page.wait_for_timeout(1500)
+    page.evaluate("document.getElementById('figure_8').scrollIntoView()")
     page.screenshot(path=PICTURES / "report.png")
 
 

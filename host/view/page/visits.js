@@ -3,7 +3,7 @@
 import { Plot, extent } from "./plot.js";
 
 const UNITS = { d_mm: "mm", depth_mm: "mm", t_mm: "mm", F_N_per_m: "N/m" };
-const NAMES = { d_mm: "Diameter", depth_mm: "Depth", t_mm: "Thickness", F_N_per_m: "Force" };
+const NAMES = { d_mm: "Diameter", depth_mm: "Depth", t_mm: "Thickness", F_N_per_m: "Force, N/m" };
 
 export class History {
   /** hooks: {ask(command, options), pick(number|null), toast(text)} */
@@ -220,7 +220,7 @@ function comparison(found) {
   result.textContent = main?.text ?? "One of the visits holds no stroke with a diameter yet.";
   if (!main) return [result];
   const table = document.createElement("table");
-  table.innerHTML = "<thead><tr><th></th><th>earlier</th><th>later</th><th>change (95 %)</th></tr></thead>";
+  table.innerHTML = "<thead><tr><th>mm</th><th>earlier</th><th>later</th><th>change (95 %)</th></tr></thead>";
   const body = table.createTBody();
   for (const [key, name] of Object.entries(NAMES)) {
     const row = found[key];
@@ -228,7 +228,7 @@ function comparison(found) {
     const mean = ({ mean, sd }) => (sd === null ? mean.toFixed(1) : `${mean.toFixed(1)} ± ${sd.toFixed(1)}`);
     const sure = row.change_low === null ? "" : ` (${row.change_low.toFixed(1)} to ${row.change_high.toFixed(1)})`;
     const line = body.insertRow();
-    for (const text of [`${name}, ${UNITS[key]}`, mean(row.a), mean(row.b), `${row.change.toFixed(1)}${sure}`]) {
+    for (const text of [`${name}`, mean(row.a), mean(row.b), `${row.change.toFixed(1)}${sure}`]) {
       line.insertCell().textContent = text;
     }
   }
