@@ -71,6 +71,7 @@ def command(
         try:
             for event in probe.stream(strokes, every, timeout_s):
                 _show(event, estimates, quiet, json_lines)
+                probe.check_recording()
         except KeyboardInterrupt:
             interrupted = True
         finally:

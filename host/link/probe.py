@@ -129,6 +129,12 @@ class Probe(Commandable):
             self._parser.counts.queue_dropped = self._line.events.dropped
         return self._parser.counts
 
+    def check_recording(self) -> None:
+        """Raise what ended the recording early (`DiskFull`), if anything did; the stream itself goes on."""
+        check = getattr(self._line.recorder, "check", None) if self._line is not None else None
+        if check is not None:
+            check()
+
     def close(self) -> None:
         """Stop reading and close the port; harmless when repeated. The recorder stays open."""
         if self._line is not None:

@@ -237,6 +237,22 @@ def test_ctrl_c_ends_a_recording_whole_and_exits_130(emulated, tmp_path):
     assert recording.finished and "counts" in recording.metadata()
 
 
+def test_a_full_disk_ends_the_stream_at_once_with_a_sentence(emulated, tmp_path):
+    import resource
+
+    device, path = emulated(repeat=True), tmp_path / "full.mcap"
+    words = ("stream", "--port", device.port, "--record", path, "--json")
+
+    def small_disk():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+
+    with start_palpate(*words, preexec_fn=small_disk) as run:
+        out, err = run.communicate(timeout=30)
+    assert run.returncode == 1 and out == "" and "the disk is full" in err and one_sentence(err)
+    assert 50_000 < path.stat().st_size <= 60_000
+    assert Recording(path).check() == ""
+
+
 def test_emulate_is_found_streams_and_leaves_no_note(palpate):
     words = (
         "emulate",
