@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
+import time
 import types
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
@@ -44,6 +46,7 @@ def compiled() -> types.SimpleNamespace:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         cache = os.access(folder, os.W_OK)
+        _forget_old(folder)
     except OSError:
         cache = False
     config.CACHE_DIR = str(folder) if cache else before
@@ -51,6 +54,14 @@ def compiled() -> types.SimpleNamespace:
         return twin.load(label="compiled", treat=lambda f: numba.njit(f, cache=cache, nogil=True))
     finally:
         config.CACHE_DIR = before
+
+
+def _forget_old(folder: Path) -> None:
+    """Remove the machine code of firmware that nobody has run for a fortnight; mark this one as run."""
+    os.utime(folder)
+    for other in folder.parent.glob("compiled-*"):
+        if other != folder and time.time() - other.stat().st_mtime > 14 * 86400:
+            shutil.rmtree(other, ignore_errors=True)
 
 
 class Replay:

@@ -119,6 +119,7 @@ def test_a_force_map_of_extreme_numbers_stays_in_range(fields):
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1800)
 def test_all_200_strokes_stay_in_range(fields, map_blob):
     """The strokes of the accuracy test, and as many over balls, every intermediate watched."""
     watched, watch = checked_int.load()
