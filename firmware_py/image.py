@@ -20,7 +20,7 @@ ROLLBACK = 1
 NUMBERS = 1  # evaluator's head
 IDS = 2
 FEATURES = 3
-STEPS = 4  # left out where the products are all pairs of features in order
+STEPS = 4  # without the first ones where these are all pairs of features in order
 HIGH = 5
 LOW = 6
 ROWS = 7
@@ -32,6 +32,7 @@ SELF_TEST = 12
 LAST = 12
 
 TESTED = 17  # integers of an estimate that a self-test vector fixes
+DISTANCE_BITS = 12
 
 
 def u32(b, at):
@@ -92,31 +93,48 @@ class Model:
         self.evaluate = tables.evaluate
 
 
-def all_pairs(n, terms):
-    """The steps of an image that leaves them out."""
-    steps = bytearray(0)
-    if terms == n + n * (n + 1) // 2:
-        for i in range(n):
-            for j in range(i, n):
-                steps.append(i)
-                steps.append(j)
+def all_pairs(n):
+    """The steps of all products of two out of n features, in order."""
+    steps = bytearray(n * (n + 1))
+    at = 0
+    for i in range(n):
+        for j in range(i, n):
+            steps[at] = i
+            steps[at + 1] = j
+            at += 2
     return bytes(steps)
 
 
-def _low_words(raw, n, bits):
-    """n low words: bytes up to 8 bits, else two of 12 bits in three bytes."""
-    if bits <= 8:
-        return array("b", raw)
-    words = array("h", bytearray(2 * n))
-    at = 0
-    for i in range(0, n, 2):
-        v = raw[at] | (raw[at + 1] & 15) << 8
-        words[i] = v - 4096 if v > 2047 else v
-        if i + 1 < n:
-            v = raw[at + 1] >> 4 | raw[at + 2] << 4
-            words[i + 1] = v - 4096 if v > 2047 else v
-        at += 3
-    return words
+def _words(into, at, raw, n, bits):
+    """Unpack n signed numbers of `bits` bits each, lowest bit first, into `into` from `at`."""
+    held = 0
+    have = 0
+    k = 0
+    sign = 1 << bits - 1
+    for _ in range(n):
+        while have < bits:
+            held |= raw[k] << have
+            have += 8
+            k += 1
+        into[at] = ((held & (2 * sign - 1)) ^ sign) - sign
+        held >>= bits
+        have -= bits
+        at += 1
+
+
+def _head(raw):
+    """The evaluator's head; how many limits there are is seen from their section."""
+    head = array("i", bytearray(4 * evaluator.HEAD))
+    numbers = array("i", raw[:12])
+    for i in range(3):
+        head[5 + i] = numbers[i]
+    head[1] = raw[12] | raw[13] << 8
+    head[2] = raw[14] | raw[15] << 8
+    head[8] = raw[16] | raw[17] << 8
+    head[0] = raw[18]
+    head[3] = raw[19]
+    head[9] = raw[20]
+    return head
 
 
 def _feats(raw):
@@ -170,7 +188,6 @@ def _fits(tables, feature_count):
     if (
         not 0 < n <= terms
         or not 0 <= sigma <= terms
-        or not 1 <= tables.head[3] <= 12
         or len(tables.ids) != n
         or len(tables.feats) != 7 * n
         or len(tables.steps) != 2 * (terms - n)
@@ -203,27 +220,44 @@ def load(read, body, features_version, feature_count, probe=PROBE):
     if h.features_version != features_version:
         return status.BAD_VERSION, None
     head = h.section(read, NUMBERS)
-    if len(head) != 4 * evaluator.HEAD:
+    if len(head) != 21:
         return status.BAD_LENGTH, None
-    head = array("i", head)
+    head = _head(head)
+    limits = array("i", h.section(read, LIMITS))
+    head[4] = len(limits) // 3
     outs = h.section(read, OUTPUTS)
     rows = h.section(read, ROWS)
     if not 0 < head[1] < 1000 or len(outs) != 16 * evaluator.OUTPUTS or len(rows) % 5:
         return status.BAD_LENGTH, None
-    n_low = 5 * (head[1] + 5 + head[2])
+    n = head[0]
+    bits = head[3]
+    fine = 5 * (head[1] + 5 + head[2])
+    coarse = n * (n + 1) // 2
+    high = h.section(read, HIGH)
     low = h.section(read, LOW)
-    if len(low) != (n_low if head[3] <= 8 else (n_low + 1) // 2 * 3):
+    steps = h.section(read, STEPS)
+    if (
+        not 1 <= bits <= 12
+        or len(low) != (fine * bits + 7) // 8
+        or len(high) != 2 * fine + (coarse * DISTANCE_BITS + 7) // 8
+    ):
         return status.BAD_LENGTH, None
-    low = _low_words(low, n_low, head[3])
+    c = array("h", bytearray(2 * (fine + coarse)))
+    _words(c, 0, high, fine, 16)
+    _words(c, fine, high[2 * fine :], coarse, DISTANCE_BITS)
+    d = array("b", bytearray(fine)) if bits <= 8 else array("h", bytearray(2 * fine))
+    _words(d, 0, low, fine, bits)
+    if len(steps) < 2 * (head[1] - n):
+        steps = all_pairs(n) + steps
     tables = evaluator.Tables(
         h.section(read, IDS),
         _feats(h.section(read, FEATURES)),
-        h.section(read, STEPS) or all_pairs(head[0], head[1]),
-        array("h", h.section(read, HIGH)),
-        low,
+        steps,
+        c,
+        d,
         _rows(rows),
         _outs(outs, head[9]),
-        array("i", h.section(read, LIMITS)),
+        limits,
         head,
     )
     code = _fits(tables, feature_count)

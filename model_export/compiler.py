@@ -60,12 +60,16 @@ def _closed(terms: tuple[Term, ...]) -> set[Term]:
 
 @dataclass
 class Row:
-    """One sum: coefficients over its inputs (each within +-1), intercept, fraction bits of the result."""
+    """One sum: coefficients over its inputs (each within +-1), intercept, fraction bits of the result.
+
+    `most` is the largest high word.
+    """
 
     coefficients: np.ndarray
     intercept: float
     fraction: int
     name: str
+    most: int = 32000
 
 
 def compile_model(spec: ModelSpec) -> ev.Tables:
@@ -218,7 +222,7 @@ def _distance_rows(spec: ModelSpec, gain: np.ndarray) -> list[Row]:
     m = lower.T[::-1, ::-1] / math.sqrt(spec.domain.threshold)
     offset = -m @ np.array(spec.domain.centre)
     return [
-        Row((m[i] * gain)[: i + 1], float(offset[i]), 12, f"coordinate {i} of the domain")
+        Row((m[i] * gain)[: i + 1], float(offset[i]), 12, f"coordinate {i} of the domain", 2000)
         for i in range(len(gain))
     ]
 
@@ -242,7 +246,7 @@ def fraction_bits(row: Row) -> int:
         # |high part of an input| <= 2^13, of a coefficient < 2^15; half a bit of room for the low parts
         size = 2.0**fraction
         if (
-            np.max(values, initial=0.0) * size <= 32000
+            np.max(values, initial=0.0) * size <= row.most
             and (values.sum() * size + len(values)) * 8200 < 1.06e9
         ):
             return fraction

@@ -13,7 +13,7 @@ from firmware_py import evaluator, lms, status
 from firmware_py import features as firmware_features
 from firmware_py import image as fw
 from model_export import compiler, sampling
-from model_export.errors import ImageError, ModelError
+from model_export.errors import ImageError, ModelError, ProofError
 from model_export.schema import KINDS, OUTPUTS, ModelSpec
 
 MAX_COUNTER = (1 << 30) - 1
@@ -78,26 +78,28 @@ def _self_test(tables: evaluator.Tables, extra: dict[int, int], vectors: list[li
     return raw
 
 
-def _packed_12(words: list[int]) -> bytes:
-    """Two signed 12-bit words in three bytes."""
-    words = [w & 0xFFF for w in words] + [0] * (len(words) % 2)
-    pairs = zip(words[::2], words[1::2])
-    return b"".join((a | b << 12).to_bytes(3, "little") for a, b in pairs)
+def packed(words: list[int], bits: int) -> bytes:
+    """Signed numbers of `bits` bits each, lowest bit first."""
+    if any(not -1 << bits - 1 <= w < 1 << bits - 1 for w in words):
+        raise ProofError(f"a coefficient does not fit {bits} bits")
+    whole = sum((w & (1 << bits) - 1) << bits * k for k, w in enumerate(words))
+    return whole.to_bytes((bits * len(words) + 7) // 8, "little")
 
 
 def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None) -> dict[int, bytes]:
-    n, terms = tables.head[0], tables.head[1]
+    n = tables.head[0]
+    words, fine = tables.c.tolist(), len(tables.d)
     info = ",".join(spec.features) + "\n1e-6 " + ",".join(unit for _, unit in OUTPUTS)
     feats = [tables.feats[7 * i + k] for i in range(n) for k in (0, 1, 2, 5, 6)]
     outs = [tables.outs[8 * j + k] for j in range(evaluator.OUTPUTS) for k in (1, 2, 5, 6)]
     rows = tables.rows.tolist()
     return {
-        fw.NUMBERS: tables.head.tobytes(),
+        fw.NUMBERS: struct.pack("<3i3H3B", *(tables.head[k] for k in (5, 6, 7, 1, 2, 8, 0, 3, 9))),
         fw.IDS: bytes(tables.ids),
         fw.FEATURES: struct.pack(f"<{len(feats)}i", *feats),
-        fw.STEPS: b"" if bytes(tables.steps) == fw.all_pairs(n, terms) else bytes(tables.steps),
-        fw.HIGH: tables.c.tobytes(),
-        fw.LOW: tables.d.tobytes() if tables.head[3] <= 8 else _packed_12(tables.d.tolist()),
+        fw.STEPS: bytes(tables.steps).removeprefix(fw.all_pairs(n)),
+        fw.HIGH: packed(words[:fine], 16) + packed(words[fine:], fw.DISTANCE_BITS),
+        fw.LOW: packed(tables.d.tolist(), tables.head[3]),
         fw.ROWS: struct.pack(f"<{len(rows) // 2}i{len(rows) // 2}b", *rows[::2], *rows[1::2]),
         fw.OUTPUTS: struct.pack(f"<{len(outs)}i", *outs),
         fw.LIMITS: tables.limits.tobytes(),
