@@ -15,6 +15,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from host.errors import PalpateError
 from host.view.session import Session
 from host.view.source import Playable, Recordable, Source
 from host.view.stroke import Stroke
@@ -71,6 +72,9 @@ class Commands:
             return {**answer, "ok": True, **self.table[do](message)}
         except CommandError as error:
             return {**answer, "ok": False, "text": str(error)}
+        except PalpateError as error:
+            text = str(error).rstrip(".")
+            return {**answer, "ok": False, "text": f"{text[:1].upper()}{text[1:]}."}
         except OSError as error:
             return {**answer, "ok": False, "text": f"That failed: {error.strerror or error}."}
 
@@ -118,7 +122,7 @@ class Commands:
             visits = self._session.visits
             name = _text(message, "name", f"Visit {len(visits.snapshot()['visits']) + 1}")[:80]
             number = visits.start(name).number
-            self._session.tell({"type": "visits", **visits.snapshot()})
+            self._session.tell_slot("visits", {"type": "visits", **visits.snapshot()})
         return {"visit": number}
 
     def _list(self, message: dict[str, Any]) -> dict[str, Any]:
@@ -133,7 +137,7 @@ class Commands:
             raise CommandError(f"{name} holds no stroke.")
         with self._session.lock:
             number = self._session.visits.add_earlier(Path(name).stem, strokes).number
-            self._session.tell({"type": "visits", **self._session.visits.snapshot()})
+            self._session.tell_slot("visits", {"type": "visits", **self._session.visits.snapshot()})
         return {"visit": number, "strokes": len(strokes)}
 
     def _files(self) -> list[str]:

@@ -147,6 +147,13 @@ class Mark:
 
 
 @dataclass(frozen=True)
+class RecordingStopped:
+    """The recording ended by itself (a full disk); what was written is kept."""
+
+    text: str
+
+
+@dataclass(frozen=True)
 class Playback:
     """Where a replayed recording stands."""
 
@@ -158,4 +165,4 @@ class Playback:
     marks: tuple[Mark, ...] = field(default=())
 
 
-Event = LinkChanged | Frame | StrokeState | ProbeMap | Estimate | Health | Mark | Playback
+Event = LinkChanged | Frame | StrokeState | ProbeMap | Estimate | Health | Mark | Playback | RecordingStopped

@@ -16,7 +16,7 @@ from host.link.probe import Probe
 from host.record.replay import CALIBRATION, MODEL
 from host.record.writer import RecordingWriter
 from host.view.cell_scale import CellScale
-from host.view.events import Device, Health, LinkChanged, LinkState
+from host.view.events import Device, Health, LinkChanged, LinkState, RecordingStopped
 from host.view.latency import Latency
 from host.view.source import Emit
 from host.view.translate import MARK_PREFIX, Translator
@@ -96,6 +96,19 @@ class LiveSource:
         """A line in the recording's log."""
         self._recorder.mark(Log(time.time_ns(), 0, self._last_us, MARK_PREFIX + text))
 
+    def check_recording(self, emit: Emit) -> None:
+        """Say it at once if the recording has ended by itself: nobody strokes for an hour into a full
+        disk."""
+        writer = self._recorder.writer
+        if writer is None:
+            return
+        try:
+            writer.check()
+        except RecordingError as error:
+            self._recorder.writer = None
+            writer.close()
+            emit(RecordingStopped(f"The recording has stopped: {error}."))
+
     # ---- the thread
 
     def run(self, emit: Emit, stop: threading.Event) -> None:
@@ -149,6 +162,7 @@ class LiveSource:
             if time.monotonic() - told > HEALTH_EVERY_S:
                 told = time.monotonic()
                 emit(self._health(probe, latency.median_ms))
+                self.check_recording(emit)
                 if probe.connected:
                     latency.sync(probe)
         if probe.connected:

@@ -26,6 +26,7 @@ from host.view.events import (
     Mark,
     Playback,
     ProbeMap,
+    RecordingStopped,
     StrokeState,
 )
 from host.view.mailbox import Mailbox
@@ -150,6 +151,9 @@ class Session:
                     self.tell_slot("health", {"type": "health", "health": asdict(event)})
                 case LinkChanged():
                     self._on_link(event)
+                case RecordingStopped():
+                    self.set_recording(None)
+                    self.tell({"type": "notice", "text": event.text})
                 case Mark():
                     self.tell({"type": "mark", "time_s": event.time_s, "text": event.text})
                 case Playback():
@@ -192,12 +196,12 @@ class Session:
             stroke = stroke if known is None else known
         else:
             self.visits.add(stroke)
-            self.tell({"type": "visits", **self.visits.snapshot()})
+            self.tell_slot("visits", {"type": "visits", **self.visits.snapshot()})
         self.tell({**stroke.detail(images=False), "fresh": True})
 
     def _read_ahead(self, stroke: Stroke) -> None:
         self.visits.adopt(stroke)
-        self.tell({"type": "visits", **self.visits.snapshot()})
+        self.tell_slot("visits", {"type": "visits", **self.visits.snapshot()})
 
     def _on_link(self, link: LinkChanged) -> None:
         self.link = link

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import resource
 import threading
 import time
 
@@ -304,3 +305,31 @@ def test_an_estimate_without_numbers_makes_a_card():
     said = card(dataclasses.replace(empty))
     assert said["title"] == "Stroke could not be read"
     assert said["text"] == "The stroke is too short for its features. Stroke again."
+
+
+# ---- recording
+
+
+def test_a_recording_that_a_full_disk_ends_is_told_and_what_was_written_is_kept(tmp_path):
+    from host.record.reader import Recording
+    from host.view.live import LiveSource
+
+    source = LiveSource("nowhere")
+    session = Session(mode="live", name="x")
+    page = session.join()
+    path = tmp_path / "full.mcap"
+    source.start_recording(path)
+    session.set_recording({"file": path.name, "since": 0.0})
+    source.mark("before")
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size, before[1]))
+    try:
+        source.mark("after")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    source.check_recording(session.on_event)
+    assert session.recording is None
+    said = [m["text"] for m in page.take() if isinstance(m, dict) and m["type"] == "notice"]
+    assert len(said) == 1 and "full" in said[0]
+    assert any(b"before" in getattr(r, "data", b"") for _, r in Recording(path).records())

@@ -16,7 +16,10 @@ export function startKeys({ get, history, page, replay, selected, toggleTheme, t
     ArrowRight: (event) => replay.step(event.shiftKey ? 10 : 1),
     "[": () => replay.state && replay.faster(-1),
     "]": () => replay.state && replay.faster(1),
-    Escape: () => selected.back(),
+    Escape: () => {
+      if (get("export").open) get("export").open = false;
+      else selected.back();
+    },
     r: () => tools.record(),
     m: () => tools.mark(),
     v: () => tools.visit(),

@@ -77,6 +77,9 @@ function receive(message) {
     case "recording":
       tools.recording(message.recording);
       break;
+    case "notice":
+      tools.toast(message.text);
+      break;
     case "mark":
       tools.toast(`Mark: ${message.text}`);
       break;
