@@ -8,10 +8,9 @@ Two thirds of a module is more than its compiler can hold at once, so functions 
 import contextlib
 import shutil
 import socket
-import struct
 import subprocess
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from sim.probe.flat import Flattener
@@ -22,6 +21,19 @@ IMAGE = Path("/usr/share/firmware-microbit-micropython/firmware.hex")
 QEMU = "qemu-system-arm"
 _RING = 60  # bytes: what the receive ring holds for certain; what is longer goes in several lines
 _LINE = 52
+_NUMBERS = 5  # sent in one line
+_GROUP = 900  # characters that its compiler takes at once when the heap is half full
+# Numbers come as eight hexadecimal digits each, 2**31 added: one string is the least to parse.
+_HELPERS = """def p(s):
+ global k
+ for i in range(0,len(s),8):
+  T[k]=(int(s[i:i+4],16)-32768)*65536+int(s[i+4:i+8],16)
+  k+=1
+def h(a):
+ s=0
+ for x in a:s=(s*31+(x&0xFFFFFF)+(x>>24))%65521
+ return s
+"""
 _PROMPT = b"raw REPL; CTRL-B to exit\r\n>"
 
 
@@ -46,7 +58,6 @@ class MicroBit:
 
     def __init__(self) -> None:
         check_microbit()
-        self._arrays: dict[str, tuple[str, int]] = {}
         listener = socket.create_server(("127.0.0.1", 0))
         port = listener.getsockname()[1]
         command = [QEMU, "-M", "microbit", "-nographic", "-monitor", "none"]
@@ -150,51 +161,61 @@ class MicroBit:
         if said.split() != [str(len(data)), str(expected)]:
             raise ScriptFailed(f"the micro:bit did not store {name}: {said!r}")
 
-    def load(self, flat: Flattener) -> None:
+    def load(self, flat: Flattener, arrays: Mapping[str, tuple[str, int]], long: int = 700) -> None:
         """Define the functions and tables that `flat` has collected, as attributes of the module `g`.
 
-        Each is compiled from a file of its own, the longest first: the compiler needs the most memory for it.
+        Functions of `long` characters and more first, for their compilation needs most of the heap; then room
+        for `arrays` (name -> typecode, length), before the heap is in pieces; then the rest.
         """
         self.write("g.py", b"")
-        self.run("import g,gc\nfrom array import array")
-        for short, text in sorted(flat.pieces.items(), key=lambda item: -len(item[1])):
-            self.write(f"{short}.py", f"import g\n{text}\n".encode())
+        self.run("import g,gc,os\nfrom array import array")
+        pieces = sorted(flat.pieces.items(), key=lambda item: -len(item[1]))
+        room_made = False
+        while pieces:
+            if not room_made and len(pieces[0][1]) < long:
+                self.make_room(arrays)
+                room_made = True
+            # a module stays loaded for ever, so short functions share one
+            group = [pieces.pop(0)]
+            while pieces and sum(len(text) for _, text in group) + len(pieces[-1][1]) < _GROUP:
+                group.append(pieces.pop())
+            name = group[0][0]
+            text = "import g\n" + "".join(
+                f"{text}\ng.{short}={short}\ndel {short}\n" for short, text in group
+            )
+            self.write(f"{name}.py", text.encode())
             self.run("gc.collect()")
-            self.run(f"import {short}")
-            self.run(f"g.{short}={short}.{short}")
-            self.run(f"del {short}\nimport os\nos.remove('{short}.py')")
+            self.run(f"import {name}")
+            self.run(f"del {name}\nos.remove('{name}.py')")
+            self.run("gc.collect()")
+        self.run(_HELPERS)
+        if not room_made:
+            self.make_room(arrays)
         for short, numbers in flat.tables.items():
-            self.put(f"g.{short}", numbers)
+            self.run(f"T=[0]*{len(numbers)}")
+            self._fill(numbers)
+            self.run(f"g.{short}=tuple(T)\nT=0\ngc.collect()")
 
-    def put(self, name: str, numbers: Sequence[int], typecode: str = "") -> None:
-        """Give a name to an array of numbers (typecode of the array module), or to a tuple of them."""
-        if typecode:
-            size = struct.calcsize(typecode) * len(numbers)
-            if self._arrays.get(name) == (typecode, size):
-                self._exec(f"T={name}", 60)
-            else:
-                self._exec(f"{name}=0", 60)
-                self._exec("gc.collect()", 60)
-                self._exec(f"T=array({typecode!r},bytes({size}))", 60)
-                self._exec(f"{name}=T", 60)
-                self._exec("gc.collect()", 60)
-            self._arrays[name] = (typecode, size)
-            self._exec("k=0", 60)
-            pattern = "for v in({},):T[k]=v;k+=1"
-        else:
-            self._exec("T=[]", 60)
-            pattern = "T+=[{}]"
-        line = ""
-        for number in numbers:
-            if line and len(pattern) + len(line) + len(str(number)) > _LINE:
-                self._exec(pattern.format(line[:-1]), 60)
-                line = ""
-            line += f"{number},"
-        if line:
-            self._exec(pattern.format(line[:-1]), 60)
-        if not typecode:
-            self._exec(f"{name}=tuple(T)", 60)
-        self._exec("T=0\ngc.collect()", 60)
+    def make_room(self, arrays: Mapping[str, tuple[str, int]]) -> None:
+        """Make arrays: name -> typecode, length."""
+        for name, (typecode, length) in sorted(arrays.items(), key=lambda item: -item[1][1]):
+            self.run("gc.collect()")
+            self.run(f"{name}=array({typecode!r},range({length}))")  # of known length: nothing is copied
+
+    def _fill(self, numbers: Sequence[int]) -> None:
+        self.run("k=0")
+        for at in range(0, len(numbers), _NUMBERS):
+            digits = "".join(f"{number + (1 << 31):08x}" for number in numbers[at : at + _NUMBERS])
+            self.run(f"p('{digits}')")
+
+    def put(self, name: str, numbers: Sequence[int]) -> None:
+        """Fill one of the arrays that `load` made room for."""
+        self.run(f"T={name}")
+        self._fill(numbers)
+
+    def check_sum(self, name: str) -> int:
+        """Of an array; tests compute the same."""
+        return int(self.run(f"print(h({name}))"))
 
     def free_bytes(self) -> int:
         """What is left of the heap."""

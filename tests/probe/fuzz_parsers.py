@@ -1,8 +1,8 @@
 """Coverage-guided fuzzing of both ends' parsers: python -m tests.probe.fuzz_parsers [libFuzzer's words].
 
-Each input is a stream of bytes. It goes, in pieces, to the packet layer in both builds (which must agree), to the
-message layer, to a whole probe that is streaming, and to the host's parser. Whatever comes must neither raise nor
-hang, and an intact packet behind it must arrive.
+Each input is a stream of bytes. It goes, in pieces, to the packet layer in both builds (which must
+agree), to the message layer, to a whole probe that is streaming, and to the host's parser. Whatever
+comes must neither raise nor hang, and an intact packet behind it must arrive.
 """
 
 import sys
