@@ -122,7 +122,9 @@ class Bins(Places):
 
     def __init__(self, bins=BINS, width_um=WIDTH_UM):
         Places.__init__(self, bins, width_um)
-        self.cells = array("H", bytes(2 * calib.CELLS * bins))
+        n = calib.CELLS * bins
+        # from a range, the array is the only thing allocated; what is in it is written over before it is read
+        self.cells = array("H", range(n)) if n < 65536 else array("H", bytes(2 * n))
 
     def add(self, packed, at, position_um, displacement_um):
         """Add one frame; OK, IGNORED, BEYOND or BAD_VALUE. Allocates nothing."""

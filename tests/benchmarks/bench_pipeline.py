@@ -29,7 +29,7 @@ from tests.pipeline.conftest import read_strokes
 ROOT = Path(__file__).parent.parent.parent
 
 SCRIPT = """
-import struct, time, gc
+import struct, time
 from firmware_py import calib, chain, forcemap, pipeline, rowpipeline
 force_map = forcemap.load(open("map", "rb").read())
 data = open("stroke", "rb").read()
@@ -45,12 +45,19 @@ def clock(f, turns):
         best = min(best, time.ticks_diff(time.ticks_us(), t))
     return best
 
+def held(thing):
+    # bytes of all arrays in an object and in what it holds
+    total = 0
+    for v in thing.__dict__.values():
+        if hasattr(v, "__dict__"):
+            total += held(v)
+        elif not isinstance(v, (int, tuple, type(None), bool)):
+            total += len(bytes(v))
+    return total
+
 for make in (pipeline.Pipeline, rowpipeline.RowPipeline):
-    gc.collect()
-    before = gc.mem_alloc()
     p = make(calib.Calibration())
-    gc.collect()
-    print("bytes", gc.mem_alloc() - before)
+    print("bytes", held(p))
     def feed():
         p.reset()
         for f in frames:
@@ -71,7 +78,7 @@ for make in (pipeline.Pipeline, rowpipeline.RowPipeline):
 """
 
 WHAT = {
-    "bytes": "RAM of the pipeline and its calibration, bytes",
+    "bytes": "arrays of the pipeline and its calibration, bytes",
     "frame": "a frame: add_frame",
     "stroke": "a whole stroke of 50 frames",
     "finish": "finish, asked again (no calibration)",
