@@ -16,7 +16,7 @@ from scipy.optimize import OptimizeWarning, curve_fit
 from host.view.events import ROW_MM, ROWS, MapFit
 
 Array = NDArray[np.float64]
-MIN_ROWS = 11
+MIN_ROWS = 14
 """Of the 16 rows, before a place is shown."""
 _WORST_FIT = 0.6
 
