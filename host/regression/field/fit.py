@@ -351,13 +351,20 @@ def _left_out(model: FieldModel, part: Seen) -> dict[str, int]:
 
 def _flags(bench: Bench, model: FieldModel, noise: str, answers: Answers) -> dict[str, float]:
     """Flagged inside and outside the training ranges; false alarms on plain tissue."""
-    out = {"flagged_inside": float((~answers.in_domain[answers.lump]).mean())}
+    flagged = ~answers.in_domain
+    out = {
+        "flagged_inside": float(flagged[answers.lump].mean()),
+        "flagged_or_at_an_end_inside": float((flagged | model.at_an_end(answers))[answers.lump].mean()),
+    }
     if bench.wide:
         seen = bench.see(bench.wide, np.arange(len(bench.wide)), noise, 2, 300)
         wide = model.answer(seen)
         out["outside_strokes"] = float(len(seen))
         out["outside_no_lump"] = float((~wide.lump).mean())
         out["flagged_outside"] = float((~wide.in_domain[wide.lump]).mean())
+        warned = ~wide.in_domain | model.at_an_end(wide)
+        out["flagged_or_at_an_end_outside"] = float(warned[wide.lump].mean())
+        out["outside_warned_in_all"] = float((warned | ~wide.lump).mean())
     if bench.plain:
         seen = bench.see(bench.plain, np.arange(len(bench.plain)), noise, 4, 400)
         found = model.lump(seen)

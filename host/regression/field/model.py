@@ -50,9 +50,9 @@ R11 = (
 THESIS_SIX = ("ln_base", "asinh_amp", "ln_stdev", "inv_curvature", "ln_d28", "dip_0_2")
 _DISPLACEMENT = ("ln_d28", "ln_d0", "ln_d_far", "dip_0_2", "dip_3_5", "dip_6_10", "dip_12_16", "dip_17_22")
 
-LOWEST = (20.0, 3.8, 4.8, 0.285, 1000.0 ** (-2 / 3))
-HIGHEST = (130.0, 41.0, 20.8, 1.56, 2.0 ** (-2 / 3) + 0.02)
-"""Range of the estimates F (N/m), t, d (mm), h, E^-2/3: what was trained, and a little more."""
+LOWEST = (29.0, 4.0, 5.0, 0.3, 1000.0 ** (-2 / 3))
+HIGHEST = (104.0, 40.0, 20.0, 1.5, 2.0 ** (-2 / 3))
+"""Ranges of the estimates F (N/m), t, d (mm), h, E^-2/3. One that would lie beyond is held at the end."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +126,15 @@ class FieldModel:
         sure_hard, sure_soft = high[:, E_INV23] < HARD_BELOW, low[:, E_INV23] >= HARD_BELOW
         hardness = np.where(sure_hard, "hard", np.where(sure_soft, "soft", "unsure"))
         return Answers(from_link(y), low, high, y, half, lump, self.domain.inside(X, z), hardness)
+
+    def at_an_end(self, answers: Answers) -> NDArray[np.bool_]:
+        """Whether F, t, d or h stands at an end of its range, or E at the soft one: the lump lies beyond.
+
+        E at its hard end is no such sign, since every stiff lump looks alike.
+        """
+        y, lo, hi = answers.y, self.polynomial.lo, self.polynomial.hi
+        held = (y <= lo + 1e-9) | (y >= hi - 1e-9)
+        return held[:, :E_INV23].any(axis=1) | (y[:, E_INV23] >= hi[E_INV23] - 1e-9)
 
     def lump(self, seen: Seen) -> NDArray[np.bool_]:
         """The lump rule."""

@@ -75,7 +75,10 @@ _WORDS = {
     "E_is_a_bound": "E given as a lower bound",
     "flagged_inside": "lumps in the training ranges flagged as out of domain",
     "flagged_outside": "lumps outside them flagged",
-    "outside_no_lump": "lumps outside them not found",
+    "flagged_or_at_an_end_inside": "lumps in the ranges flagged, or with an estimate at the end of its range",
+    "flagged_or_at_an_end_outside": "lumps outside flagged, or with an estimate at the end of its range",
+    "outside_no_lump": "lumps outside not found",
+    "outside_warned_in_all": "lumps outside not found, flagged, or at the end of a range",
     "false_alarms": "plain tissue taken for a lump",
 }
 
