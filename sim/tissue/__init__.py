@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from sim.tissue.result import Stroke
     from sim.tissue.settings import SOLVER_VERSION, Settings, case_key
     from sim.tissue.stroke import load_curve, simulate, simulate_forces
-    from sim.tissue.sweeps import Progress, load_strokes, read_table, sweep
+    from sim.tissue.sweeps import Progress, iterate_strokes, load_strokes, read_table, sweep
 
 _HOMES = {
     "SENSORS_MM": "probe_shape",
@@ -38,6 +38,7 @@ _HOMES = {
     "read_design": "design",
     "sobol_cases": "design",
     "Progress": "sweeps",
+    "iterate_strokes": "sweeps",
     "load_strokes": "sweeps",
     "read_table": "sweeps",
     "sweep": "sweeps",
@@ -58,6 +59,7 @@ __all__ = [
     "StrokeError",
     "TissueError",
     "case_key",
+    "iterate_strokes",
     "load_curve",
     "load_strokes",
     "one_factor_cases",

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from sim.tissue.errors import CaseError
@@ -98,6 +97,7 @@ class SuperLU:
 
     def factor(self, contact: Floats, position_mm: float) -> None:
         """See `LinearSolver.factor`. Definiteness is read off the pivots' signs."""
+        from scipy import sparse
         from scipy.sparse.linalg import splu
 
         s = self.system

@@ -13,13 +13,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 
 from sim.tissue.case import Case
 from sim.tissue.errors import CaseError, TissueError
 from sim.tissue.result import Stroke
 from sim.tissue.settings import Settings, case_key
-from sim.tissue.store import Record, StrokeStore, record_of, stroke_of
+from sim.tissue.store import SCHEMA, Record, StrokeStore, record_of, stroke_of
 
 _GROUP = 4
 """Most cases in one task: neighbours that share their geometry share its set-up."""
@@ -68,7 +69,9 @@ def sweep(
     Returns
     -------
     DataFrame
-        One row per case: key, code, status (`ok` or `failed`), reason, inputs and results.
+        One row per case: key, code, status (`ok` or `failed`), reason, inputs and size of the work; the
+        series (`read_table`, `load_strokes`, `iterate_strokes`) stay on disk, since those of a large sweep
+        would not fit into memory.
 
     Raises
     ------
@@ -97,11 +100,11 @@ def sweep(
         store.close()
         raise
     store.seal(list(dict.fromkeys(keys)))
-    return read_table(out_dir)
+    return read_table(out_dir, series=False)
 
 
-def read_table(out_dir: str | Path) -> pd.DataFrame:
-    """The table of a finished sweep.
+def read_table(out_dir: str | Path, series: bool = True) -> pd.DataFrame:
+    """The table of a finished sweep, with its columns of lists or without these `series`.
 
     Raises
     ------
@@ -117,15 +120,23 @@ def read_table(out_dir: str | Path) -> pd.DataFrame:
             else "run a sweep into it first"
         )
         raise CaseError(f"{out_dir} holds no finished sweep; {hint}")
-    return pq.read_table(path).to_pandas()
+    plain = [field.name for field in SCHEMA if not pa.types.is_list(field.type)]
+    return pq.read_table(path, columns=None if series else plain).to_pandas()
 
 
 def load_strokes(out_dir: str | Path) -> list[Stroke]:
     """The strokes of a finished sweep that did not fail, in the design's order."""
-    read_table(out_dir)
-    table = pq.ParquetFile(Path(out_dir) / "strokes.parquet")
-    records = (row for batch in table.iter_batches(1024) for row in batch.to_pylist())
-    return [stroke_of(record) for record in records if record["status"] == "ok"]
+    return list(iterate_strokes(out_dir))
+
+
+def iterate_strokes(out_dir: str | Path) -> Iterator[Stroke]:
+    """As `load_strokes`, one after the other, however many there are."""
+    read_table(out_dir, series=False)
+    with pq.ParquetFile(Path(out_dir) / "strokes.parquet") as table:
+        for batch in table.iter_batches(1024):
+            for record in batch.to_pylist():
+                if record["status"] == "ok":
+                    yield stroke_of(record)
 
 
 def compute_group(cases: Sequence[tuple[str, Case]], settings: Settings) -> list[Record]:
