@@ -10,10 +10,10 @@ CLEAR = 64  # a cell whose zero lies under 8 counts may well read 0
 
 def stands(cells, slot, n, counts, offset, i):
     """1 if cell i stands at a rail in every bin looked at."""
-    low = 1 if offset[i] >= 64 else 0
+    low = 1 if offset[i] >= CLEAR else 0
     high = 1
-    for j in range(5):
-        s = slot[j * (n - 1) // 4]
+    for j in range(LOOKS):
+        s = slot[j * (n - 1) // (LOOKS - 1)]
         v = cells[s * 416 + i]
         if v:
             low = 0

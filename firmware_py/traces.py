@@ -5,15 +5,6 @@ the uneven encoder positions; beyond the ends a trace keeps its last value. Leng
 weights in Q12, adding up to 1 exactly; rows in Q5 counts; maps in Q11 counts.
 """
 
-ONE = 4096
-
-
-def find(x_um, n, x, k):
-    """The interval k (of n - 1) that holds x, searching upwards from k."""
-    while k < n - 2 and x_um[k + 1] <= x:
-        k += 1
-    return k
-
 
 def weigh(x_um, n, k, x, w):
     """Weights of the bins k - 1 to k + 2 at x, in w[0..3]; those of absent neighbours are 0."""
