@@ -57,7 +57,8 @@ def command(
     except ModuleNotFoundError as error:
         raise MissingExtra(error.name or "starlette", "view", "the viewer") from error
     from host.view.live import LiveSource
-    from host.view.replay import ReplaySource, load_strokes
+    from host.view.read_strokes import load_strokes
+    from host.view.replay import ReplaySource
 
     source: LiveSource | ReplaySource
     if recording is not None:

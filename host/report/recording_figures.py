@@ -45,7 +45,7 @@ def items(recording: Path | None) -> list[Item]:
 
 
 def _from_recording(path: Path) -> RealMap:
-    from host.view.replay import load_strokes
+    from host.view.read_strokes import load_strokes
 
     maps = [stroke.probe_map for stroke in load_strokes(path) if stroke.probe_map is not None]
     found = [

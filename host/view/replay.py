@@ -10,19 +10,18 @@ import json
 import threading
 import time
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from host.errors import PalpateError
 from host.link import events as link
 from host.link.probe import Probe
 from host.record import channels
 from host.record.reader import Recording
-from host.record.replay import CALIBRATION
 from host.view.assemble import Assembler
 from host.view.cell_scale import CellScale
 from host.view.events import Device, Health, LinkChanged, LinkState, Mark, Playback
 from host.view.live import describe
+from host.view.read_strokes import calibration, feed
 from host.view.source import Emit
 from host.view.stroke import Stroke
 from host.view.translate import MARK_PREFIX, Translator
@@ -31,46 +30,6 @@ MAX_FRAMES = 200_000
 TICK_S = 0.01
 FRAMES_A_TICK = 3
 PLAYBACK_EVERY_S = 0.1
-
-
-def calibration(recording: Recording) -> CellScale:
-    """The recorded probe's calibration, or the nominal sensor's."""
-    scale = CellScale()
-    scale.load(recording.attachment(CALIBRATION) or b"")
-    return scale
-
-
-def load_strokes(path: Path) -> list[Stroke]:
-    """All strokes of a recording.
-
-    Raises
-    ------
-    OSError
-        The file is not a readable recording; the text says why.
-    """
-    try:
-        with Probe.open(str(path)) as probe:
-            translator = Translator(calibration(Recording(path)))
-            assembler = Assembler(lambda t: Stroke(number=0, visit=0, started_s=t))
-            strokes: list[Stroke] = []
-            for event in probe.stream():
-                strokes += _feed(translator, assembler, event)
-            last = assembler.give_up()
-            return strokes + ([last] if last is not None else [])
-    except PalpateError as error:
-        raise OSError(str(error)) from error
-
-
-def _feed(translator: Translator, assembler: Assembler, event: link.Event) -> Iterator[Stroke]:
-    if isinstance(event, link.Gap):
-        translator.reset()
-        if (given_up := assembler.give_up()) is not None:
-            yield given_up
-        return
-    for shown in translator.feed(event):
-        if (stroke := assembler.feed(shown)) is not None:
-            stroke.wall_time = event.host_ns * 1e-9
-            yield stroke
 
 
 class ReplaySource:
@@ -150,7 +109,7 @@ class ReplaySource:
             first_ns = first_ns or event.host_ns
             at_s = (event.host_ns - first_ns) * 1e-9
             self._keep(at_s, event)
-            for stroke in _feed(translator, assembler, event):
+            for stroke in feed(translator, assembler, event):
                 with self._lock:
                     self._strokes_s.append(at_s)
                 emit(stroke)

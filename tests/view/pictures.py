@@ -16,7 +16,8 @@ from host.cli.emulate import strokes_over
 from host.link.flash import flash
 from host.link.probe import Probe
 from host.view.live import LiveSource
-from host.view.replay import ReplaySource, load_strokes
+from host.view.read_strokes import load_strokes
+from host.view.replay import ReplaySource
 from host.view.serve import Viewer
 from sim.probe.emulated import EmulatedProbe
 from tests.view.conftest import CHROMIUM_OPTIONS, PICTURES, chromium

@@ -12,7 +12,8 @@ from host.link.events import Estimate, Gap
 from host.link.flash import flash
 from host.link.probe import Probe
 from host.view.live import LiveSource
-from host.view.replay import ReplaySource, load_strokes
+from host.view.read_strokes import load_strokes
+from host.view.replay import ReplaySource
 from host.view.translate import estimate as as_shown
 from host.view.words import depth_mm
 
