@@ -33,6 +33,14 @@ def journal_size(directory):
     return path.stat().st_size if path.exists() else 0
 
 
+def group_lives(group):
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
 def test_a_killed_sweep_goes_on_and_ends_in_the_same_table(tmp_path):
     script = tmp_path / "run.py"
     script.write_text(SCRIPT)
@@ -41,8 +49,11 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_table(tmp_path):
     deadline = time.monotonic() + 120
     while journal_size(killed) < 6000 and time.monotonic() < deadline:
         time.sleep(0.02)
-    os.killpg(child.pid, signal.SIGKILL)
+    os.kill(child.pid, signal.SIGKILL)  # the program alone: its workers must go by themselves
     child.wait()
+    while group_lives(child.pid) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not group_lives(child.pid)
     with open(killed / "finished.journal", "ab") as journal:
         journal.write(b"STRK\x99\x00")  # as if it had died in the middle of a record
     seen = []
