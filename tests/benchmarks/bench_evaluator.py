@@ -8,6 +8,7 @@ emlearn makes C, which the WASM port cannot load: it is compiled for this machin
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shutil
 import subprocess
@@ -282,9 +283,10 @@ def emlearn_native(spec: ModelSpec) -> str:
     n, k = inputs.shape
     with tempfile.TemporaryDirectory() as directory:
         folder = Path(directory)
-        emlearn.convert(network, method="loadable", return_type="regressor").save(
-            name="model", file=str(folder / "model.h")
-        )
+        with contextlib.chdir(folder):  # it builds a wrapper in ./tmp
+            emlearn.convert(network, method="loadable", return_type="regressor").save(
+                name="model", file="model.h"
+            )
         (folder / "main.c").write_text(EMLEARN_MAIN % (n, k, rows, n, k, n, k))
         command = ["cc", "-O2", "-o", "main", "main.c", "-lm", f"-I{emlearn.includedir}"]
         subprocess.run(command, cwd=folder, check=True, capture_output=True)
