@@ -15,8 +15,9 @@ from pathlib import Path
 
 from rich.table import Table
 
+from host.regression.field.bench import Bench
 from host.regression.field.data import prepare
-from host.regression.field.fit import Bench, FieldFit, fit_field
+from host.regression.field.fit import FieldFit, fit_field
 from host.regression.field.study import STUDIES, study_table
 from host.regression.field.tissues import TISSUE_STUDY
 from host.regression.runs import features_table, read_strokes

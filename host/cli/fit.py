@@ -128,8 +128,8 @@ def _field(
 def _with_studies(fit: Any, directory: Path, seed: int) -> Any:
     from dataclasses import replace
 
+    from host.regression.field.bench import Bench
     from host.regression.field.data import read
-    from host.regression.field.fit import Bench
     from host.regression.field.study import STUDIES
     from host.regression.field.tissues import TISSUE_STUDY
 

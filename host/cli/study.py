@@ -29,8 +29,8 @@ def command(name: str, directory: Path, seed: int, figure: Path | None, as_json:
     Example:
       palpate study noise out/field --figure noise.svg
     """
+    from host.regression.field.bench import Bench
     from host.regression.field.data import read
-    from host.regression.field.fit import Bench
     from host.regression.field.study import STUDIES, study_table
     from host.regression.field.tissues import TISSUE_STUDY
 

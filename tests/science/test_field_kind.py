@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from host.regression import conformal, domain, ridge
 from host.regression.field import data, design, fit, model, score
+from host.regression.field.bench import Bench
 from host.regression.field.study import STUDIES, study_table
 from host.regression.seen import Seen, look
 from host.regression.table import TableError
@@ -30,7 +31,7 @@ def strokes():
 
 @pytest.fixture(scope="module")
 def bench(strokes):
-    return fit.Bench(strokes)
+    return Bench(strokes)
 
 
 @pytest.fixture(scope="module")
