@@ -75,7 +75,7 @@ def run(case: Case, settings: Settings, depths_mm: np.ndarray) -> Peer:
     for node, (x, y) in enumerate(mesh.fixed):
         lines += [f"{node + 1},1,1"] * bool(x) + [f"{node + 1},2,2"] * bool(y)
     for k, (position, depth) in enumerate(zip(positions, depths_mm)):
-        lines += ["*STEP, NLGEOM, INC=500", "*STATIC", "0.2,1,1e-4,0.5" if k else "0.1,1,1e-4,0.25"]
+        lines += ["*STEP, NLGEOM, INC=500", "*STATIC", "0.1,1,1e-6,0.5" if k else "0.02,1,1e-6,0.1"]
         lines += ["*BOUNDARY", f"BACK,1,1,{position - positions[0]:g}", f"{lever},2,2,{-depth - 0.01:.8g}"]
         lines += ["*NODE PRINT, NSET=SKIN, FREQUENCY=999", "U", "*CONTACT PRINT, FREQUENCY=999", "CSTR"]
         lines += ["*NODE PRINT, NSET=FLOOR, TOTALS=ONLY, FREQUENCY=999", "RF"]
