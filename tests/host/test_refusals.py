@@ -11,7 +11,7 @@ from host.link.events import Estimate, Frame
 from host.link.flash import flash
 from model_export import keys
 from model_export.exporter import export
-from tests.host.conftest import connect
+from tests.host.conftest import FRAMES, connect
 
 BAD = "its signature does not fit"
 UNWANTED = {
@@ -63,5 +63,5 @@ def test_it_is_refused_by_name_while_the_probe_streams(emulated, images, unwante
             if sum(isinstance(e, Estimate) for e in seen) == 2:
                 break
         assert {e.model_id.hex() for e in seen if isinstance(e, Estimate)} == {live}
-        assert sum(isinstance(e, Frame) for e in seen) > 100
+        assert sum(isinstance(e, Frame) for e in seen) > FRAMES
         assert probe.identity.boots == 1
