@@ -162,14 +162,14 @@ class Line:
             raise self.failure
 
     def _write(self, raw: bytes) -> None:
+        self._note_sent(raw)  # first: the answer may be read before the write returns
         try:
             with self._writing:
                 self.transport.write(raw)
         except LinkGone:
             if self._reopen is None:
                 raise
-            return  # the reader notices, too, and reconnects; the retry goes out then
-        self._note_sent(raw)
+            # the reader notices, too, and reconnects; the retry goes out then
 
     def _note_sent(self, raw: bytes) -> None:
         self.parser.commanded(raw)
@@ -264,8 +264,8 @@ class Line:
         raw = pack_command(name, number, values)
         try:
             for _ in range(INLINE_TRIES):
-                self.transport.write(raw)
                 self._note_sent(raw)
+                self.transport.write(raw)
                 deadline = time.monotonic() + FIRST_WAIT_S
                 while (left := deadline - time.monotonic()) > 0 and not self._stopping.is_set():
                     self._pump(min(left, POLL_S))

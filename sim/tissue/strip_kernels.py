@@ -54,7 +54,7 @@ def reach(interior, size, elements, starts, place, flipped):
     return spans
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True)
 def condense_elements(K, which, condensed, packed):
     """Eliminate the middle node of elements `which`; the rest's upper triangle goes to `packed` (M, 136)."""
     for e in which:
@@ -97,7 +97,7 @@ def condense_elements(K, which, condensed, packed):
     return True
 
 
-@njit(cache=True, nogil=True, fastmath=True, inline="always")
+@njit(cache=True, nogil=True, inline="always")
 def _subtract_four(M, k, begin, end, stop):
     """Take rows k to k + 3, times themselves, off rows `begin` to `end`, up to column `stop`."""
     p = M[k]
@@ -134,7 +134,7 @@ def _subtract_four(M, k, begin, end, stop):
             upper[j] -= a0 * p[j] + a1 * q[j] + a2 * r[j] + a3 * s[j]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True)
 def _eliminate_interior(M, interior, spans):
     """Eliminate the first rows of M, four at a time, each only as far as it reaches."""
     for chunk in range((interior + 3) // 4):
@@ -186,7 +186,7 @@ def _eliminate_interior(M, interior, spans):
     return True
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True)
 def eliminate(
     begin, end, flipped, packed, contact, elements, element_starts, surface, surface_starts, work, interior,
     pivots, size, incoming, incoming_size, together, spans, targets, surface_place, row_starts, rows, schur,
@@ -283,7 +283,7 @@ def join(left, right, order, root, n, routines, letters, factors):
 _OUTER = np.array([0, 1, 2, 3, 5, 6, 7, 8, 9, 10, 11, 12, 14, 15, 16, 17])
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True)
 def forward_elements(x, outer, middle, condensed):
     """Carry the middles' right-hand sides over to their elements' other nodes."""
     for r in range(x.shape[0]):
@@ -296,7 +296,7 @@ def forward_elements(x, outer, middle, condensed):
                 b[outer[e, k]] -= condensed[e, 0, c] * u + condensed[e, 1, c] * v
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True)
 def backward_elements(x, outer, middle, condensed):
     """Solve for the middles once the rest is known."""
     for r in range(x.shape[0]):
@@ -315,7 +315,7 @@ def backward_elements(x, outer, middle, condensed):
             b[middle[e] + 1] = v
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True)
 def forward(x, count, dofs, interior, pivots, size, spans, row_starts, rows):
     """Forward substitution along `count` steps of a chain, for right-hand sides x (k, 2N)."""
     local = np.empty((x.shape[0], dofs.shape[1]))
@@ -351,7 +351,7 @@ def forward(x, count, dofs, interior, pivots, size, spans, row_starts, rows):
                 x[r, dofs[g, i]] = local[r, i]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True)
 def backward(x, count, dofs, interior, pivots, size, spans, row_starts, rows):
     """Back substitution along `count` steps of a chain, the last first."""
     local = np.empty((x.shape[0], dofs.shape[1]))
@@ -387,7 +387,7 @@ def backward(x, count, dofs, interior, pivots, size, spans, row_starts, rows):
                 x[r, dofs[g, i]] = local[r, i]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True)
 def solve_root(x, dofs, U):
     """Both substitutions at the root."""
     n = len(dofs)

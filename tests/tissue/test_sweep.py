@@ -113,3 +113,17 @@ def test_a_dask_cluster_gives_the_same_table_as_a_pool(tmp_path):
             process.wait()
     sweep(sobol_cases(6, 9), QUICK, tmp_path / "here", executor=ThreadPoolExecutor(1))
     assert digest(tmp_path / "dask") == digest(tmp_path / "here")
+
+
+def test_the_run_that_compiles_gives_the_bits_of_later_ones(tmp_path):
+    """Kernels with relaxed arithmetic gave other bits compiled afresh than loaded from the cache."""
+    script = (
+        "import hashlib, sys\n"
+        "from sim.tissue import Settings, simulate, sobol_cases\n"
+        "for case in sobol_cases(2, 9):\n"
+        "    print(hashlib.sha256(simulate(case, Settings(start_mm=-4.0)).images_kPa.tobytes()).hexdigest())\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", script]
+    first, second = (subprocess.check_output(command, env=environment, text=True) for _ in range(2))
+    assert first == second
