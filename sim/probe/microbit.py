@@ -11,6 +11,7 @@ import socket
 import subprocess
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from sim.probe.flat import Flattener
@@ -21,13 +22,11 @@ IMAGE = Path("/usr/share/firmware-microbit-micropython/firmware.hex")
 QEMU = "qemu-system-arm"
 _RING = 60  # bytes: what the receive ring holds for certain; what is longer goes in several lines
 _LINE = 52
-_NUMBERS = 5  # sent in one line
-_GROUP = 900  # characters that its compiler takes at once when the heap is half full
-# Numbers come as eight hexadecimal digits each, 2**31 added: one string is the least to parse.
-_HELPERS = """def p(s):
- global k
- for i in range(0,len(s),8):
-  T[k]=(int(s[i:i+4],16)-32768)*65536+int(s[i+4:i+8],16)
+_DIGITS = 48  # sent in one line
+# Numbers come as W hexadecimal digits each, counted from B: one string is the least to parse.
+_HELPERS = """def p(k,s):
+ for i in range(0,len(s),W):
+  T[k]=int(s[i:i+W],16)+B
   k+=1
 def h(a):
  s=0
@@ -48,6 +47,35 @@ def check_microbit() -> None:
             "the micro:bit's firmware is not installed; run: "
             "sudo apt-get install firmware-microbit-micropython"
         )
+
+
+@dataclass(frozen=True)
+class Way:
+    """In which order code and data fill the heap, which nothing tidies up.
+
+    long: functions of so many characters and more come before the arrays; group: characters that are compiled
+    at once; below: bytes held free below until all is there, or, `early`, until all of the code is.
+    """
+
+    long: int = 700
+    group: int = 900
+    below: int = 0
+    early: bool = False
+
+
+WAYS = (
+    Way(),
+    Way(300, 450, 700),
+    Way(700, 900, 1000),
+    Way(9999, 900, 1000),
+    Way(300, 900),
+    Way(9999, 500),
+    Way(0, 600, 2000, True),
+    Way(0, 600, 1000, True),
+    Way(0, 500),
+    Way(0, 700, 600, True),
+    Way(250, 1100),
+)
 
 
 class MicroBit:
@@ -161,23 +189,25 @@ class MicroBit:
         if said.split() != [str(len(data)), str(expected)]:
             raise ScriptFailed(f"the micro:bit did not store {name}: {said!r}")
 
-    def load(self, flat: Flattener, arrays: Mapping[str, tuple[str, int]], long: int = 700) -> None:
+    def load(self, flat: Flattener, arrays: Mapping[str, tuple[str, int]], way: Way = WAYS[0]) -> None:
         """Define the functions and tables that `flat` has collected, as attributes of the module `g`.
 
-        Functions of `long` characters and more first, for their compilation needs most of the heap; then room
-        for `arrays` (name -> typecode, length), before the heap is in pieces; then the rest.
+        The longest first, for their compilation needs most of the heap; see Way for the rest. `arrays`: name
+        -> typecode, length. Raises ScriptFailed where they do not fit in this way.
         """
         self.write("g.py", b"")
         self.run("import g,gc,os\nfrom array import array")
+        self.run("gc.collect()")
+        self.run(f"P=bytearray({way.below})")
         pieces = sorted(flat.pieces.items(), key=lambda item: -len(item[1]))
         room_made = False
         while pieces:
-            if not room_made and len(pieces[0][1]) < long:
+            if not room_made and len(pieces[0][1]) < way.long:
                 self.make_room(arrays)
                 room_made = True
             # a module stays loaded for ever, so short functions share one
             group = [pieces.pop(0)]
-            while pieces and sum(len(text) for _, text in group) + len(pieces[-1][1]) < _GROUP:
+            while pieces and sum(len(text) for _, text in group) + len(pieces[-1][1]) < way.group:
                 group.append(pieces.pop())
             name = group[0][0]
             text = "import g\n" + "".join(
@@ -188,13 +218,16 @@ class MicroBit:
             self.run(f"import {name}")
             self.run(f"del {name}\nos.remove('{name}.py')")
             self.run("gc.collect()")
-        self.run(_HELPERS)
+        if way.early:
+            self.run("P=0\ngc.collect()")
         if not room_made:
             self.make_room(arrays)
+        self.run(_HELPERS)
         for short, numbers in flat.tables.items():
             self.run(f"T=[0]*{len(numbers)}")
-            self._fill(numbers)
+            self._fill(numbers, None)
             self.run(f"g.{short}=tuple(T)\nT=0\ngc.collect()")
+        self.run("P=0\ngc.collect()")
 
     def make_room(self, arrays: Mapping[str, tuple[str, int]]) -> None:
         """Make arrays: name -> typecode, length."""
@@ -202,16 +235,26 @@ class MicroBit:
             self.run("gc.collect()")
             self.run(f"{name}=array({typecode!r},range({length}))")  # of known length: nothing is copied
 
-    def _fill(self, numbers: Sequence[int]) -> None:
-        self.run("k=0")
-        for at in range(0, len(numbers), _NUMBERS):
-            digits = "".join(f"{number + (1 << 31):08x}" for number in numbers[at : at + _NUMBERS])
-            self.run(f"p('{digits}')")
+    def _fill(self, numbers: Sequence[int], known: Sequence[int] | None) -> None:
+        least = min(numbers)
+        # a string of ten characters or fewer would stay in its table of names for ever
+        width = max(1, -(-(max(numbers) - least).bit_length() // 4), -(-11 // len(numbers)))
+        self.run(f"W={width};B={least}")
+        most = _DIGITS // width
+        at = 0
+        while at < len(numbers):
+            if known is not None and known[at] == numbers[at]:
+                at += 1
+                continue
+            first = max(0, min(at, len(numbers) - most))
+            digits = "".join(f"{number - least:0{width}x}" for number in numbers[first : first + most])
+            self.run(f"p({first},'{digits}')")
+            at = first + most
 
-    def put(self, name: str, numbers: Sequence[int]) -> None:
-        """Fill one of the arrays that `load` made room for."""
+    def put(self, name: str, numbers: Sequence[int], known: Sequence[int] | None = None) -> None:
+        """Fill one of the arrays that `load` made room for; `known`: what it holds already."""
         self.run(f"T={name}")
-        self._fill(numbers)
+        self._fill(numbers, known)
 
     def check_sum(self, name: str) -> int:
         """Of an array; tests compute the same."""
