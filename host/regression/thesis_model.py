@@ -107,6 +107,7 @@ def fit_thesis_model(
             "runs": len(runs),
             "noise": noise if isinstance(noise, str) else "custom",
             "seed": seed,
+            "features": seen.columns(FEATURES).tolist(),
         },
         notes={"r2_in_sample": scores, "imagined": len(imagined_Y)},
     )

@@ -24,6 +24,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from sim.tissue.case import Case
+from sim.tissue.errors import CaseError
 from sim.tissue.result import Stroke
 
 Record = dict[str, Any]
@@ -75,9 +76,15 @@ def record_of(key: str, case: Case, result: Stroke | Exception) -> Record:
 
 
 def stroke_of(record: Record) -> Stroke:
-    """The stroke of a row whose status is `ok`."""
-    case = {f.name: record[f.name] for f in fields(Case)}
-    return Stroke.from_dict({**record, "case": case, "cpu_s": record.get("cpu_s", 0.0)})
+    """The stroke of a row whose status is `ok`; `CaseError` if another version of us wrote it."""
+    try:
+        case = {f.name: record[f.name] for f in fields(Case)}
+        return Stroke.from_dict({**record, "case": case, "cpu_s": record.get("cpu_s", 0.0)})
+    except KeyError as missing:
+        raise CaseError(
+            f"the sweep was stored by another version (it lacks {missing.args[0]}); "
+            "run palpate sweep again with the same --out"
+        ) from None
 
 
 class StrokeStore:

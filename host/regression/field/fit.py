@@ -223,6 +223,7 @@ def fit_field(
             "lumps": len(bench.split.train),
             "noise": noise,
             "seed": seed,
+            "features": _some(train.columns(model.polynomial.names)[model.lump(train)]),
         },
         bench.force_map.as_dict(),
         held_out=flat(main.scores),
@@ -255,6 +256,11 @@ def held_out(level: str, model: FieldModel, test: Seen) -> list[HeldOutRow]:
             everything = np.ones(len(mean), bool)
             out.append(HeldOutRow(level, name, 4, terms, scores(mean, from_link(y), everything), lost))
     return out
+
+
+def _some(rows: Floats, most: int = 500) -> list[list[float]]:
+    """Training rows, evenly chosen, that go with the model for the exporter's error report."""
+    return [list(map(float, row)) for row in rows[:: max(1, -(-len(rows) // most))]]
 
 
 def _left_out(model: FieldModel, part: Seen) -> dict[str, int]:
