@@ -210,6 +210,25 @@ def test_flashing_goes_on_after_an_unplug_in_the_middle(emulated, images):
         assert probe.counts.reconnects == 2
 
 
+def test_flashing_goes_on_through_a_cut_at_every_message(emulated, images, monkeypatch):
+    device = emulated()
+    with connect(device) as probe:
+        cuts, send = 0, probe.command
+
+        def cut_and_send(name, *fields, **words):
+            nonlocal cuts
+            if name.startswith("flash_"):
+                device.unplug()
+                cuts += 1
+            return send(name, *fields, **words)
+
+        monkeypatch.setattr(probe, "command", cut_and_send)
+        done = flash(probe, images[0])
+        print(f"{cuts} cuts while flashing {len(images[0])} bytes")
+        assert cuts >= len(images[0]) // 48 + 3  # begin, every piece, verify, confirm
+        assert probe.identity.model_id == done.model_id
+
+
 def test_a_changed_image_is_refused_and_the_old_model_stays(emulated, images):
     with connect(emulated()) as probe:
         live = flash(probe, images[0]).model_id
