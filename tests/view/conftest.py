@@ -47,7 +47,7 @@ def chromium() -> str:
 def browser():
     from playwright.sync_api import expect, sync_playwright
 
-    expect.set_options(timeout=20_000)
+    expect.set_options(timeout=60_000)
     with (
         sync_playwright() as playwright,
         playwright.chromium.launch(executable_path=chromium(), args=CHROMIUM_OPTIONS) as opened,
@@ -77,7 +77,7 @@ def open_page(browser):
             viewport={"width": width, "height": height}, color_scheme=scheme, has_touch=width < 600
         )
         page = context.new_page()
-        page.set_default_timeout(20_000)
+        page.set_default_timeout(60_000)
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on(
             "console",
