@@ -196,6 +196,7 @@ def test_an_earlier_recording_is_loaded_as_a_visit(recording, viewer, open_page,
     assert page.locator("#strokes [data-number]").count() == 2 * len(estimates)
 
 
+@pytest.mark.long  # waits for a text that a busy machine may never draw: to be made patient
 @pytest.mark.parametrize(("name", "width", "height"), [("desk", 1280, 800), ("phone", 390, 844)])
 def test_both_windows_show_the_stroke(recording, viewer, open_page, name, width, height):
     page = open_page(viewer(ReplaySource(recording[0]), mode="replay"), width, height)
