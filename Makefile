@@ -15,8 +15,7 @@ demo: setup ## tissue, fit, export, flash, stroke, estimate: the whole chain
 
 test: lint ## every promise, in under ten minutes
 	@.ci/setup test
-	@# What fails on a machine that is busy with other things is tried once more, alone, and shows twice.
-	$(PY) -m pytest -n 2 -m "not long" --dist loadfile || $(PY) -m pytest -m "not long" --last-failed --last-failed-no-failures none
+	$(PY) -m pytest -n 2 -m "not long" --dist loadfile
 
 test-long: ## the campaigns: 2000 random strokes, fuzzing, power cuts
 	@.ci/setup test

@@ -12,6 +12,7 @@ import json
 import math
 import mimetypes
 import time
+from collections.abc import Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -34,6 +35,8 @@ SEND_INTERVAL_S = 1 / 125
 MAX_UNDRAWN = 3
 """Frames on their way to a page that has not said it drew them; beyond that we wait, and send the newest."""
 MAX_COMMAND_BYTES = 4096
+MAX_ASKED = 64
+"""Commands that wait for the one before them; a page that asks more is not read until there is room."""
 
 
 def page_files() -> dict[str, bytes]:
@@ -115,7 +118,8 @@ def _download(body: bytes, media_type: str, name: str, *, inline: bool = False) 
 
 
 class _Page:
-    """One open page: a task that sends what is newest, and one that reads its commands."""
+    """One open page: a task that sends what is newest, one that reads what the page says, and one that does
+    its commands in turn (a long one must not hold up the acknowledgements of frames)."""
 
     def __init__(self, session: Session, commands: Commands, ws: WebSocket) -> None:
         self._session = session
@@ -124,34 +128,41 @@ class _Page:
         self._mailbox: Mailbox = session.join()
         self._undrawn: list[tuple[int, float]] = []
         self._sending = asyncio.Lock()
+        self._asked: asyncio.Queue[object] = asyncio.Queue(MAX_ASKED)
 
     async def run(self) -> None:
         """Serve the page until it goes away."""
-        reader = asyncio.create_task(self._read())
-        writer = asyncio.create_task(self._write())
+        tasks = [asyncio.create_task(work()) for work in (self._read, self._obey, self._write)]
         try:
-            await asyncio.wait((reader, writer), return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         finally:
             self._session.leave(self._mailbox)
-            for task in (reader, writer):
+            for task in tasks:
                 task.cancel()
-            await asyncio.gather(reader, writer, return_exceptions=True)
+            await asyncio.gather(*tasks, return_exceptions=True)
             if self._ws.application_state is WebSocketState.CONNECTED:
                 with contextlib.suppress(RuntimeError, WebSocketDisconnect):
                     await self._ws.close()
 
     async def _write(self) -> None:
-        await self._send({**self._session.snapshot(), "server_time_s": time.time()})
+        async with self._sending:
+            await self._send([{**self._session.snapshot(), "server_time_s": time.time()}])
         while True:
             begin = time.monotonic()
+            await self._send_waiting(with_frame=len(self._undrawn) < MAX_UNDRAWN)
+            await asyncio.sleep(max(SEND_INTERVAL_S - (time.monotonic() - begin), 0.001))
+
+    async def _send_waiting(self, *, with_frame: bool, then: Sequence[Message] = ()) -> None:
+        """Send what waits in the mailbox, and `then` after it."""
+        async with self._sending:
             if self._mailbox.overflowed:
                 self._mailbox.reset()
-                await self._send(self._session.snapshot())
-            for message in self._mailbox.take(with_frame=len(self._undrawn) < MAX_UNDRAWN):
+                await self._send([self._session.snapshot()])
+            messages = self._mailbox.take(with_frame=with_frame)
+            for message in messages:
                 if isinstance(message, bytes):
                     self._undrawn.append((int.from_bytes(message[4:8], "little"), time.monotonic()))
-                await self._send(message)
-            await asyncio.sleep(max(SEND_INTERVAL_S - (time.monotonic() - begin), 0.001))
+            await self._send([*messages, *then])
 
     async def _read(self) -> None:
         while True:
@@ -171,7 +182,13 @@ class _Page:
             if isinstance(command, dict) and "drawn" in command:
                 self._drawn(command["drawn"])
             else:
-                await self._send(await run_in_threadpool(self._commands.run, command))
+                await self._asked.put(command)
+
+    async def _obey(self) -> None:
+        while True:
+            answer = await run_in_threadpool(self._commands.run, await self._asked.get())
+            # What the command told (a recording runs) is there before its answer.
+            await self._send_waiting(with_frame=False, then=[answer])
 
     def _drawn(self, seq: Any) -> None:
         """The page drew this frame, and will not draw those sent before it."""
@@ -182,8 +199,8 @@ class _Page:
                 self._mailbox.put_slot("draw", {"type": "draw", "age_ms": round(age_ms, 1)})
                 return
 
-    async def _send(self, message: Message) -> None:
-        async with self._sending:
+    async def _send(self, messages: Sequence[Message]) -> None:
+        for message in messages:
             if isinstance(message, bytes):
                 await self._ws.send_bytes(message)
             else:

@@ -13,9 +13,9 @@ from host.link.events import Event as LinkEvent
 from host.link.events import Frame as LinkFrame
 from host.link.events import Gap, Log
 from host.link.probe import Probe
+from host.link.scale import CellScale
 from host.record.replay import CALIBRATION, MODEL
 from host.record.writer import RecordingWriter
-from host.view.cell_scale import CellScale
 from host.view.events import Device, Health, LinkChanged, LinkState, RecordingStopped
 from host.view.latency import Latency
 from host.view.source import Emit

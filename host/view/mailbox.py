@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from operator import itemgetter
 from typing import Any
 
 Message = dict[str, Any] | bytes
+FRAME = "frame"
 
 
 class Mailbox:
@@ -25,9 +27,10 @@ class Mailbox:
 
     def __init__(self, max_events: int = 256) -> None:
         self._lock = threading.Lock()
-        self._slots: dict[str, Message] = {}
-        self._events: deque[Message] = deque()
+        self._slots: dict[str, tuple[int, Message]] = {}
+        self._events: deque[tuple[int, Message]] = deque()
         self._max_events = max_events
+        self._count = 0
         self.overflowed = False
         self.replaced = 0
         """Slot messages that gave way to a newer one before they were sent."""
@@ -37,7 +40,7 @@ class Mailbox:
         with self._lock:
             if name in self._slots:
                 self.replaced += 1
-            self._slots[name] = message
+            self._slots[name] = (self._next(), message)
 
     def put_event(self, message: Message) -> None:
         """Add a message that must not be skipped."""
@@ -46,16 +49,21 @@ class Mailbox:
                 self._events.clear()
                 self.overflowed = True
             if not self.overflowed:
-                self._events.append(message)
+                self._events.append((self._next(), message))
 
     def take(self, *, with_frame: bool = True) -> list[Message]:
-        """Everything that waits, events first; the slot "frame" only if the page can draw one."""
+        """Everything that waits, in the order of its telling (an older state must not overtake a newer); a
+        frame last, and only if the page can draw one."""
         with self._lock:
-            messages: list[Message] = list(self._events)
+            waiting = [*self._events, *(told for name, told in self._slots.items() if name != FRAME)]
+            frame = self._slots.get(FRAME)
             self._events.clear()
-            for name in list(self._slots):
-                if name != "frame" or with_frame:
-                    messages.append(self._slots.pop(name))
+            self._slots.clear()
+            messages = [message for _, message in sorted(waiting, key=itemgetter(0))]
+            if frame is not None and with_frame:
+                messages.append(frame[1])
+            elif frame is not None:
+                self._slots[FRAME] = frame
             return messages
 
     def reset(self) -> None:
@@ -64,6 +72,10 @@ class Mailbox:
             self._slots.clear()
             self._events.clear()
             self.overflowed = False
+
+    def _next(self) -> int:
+        self._count += 1
+        return self._count
 
     def __len__(self) -> int:
         with self._lock:

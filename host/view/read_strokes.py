@@ -8,10 +8,10 @@ from pathlib import Path
 from host.errors import PalpateError
 from host.link import events as link
 from host.link.probe import Probe
+from host.link.scale import CellScale
 from host.record.reader import Recording
 from host.record.replay import CALIBRATION
 from host.view.assemble import Assembler
-from host.view.cell_scale import CellScale
 from host.view.stroke import Stroke
 from host.view.translate import Translator
 

@@ -15,10 +15,10 @@ from pathlib import Path
 
 from host.link import events as link
 from host.link.probe import Probe
+from host.link.scale import CellScale
 from host.record import channels
 from host.record.reader import Recording
 from host.view.assemble import Assembler
-from host.view.cell_scale import CellScale
 from host.view.events import Device, Health, LinkChanged, LinkState, Mark, Playback
 from host.view.live import describe
 from host.view.read_strokes import calibration, feed

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from firmware_py import messages, status
 from host.link import events as link
-from host.view.cell_scale import CellScale
+from host.link.scale import CellScale
 from host.view.events import Estimate, Event, Frame, Interval, MapFit, Mark, ProbeMap, StrokeState
 
 WARNING_S = 1.5

@@ -121,15 +121,19 @@ class SyntheticSource:
         self.plugged.set()
         self.recorded: list[Path] = []
         self.marks: list[str] = []
+        self.told: list[str] = []
+        """What the page asked for, in order."""
 
     def start_recording(self, path: Path) -> None:
         path.write_bytes(b"")
         self.recorded.append(path)
+        self.told.append("start")
 
     def stop_recording(self) -> None:
-        pass
+        self.told.append("stop")
 
     def mark(self, text: str) -> None:
+        self.told.append(f"mark {text}")
         self.marks.append(text)
 
     def run(self, emit: Emit, stop: threading.Event) -> None:

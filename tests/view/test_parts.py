@@ -53,6 +53,19 @@ def test_events_keep_their_order_and_come_before_frames():
     assert mailbox.take() == [b"f"]
 
 
+def test_nothing_older_is_told_after_something_newer():
+    """A slow page would else show a running stroke for good that is long over."""
+    mailbox = Mailbox()
+    mailbox.put_slot("progress", {"running": 1})
+    mailbox.put_event({"finished": 1})
+    mailbox.put_slot("visits", {"strokes": 1})
+    mailbox.put_slot("state", {"stroke": False})
+    mailbox.put_event({"link": "gone"})
+    mailbox.put_slot("visits", {"strokes": 2})
+    told = [*mailbox.take()]
+    assert told == [{"running": 1}, {"finished": 1}, {"stroke": False}, {"link": "gone"}, {"strokes": 2}]
+
+
 def test_a_page_hundreds_of_events_behind_is_told_everything_afresh():
     mailbox = Mailbox(max_events=10)
     for n in range(1000):

@@ -31,7 +31,8 @@ export function startKeys({ get, history, page, replay, selected, toggleTheme, t
   };
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
-    const inField = event.target.closest("input, select, textarea");
+    // A dialog that has just closed keeps the focus until the next picture; a key pressed meanwhile is for the page.
+    const inField = event.target.closest("input, select, textarea") && !event.target.closest("dialog:not([open])");
     const onButton = event.target.closest("button, summary, a");
     if (inField || (onButton && (event.key === " " || event.key === "Enter"))) return;
     const action = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];

@@ -2,6 +2,7 @@
 
 export function startTools(get, { ask, image, page }) {
   let recording = null;
+  let turning = Promise.resolve(); // the start or stop that has been asked for; a second press waits for it
 
   function toast(text) {
     const note = document.createElement("p");
@@ -25,8 +26,12 @@ export function startTools(get, { ask, image, page }) {
     get("record-text").textContent = recording ? `Stop ${clock}` : "Record";
   }
 
-  async function record() {
-    if (document.body.dataset.mode !== "live") return;
+  function record() {
+    if (document.body.dataset.mode === "live") turning = turning.then(turn);
+    return turning;
+  }
+
+  async function turn() {
     const was = recording;
     const answer = await run(was ? "stop-recording" : "record");
     if (answer) toast(was ? `Saved as ${answer.file}.` : `Recording to ${answer.file}.`);
@@ -46,9 +51,12 @@ export function startTools(get, { ask, image, page }) {
 
   async function mark() {
     if (document.body.dataset.mode !== "live") return;
+    await turning;
     if (!recording) return toast("Marks go into a recording. Press R to record.");
-    const note = await text("Mark this moment", "");
-    if (note !== null) await run("mark", { text: note });
+    const note = text("Mark this moment", "");
+    turning = turning.then(async () => {
+      if ((await note) !== null) await run("mark", { text: await note });
+    }); // a stop that is asked for right after it comes after it
   }
 
   async function visit() {
