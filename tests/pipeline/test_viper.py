@@ -1,16 +1,14 @@
-"""The viper twin of the hot loops: it compiles for the boards, and it gives the plain loops' integers."""
+"""The viper twin of the hot loops, read as plain Python: it gives the plain loops' integers, none over 2^30.
+
+tests/probe/test_machine_code.py runs it as what it is, machine code.
+"""
 
 import ast
-import os
-import shutil
-import struct
 import subprocess
 import sys
 import types
-from array import array
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from firmware_py import bins, calib, pipeline, status, traces
@@ -83,46 +81,3 @@ def test_the_same_integers_as_the_plain_loops(fields, monkeypatch):
     monkeypatch.setattr(traces, "map_columns", twin["map_columns"])
     assert feed(stream, model.calibration()) == expected
     assert watch.most > 2**20
-
-
-ON_A_PORT_WITH_VIPER = """
-import struct, sys
-from array import array
-sys.path.insert(0, {root!r})
-from firmware_py import bins, hot_viper
-data = open({data!r}, "rb").read()
-cells = array("H", bytes(832))
-hot_viper.put_cells(data, 0, cells, 0)
-hot_viper.add_cells(data, 624, cells, 0)
-print(list(cells))
-"""
-
-
-def _viper():
-    """A MicroPython on this machine that has viper, if there is one (the unix port on x64 and Arm)."""
-    found = os.environ.get("PALPATE_MICROPYTHON") or shutil.which("micropython")
-    if not found:
-        return None
-    program = "import micropython\n@micropython.viper\ndef f(x: int) -> int:\n return x + 1\nprint(f(1))"
-    done = subprocess.run([found, "-c", program], capture_output=True, text=True, timeout=20)
-    return found if done.stdout.strip() == "2" else None
-
-
-# No package that we can install carries a port with viper, so this promise is made only where one is there;
-# what always holds is above: the twins compile for the boards, and are equal when read as plain Python.
-if _viper() is not None:
-
-    def test_the_same_integers_on_a_port_with_viper(tmp_path):
-        rng = np.random.default_rng(1)
-        data = bytes(rng.integers(0, 256, 2 * 624, dtype=np.uint8))
-        (tmp_path / "data").write_bytes(data)
-        script = ON_A_PORT_WITH_VIPER.format(root=str(ROOT), data=str(tmp_path / "data"))
-        (tmp_path / "run.py").write_text(script)
-        done = subprocess.run(
-            [_viper(), tmp_path / "run.py"], capture_output=True, text=True, timeout=60, check=True
-        )
-        cells = array("H", bytes(832))
-        bins.put_cells(data, 0, cells, 0)
-        bins.add_cells(data, 624, cells, 0)
-        assert ast.literal_eval(done.stdout) == list(cells)
-        assert struct.calcsize("H") == 2

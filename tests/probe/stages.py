@@ -5,11 +5,16 @@ Arguments, and what came out.
 
 import copy
 import importlib
+import struct
 from array import array
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
+
+from firmware_py import forcemap
 
 
 @dataclass
@@ -62,3 +67,13 @@ def digest(numbers: Any) -> int:
     for x in numbers:
         total = (total * 31 + (x & 0xFFFFFF) + (x >> 24)) % 65521
     return total
+
+
+def any_force_map() -> bytes:
+    """A force map for proofs: random coefficients as large as a fitted one's."""
+    random = np.random.default_rng(5)
+    blob = bytearray(forcemap.BLOB_BYTES)
+    blob[0], blob[1], blob[2] = 0x46, forcemap.VERSION, 12
+    struct.pack_into("<ii", blob, 4, 78_000_000, 19_000_000)
+    struct.pack_into(f"<{forcemap.COEFS}h", blob, 12, *random.integers(-300, 300, forcemap.COEFS).tolist())
+    return bytes(blob)

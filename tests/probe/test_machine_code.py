@@ -1,0 +1,237 @@
+"""The viper twins as machine code for Cortex-M0, M3 and M4, executed: the plain loops' integers exactly.
+
+mpy-cross compiles them as for a board; Unicorn runs them (sim.probe.machine_code), and stops them at any
+access beyond the end of an array.
+"""
+
+from array import array
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from firmware_py import bins, calib, cobs, crc, evaluator, features, forcemap, pipeline, status, traces
+from model_export import compiler
+from sim.probe import mpy_file
+from sim.probe.machine_code import PROCESSORS, BadAccess, MachineCode, compile_viper
+from sim.probe.sensors import LEVELS, SensorModel, StrokeField
+from tests.image import synthetic
+from tests.image.test_micropython import rows
+from tests.pipeline.conftest import read_strokes
+from tests.probe import stages, twins
+
+# the M3's code is the M4's: it is run, but on fewer vectors
+VECTORS = {"armv6m": 1000, "armv7m": 100, "armv7emsp": 1000}
+SOURCES = (twins.HOT, twins.EVALUATOR, twins.LINK)
+SOURCE = """
+import micropython
+
+@micropython.viper
+def second(a: ptr16) -> int:
+    return a[1]
+
+@micropython.viper
+def product(a: int, b: int) -> int:
+    return a * b
+
+@micropython.viper
+def fill(a: ptr32, n: int):
+    while n > 0:
+        n -= 1
+        a[n] = -n // 7
+"""
+
+
+@pytest.fixture(scope="module", params=PROCESSORS)
+def architecture(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def hot(architecture):
+    return MachineCode(twins.HOT, architecture)
+
+
+# ---- the instrument itself
+
+
+def test_the_emulation_computes_and_refuses_as_a_board_would(architecture, tmp_path):
+    source = tmp_path / "trial.py"
+    source.write_text(SOURCE)
+    code = MachineCode(source, architecture, count=True)
+    assert code.names() == {"second", "product", "fill"}
+    assert code["product"](-30000, 30001) == -30000 * 30001
+    assert code["second"](array("H", (1, 65535))) == 65535
+    numbers = array("i", bytes(40))
+    assert code["fill"](numbers, 10) is None
+    assert list(numbers) == [-n // 7 for n in range(10)]
+    assert code.divisions == 10
+    assert 100 < code.instructions < 1000
+    with pytest.raises(BadAccess):
+        code["second"](array("H", (1,)))
+    with pytest.raises(BadAccess):
+        code["fill"](numbers, 11)
+    with pytest.raises(OverflowError):
+        code["product"](30000, 40000)
+    with pytest.raises(TypeError):
+        code["product"](1)
+    with pytest.raises(TypeError):
+        code["product"](numbers, 1)
+
+
+def test_a_broken_file_is_refused(tmp_path):
+    compiled = compile_viper(twins.HOT, "armv6m")
+    path = tmp_path / "x.mpy"
+    whole = bytes(compiled.raw)
+    for data in (b"", b"M\x05" + whole[2:], b"M\x06\xfc" + whole[3:], whole[:-1], whole + b"x"):
+        path.write_bytes(data)
+        with pytest.raises(ValueError):
+            mpy_file.Module(path)
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
+def test_every_twin_is_machine_code(architecture, source):
+    module = compile_viper(source, architecture)
+    assert module.architecture == architecture
+    placed = twins.places(source)
+    assert set(module.viper) == (set(placed) or {"_append", "_encode"})
+
+
+# ---- a thousand random vectors for each loop
+
+
+def words(random, n, low, high, kind="H"):
+    return array(kind, random.integers(low, high, n).tolist())
+
+
+def cells_vectors(random, total):
+    """(packed, at, cells, base): sums of up to 16 frames."""
+    for _ in range(total):
+        at, base = int(random.integers(0, 9)), 416 * int(random.integers(0, 3))
+        yield random.bytes(at + 624), at, words(random, base + 416, 0, 15 * 4095 + 1), base
+
+
+def calibrate_vectors(random, total):
+    for k in range(total):
+        n = 1 + (k % 8 == 0)  # its 416 divisions a bin are slow here
+        slots = int(random.integers(n, 5))
+        slot = bytearray(random.permutation(slots)[:n].tolist())
+        counts = bytearray(random.integers(1, 17, slots).tolist())
+        cells = words(random, 416 * slots, 0, 4096)
+        for k in range(slots):
+            for i in range(416 * k, 416 * (k + 1)):
+                cells[i] *= counts[k]
+        gain = words(random, 416, 0, 32768)
+        fills = int(random.integers(0, 5))
+        fill = words(random, 3 * max(fills, 1), 0, 416)
+        offset = words(random, 416, 0, 32768)
+        numbers = array("i", bytes(64 * n)), array("i", bytes(4 * n))
+        yield cells, slot, n, counts, offset, gain, fill, 3 * fills, *numbers
+
+
+def rows_vectors(random, total):
+    for _ in range(total):
+        n = int(random.integers(1, 4))
+        first = int(random.integers(0, 25))
+        last = int(random.integers(first + 1, 27))
+        slot = bytearray(random.permutation(n).tolist())
+        numbers = array("i", bytes(64 * n)), array("i", bytes(4 * n))
+        yield words(random, 416 * n, 0, 65536), slot, n, first, last, *numbers
+
+
+def map_vectors(random, total):
+    for _ in range(total):
+        n, points = int(random.integers(2, 6)), int(random.integers(1, 5))
+        x_um = array("i", np.cumsum(random.integers(100, 9000, n)).tolist())
+        slot = bytearray(random.permutation(n).tolist())
+        level = words(random, n, 0, 8192, "i")
+        start = int(random.integers(-9000, 30000))
+        out = array("i", bytes(104 * points))
+        yield x_um, n, words(random, 416 * n, 0, 65536), slot, level, start, out, points
+
+
+LOOPS = {
+    "put_cells": (bins.put_cells, cells_vectors),
+    "add_cells": (bins.add_cells, cells_vectors),
+    "calibrate_bins": (calib.calibrate_bins, calibrate_vectors),
+    "sum_rows": (pipeline.sum_rows, rows_vectors),
+    "map_columns": (traces.map_columns, map_vectors),
+}
+
+
+def test_every_hot_loop_gets_its_vectors():
+    assert set(LOOPS) == set(twins.places(twins.HOT))
+
+
+def twin_of(argument):
+    return argument[:] if isinstance(argument, array | bytearray) else argument
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_the_hot_loops_on_random_vectors(hot, architecture, name):
+    plain, vectors = LOOPS[name]
+    n = 0
+    for mine in vectors(np.random.default_rng(7), VECTORS[architecture]):
+        theirs = [twin_of(argument) for argument in mine]
+        plain(*mine)
+        hot[name](*theirs)
+        assert theirs == list(mine)
+        n += 1
+    assert n == VECTORS[architecture]
+
+
+def test_the_links_loops_on_random_messages(architecture):
+    code = MachineCode(twins.LINK, architecture)
+    random = np.random.default_rng(3)
+    for k in range(VECTORS[architecture]):
+        n = int(random.integers(0, 700))
+        # many zeros, few, none
+        data = bytearray((random.integers(0, 256, n) * (random.random(n) > (0.3, 0.01, 0)[k % 3])).tolist())
+        mine, theirs = data + bytearray(4), data + bytearray(4)
+        crc.append_plain(mine, n)
+        code["_append"](theirs, n, crc._LOW, crc._HIGH)
+        assert theirs == mine
+        mine_out, theirs_out = bytearray(n + 20), bytearray(n + 20)
+        end = cobs.encode(mine, n + 4, mine_out, 3)
+        assert code["_encode"](theirs, n + 4, theirs_out, 3) == end
+        assert theirs_out == mine_out
+
+
+# ---- whole strokes, whole models
+
+
+def feed(stream, calibration, force_map, fixed_columns):
+    p = pipeline.Pipeline(calibration, fixed_columns=fixed_columns)
+    for packed, x, d in zip(stream.packed, stream.positions_um, stream.displacements_um):
+        p.add_frame(packed, int(x), int(d))
+    code = p.finish(force_map)
+    return [code, p.n, p.stuck, list(p.features), list(p.map), list(p.fit), list(p.span), list(p.columns)]
+
+
+def test_whole_strokes(hot):
+    force_map = forcemap.load(stages.any_force_map())
+    calls: Counter[str] = Counter()
+    for seed, pair in enumerate(read_strokes()[:4]):
+        model = SensorModel(StrokeField(*pair), LEVELS["typical"], seed, across_mm=3.9)
+        stream = model.stroke(60)
+        given = stream, model.calibration(), force_map, (None, (6, 20))[seed % 2]
+        expected = feed(*given)
+        with twins.installed(twins.HOT, hot) as called:
+            assert feed(*given) == expected
+        assert expected[0] == status.OK
+        calls.update(called)
+    assert min(calls.values()) > 0, calls
+
+
+@pytest.mark.parametrize(("kind", "degree"), [("thesis", 2), ("field", 2), ("field", 3)])
+def test_whole_models_on_random_vectors(architecture, kind, degree):
+    spec = synthetic.model(kind, degree)
+    tables = compiler.compile_model(spec)
+    code = MachineCode(twins.EVALUATOR, architecture)
+    vectors = rows(spec, VECTORS[architecture] if degree == 2 else 100)
+    out = array("i", [0] * evaluator.OUT_SIZE)
+    plain = [[tables.evaluate(array("i", row), out), *out] for row in vectors]
+    with twins.installed(twins.EVALUATOR, code) as calls:
+        assert [[tables.evaluate(array("i", row), out), *out] for row in vectors] == plain
+    assert all(len(row) == features.COUNT for row in vectors)
+    assert min(calls.values()) >= len(vectors), calls
