@@ -3,9 +3,9 @@
     code = MachineCode(Path("firmware_py/hot_viper.py"), "armv6m")
     code["put_cells"](packed, 0, cells, 0)
 
-calls machine code with integers and buffers as MicroPython would and returns what it returns; the buffers are
-changed as it changes them. The processor is the package unicorn's. What MicroPython itself does for the code (arguments
-in, result out, floor division) is done here by the same rules, outside of the emulated processor.
+calls machine code with integers and buffers as MicroPython would and returns what it returns; the buffers
+are changed as it changes them. The processor is the package unicorn's. What MicroPython itself does for the
+code (arguments in, result out, floor division) is done here by the same rules, outside of that processor.
 
 Each buffer ends where the memory ends: machine code that reads or writes behind one, which nothing on a
 board would notice, is a BadAccess here.
