@@ -30,10 +30,12 @@ from host.view.guard import Guard
 from host.view.mailbox import Mailbox, Message
 from host.view.session import Session
 
-SEND_INTERVAL_S = 1 / 125
-"""Twice a screen's rate, so that a new frame waits there each time it is drawn."""
-MAX_UNDRAWN = 3
-"""Frames on their way to a page that has not said it drew them; beyond that we wait, and send the newest."""
+SEND_INTERVAL_S = 1 / 65
+"""A little more often than a screen draws, so that a new frame waits there each time."""
+MAX_UNDRAWN = 6
+"""Frames on their way to a page that has not said it drew them (a tenth of a second); beyond that we wait, and
+send the newest. Fewer would make a busy machine, where a message is late by two pictures, miss pictures."""
+AGE_EVERY_S = 0.25
 MAX_COMMAND_BYTES = 4096
 MAX_ASKED = 64
 """Commands that wait for the one before them; a page that asks more is not read until there is room."""
@@ -127,6 +129,7 @@ class _Page:
         self._ws = ws
         self._mailbox: Mailbox = session.join()
         self._undrawn: list[tuple[int, float]] = []
+        self._oldest_s = self._aged_at = 0.0
         self._sending = asyncio.Lock()
         self._asked: asyncio.Queue[object] = asyncio.Queue(MAX_ASKED)
 
@@ -147,10 +150,12 @@ class _Page:
     async def _write(self) -> None:
         async with self._sending:
             await self._send([{**self._session.snapshot(), "server_time_s": time.time()}])
+        due = time.monotonic()
         while True:
-            begin = time.monotonic()
             await self._send_waiting(with_frame=len(self._undrawn) < MAX_UNDRAWN)
-            await asyncio.sleep(max(SEND_INTERVAL_S - (time.monotonic() - begin), 0.001))
+            now = time.monotonic()
+            due = max(due + SEND_INTERVAL_S, now - SEND_INTERVAL_S)  # woken late, it makes up for one
+            await asyncio.sleep(max(due - now, 0.001))
 
     async def _send_waiting(self, *, with_frame: bool, then: Sequence[Message] = ()) -> None:
         """Send what waits in the mailbox, and `then` after it."""
@@ -195,8 +200,13 @@ class _Page:
         for n, (sent_seq, sent_at) in enumerate(self._undrawn):
             if sent_seq == seq:
                 del self._undrawn[: n + 1]
-                age_ms = (time.monotonic() - sent_at) * 1000
-                self._mailbox.put_slot("draw", {"type": "draw", "age_ms": round(age_ms, 1)})
+                now = time.monotonic()
+                self._oldest_s = max(self._oldest_s, now - sent_at)
+                if now - self._aged_at >= AGE_EVERY_S:
+                    self._mailbox.put_slot(
+                        "draw", {"type": "draw", "age_ms": round(self._oldest_s * 1000, 1)}
+                    )
+                    self._oldest_s, self._aged_at = 0.0, now
                 return
 
     async def _send(self, messages: Sequence[Message]) -> None:

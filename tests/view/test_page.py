@@ -305,7 +305,7 @@ def test_words_from_outside_are_text_and_never_markup(viewer, open_page):
 
 
 def test_a_fast_stream_is_drawn_as_it_is_now(viewer, open_page):
-    """200 frames/s into one page: what is drawn is never older than what the bound of three frames allows."""
+    """200 frames/s into one page: what is drawn does not get older and older."""
     running = viewer(SyntheticSource([LUMP], rate=200.0, seconds=3.0))
     page = open_page(running)
     expect(page.locator("#stroke-1")).to_be_visible()

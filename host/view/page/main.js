@@ -12,8 +12,8 @@ import { startTools } from "./tools.js";
 import { History } from "./visits.js";
 
 const get = (id) => document.getElementById(id);
-const page = { frame: null, frameNew: false, chartsNew: true, historyNew: true, held: false, running: null, drawn: [], link: null };
-const redraw = () => Object.assign(page, { frameNew: true, chartsNew: true, historyNew: true });
+const page = { frames: [], frame: null, imageNew: false, chartsNew: true, historyNew: true, held: false, running: null, drawn: [], link: null };
+const redraw = () => Object.assign(page, { imageNew: true, chartsNew: true, historyNew: true });
 
 const ask = (command, options) => connection.ask(command, options);
 const quietly = (command, options) => ask(command, options).catch((error) => tools.toast(error.message));
@@ -30,9 +30,23 @@ get("theme").addEventListener("click", toggleTheme);
 image.loadColors().then(redraw);
 new ResizeObserver(redraw).observe(document.querySelector("main"));
 
+// Frames come unevenly on a busy machine. Two may wait for a picture that would get none; where one has waited through a
+// dozen pictures nobody needed it, and it is left out, so that what is drawn is not older than it must be.
+const MAX_WAITING = 2;
+const spare = { least: MAX_WAITING, pictures: 0 };
+
 function receiveFrame(buffer) {
-  page.frame = unpackFrame(buffer);
-  page.frameNew = true;
+  page.frames.push(unpackFrame(buffer));
+  if (page.frames.length > MAX_WAITING) page.frames.shift();
+}
+
+function nextFrame() {
+  const frame = page.frames.shift();
+  spare.least = Math.min(spare.least, page.frames.length);
+  if (++spare.pictures < 12) return frame;
+  const unneeded = spare.least > 0;
+  Object.assign(spare, { least: MAX_WAITING, pictures: 0 });
+  return unneeded ? page.frames.shift() : frame;
 }
 
 function receive(message) {
@@ -128,11 +142,9 @@ function showState(state) {
   get("hint").textContent = hint;
 }
 
-function drawFrame() {
-  const { frame } = page;
-  if (!selected.picked) {
-    image.draw(frame.pressure);
-  }
+function drawFrame(frame) {
+  page.frame = frame;
+  if (!selected.picked) image.draw(frame.pressure);
   connection.drawn(frame.seq);
   const now = performance.now();
   page.drawn.push(now);
@@ -141,16 +153,11 @@ function drawFrame() {
 
 function loop() {
   requestAnimationFrame(loop);
-  if (page.frameNew && page.frame && page.frame.seq !== page.lastDrawn) {
-    page.frameNew = false;
-    page.lastDrawn = page.frame.seq;
-    if (page.held) connection.drawn(page.frame.seq);
-    else drawFrame();
-    if (page.running && !page.held) page.positionNew = true;
-  } else if (page.frameNew) {
-    page.frameNew = false;
-    image.draw();
-  }
+  const frame = nextFrame();
+  if (frame && page.held) connection.drawn(frame.seq);
+  else if (frame) drawFrame(frame);
+  if (page.imageNew && (!frame || page.held || selected.picked)) image.draw();
+  page.imageNew = false;
   if (page.chartsNew) {
     page.chartsNew = false;
     charts.draw(page.running && !selected.picked ? page.frame?.position_mm ?? null : selected.place);
