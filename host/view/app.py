@@ -33,8 +33,8 @@ from host.view.session import Session
 SEND_INTERVAL_S = 1 / 65
 """A little more often than a screen draws, so that a new frame waits there each time."""
 MAX_UNDRAWN = 6
-"""Frames on their way to a page that has not said it drew them (a tenth of a second); beyond that we wait, and
-send the newest. Fewer would make a busy machine, where a message is late by two pictures, miss pictures."""
+"""Frames on their way to a page that has not said it drew them (a tenth of a second); beyond that we wait,
+and send the newest. With fewer, a machine so busy that messages are late by two pictures misses pictures."""
 AGE_EVERY_S = 0.25
 MAX_COMMAND_BYTES = 4096
 MAX_ASKED = 64
