@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from host.cli.output import json_option, note, print_json
+from host.cli.ports import NOMINAL_SCALE
 
 
 @click.command("convert")
@@ -17,7 +18,8 @@ def command(recording: Path, out: Path, as_json: bool) -> None:
     """Write a recording as a table: OUT ends in .parquet, .h5 or .csv.
 
     One row per frame: seq, time_us (the probe's clock), host_time_ns, position_mm, displacement_mm and the
-    pressures of the 16 x 26 cells in kPa. The estimates go beside them (HDF5: a group; else OUT.estimates.*).
+    pressures of the 16 x 26 cells in kPa, by the probe's calibration, which the recording holds. The estimates
+    go beside them (HDF5: a group; else OUT.estimates.*).
 
     \b
     Example:
@@ -30,9 +32,17 @@ def command(recording: Path, out: Path, as_json: bool) -> None:
     done = convert(recording, out)
     if damage := Recording(recording).check():
         note(damage)
+    if done.frames and not done.calibrated:
+        note(f"{recording} holds no calibration: {NOMINAL_SCALE}")
     if as_json:
         print_json(
-            {"files": done.files, "frames": done.frames, "estimates": done.estimates, "lost": done.lost}
+            {
+                "files": done.files,
+                "frames": done.frames,
+                "estimates": done.estimates,
+                "lost": done.lost,
+                "calibrated": done.calibrated,
+            }
         )
         return
     note(f"{done.frames} frames ({done.lost} lost on the link), {done.estimates} estimates")

@@ -20,6 +20,7 @@ WORDS = {
     "h": "relative depth h",
     "E_inv23": "stiffness E^-2/3",
 }
+NOMINAL_SCALE = "pressures are by the nominal scale (25 kPa over 4095 counts, .5 kPa the zero)"
 
 
 def port_option(function: F) -> F:

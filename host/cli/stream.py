@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from host.cli.output import json_option, note, plain, print_json
-from host.cli.ports import estimate_lines, port_option
+from host.cli.ports import NOMINAL_SCALE, estimate_lines, port_option
 from host.errors import CommandTimeout, LinkError
 
 if TYPE_CHECKING:
@@ -67,9 +67,12 @@ def command(
         if not quiet:
             _greet(probe)
         clock_dict(probe)
-        interrupted = False
+        interrupted = scale_told = False
         try:
             for event in probe.stream(strokes, every, timeout_s):
+                if not scale_told and not quiet:
+                    _say_scale(probe)
+                scale_told = True
                 _show(event, estimates, quiet, json_lines)
                 probe.check_recording()
         except KeyboardInterrupt:
@@ -118,6 +121,11 @@ def _greet(probe: Probe) -> None:
     who = probe.identity
     model = f"model {who.model_id}" if who.has_model else "no model yet: `palpate flash` puts one on it"
     note(f"{probe.name}: probe {who.serial}, firmware {who.firmware}, {model}")
+
+
+def _say_scale(probe: Probe) -> None:
+    if not probe.scale.calibrated:
+        note(f"the probe tells no calibration: {NOMINAL_SCALE}")
 
 
 def _show(event: Event, estimates: list[dict[str, Any]], quiet: bool, json_lines: bool) -> None:

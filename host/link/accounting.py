@@ -38,6 +38,48 @@ class Counts:
         return asdict(self)
 
 
+@dataclass
+class LinkCounts:
+    """What this end of the link has counted since it was opened.
+
+    Parameters
+    ----------
+    packets, bytes_received : int
+        Good packets, and all bytes.
+    bad_crc, bad_frame, oversize, unreadable : int
+        Damaged packets: wrong checksum, impossible stuffing, too long, not of their type's length.
+    resent : int
+        Results of a stroke that came again because an acknowledgement was late.
+    states_lost : int
+        Stroke states that never came.
+    late_answers : int
+        Answers nobody waited for any more; they are dropped.
+    commands, retries : int
+        Commands given, and times one had to be sent again.
+    queue_dropped : int
+        Frames dropped, oldest first, because the program that reads them was too slow.
+    reconnects : int
+        Times the link came back.
+    """
+
+    packets: int = 0
+    bytes_received: int = 0
+    bad_crc: int = 0
+    bad_frame: int = 0
+    oversize: int = 0
+    unreadable: int = 0
+    resent: int = 0
+    states_lost: int = 0
+    late_answers: int = 0
+    commands: int = 0
+    retries: int = 0
+    queue_dropped: int = 0
+    reconnects: int = 0
+
+    def as_dict(self) -> dict[str, int]:
+        return asdict(self)
+
+
 class Sequence:
     """Counts one stream by its sequence numbers modulo 2^30; needs 32 bytes however long it runs."""
 

@@ -9,35 +9,23 @@ import random
 import threading
 import time
 from collections.abc import Callable
-from typing import Protocol
 
-from firmware_py import messages
+from firmware_py import calib, messages
 from host.errors import CommandTimeout, LinkGone, PalpateError, PortError
 from host.link.commands import PendingCommands, check_answer, pack_command
 from host.link.event_queue import EventQueue
 from host.link.events import Answer, Event, Gap
 from host.link.identity import Identity
 from host.link.parser import HAVE, Again, LiveParser
+from host.link.patience import FIRST_WAIT_S, Patience
+from host.link.recorder import Recorder
 from host.link.transport import Transport
 
 GIVE_UP_S = 6.0
 """How long a command is repeated before the probe counts as silent."""
-FIRST_WAIT_S, SHORTEST_WAIT_S = 0.4, 0.03
-"""How long to wait for an answer before sending again: at first, and on a quick line."""
-GROWTH, MOST_GROWTH = 1.4, 4.0
 POLL_S = 0.05
 REOPEN_EVERY_S = 0.25
 INLINE_TRIES = 3
-
-
-class Recorder(Protocol):
-    """What a line tells about itself; `host.record.writer.RecordingWriter` is one."""
-
-    def received(self, raw: bytes, event: Event | None, host_ns: int) -> None: ...
-
-    def sent(self, raw: bytes, host_ns: int) -> None: ...
-
-    def mark(self, event: Event) -> None: ...
 
 
 class Line:
@@ -67,8 +55,7 @@ class Line:
         self.stream: tuple[int, int, int] | None = None
         """The stream to ask for again after an unplug: content, every, strokes."""
         self.failure: PalpateError | None = None
-        self._trip_s = FIRST_WAIT_S / 4
-        self._patience_s = FIRST_WAIT_S
+        self._patience = Patience()
         self.asked_ns = 0
         """When the last question of `ask_afresh` left."""
         self._reopen = reopen
@@ -108,7 +95,7 @@ class Line:
         raw = pack_command(name, number, values, tail)
         counts = self.parser.counts
         counts.commands += 1
-        patience_s = timeout_s if once else min(self._patience_s, timeout_s)
+        patience_s = timeout_s if once else min(self._patience.wait_s, timeout_s)
         waited_s = 0.0  # on a line that is up: an unplugged probe's time does not count
         tries = 0
         try:
@@ -118,13 +105,12 @@ class Line:
                 tries += 1
                 began = time.monotonic()
                 self._write(raw)
-                # Every command is idempotent, so a lost one may be sent again soon; patience grows each time.
                 answer = self._pending.wait(number, patience_s)
                 if answer is not None:
-                    self._learn_patience(time.monotonic() - began)
+                    self._patience.learn(time.monotonic() - began)
                     return check_answer(name, answer)
                 waited_s += patience_s
-                patience_s = min(GROWTH * patience_s, MOST_GROWTH * self._patience_s, FIRST_WAIT_S)
+                patience_s = self._patience.longer(patience_s)
         finally:
             self._pending.end(number)
         if self.failure is not None:
@@ -134,21 +120,12 @@ class Line:
             f"(sent {tries} times); reset it or plug it in again"
         )
 
-    def _learn_patience(self, trip_s: float) -> None:
-        """Wait four times the usual round trip before sending again, within the two bounds.
-
-        After a repetition the trip seems too short (the answer may be to the first sending); that costs a few
-        more repetitions on a slow line, where taking none into account would never learn on a lossy one.
-        """
-        self._trip_s += 0.2 * (trip_s - self._trip_s)
-        self._patience_s = min(max(SHORTEST_WAIT_S, 4 * self._trip_s), FIRST_WAIT_S)
-
     def ask_afresh(self, name: str, tries: int = 20) -> Answer:
         """Ask under a new id each time: for questions whose old answer is worth nothing (the time)."""
         for _ in range(tries - 1):
             try:
                 self.asked_ns = time.time_ns()
-                return self.ask(name, timeout_s=self._patience_s, once=True)
+                return self.ask(name, timeout_s=self._patience.wait_s, once=True)
             except CommandTimeout:
                 self.parser.counts.retries += 1
         self.asked_ns = time.time_ns()
@@ -249,14 +226,28 @@ class Line:
         now.check()
         if before is not None and now.serial != before.serial:
             return False  # another probe, or another program's terminal under the old name: wait for ours
-        if self.stream is not None and self._ask_inline("stream_start", self.stream) is None:
-            return False
+        if self.stream is not None:
+            self._read_calibration_inline()
+            if self._ask_inline("stream_start", self.stream) is None:
+                return False
         restarted = before is None or now.boots != before.boots
         self.identity = now
         self.parser.counts.reconnects += 1
         self._tell(Gap(time.time_ns(), time.monotonic() - began, reason, restarted=restarted))
         self._up.set()
         return True
+
+    def _read_calibration_inline(self) -> None:
+        """Another host may have calibrated the probe meanwhile; the parser learns from the answers.
+
+        Where an answer does not come the stream goes on with the calibration that is known.
+        """
+        at = 0
+        while self.parser.scale.calibrated and at < calib.BLOB_BYTES:
+            answer = self._ask_inline("read_back", (messages.READ_CALIBRATION, at))
+            if answer is None or not answer.values[-1]:
+                return
+            at += len(answer.values[-1])
 
     def _ask_inline(self, name: str, values: tuple[int, ...]) -> Answer | None:
         """A command given by the reading thread itself, which must read its own answer."""

@@ -7,11 +7,11 @@ a recording holds the wire exactly, damaged packets included, and a replay count
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 from firmware_py import messages, wire
-from host.link.accounting import Counts, Sequence
+from host.link.accounting import Counts, LinkCounts, Sequence
 from host.link.clock import Unwrapper
 from host.link.events import (
     Answer,
@@ -24,6 +24,7 @@ from host.link.events import (
     StrokeState,
     TactileMap,
 )
+from host.link.scale import NOMINAL, CalibrationPieces, CellScale
 
 LONGEST_BODY = 2048
 """Longest body taken, bytes; a frame has 641. Longer ones are counted as oversize."""
@@ -38,51 +39,11 @@ _FEATURES = messages.TYPE["features"]
 _IDENTIFIED = messages.TYPE["identify"] | messages.ANSWER
 _STREAM_STARTED = messages.TYPE["stream_start"] | messages.ANSWER
 _STREAM_STOPPED = messages.TYPE["stream_stop"] | messages.ANSWER
+_READ_BACK = messages.TYPE["read_back"] | messages.ANSWER
+_CALIBRATED = messages.TYPE["calibrate"] | messages.ANSWER
 
 HAVE = {TactileMap: messages.HAVE_MAP, Features: messages.HAVE_FEATURES, Estimate: messages.HAVE_ESTIMATE}
 """Results of a stroke that the probe sends until they are acknowledged, and their bit in stroke_ack."""
-
-
-@dataclass
-class LinkCounts:
-    """What this end of the link has counted since it was opened.
-
-    Parameters
-    ----------
-    packets, bytes_received : int
-        Good packets, and all bytes.
-    bad_crc, bad_frame, oversize, unreadable : int
-        Damaged packets: wrong checksum, impossible stuffing, too long, not of their type's length.
-    resent : int
-        Results of a stroke that came again because an acknowledgement was late.
-    states_lost : int
-        Stroke states that never came.
-    late_answers : int
-        Answers nobody waited for any more; they are dropped.
-    commands, retries : int
-        Commands given, and times one had to be sent again.
-    queue_dropped : int
-        Frames dropped, oldest first, because the program that reads them was too slow.
-    reconnects : int
-        Times the link came back.
-    """
-
-    packets: int = 0
-    bytes_received: int = 0
-    bad_crc: int = 0
-    bad_frame: int = 0
-    oversize: int = 0
-    unreadable: int = 0
-    resent: int = 0
-    states_lost: int = 0
-    late_answers: int = 0
-    commands: int = 0
-    retries: int = 0
-    queue_dropped: int = 0
-    reconnects: int = 0
-
-    def as_dict(self) -> dict[str, int]:
-        return {item.name: getattr(self, item.name) for item in fields(self)}
 
 
 class LiveParser:
@@ -96,6 +57,9 @@ class LiveParser:
         self.counts = LinkCounts()
         self.frames = Sequence()
         self.raw = b""
+        self.scale: CellScale = NOMINAL
+        """What frames are decoded with: the probe's calibration, once it was read back on this wire."""
+        self._pieces = CalibrationPieces()
         self._receiver = wire.Receiver(LONGEST_BODY)
         self._sent = wire.Receiver(messages.COMMAND_BODY)
         self._next_every = 1
@@ -155,6 +119,12 @@ class LiveParser:
                 if fields is not None:
                     self._next_every = max(1, fields[1])
 
+    def told_calibration(self, blob: bytes) -> None:
+        """A recording's attached calibration; what the wire itself tells goes before it."""
+        scale = CellScale()
+        if not self.scale.calibrated and scale.load(blob):
+            self.scale = scale
+
     def take_tail(self) -> bytes:
         """The bytes behind the last good packet; they are then forgotten (the link is closing)."""
         tail = bytes(self._tail)
@@ -192,11 +162,15 @@ class LiveParser:
         return self._rare(kind, values, host_ns)
 
     def _learn(self, answer: Answer) -> None:
-        """What answers say about the streams, in the wire's own order, so that a replay learns the same."""
+        """What answers say of streams and calibration, in the wire's own order: a replay learns the same."""
         if answer.status < 0:
             return
         if answer.kind == _IDENTIFIED:
             self._booted(answer.values[-2])
+        elif answer.kind == _READ_BACK:
+            self.scale = self._pieces.add(*answer.values) or self.scale
+        elif answer.kind == _CALIBRATED:
+            self._pieces.forget()
         elif answer.kind == _STREAM_STARTED and not self._streaming:
             # While a stream runs (an answer sent again, a reconnect), the numbers go on: a gap is a loss.
             self._streaming = True
@@ -227,6 +201,7 @@ class LiveParser:
             displacement_um,
             packed,
             self.frames.gap,
+            self.scale,
         )
 
     def _rare(self, kind: int, values: tuple[Any, ...], host_ns: int) -> Event | None:

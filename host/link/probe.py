@@ -18,10 +18,12 @@ from typing import Self
 
 from firmware_py import messages
 from host.errors import CommandRefused, CommandTimeout, LinkGone, NotAProbe
+from host.link.accounting import LinkCounts
 from host.link.events import Answer, Estimate, Event, Gap
 from host.link.identity import Identity
-from host.link.line import Line, Recorder
-from host.link.parser import Again, LinkCounts
+from host.link.line import Line
+from host.link.parser import Again
+from host.link.recorder import Recorder
 from host.link.remote import Commandable
 from host.link.transport import Transport
 
@@ -157,6 +159,7 @@ class Probe(Commandable):
             False: only states, maps and estimates.
         """
         line = self._live("stream_start")
+        self.learn_calibration()
         content = messages.CONTENT_STROKES
         content |= messages.CONTENT_FRAMES if frames else 0
         line.stream = (content, every, strokes)
@@ -214,6 +217,8 @@ class Probe(Commandable):
                 return
             if command := getattr(self._transport, "command", b""):
                 self._parser.commanded(command)
+            if calibration := getattr(self._transport, "calibration", b""):
+                self._parser.told_calibration(calibration)
             mark: Gap | None = getattr(self._transport, "mark", None)
             if mark is not None:
                 yield mark

@@ -15,6 +15,7 @@ from host.link.commands import setting_key
 from host.link.identity import Identity
 from host.link.line import GIVE_UP_S, Line
 from host.link.parser import LiveParser
+from host.link.scale import CellScale
 
 BUSY_TRIES, BUSY_WAIT_S = 20, 0.1
 READ_BACK_S = 30.0
@@ -162,7 +163,18 @@ class Commandable:
     def _calibrate(self, kind: int, frames: int, pressure_kPa: float) -> Calibrated:
         words = (kind, frames, round(1000 * pressure_kPa))
         _, taken, dead, noise = self.command("calibrate", *words, timeout_s=CALIBRATE_S)
+        self.read_back(messages.READ_CALIBRATION)  # from here on frames are decoded with it
         return Calibrated(taken, dead, noise / 1000)
+
+    @property
+    def scale(self) -> CellScale:
+        """What frames are decoded with: the probe's own calibration, or (not `calibrated`) the nominal."""
+        return self._parser.scale
+
+    def learn_calibration(self) -> None:
+        """Read the probe's calibration unless it is known; a probe without one leaves the nominal scale."""
+        if not self.scale.calibrated:
+            self.read_back(messages.READ_CALIBRATION)  # the parser takes it from the answers
 
     def refresh_identity(self) -> Identity:
         """Shake hands again: what the probe is now (after a flash: which model is live)."""

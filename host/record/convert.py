@@ -27,12 +27,23 @@ Batch = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Converted:
-    """What was written: the files, and how many frames and estimates; frames that the link had lost."""
+    """What was written.
+
+    Parameters
+    ----------
+    files : list of Path
+        The table, and the one of the estimates beside it.
+    frames, estimates, lost : int
+        How many are in them, and how many frames the link had lost.
+    calibrated : bool
+        False where pressures are by the nominal scale, for want of the probe's calibration.
+    """
 
     files: list[Path]
     frames: int
     estimates: int
     lost: int
+    calibrated: bool
 
 
 class _Sink(Protocol):
@@ -72,8 +83,8 @@ def convert(recording: str | Path, out: str | Path) -> Converted:
     return write(Path(recording), out)
 
 
-def _pump(recording: Path, sink: _Sink) -> tuple[int, int, int]:
-    """Everything in the recording through a sink: numbers of frames, estimates, lost frames."""
+def _pump(recording: Path, sink: _Sink) -> tuple[int, int, int, bool]:
+    """Everything in the recording through a sink: numbers of frames, estimates, lost frames; calibrated."""
     estimates: list[dict[str, Any]] = []
     about = {
         f"{name}.{key}": value
@@ -86,8 +97,9 @@ def _pump(recording: Path, sink: _Sink) -> tuple[int, int, int]:
             count += len(batch["seq"])
             sink.frames(batch)
         lost = probe.frame_counts.lost
-    sink.finish(estimates, about)
-    return count, len(estimates), lost
+        calibrated = probe.scale.calibrated
+    sink.finish(estimates, about | {"calibrated": str(calibrated).lower()})
+    return count, len(estimates), lost, calibrated
 
 
 def _batches(probe: Probe, estimates: list[dict[str, Any]]) -> Iterator[Batch]:
@@ -112,7 +124,7 @@ def _batch(frames: list[Frame]) -> Batch:
         "position_mm": np.array([f.position_um for f in frames]) / 1000,
         "displacement_mm": np.array([f.displacement_um for f in frames]) / 1000,
         "lost_before": np.array([f.lost_before for f in frames], np.int64),
-        "pressure_kPa": np.stack([f.pressure_kPa for f in frames]).astype(np.float32),
+        "pressure_kPa": np.stack([f.pressure_kPa for f in frames]),
     }
 
 

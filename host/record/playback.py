@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from mcap.records import Attachment, Message
+
 from firmware_py import messages
 from host.errors import LinkGone, NotLive
 from host.link.events import Answer, Gap
@@ -35,7 +37,9 @@ class PlaybackTransport:
         """A gap in the link, where the recording has one instead of bytes."""
         self.command = b""
         """A command that the host had sent, where the recording has one instead of bytes."""
-        self._wire = self.recording.wire((*channels.WIRES, channels.LINK))
+        self.calibration = b""
+        """An attached calibration, where the recording has one instead of bytes."""
+        self._records = self.recording.records()
 
     @property
     def identity(self) -> tuple[Any, ...] | None:
@@ -48,24 +52,29 @@ class PlaybackTransport:
         return None
 
     def read(self, timeout_s: float) -> bytes:
-        found = next(self._wire, None)
-        if found is None:
-            raise LinkGone(f"{self.name} has ended")
-        self.host_ns, topic, data = found
-        self.mark, self.command = None, b""
-        if topic == channels.LINK:
-            self.mark = gap_of(self.host_ns, data)
-            return b""
-        if topic == channels.WIRE_OUT:
-            self.command = data
-            return b""
-        return data
+        self.mark, self.command, self.calibration = None, b"", b""
+        for topic, record in self._records:
+            if isinstance(record, Attachment) and record.name == channels.CALIBRATION:
+                self.calibration = record.data
+                return b""
+            if not isinstance(record, Message):
+                continue
+            self.host_ns = record.log_time
+            if topic == channels.WIRE_IN:
+                return record.data
+            if topic == channels.WIRE_OUT:
+                self.command = record.data
+                return b""
+            if topic == channels.LINK:
+                self.mark = gap_of(self.host_ns, record.data)
+                return b""
+        raise LinkGone(f"{self.name} has ended")
 
     def write(self, data: bytes) -> None:
         raise NotLive(f"{self.name} is a recording: nothing can be sent to it")
 
     def close(self) -> None:
-        self._wire.close()
+        self._records.close()
 
 
 def gap_of(host_ns: int, text: bytes) -> Gap | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from pathlib import Path
 from typing import IO, Any
 
@@ -55,7 +55,7 @@ class Recording:
         self.damage = ""
         """Where reading had to stop before the end, in words; "" so far."""
 
-    def records(self) -> Iterator[tuple[str, McapRecord]]:
+    def records(self) -> Generator[tuple[str, McapRecord]]:
         """Every message, attachment and metadata record with its topic ("" where it has none), in order."""
         topics: dict[int, str] = {}
         self.damage = ""

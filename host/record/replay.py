@@ -16,10 +16,8 @@ from firmware_py import calib, evaluator, forcemap, messages, pipeline, status
 from host.errors import RecordingError
 from host.link.events import Estimate, Features, Frame
 from host.link.probe import Probe
+from host.record.channels import CALIBRATION, MODEL
 from host.record.reader import Recording
-
-MODEL, CALIBRATION = "model.palp", "calibration.bin"
-"""Names of a recording's attachments: what the probe computed with."""
 
 FRAMES_KEPT = 1 << 16
 """Frames kept for a stroke's estimate, at most; 41 MB."""

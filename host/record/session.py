@@ -10,7 +10,7 @@ from pathlib import Path
 from firmware_py import messages
 from host.errors import CommandRefused, LinkError
 from host.link.probe import Probe
-from host.record.replay import CALIBRATION, MODEL
+from host.record.channels import CALIBRATION, MODEL
 from host.record.writer import RecordingWriter
 
 

@@ -1,0 +1,20 @@
+"""Who is told what a line carries."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from host.link.events import Event
+
+
+class Recorder(Protocol):
+    """What a line tells about itself; `host.record.writer.RecordingWriter` is one."""
+
+    def received(self, raw: bytes, event: Event | None, host_ns: int) -> None:
+        """Bytes from the probe up to and including the packet that made `event` (None: no packet)."""
+
+    def sent(self, raw: bytes, host_ns: int) -> None:
+        """Bytes to the probe."""
+
+    def mark(self, event: Event) -> None:
+        """Something that did not come over the wire: the link went down, or is up again."""

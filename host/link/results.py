@@ -1,0 +1,194 @@
+"""What a probe has worked out of a stroke: its tactile map, its features, its estimate.
+
+Units: mm, kPa, N per metre of probe width; the wire's integers say theirs in their names.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from firmware_py import messages, status
+from host.link.frames import Event
+
+OUTPUTS = ("F_N_per_m", "t_mm", "d_mm", "h", "E_inv23")
+"""Names of an estimate's outputs, in the order of the wire, which carries millionths of these units."""
+
+HARDNESS = ("unsure", "soft", "hard", "unsure")
+
+
+@dataclass(slots=True)
+class TactileMap(Event):
+    """The stroke's mean tactile map as the probe computed it, with its Gaussian fit, in the wire's integers.
+
+    Parameters
+    ----------
+    stroke, status : int
+        Number of the stroke; 0 or why there is no fit.
+    first_column, end_column : int
+        The columns used: the first, and one after the last.
+    points, first_mm, place_um : int
+        Values, 1 mm apart, the first at `first_mm` from `place_um`, the lump's place along the stroke.
+    count_mpa : int
+        Pressure of one count, millipascal.
+    base_q11, amplitude_q11, centre_q16, stdev_q16 : int
+        The fit: counts with 11 fraction bits; mm from the map's first point, and mm, with 16.
+    values : tuple of int
+        The map, counts with 11 fraction bits.
+    """
+
+    stroke: int
+    status: int
+    first_column: int
+    end_column: int
+    points: int
+    first_mm: int
+    place_um: int
+    count_mpa: int
+    base_q11: int
+    amplitude_q11: int
+    centre_q16: int
+    stdev_q16: int
+    values: tuple[int, ...]
+
+    @property
+    def unit_kPa(self) -> float:
+        """Pressure of one unit of `values`, kPa."""
+        return self.count_mpa / 2**11 / 1e6
+
+    def as_dict(self) -> dict[str, Any]:
+        """The map in mm and kPa; `x_mm` are places along the stroke."""
+        first_mm = self.first_mm + self.place_um / 1000
+        return {
+            "stroke": self.stroke,
+            "x_mm": [first_mm + i for i in range(len(self.values))],
+            "pressure_kPa": [value * self.unit_kPa for value in self.values],
+            "base_kPa": self.base_q11 * self.unit_kPa,
+            "amplitude_kPa": self.amplitude_q11 * self.unit_kPa,
+            "centre_mm": first_mm + self.centre_q16 / 2**16,
+            "stdev_mm": self.stdev_q16 / 2**16,
+            "columns": [self.first_column, self.end_column],
+            "status": self.status,
+        }
+
+
+@dataclass(slots=True)
+class Features(Event):
+    """The features the probe computed of a stroke, Q24 integers in the order of `firmware_py.features`."""
+
+    stroke: int
+    status: int
+    version: int
+    values: tuple[int, ...]
+
+
+@dataclass
+class Estimate(Event):
+    """The probe's answer for one stroke.
+
+    Parameters
+    ----------
+    stroke : int
+        Number of the stroke since the probe started.
+    status : int
+        0, or the reason of `firmware_py.status` why there is no estimate.
+    flags : int
+        lump, in_domain, hardness, force, invalid (`firmware_py.messages.FLAG_*`).
+    level_permille : int
+        Coverage of the intervals.
+    distance_permille : int
+        How far from the training strokes, in thousandths of the domain's threshold (over 1000: outside).
+    model_id : bytes
+        First 8 bytes of the model image's hash.
+    frames, first_seq, last_seq : int
+        The frames it rests on: so many from `first_seq` on, all before `last_seq`.
+    overrun : int
+        Frames that the probe's sensors were too late for during the stroke.
+    values : tuple of int
+        Value, low, high of each of `OUTPUTS`, in millionths; empty without estimate.
+    """
+
+    stroke: int
+    status: int
+    flags: int
+    level_permille: int
+    distance_permille: int
+    model_id: bytes
+    frames: int
+    first_seq: int
+    last_seq: int
+    overrun: int
+    time_us: int
+    values: tuple[int, ...] = field(default=())
+
+    @property
+    def lump(self) -> bool:
+        """True where the stroke shows a lump that the model can size."""
+        return bool(self.flags & messages.FLAG_LUMP)
+
+    @property
+    def in_domain(self) -> bool:
+        """True where the stroke lies inside what the model was trained on."""
+        return bool(self.flags & messages.FLAG_IN_DOMAIN)
+
+    @property
+    def valid(self) -> bool:
+        """False where the numbers mean nothing (then `reason` says why)."""
+        return self.status == status.OK and not self.flags & messages.FLAG_INVALID
+
+    @property
+    def hardness(self) -> str:
+        """hard, soft, or unsure."""
+        return HARDNESS[self.flags >> messages.HARDNESS_SHIFT & 3]
+
+    @property
+    def reason(self) -> str:
+        """Why there is no estimate, in words; "ok" where there is one."""
+        return status.TEXT.get(self.status, f"status {self.status}")
+
+    @cached_property
+    def outputs(self) -> dict[str, dict[str, float]]:
+        """`value`, `low`, `high` of every output, in the units of its name."""
+        values = self.values
+        return {
+            name: {part: values[3 * i + k] / 1e6 for k, part in enumerate(("value", "low", "high"))}
+            for i, name in enumerate(OUTPUTS)
+            if 3 * i + 2 < len(values)
+        }
+
+    @property
+    def numbers(self) -> tuple[Any, ...]:
+        """Everything that a replay must reproduce bit for bit."""
+        return (
+            self.status,
+            self.flags,
+            self.level_permille,
+            self.distance_permille,
+            self.model_id.hex(),
+            self.frames,
+            *self.values,
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """The estimate as `--json` prints it."""
+        words: dict[str, Any] = dict(self.outputs)
+        words.update(
+            lump=self.lump,
+            hardness=self.hardness,
+            in_domain=self.in_domain,
+            level=self.level_permille / 1000,
+            model_id=self.model_id.hex(),
+            valid=self.valid,
+            force_in_range=not self.flags & messages.FLAG_FORCE,
+            status=self.status,
+            reason=self.reason,
+            stroke=self.stroke,
+            frames=self.frames,
+            frames_overrun=self.overrun,
+            domain_distance=self.distance_permille / 1000,
+            first_seq=self.first_seq,
+            last_seq=self.last_seq,
+            time_us=self.time_us,
+        )
+        return words
