@@ -163,9 +163,9 @@ class EmulatedProbe:
         if self._orders is not None:
             os.write(self._orders, text.encode() + b"\n")
 
-    def set_strokes(self, strokes: Iterable[source.Frames]) -> None:
-        """What the sensors will read from the next stream on."""
-        self._source = source.write_source(self._dir / f"source-{self._sources}", strokes)
+    def set_strokes(self, strokes: Iterable[source.Frames], lifted: int = 3) -> None:
+        """What the sensors read from the next stream on; `lifted` frames in the air around each stroke."""
+        self._source = source.write_source(self._dir / f"source-{self._sources}", strokes, lifted)
         self._sources += 1
         if self.running:
             self._order(f"source {self._source}")
