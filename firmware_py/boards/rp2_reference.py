@@ -13,7 +13,7 @@ import rp2
 from machine import SPI, UART, Pin
 
 from firmware_py import counters, estimator, flash, probe, record, store
-from firmware_py.boards import encoder, links, matrix, mcp3202
+from firmware_py.boards import encoder, links, matrix, mcp3202, pio_encoder
 
 ROW_PINS = (2, 3, 4, 5)
 COLUMN_PINS = (6, 7, 8, 9)
@@ -50,8 +50,7 @@ class Board:
             tuple([Pin(n, Pin.OUT) for n in COLUMN_PINS]),
         )
         self._displacement = mcp3202.MCP3202(spi, Pin(DISPLACEMENT_SELECT, Pin.OUT, value=1))
-        a, b = [Pin(n, Pin.IN, Pin.PULL_UP) for n in ENCODER_PINS]
-        self._encoder = encoder.Encoder(a, b, ENCODER_UM[0], ENCODER_UM[1])
+        self._encoder = make_encoder()
         self._led = Pin(LED, Pin.OUT, value=0)
         self.scan = self._matrix.scan
         self.position_um = self._encoder.position_um
@@ -94,6 +93,15 @@ class Board:
     def keep_settings(self, data: bytes) -> int:
         """Keep the settings; a status."""
         return self._settings.save(data)
+
+
+def make_encoder() -> "pio_encoder.PioEncoder | encoder.Encoder":
+    """The wheel, counted by PIO block 0; by the pins' interrupts where that has no room (OSError)."""
+    a, b = [Pin(n, Pin.IN, Pin.PULL_UP) for n in ENCODER_PINS]
+    try:
+        return pio_encoder.PioEncoder(a, b, ENCODER_UM[0], ENCODER_UM[1])
+    except OSError:
+        return encoder.Encoder(a, b, ENCODER_UM[0], ENCODER_UM[1])
 
 
 def make(link: "links.UsbLink | links.UartLink") -> "tuple[Board, estimator.Estimator]":

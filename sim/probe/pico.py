@@ -13,6 +13,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from sim.probe import pio
+
 PIN_CALL_US = 1.2  # what one Pin.value costs the interpreter on an RP2040, about
 MCP3202_MAX_HZ = 1_200_000  # at 3.3 V, between .9 MHz at 2.7 V and 1.8 MHz at 5 V
 SELECT_HIGH_US = 0.5  # the MCP3202 wants to be let go so long between two conversions
@@ -37,6 +39,19 @@ class Circuit:
         self._levels = {"A": 0.0, "B": 0.0}
         self._targets = {"A": 0.0, "B": 0.0}
         self._changed_us = -1e9
+        self.machines: list[pio.StateMachine] = []
+
+    def now_us(self) -> float:
+        """The time, for the PIO's machines."""
+        return self.clock.us
+
+    def wait_us(self, us: float) -> None:
+        """Let time pass."""
+        self.clock.us += us
+
+    def levels(self, first: int, n: int) -> int:
+        """Levels of n pins from `first` on, the first in bit 0."""
+        return sum(self.pin(first + k).level << k for k in range(n))
 
     def pin(self, name: object) -> "Pin":
         """The pin of that number, made when it is first named."""
@@ -89,6 +104,8 @@ class Pin:
     def drive(self, level: int, interrupt: bool = True) -> None:
         """Something outside sets this input."""
         changed = level != self.level
+        for machine in self._circuit.machines:
+            machine.catch_up()
         self.level = level
         if changed and interrupt and self._handler:
             self._handler(self)
@@ -178,12 +195,13 @@ class UART:
         return n or None
 
 
-def turn(circuit: Circuit, steps: int, interrupt: bool = True) -> None:
-    """Turn the encoder's wheel by so many quarter steps."""
+def turn(circuit: Circuit, steps: int, interrupt: bool = True, step_us: float = 2.0) -> None:
+    """Turn the encoder's wheel by so many quarter steps, one every `step_us`."""
     a, b = circuit.pin(10), circuit.pin(11)
     cycle = [(0, 0), (1, 0), (1, 1), (0, 1)]
     for _ in range(abs(steps)):
         at = cycle.index((a.level, b.level))
+        circuit.wait_us(step_us)
         level_a, level_b = cycle[(at + (1 if steps > 0 else -1)) % 4]
         a.drive(level_a, interrupt)
         b.drive(level_b, interrupt)
@@ -223,7 +241,16 @@ def installed(circuit: Circuit) -> Iterator[None]:
         return int(circuit.clock.us) & (1 << 30) - 1
 
     rp2 = types.ModuleType("rp2")
-    rp2.bootsel_button = lambda: 0  # type: ignore[attr-defined]
+    machine_of_this = type(
+        "StateMachine", (pio.StateMachine,), {"board": circuit, "running": circuit.machines}
+    )
+    for name, member in {
+        "bootsel_button": lambda: 0,
+        "asm_pio": pio.asm_pio,
+        "PIO": types.SimpleNamespace(SHIFT_LEFT=0, SHIFT_RIGHT=1),
+        "StateMachine": machine_of_this,
+    }.items():
+        setattr(rp2, name, member)
     before = {name: sys.modules.get(name) for name in ("machine", "micropython", "rp2")}
     sys.modules.update(machine=machine, micropython=micropython, rp2=rp2)
     time.sleep_us, time.ticks_us = sleep_us, ticks_us  # type: ignore[attr-defined]

@@ -6,8 +6,6 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from firmware_py import messages, probe, status
 from sim.probe import pico, sensors
@@ -55,39 +53,6 @@ def test_the_driver_waits_for_the_amplifiers():
     """
     assert np.array_equal(scan(pico.Circuit(RANDOM_CELLS, settling_us=1.3)), RANDOM_CELLS)
     assert not np.array_equal(scan(pico.Circuit(RANDOM_CELLS, settling_us=40.0)), RANDOM_CELLS)
-
-
-@settings(max_examples=50, deadline=None)
-@given(st.lists(st.integers(-300, 300), max_size=10))
-def test_the_encoder_follows_every_turn(turns):
-    circuit = pico.Circuit()
-    with pico.installed(circuit):
-        from machine import Pin
-
-        from firmware_py.boards import encoder
-
-        made = encoder.Encoder(Pin(10), Pin(11), 25)
-        at = 0
-        for steps in turns:
-            pico.turn(circuit, steps)
-            at += steps
-            assert made.position_um() == 25 * at
-        assert made.missed == 0
-        made.zero()
-        assert made.position_um() == 0
-
-
-def test_edges_that_were_missed_are_counted():
-    circuit = pico.Circuit()
-    with pico.installed(circuit):
-        from machine import Pin
-
-        from firmware_py.boards import encoder
-
-        made = encoder.Encoder(Pin(10), Pin(11), 25)
-        pico.turn(circuit, 1, interrupt=False)
-        pico.turn(circuit, 1)
-        assert made.missed == 1
 
 
 @pytest.mark.parametrize("counts", [0, 1, 2047, 4095])
@@ -138,6 +103,23 @@ def test_the_whole_probe_streams_over_its_uart(tmp_path):
     assert positions == sorted(positions)
     assert positions[-1] > positions[0]
     assert running.counts[4] == 0, "no frame came late"
+
+
+@pytest.mark.parametrize(("asked_Hz", "comes_Hz"), [(10, 10), (25, 25), (80, 80), (500, 83)])
+def test_frames_come_at_the_rate_that_is_set_up_to_what_the_converter_can(tmp_path, asked_Hz, comes_Hz):
+    """Beyond that each late frame is counted (`frames_overrun`) and the rest go on as fast as they can."""
+    circuit = pico.Circuit(RANDOM_CELLS)
+    with pico.installed(circuit):
+        board, uart = reference_board(tmp_path)
+        running = probe.Probe(board)
+        uart.from_host += command("set_setting", 1, (0, 1000 * asked_Hz))
+        uart.from_host += command("stream_start", 2, (messages.CONTENT_FRAMES, 1, 0))
+        while circuit.clock.us < 2_000_000:
+            board.idle(running.step())
+        uart._carry()
+        frames = [m.fields for m in Ears().hear(bytes(uart.to_host)) if m.name == "frame"]
+    assert len(frames) / 2 == pytest.approx(comes_Hz, rel=0.05)
+    assert (running.counts[4] > 0) == (asked_Hz > comes_Hz)
 
 
 def test_settings_and_starts_are_kept_on_the_board(tmp_path):
