@@ -17,7 +17,8 @@ from rich.table import Table
 
 from host.regression.field.bench import Bench
 from host.regression.field.data import prepare
-from host.regression.field.fit import FieldFit, fit_field
+from host.regression.field.fit import fit_field
+from host.regression.field.result import FieldFit
 from host.regression.field.study import STUDIES, study_table
 from host.regression.field.tissues import TISSUE_STUDY
 from host.regression.runs import features_table, read_strokes

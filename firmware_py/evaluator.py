@@ -39,7 +39,8 @@ FORCE_LO = 6  # millionths of N/m
 FORCE_HI = 7
 LEVEL_PERMILLE = 8
 LINKS = 9  # bit j: output j has a ln link
-HEAD = 10
+MARGIN = 10  # how far beyond its range an estimate may lie, in 1/256 of half its interval
+HEAD = 11
 
 # feature table: one row of seven for each feature
 CLIP_LO = 0
@@ -51,7 +52,7 @@ BOX_LO = 5
 BOX_HI = 6
 FEATURE_ROW = 7
 
-# output table: one row of eight for each output
+# output table: one row of nine for each output
 LINK = 0  # 1: ln of millionths, 0: the value itself
 Y_LO = 1
 Y_HI = 2
@@ -59,8 +60,10 @@ Y_MID = 3  # and the shift that takes y - Y_MID into +-1 in Q28
 Y_SHIFT = 4
 LN_Q_SOFT = 5  # ln of the conformal quantile for each predicted class
 LN_Q_HARD = 6
+RANGE_LO = 7  # what the model is for, on the link scale; where there is no such end, Y_LO or Y_HI
+RANGE_HI = 8
 E_OUTPUT = 4  # which output the hardness rule looks at
-OUTPUT_ROW = 8
+OUTPUT_ROW = 9
 
 # row table: intercept (Q24) and shift of each sum: outputs, ln sigmas, whitened coordinates
 ROW = 2
@@ -191,11 +194,14 @@ def predict(c, d, rows, outs, terms, bits, high, low, work, out):
         work[j] = v
         out[3 * j] = value(v, outs[at])
         put(scaled(v - outs[at + 3], outs[at + 4]), j, bits, high, low)
-        at += 8
+        at += 9
 
 
-def doubt(c, d, first, rows, outs, n, bits, hard_below, high, low, work, out):
-    """The intervals: a quantile for the predicted class times sigma, on the link scale."""
+def doubt(c, d, first, rows, outs, n, bits, hard_below, margin, high, low, work, out):
+    """The intervals: a quantile for the predicted class times sigma, on the link scale.
+
+    In `work` the predictions give way to how far each lies beyond its range and the margin.
+    """
     at = 0
     e = out[12]
     for j in range(5):
@@ -203,9 +209,13 @@ def doubt(c, d, first, rows, outs, n, bits, hard_below, high, low, work, out):
         v = scaled(v, rows[2 * j + 11]) + rows[2 * j + 10]
         v = clip(v, _MIN_LN_WIDTH, _MAX_LN_WIDTH)
         v = width(v + pick(e, hard_below, outs[at + 6], outs[at + 5]))
-        out[3 * j + 1] = value(clip(work[j] - v, outs[at + 1], outs[at + 2]), outs[at])
-        out[3 * j + 2] = value(clip(work[j] + v, outs[at + 1], outs[at + 2]), outs[at])
-        at += 8
+        y = work[j]
+        out[3 * j + 1] = value(clip(y - v, outs[at + 1], outs[at + 2]), outs[at])
+        out[3 * j + 2] = value(clip(y + v, outs[at + 1], outs[at + 2]), outs[at])
+        below = outs[at + 7] - y
+        above = y - outs[at + 8]
+        work[j] = pick(above - below, 0, below, above) - (v >> 8) * margin
+        at += 9
 
 
 def distance(c, at, rows, n, high):
@@ -224,7 +234,8 @@ def distance(c, at, rows, n, high):
 def compute(x, ids, feats, steps, c, d, rows, outs, head, u, high, low, work, out):
     """All outputs and intervals into `out`, and the distance from the domain's centre.
 
-    high and low hold the predictions first, then the terms; work holds y of each output.
+    high and low hold the predictions first, then the terms; work holds y of each output, in the end how far
+    it lies beyond its range.
     """
     n = head[0]
     terms = head[1]
@@ -233,12 +244,12 @@ def compute(x, ids, feats, steps, c, d, rows, outs, head, u, high, low, work, ou
     standardise(x, ids, feats, n, bits, u, high, low)
     multiply(steps, n, terms, bits, u, high, low)
     predict(c, d, rows, outs, terms, bits, high, low, work, out)
-    doubt(c, d, 5 * terms, rows, outs, k, bits, head[5], high, low, work, out)
+    doubt(c, d, 5 * terms, rows, outs, k, bits, head[5], head[10], high, low, work, out)
     out[16] = distance(c, 5 * (terms + k), rows, n, high)
 
 
-def verdict(x, ids, feats, limits, head, out):
-    """Flags from the features and from what `compute` left in `out`; returns a status."""
+def verdict(x, ids, feats, limits, head, work, out):
+    """Flags from the features and from what `compute` left in `work` and `out`; returns a status."""
     out[17] = head[8]
     flags = 1
     at = 0
@@ -254,6 +265,9 @@ def verdict(x, ids, feats, limits, head, out):
         if v < feats[at + 5] or v > feats[at + 6]:
             inside = False
         at += 7
+    for j in range(5):
+        if work[j] > 0:
+            inside = False
     if inside:
         flags |= 2
     if flags & 1 == 0:
@@ -322,4 +336,4 @@ class Tables:
             x, self.ids, self.feats, self.steps, self.c, self.d, self.rows, self.outs, self.head,
             self.u, self.high, self.low, self.work, out,
         )  # fmt: skip
-        return verdict(x, self.ids, self.feats, self.limits, self.head, out)
+        return verdict(x, self.ids, self.feats, self.limits, self.head, self.work, out)

@@ -12,7 +12,7 @@ from firmware_py import evaluator, status
 
 PROBE = b"palpate-16x26"
 MAGIC = b"PALP"
-VERSION = 1
+VERSION = 2
 HEAD_SIZE = 104
 ROLLBACK = 1
 
@@ -131,9 +131,10 @@ def _head(raw):
     head[1] = raw[12] | raw[13] << 8
     head[2] = raw[14] | raw[15] << 8
     head[8] = raw[16] | raw[17] << 8
-    head[0] = raw[18]
-    head[3] = raw[19]
-    head[9] = raw[20]
+    head[10] = raw[18] | raw[19] << 8
+    head[0] = raw[20]
+    head[3] = raw[21]
+    head[9] = raw[22]
     return head
 
 
@@ -166,16 +167,18 @@ def _rows(raw):
 
 
 def _outs(raw, links):
-    """The output table from what the image keeps of it: range and the quantiles' logarithms."""
+    """The output table from what the image keeps of it: its ends, the quantiles' logarithms, the range."""
     kept = array("i", raw)
-    outs = array("i", bytearray(4 * 8 * evaluator.OUTPUTS))
-    for j in range(min(len(kept) // 4, evaluator.OUTPUTS)):
-        outs[8 * j] = links >> j & 1
-        outs[8 * j + 1] = kept[4 * j]
-        outs[8 * j + 2] = kept[4 * j + 1]
-        outs[8 * j + 3], outs[8 * j + 4] = evaluator.middle(kept[4 * j], kept[4 * j + 1])
-        outs[8 * j + 5] = kept[4 * j + 2]
-        outs[8 * j + 6] = kept[4 * j + 3]
+    outs = array("i", bytearray(4 * evaluator.OUTPUT_ROW * evaluator.OUTPUTS))
+    for j in range(evaluator.OUTPUTS):
+        at = 9 * j
+        lo, hi = kept[6 * j], kept[6 * j + 1]
+        outs[at] = links >> j & 1
+        outs[at + 1] = lo
+        outs[at + 2] = hi
+        outs[at + 3], outs[at + 4] = evaluator.middle(lo, hi)
+        for k in range(4):
+            outs[at + 5 + k] = kept[6 * j + 2 + k]
     return outs
 
 
@@ -220,14 +223,14 @@ def load(read, body, features_version, feature_count, probe=PROBE):
     if h.features_version != features_version:
         return status.BAD_VERSION, None
     head = h.section(read, NUMBERS)
-    if len(head) != 21:
+    if len(head) != 23:
         return status.BAD_LENGTH, None
     head = _head(head)
     limits = array("i", h.section(read, LIMITS))
     head[4] = len(limits) // 3
     outs = h.section(read, OUTPUTS)
     rows = h.section(read, ROWS)
-    if not 0 < head[1] < 1000 or len(outs) != 16 * evaluator.OUTPUTS or len(rows) % 5:
+    if not 0 < head[1] < 1000 or len(outs) != 24 * evaluator.OUTPUTS or len(rows) % 5:
         return status.BAD_LENGTH, None
     n = head[0]
     bits = head[3]

@@ -47,7 +47,7 @@ def run(spec: ModelSpec, tables: evaluator.Tables, features: np.ndarray) -> np.n
             x, tables.ids, tables.feats, tables.steps, tables.c, tables.d, tables.rows, tables.outs,
             tables.head, tables.u, tables.high, tables.low, tables.work, out,
         )  # fmt: skip
-        evaluator.verdict(x, tables.ids, tables.feats, tables.limits, head, out)
+        evaluator.verdict(x, tables.ids, tables.feats, tables.limits, head, tables.work, out)
         rows.append(out.tolist())
     return np.array(rows)
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 MAX_FEATURES = 24
 MAX_TERMS = 400
 MAX_DEGREE = 3
+MAX_MARGIN = 4  # half-widths
 
 
 def _need(condition: bool, sentence: str) -> None:
@@ -157,6 +158,20 @@ def _domain(model: ModelSpec, n: int) -> None:
     even = all(abs(rows[i][j] - rows[j][i]) <= 1e-9 * size for i in range(n) for j in range(i))
     _need(even, "domain.precision must be symmetric")
     _need(_number(domain.threshold, "domain.threshold") > 0, "domain.threshold must be positive")
+    _ranges(model)
+
+
+def _ranges(model: ModelSpec) -> None:
+    domain = model.domain
+    pairs = isinstance(domain.ranges, tuple) and len(domain.ranges) == len(model.outputs)
+    _need(pairs, f"domain.ranges must have a pair for each of {len(model.outputs)} outputs")
+    for output, pair in zip(model.outputs, domain.ranges):
+        where = f"domain.ranges of {output.name}"
+        _need(isinstance(pair, tuple) and len(pair) == 2, f"{where} must be a pair of numbers or null")
+        lo, hi = (end if e is None else _number(e, where) for e, end in zip(pair, (output.lo, output.hi)))
+        _need(output.lo <= lo < hi <= output.hi, f"{where} must lie within the output's lo and hi")
+    margin = _number(domain.margin, "domain.margin")
+    _need(0 <= margin < MAX_MARGIN, f"domain.margin must lie between 0 and {MAX_MARGIN} half-widths")
 
 
 def _rules(model: ModelSpec) -> None:

@@ -23,6 +23,7 @@ LN_MILLION = math.log(1e6)
 FEW_LOW_BITS = 8  # low words of one byte, where sums are small enough to be finer than Q24 with them
 MANY_LOW_BITS = (12, 11, 10, 9)
 NO_LIMIT = 1 << 29
+MARGIN_ONE = 256  # the domain's margin of one half-width
 
 
 def feature_ids(names: tuple[str, ...] | list[str]) -> list[int]:
@@ -128,6 +129,7 @@ def compile_model(spec: ModelSpec) -> ev.Tables:
     head[ev.FORCE_HI] = _word(spec.force_range[1] * 1e6, "force_range")
     head[ev.LINKS] = sum(1 << j for j, output in enumerate(spec.outputs) if output.link == "ln")
     head[ev.LEVEL_PERMILLE] = round(spec.interval.level * 1000)
+    head[ev.MARGIN] = round(spec.domain.margin * MARGIN_ONE)
     return ev.Tables(bytes(ids), feats, bytes(steps), c, d, heads, outs, limits, head)
 
 
@@ -157,7 +159,7 @@ def _outputs(spec: ModelSpec) -> tuple[array[int], np.ndarray, np.ndarray]:
     """Output table; radius and middle of each clipped prediction on the spec's own link scale."""
     table = array("i")
     radius, middle = [], []
-    for output, quantiles in zip(spec.outputs, spec.interval.quantiles):
+    for output, quantiles, ends in zip(spec.outputs, spec.interval.quantiles, spec.domain.ranges):
         is_ln = output.link == "ln"
         offset = LN_MILLION if is_ln else 0.0
         lo, hi = ((math.log(v) if is_ln else v) + offset for v in (output.lo, output.hi))
@@ -166,7 +168,10 @@ def _outputs(spec: ModelSpec) -> tuple[array[int], np.ndarray, np.ndarray]:
         ln_q = [ev.NO_WIDTH if q <= 1e-6 else round(math.log(q) * Q24) for q in quantiles]
         if max(ln_q) >= 1 << 28:
             raise ModelError(f"the interval's quantile of {output.name} is absurdly large")
-        table.extend((int(is_ln), y_lo, y_hi, mid, shift, *ln_q, 0))
+        # where a range has no end the prediction's own will do: nothing lies beyond it
+        bound = [edge if e is None else round(((math.log(e) if is_ln else e) + offset) * Q24)
+                 for e, edge in zip(ends, (y_lo, y_hi))]  # fmt: skip
+        table.extend((int(is_ln), y_lo, y_hi, mid, shift, *ln_q, max(bound[0], y_lo), min(bound[1], y_hi)))
         radius.append(2.0 ** (28 + shift) / Q24)
         middle.append(mid / Q24 - offset)
     return table, np.array(radius), np.array(middle)

@@ -66,7 +66,7 @@ def estimate(features, out):
         features, _IDS, _FEATS, _STEPS, _HIGH_WORDS, _LOW_WORDS, _ROWS, _OUTS, _HEAD,
         _u, _high, _low, _work, out,
     )
-    return verdict(features, _IDS, _FEATS, _LIMITS, _HEAD, out)
+    return verdict(features, _IDS, _FEATS, _LIMITS, _HEAD, _work, out)
 
 
 def as_dict(out):
@@ -134,7 +134,7 @@ def emit_py(spec: ModelSpec) -> str:
     parts.append(_table("_HIGH_WORDS", "h", zip(_cut(tables.c, whole), titles)))
     parts.append(_table("_LOW_WORDS", tables.d.typecode, zip(_cut(tables.d, lengths), titles)))
     parts.append(_table("_ROWS", "i", zip(_cut(tables.rows, [2] * len(titles)), titles)))
-    parts.append(_table("_OUTS", "i", zip(_cut(tables.outs, [8] * 5), outputs)))
+    parts.append(_table("_OUTS", "i", zip(_cut(tables.outs, [evaluator.OUTPUT_ROW] * 5), outputs)))
     parts.append(_table("_LIMITS", "i", [((place[i], lo, hi), names[place[i]]) for i, lo, hi in limits]))
     parts.append(_table("_HEAD", "i", [(tables.head, "")]))
     parts.append(f'_u = array("i", [0] * {terms})\n')

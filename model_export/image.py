@@ -91,10 +91,11 @@ def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None
     words, fine = tables.c.tolist(), len(tables.d)
     info = ",".join(spec.features) + "\n1e-6 " + ",".join(unit for _, unit in OUTPUTS)
     feats = [tables.feats[7 * i + k] for i in range(n) for k in (0, 1, 2, 5, 6)]
-    outs = [tables.outs[8 * j + k] for j in range(evaluator.OUTPUTS) for k in (1, 2, 5, 6)]
+    row = evaluator.OUTPUT_ROW
+    outs = [tables.outs[row * j + k] for j in range(evaluator.OUTPUTS) for k in (1, 2, 5, 6, 7, 8)]
     rows = tables.rows.tolist()
     return {
-        fw.NUMBERS: struct.pack("<3i3H3B", *(tables.head[k] for k in (5, 6, 7, 1, 2, 8, 0, 3, 9))),
+        fw.NUMBERS: struct.pack("<3i4H3B", *(tables.head[k] for k in (5, 6, 7, 1, 2, 8, 10, 0, 3, 9))),
         fw.IDS: bytes(tables.ids),
         fw.FEATURES: struct.pack(f"<{len(feats)}i", *feats),
         fw.STEPS: bytes(tables.steps).removeprefix(fw.all_pairs(n)),

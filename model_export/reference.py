@@ -31,7 +31,8 @@ def evaluate(spec: ModelSpec, features: np.ndarray) -> dict[str, Any]:
     -------
     dict
         value, low, high (n x 5, units of `schema.OUTPUTS`), y (n x 5, link scale, clipped), sigma (n x 5),
-        distance (n, squared, 1 at the threshold), in_domain (n), hardness (n strings), force_out (n).
+        distance (n, squared, 1 at the threshold), beyond (n: an estimate is out of its range and margin),
+        in_domain (n), hardness (n strings), force_out (n).
         The lump rule is not applied: it may need features that the model does not use.
     """
     raw = np.atleast_2d(np.asarray(features, float))
@@ -53,6 +54,7 @@ def evaluate(spec: ModelSpec, features: np.ndarray) -> dict[str, Any]:
     distance = np.einsum("ni,ij,nj->n", away, np.array(spec.domain.precision), away) / spec.domain.threshold
     boxed = np.all((raw >= spec.domain.lo) & (raw <= spec.domain.hi), axis=1)
     sure_hard, sure_soft = high[:, 4] < spec.hard_below, low[:, 4] >= spec.hard_below
+    beyond = _beyond(spec, y, width, is_ln)
     force = value[:, 0]
     return {
         "value": value,
@@ -61,7 +63,19 @@ def evaluate(spec: ModelSpec, features: np.ndarray) -> dict[str, Any]:
         "y": y,
         "sigma": sigma,
         "distance": distance,
-        "in_domain": boxed & (distance <= 1),
+        "in_domain": boxed & (distance <= 1) & ~beyond,
+        "beyond": beyond,
         "hardness": np.where(sure_hard, "hard", np.where(sure_soft, "soft", "unsure")),
         "force_out": (force < spec.force_range[0]) | (force > spec.force_range[1]),
     }
+
+
+def _beyond(spec: ModelSpec, y: np.ndarray, width: np.ndarray, is_ln: np.ndarray) -> np.ndarray:
+    """Whether any estimate lies beyond its declared range by more than the margin."""
+    ends = np.array(
+        [[-np.inf if lo is None else lo, np.inf if hi is None else hi] for lo, hi in spec.domain.ranges]
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ends[is_ln] = np.log(np.maximum(ends[is_ln], 0))
+    excess = np.maximum(ends[:, 0] - y, y - ends[:, 1])
+    return np.asarray((excess > spec.domain.margin * width).any(axis=1))

@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 
+from model_export import reference
 from model_export.errors import ModelError
 from model_export.schema import ModelSpec
 
 
 def in_domain(spec: ModelSpec, n: int, seed: int = 1) -> np.ndarray:
-    """n vectors (n x features, feature units, whole Q24 numbers) inside both the box and the distance.
+    """n vectors (n x features, feature units, whole Q24 numbers) inside box and distance, estimates in range.
 
     Directions are those of the domain's ellipsoid, radii lean outwards, and the box cuts what it cuts.
     """
@@ -29,7 +30,10 @@ def in_domain(spec: ModelSpec, n: int, seed: int = 1) -> np.ndarray:
         x = np.clip(whole, np.ceil(lo), np.floor(hi)) / 2**24
         away = (x - spec.centre) / spec.scale - middle
         distance = np.einsum("ni,ij,nj->n", away, np.array(spec.domain.precision), away)
-        found.append(x[distance <= spec.domain.threshold])
+        x = x[distance <= spec.domain.threshold]
+        found.append(x[~reference.evaluate(spec, x)["beyond"]] if len(x) else x)
         if sum(map(len, found)) >= n:
             return np.vstack(found)[:n]
-    raise ModelError("the model's domain is empty: its box and its distance leave nothing in common")
+    raise ModelError(
+        "the model's domain is empty: its box, its distance and its ranges leave nothing in common"
+    )

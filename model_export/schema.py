@@ -24,7 +24,7 @@ from model_export import check
 from model_export.errors import ModelError
 
 FORMAT = "palpate-model"
-VERSION = 1
+VERSION = 2
 KINDS = ("thesis", "field")
 # Name and unit of the five outputs in the order of the wire; an image holds millionths of these units.
 OUTPUTS = (("F_N_per_m", "N/m"), ("t_mm", "mm"), ("d_mm", "mm"), ("h", "1"), ("E_inv23", "1"))
@@ -80,9 +80,11 @@ class Interval:
 
 @dataclass(frozen=True)
 class Domain:
-    """Where the model may be believed: a box in feature units, and a distance over standardised features.
+    """Where the model may be believed: a box in feature units, a distance, ranges of the estimates.
 
-    in_domain = lo <= feature <= hi for all, and (z - m)' precision (z - m) <= threshold, m the centre.
+    in_domain = lo <= feature <= hi for all, and (z - m)' precision (z - m) <= threshold, m the centre, and
+    range_lo_j - margin half_j <= y_j <= range_hi_j + margin half_j for all outputs, where half_j is half the
+    interval of y_j, all on the link scale. A range is in the output's unit; None where it has no such end.
     """
 
     lo: tuple[float, ...]
@@ -90,6 +92,8 @@ class Domain:
     centre: tuple[float, ...]
     precision: tuple[tuple[float, ...], ...]
     threshold: float
+    ranges: tuple[tuple[float | None, float | None], ...]
+    margin: float
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,14 @@
-"""Where the model may be believed: a box in each feature, and a distance over all of them.
+"""Where the model may be believed: a box in each feature, a distance over all, ranges of the estimates.
 
-Features of a stroke lie on a curved sheet of four inputs; a lump outside the training ranges mostly leaves
-it, or its edges. The box catches single features out of range, the Mahalanobis distance their combination.
+Features of a stroke lie on a curved sheet of four inputs. The box catches single features out of range, the
+Mahalanobis distance their combination: another tissue, a broken sensor. A lump just outside the ranges that
+the model is for lies on the same sheet, only further on; it is told by its own estimate, which the model,
+trained on a rim of such lumps too, puts where it is.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,36 +16,54 @@ from numpy.typing import NDArray
 from host.features import Floats
 
 SHRINKAGE = 1e-3
+LARGEST_MARGIN = 3.9
+"""In half-widths; `model_export.check` refuses 4."""
 
 
 @dataclass(frozen=True)
 class DomainCheck:
-    """lo <= feature <= hi for all, and (z - centre)' precision (z - centre) <= threshold."""
+    """lo <= feature <= hi for all, (z - centre)' precision (z - centre) <= threshold, estimates in range.
+
+    An estimate is in range if it lies beyond `range_lo` to `range_hi` (link scale; infinite where there is
+    no such end) by `margin` times half its interval at most.
+    """
 
     lo: Floats
     hi: Floats
     centre: Floats
     precision: Floats
     threshold: float
+    range_lo: Floats
+    range_hi: Floats
+    margin: float = 0.0
 
     def distance(self, z: Floats) -> Floats:
         """Squared Mahalanobis distance of standardised features (n, features)."""
         u = z - self.centre
         return np.einsum("ni,ij,nj->n", u, self.precision, u)
 
-    def inside(self, features: Floats, z: Floats) -> NDArray[np.bool_]:
-        """Whether each stroke may be believed."""
+    def familiar(self, features: Floats, z: Floats) -> NDArray[np.bool_]:
+        """Whether each stroke's features are like those that the model was trained on."""
         boxed = ((features >= self.lo) & (features <= self.hi)).all(axis=1)
         return boxed & (self.distance(z) <= self.threshold)
 
+    def beyond(self, y: Floats, half: Floats) -> Floats:
+        """How far the worst estimate lies beyond its range, in half-widths; negative inside, (n)."""
+        return (np.maximum(self.range_lo - y, y - self.range_hi) / np.maximum(half, 1e-12)).max(axis=1)
 
-def fit_domain(features: Floats, z: Floats, share_out: float = 0.025) -> DomainCheck:
-    """A domain that leaves out about `share_out` of strokes like these.
+    def inside(self, features: Floats, z: Floats, y: Floats, half: Floats) -> NDArray[np.bool_]:
+        """Whether each stroke may be believed."""
+        return self.familiar(features, z) & (self.beyond(y, half) <= self.margin)
+
+
+def fit_domain(features: Floats, z: Floats, outputs: int = 5, share_out: float = 0.025) -> DomainCheck:
+    """Box and distance that leave out about `share_out` of strokes like these; ranges without ends.
 
     Parameters
     ----------
     features, z : (n, features)
         As they come, and standardised (both of calibration strokes).
+    outputs : int
     share_out : float
         Half of it goes to the box, split over its sides, half to the distance.
     """
@@ -53,6 +73,32 @@ def fit_domain(features: Floats, z: Floats, share_out: float = 0.025) -> DomainC
     tail = share_out / 2 / (2 * z.shape[1])
     lo, hi = np.quantile(features, [tail, 1 - tail], axis=0)
     room = 0.01 * (hi - lo)
-    check = DomainCheck(lo - room, hi + room, centre, precision, np.inf)
-    threshold = float(np.quantile(check.distance(z), 1 - share_out / 2))
-    return DomainCheck(check.lo, check.hi, centre, check.precision, threshold)
+    endless = np.full(outputs, np.inf)
+    check = DomainCheck(lo - room, hi + room, centre, precision, np.inf, -endless, endless)
+    return replace(check, threshold=float(np.quantile(check.distance(z), 1 - share_out / 2)))
+
+
+def with_ranges(
+    check: DomainCheck,
+    range_lo: Floats,
+    range_hi: Floats,
+    familiar: NDArray[np.bool_],
+    y: Floats,
+    half: Floats,
+    share_out: float,
+) -> DomainCheck:
+    """The same with ranges, their margin as small as leaves out `share_out` of strokes inside them in all.
+
+    Parameters
+    ----------
+    range_lo, range_hi : (outputs)
+        Link scale.
+    familiar : (n)
+        What box and distance say of strokes over lumps inside the ranges.
+    y, half : (n, outputs)
+        Estimates of these strokes by a model that never saw their lumps, and half-widths.
+    """
+    check = replace(check, range_lo=range_lo, range_hi=range_hi)
+    score = np.where(familiar, check.beyond(y, half), np.inf)
+    margin = float(np.quantile(score, 1 - share_out, method="higher"))
+    return replace(check, margin=min(max(margin, 0.0), LARGEST_MARGIN))

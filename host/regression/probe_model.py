@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -106,15 +106,23 @@ def fit_polynomial(
     lo, hi : (5)
         Range of the outputs, link scale.
     """
+    shape = _shape(names, X, terms, lo, hi)
+    A = monomials(shape.standard(X), terms)
+    B = fit_ridge(A, Y, [len(t) for t in terms], groups).coefficients
+    return replace(shape, coefficients=B)
+
+
+def _shape(names: Sequence[str], X: Floats, terms: Sequence[Term], lo: Floats, hi: Floats) -> Polynomial:
     centre, scale = np.median(X, axis=0), X.std(axis=0) + 1e-9
     clip_lo, clip_hi = np.quantile(X, [_TAIL, 1 - _TAIL], axis=0)
     room = _ROOM * (clip_hi - clip_lo)
-    shape = Polynomial(
-        tuple(names), centre, scale, clip_lo - room, clip_hi + room, tuple(terms), np.empty(0), lo, hi
-    )
-    A = monomials(shape.standard(X), terms)
-    B = fit_ridge(A, Y, [len(t) for t in terms], groups).coefficients
-    return Polynomial(shape.names, centre, scale, shape.clip_lo, shape.clip_hi, shape.terms, B, lo, hi)
+    none = np.empty(0)
+    return Polynomial(tuple(names), centre, scale, clip_lo - room, clip_hi + room, tuple(terms), none, lo, hi)
+
+
+def standardised(X: Floats) -> Floats:
+    """Features (n, features) as `fit_polynomial` would standardise them."""
+    return _shape((), X, (), np.empty(0), np.empty(0)).standard(X)
 
 
 def spec_of(
@@ -163,6 +171,8 @@ def spec_of(
             _floats(domain.centre),
             tuple(_floats(row) for row in domain.precision),
             domain.threshold,
+            _ranges(model, domain),
+            domain.margin,
         ),
         lump=(
             Limit("asinh_amp", lo=math.asinh(100 * least_amp_share)),
@@ -174,6 +184,16 @@ def spec_of(
         force_map=force_map,
         notes=notes or {},
     ).validate()
+
+
+def _ranges(model: Polynomial, domain: DomainCheck) -> tuple[tuple[float | None, float | None], ...]:
+    """The domain's ranges in the units of the wire; an end beyond the prediction's own is none."""
+    ends = []
+    sides = (domain.range_lo, domain.range_hi)
+    for side, beyond in zip(sides, (sides[0] <= model.lo, sides[1] >= model.hi)):
+        values = from_link(np.where(beyond, 0.0, side)[None])[0]
+        ends.append([None if none else float(v) for v, none in zip(values, beyond)])
+    return tuple(zip(*ends))
 
 
 def shows_lump(

@@ -95,3 +95,26 @@ def fit_ridge(
     values, weights = np.maximum(values, 0), vectors.T @ H
     B = np.column_stack([vectors @ (weights[:, k] / (values + strengths[j] * n)) for k, j in enumerate(best)])
     return RidgeFit(B / np.sqrt(penalty)[:, None], strengths[best], error[best, np.arange(Y.shape[1])] / n)
+
+
+def importance(A: Floats, degrees: Sequence[int], fit: RidgeFit) -> Floats:
+    """What each term is worth: its squared coefficients over their variances, summed over outputs (Wald).
+
+    Parameters
+    ----------
+    A, degrees : as `fit_ridge` took them
+    fit : RidgeFit
+
+    Returns
+    -------
+    array (terms)
+        About by how much the sum of squared residuals, over its mean, would rise without the term.
+    """
+    penalty = np.array([max(DEGREE_PENALTY[k], 1e-9) for k in degrees])
+    scaled = A / np.sqrt(penalty)
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    worth = np.zeros(A.shape[1])
+    for b, strength, error in zip(fit.coefficients.T, fit.strength, fit.error):
+        spread = (vectors**2) @ (1 / (np.maximum(values, 0) + strength * len(A)))
+        worth += b**2 * penalty / (spread * error)
+    return worth

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from host.regression.field.fit import FieldFit
+from host.regression.field.result import FieldFit
 from host.regression.field.score import NEAR_THE_BORDER, ordered
 from host.regression.table import SHOWN, TARGETS
 from host.report import style

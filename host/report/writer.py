@@ -15,7 +15,7 @@ from host.report import style
 from host.report.items import Beside, Item
 
 if TYPE_CHECKING:
-    from host.regression.field.fit import FieldFit
+    from host.regression.field.result import FieldFit
     from host.regression.thesis import ThesisFit
     from sim.tissue import Stroke
 
@@ -165,9 +165,13 @@ def _draw(item: Item, target: Path) -> str:
 
 def _page(parts: list[dict[str, Any]]) -> str:
     import jinja2
+    import markupsafe
 
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     here = files("host.report")
+    environment.filters["powers"] = lambda text: markupsafe.Markup(
+        style.powers_html(str(markupsafe.escape(text)))
+    )
     template = environment.from_string((here / "template.html").read_text("utf-8"))
     css = (here / "report.css").read_text("utf-8")
     made = [p for p in parts if not p["item"].missing]

@@ -45,6 +45,12 @@ def _strokes(n_features: int, n: int, rng: np.random.Generator) -> tuple[np.ndar
     return features, targets
 
 
+def _ranges(targets: np.ndarray) -> tuple[tuple[float | None, float | None], ...]:
+    """What the model is said to be for: nearly all there is; no ends for t, no lower one for E^-2/3."""
+    lo, hi = np.quantile(targets, [0.02, 0.98], axis=0).tolist()
+    return ((lo[0], hi[0]), (None, None), (lo[2], hi[2]), (lo[3], hi[3]), (None, hi[4]))
+
+
 def model(kind: str = "field", degree: int = 2, seed: int = 1, n: int = 1500) -> ModelSpec:
     """A field model (eleven features, all monomials up to `degree`) or a thesis model (six, few terms)."""
     rng = np.random.default_rng(seed)
@@ -90,6 +96,8 @@ def model(kind: str = "field", degree: int = 2, seed: int = 1, n: int = 1500) ->
             (0.0,) * k,
             tuple(map(tuple, ((precision + precision.T) / 2).tolist())),
             float(np.quantile(distance, 0.999)),
+            _ranges(targets),
+            0.15,
         ),
         lump=(Limit(names[1], lo=float(lo[1] - 1)), Limit("ln_stdev", hi=math.log(20.0) + 9)),
         hard_below=0.3,

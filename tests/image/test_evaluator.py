@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from firmware_py import evaluator, status
 from firmware_py import features as firmware_features
-from model_export import accuracy, bounds, compiler, sampling
+from model_export import accuracy, bounds, compiler, reference, sampling
 from model_export.errors import ProofError
 from tests.image import synthetic
 from tests.image.checked import Checked
@@ -165,3 +165,43 @@ def test_a_force_outside_the_models_range_is_flagged(field, field_tables):
     assert flags & evaluator.FORCE_OUT
     wide = dataclasses.replace(field, force_range=(force - 1, force + 1))
     assert not evaluate(compiler.compile_model(wide), row)[1][evaluator.FLAGS] & evaluator.FORCE_OUT
+
+
+RANGED = [(0, 0), (0, 1), (2, 0), (2, 1), (3, 0), (3, 1), (4, 1)]
+
+
+@pytest.mark.parametrize(("output", "side"), RANGED)
+def test_an_estimate_beyond_its_range_by_more_than_the_margin_is_out_of_domain(field, output, side):
+    """The range's end is moved to either side of where a stroke's estimate is just let through."""
+    row = accuracy_inputs(field, 1)[0]
+    features = [row[ident] / 2**24 for ident in compiler.feature_ids(field.features)]
+    ranges = [(None, None)] * 5
+    margin = round(0.15 * 256) / 256
+    open_ended = dataclasses.replace(field.domain, ranges=tuple(ranges), margin=margin)
+    said = reference.evaluate(dataclasses.replace(field, domain=open_ended), np.array([features]))
+    y = said["y"][0, output]
+    hard = int(said["value"][0, 4] < field.hard_below)
+    half = said["sigma"][0, output] * field.interval.quantiles[output][hard]
+    for step, inside in ((-1e-5, False), (1e-5, True)):
+        # `side` 0: the lower end, just above or below y + margin; 1: the upper end
+        end = y + (1 - 2 * side) * (margin * half - step)
+        end = float(end if field.outputs[output].link == "identity" else np.exp(end))
+        ranges[output] = (end, None) if side == 0 else (None, end)
+        domain = dataclasses.replace(field.domain, ranges=tuple(ranges), margin=margin)
+        spec = dataclasses.replace(field, domain=domain).validate()
+        flags = evaluate(compiler.compile_model(spec), row)[1][evaluator.FLAGS]
+        assert bool(flags & evaluator.IN_DOMAIN) is inside
+        assert bool(reference.evaluate(spec, np.array([features]))["in_domain"][0]) is inside
+
+
+def test_the_domain_flag_is_the_same_in_integers_and_in_float64_wherever_the_estimates_lie():
+    """Ranges so narrow that half of the strokes lie beyond them, and by every output."""
+    spec = synthetic.model("field")
+    ranges = ((40.0, 90.0), (8.0, 20.0), (6.0, 14.0), (0.45, 1.1), (0.15, 0.85))
+    domain = dataclasses.replace(spec.domain, ranges=((None, None),) * 5)
+    features = sampling.in_domain(dataclasses.replace(spec, domain=domain), 3000)
+    spec = dataclasses.replace(spec, domain=dataclasses.replace(spec.domain, ranges=ranges)).validate()
+    said = reference.evaluate(spec, features)
+    assert 0.2 < said["in_domain"].mean() < 0.8
+    got = accuracy.run(spec, compiler.compile_model(spec), features)[:, evaluator.FLAGS]
+    assert np.mean((got & evaluator.IN_DOMAIN > 0) == said["in_domain"]) > 0.999  # the rest sit on a limit

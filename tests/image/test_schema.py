@@ -41,7 +41,7 @@ def set_(*path, value):
 
 WRONG = [
     (set_("format", value="other"), "not a Palpate model"),
-    (set_("version", value=2), "version 2"),
+    (set_("version", value=1), "version 1"),
     (set_("kind", value="guess"), "kind"),
     (set_("probe", value="a name that is much too long"), "probe"),
     (set_("features_version", value=0), "features_version"),
@@ -65,6 +65,14 @@ WRONG = [
     (set_("domain", "threshold", value=0.0), "threshold"),
     (set_("domain", "precision", 0, 1, value=1e9), "symmetric"),
     (set_("domain", "lo", 0, value=-31.0), "domain of ln_base"),
+    (lambda d: d["domain"]["ranges"].pop(), "domain.ranges must have a pair"),
+    (set_("domain", "ranges", 0, value=[1.0]), "domain.ranges of F_N_per_m"),
+    (set_("domain", "ranges", 2, value=[30.0, 3.0]), "domain.ranges of d_mm"),
+    (set_("domain", "ranges", 2, value=[3.0, 4000.0]), "domain.ranges of d_mm"),
+    (set_("domain", "ranges", 3, value=["0.3", None]), "domain.ranges of h"),
+    (set_("domain", "margin", value=-0.1), "domain.margin"),
+    (set_("domain", "margin", value=4.0), "domain.margin"),
+    (lambda d: d["domain"].pop("ranges"), "lacks 'ranges'"),
     (set_("hard_below", value=0), "hard_below"),
     (set_("force_range", value=[3, 2]), "force_range"),
     (set_("training", "hash", value="abc"), "hash"),

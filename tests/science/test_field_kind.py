@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from host.regression import conformal, domain, ridge
-from host.regression.field import data, design, fit, model, score
+from host.regression.field import data, design, fit, model, recipe, score
 from host.regression.field.bench import Bench
 from host.regression.field.study import STUDIES, study_table
 from host.regression.seen import Seen, look
@@ -20,7 +20,7 @@ from model_export.schema import ModelSpec
 from sim.tissue import Case
 
 STROKES = Path(__file__).parent / "data"
-SMALL = model.Recipe("field", model.R11, 1)
+SMALL = recipe.Recipe("field", recipe.R11, 1)
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def test_a_small_field_model_holds_on_lumps_it_never_saw(fitted, parts):
 
 def test_moving_frames_to_the_mean_force_is_what_makes_it_hold(bench, parts):
     """Without the force map the hand's wandering turns into ripple of the map (FACTS, "The sensor")."""
-    bare = model.Recipe("bare", model.R11, 1, force_map=False)
+    bare = recipe.Recipe("bare", recipe.R11, 1, force_map=False)
     train, calibration, test, _ = bench.parts("typical", False, draws=(2, 2, 2))
     poor = model.fit_field_model(bare, train, calibration).answer(test)
     good = model.fit_field_model(SMALL, parts[0], parts[1]).answer(parts[2])
@@ -199,12 +199,34 @@ def test_the_domain_flags_what_is_far_and_little_of_what_is_near():
     z = rng.normal(size=(3000, 3)) @ mix
     check = domain.fit_domain(z, z, share_out=0.02)
     fresh = rng.normal(size=(3000, 3)) @ mix
-    assert (~check.inside(fresh, fresh)).mean() < 0.04
+    assert (~check.familiar(fresh, fresh)).mean() < 0.04
     far = fresh + 20 * mix[0]
-    assert (~check.inside(far, far)).mean() > 0.99
+    assert (~check.familiar(far, far)).mean() > 0.99
     # each feature in range, their combination not
     odd = np.linalg.svd(z - z.mean(0), full_matrices=False)[2][-1:] * np.abs(z).max() * 0.9
-    assert not check.inside(odd, odd).any()
+    assert not check.familiar(odd, odd).any()
+
+
+def test_the_margin_lets_through_as_many_inside_strokes_as_it_is_asked_to():
+    rng = np.random.default_rng(5)
+    n, half = 40000, 0.05
+    truth = rng.uniform(0, 1, (n, 2))
+    y = truth + rng.normal(0, half / 1.645, (n, 2))
+    z = rng.normal(size=(n, 2))
+    check = domain.fit_domain(z, z, outputs=2, share_out=0.004)
+    widths = np.full((n, 2), half)
+    check = domain.with_ranges(
+        check, np.zeros(2), np.array([1, np.inf]), check.familiar(z, z), y, widths, 0.02
+    )
+    assert (~check.inside(z, z, y, widths)).mean() == pytest.approx(0.02, abs=0.001)
+    assert 0 < check.margin < 1
+    # An estimate well beyond an end is flagged, one beyond where there is no end is not.
+    far = np.array([[1 + 2 * half, 0.5], [0.5, 7.0], [0.5, -2 * half]])
+    assert check.inside(z[:1].repeat(3, 0), z[:1].repeat(3, 0), far, widths[:3]).tolist() == [
+        False,
+        bool(check.familiar(z[:1], z[:1])[0]),
+        False,
+    ]
 
 
 def test_averaging_strokes_needs_the_lump_in_all_of_them():

@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
-from rich.table import Table
 
 from host.features import Floats
 from host.regression.field.bench import Bench
 from host.regression.field.data import FieldStrokes
-from host.regression.field.model import (
-    R11,
-    THESIS_SIX,
-    Answers,
-    FieldModel,
-    Recipe,
-    fit_field_model,
-    hash_of,
-)
+from host.regression.field.flags import flags
+from host.regression.field.model import FieldModel, fit_field_model, hash_of
+from host.regression.field.recipe import FIELD, RECIPES, Recipe
+from host.regression.field.result import FieldFit
 from host.regression.field.score import (
+    HeldOutRow,
     averaged,
     bounds,
     coverage,
@@ -34,134 +26,10 @@ from host.regression.field.score import (
 )
 from host.regression.probe_model import from_link
 from host.regression.seen import Seen, noise_named
-from model_export.schema import ModelSpec
 
-if TYPE_CHECKING:
-    from host.regression.field.study import Study
-
-FIELD_FEATURES = (
-    *R11,
-    "tilt_3_5",
-    "tilt_6_9",
-    "tilt_10_14",
-    "dip_0_2",
-    "dip_12_16",
-    "ln_peak",
-    "ln_width_near",
-    "edge_far",
-    "ln_width_far",
-)
-CUBIC = ("asinh_amp", "ln_stdev", "ln_d_far", "ln_force", "dip_6_10", "asinh_rise", "tilt_6_9")
-
-FIELD = Recipe("field", FIELD_FEATURES, 2, True, CUBIC)
-SIX_WITH_MAP = Recipe("thesis' six, force map", THESIS_SIX, 3)
-SIX_BARE = Recipe("thesis' six", THESIS_SIX, 3, force_map=False)
-RECIPES = (FIELD, FIELD.pressure_only(), SIX_WITH_MAP, SIX_BARE)
 LEVELS = ("none", "good", "typical", "poor")
 
-TARGETS_MET = {
-    ("none", 1): {"t_r2": 0.999, "d_r2": 0.998, "h_r2": 0.996, "E_inv23_r2": 0.985},
-    ("typical", 1): {
-        "t_r2": 0.997,
-        "t_error": 0.012,
-        "d_r2": 0.987,
-        "d_error": 0.024,
-        "h_r2": 0.98,
-        "h_error": 0.03,
-        "E_inv23_r2": 0.95,
-        "hard_soft": 0.95,
-        "hard_soft_far": 0.99,
-    },
-    ("typical", 4): {"E_inv23_r2": 0.97},
-}
-"""(noise, strokes) -> what the field recipe should reach on lumps it has not seen."""
-
 Tell = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class HeldOutRow:
-    """One line of the held-out table."""
-
-    noise: str
-    recipe: str
-    strokes: int
-    terms: int
-    scores: dict[str, float]
-    not_found: int
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        head = {"noise": self.noise, "model": self.recipe, "strokes": self.strokes, "terms": self.terms}
-        return {**head, "not_found": self.not_found, **flat(self.scores)}
-
-
-@dataclass(frozen=True)
-class FieldFit:
-    """A field model, and all that is known about it on lumps it never saw.
-
-    Attributes
-    ----------
-    spec : ModelSpec
-        What `palpate fit` writes; trained at `noise`.
-    model : FieldModel
-    rows : list of HeldOutRow
-    coverage : DataFrame
-        Of the 90 % intervals, by group (`score.coverage`).
-    excluded : dict
-        Why -> how many strokes were left out of training, calibration or test.
-    facts : dict
-        Domain flags, false alarms, hardness, bounds.
-    found : DataFrame
-        Detectability by d, h and E.
-    visits : DataFrame
-        Smallest change of diameter between two visits, %.
-    """
-
-    spec: ModelSpec
-    model: FieldModel
-    noise: str
-    rows: list[HeldOutRow]
-    coverage: pd.DataFrame
-    excluded: dict[str, int]
-    facts: dict[str, float]
-    found: pd.DataFrame
-    visits: pd.DataFrame
-    test: Seen = field(repr=False)
-    answers: Answers = field(repr=False)
-    studies: list[tuple[Study, pd.DataFrame]] = field(default_factory=list, repr=False)
-
-    def tables(self) -> list[Table]:
-        """What `palpate fit --kind field` prints."""
-        from host.regression.field.tables import field_tables
-
-        return field_tables(self)
-
-    def missed_targets(self) -> list[str]:
-        """Targets not reached, each as a sentence with the number reached."""
-        out = []
-        for row in self.rows:
-            for name, goal in TARGETS_MET.get((row.noise, row.strokes), {}).items():
-                got = row.scores[name]
-                fine = got <= goal if name.endswith("_error") else got >= goal
-                if row.recipe == FIELD.name and not fine:
-                    out.append(f"{row.noise}, {row.strokes} stroke(s): {name} is {got:.4f}, wanted {goal}")
-        return out
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain numbers for JSON."""
-        return {
-            "noise": self.noise,
-            "held_out": [row.to_dict() for row in self.rows],
-            "targets_missed": self.missed_targets(),
-            "coverage": self.coverage.reset_index(names="group").to_dict("records"),
-            "excluded": self.excluded,
-            **flat(self.facts),
-            "detectability": self.found.to_dict("records"),
-            "two_visits_change_of_diameter_percent": self.visits.to_dict("records"),
-            "training": self.spec.training,
-            "studies": {study.name: result.to_dict("records") for study, result in self.studies},
-        }
 
 
 def fit_field(
@@ -209,7 +77,9 @@ def fit_field(
     if tell:
         tell("false alarms, domain, detectability")
     facts = (
-        hardness(test, answers, answered) | bounds(answers, answered) | _flags(bench, model, noise, answers)
+        hardness(test, answers, answered)
+        | bounds(answers, answered)
+        | flags(bench, model, noise, test, answers)
     )
     excluded = dict(strokes.excluded)
     for name, part in (("training", train), ("calibration", calibration), ("test", test)):
@@ -268,32 +138,3 @@ def _left_out(model: FieldModel, part: Seen) -> dict[str, int]:
     out = {"the stroke does not cover the lump": short} if short else {}
     unseen = int((part.whole & ~model.lump(part)).sum())
     return out | ({"no lump found (Amp under 1 % of Base, or Stdev over 20 mm)": unseen} if unseen else {})
-
-
-def _flags(bench: Bench, model: FieldModel, noise: str, answers: Answers) -> dict[str, float]:
-    """Flagged inside and outside the training ranges; false alarms on plain tissue."""
-    flagged = ~answers.in_domain
-    out = {
-        "flagged_inside": float(flagged[answers.lump].mean()),
-        "flagged_or_at_an_end_inside": float((flagged | model.at_an_end(answers))[answers.lump].mean()),
-    }
-    if bench.wide:
-        seen = bench.see(bench.wide, np.arange(len(bench.wide)), noise, 2, 300)
-        wide = model.answer(seen)
-        out["outside_strokes"] = float(len(seen))
-        out["outside_no_lump"] = float((~wide.lump).mean())
-        out["flagged_outside"] = float((~wide.in_domain[wide.lump]).mean())
-        warned = ~wide.in_domain | model.at_an_end(wide)
-        out["flagged_or_at_an_end_outside"] = float(warned[wide.lump].mean())
-        out["outside_warned_in_all"] = float((warned | ~wide.lump).mean())
-    if bench.plain:
-        seen = bench.see(bench.plain, np.arange(len(bench.plain)), noise, 4, 400)
-        found = model.lump(seen)
-        out["plain_strokes"] = float(len(seen))
-        out["false_alarms"] = float(found.mean())
-    return out
-
-
-def mean_half_width(answers: Answers) -> Floats:
-    """Median half-width of every output on the link scale, over strokes with a lump."""
-    return np.median(answers.half[answers.lump], axis=0)

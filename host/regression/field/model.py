@@ -6,8 +6,9 @@ predictions of these, quantiles on both these and calibration lumps, the domain 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,9 @@ from numpy.typing import NDArray
 
 from host.features import Floats
 from host.regression.conformal import Widths, calibrate, fit_sigma, out_of_fold
-from host.regression.domain import DomainCheck, fit_domain
+from host.regression.domain import DomainCheck, fit_domain, with_ranges
 from host.regression.field.design import LumpPair
+from host.regression.field.recipe import Recipe
 from host.regression.probe_model import (
     E_INV23,
     HARD_BELOW,
@@ -26,61 +28,25 @@ from host.regression.probe_model import (
     from_link,
     shows_lump,
     spec_of,
+    standardised,
     to_link,
     training_hash,
 )
-from host.regression.ridge import Term, all_terms
 from host.regression.seen import NAMES, Seen, join
 from model_export import force_map as force_maps
 from model_export.schema import ModelSpec
 
-R11 = (
-    "ln_force",
-    "asinh_amp",
-    "ln_stdev",
-    "ln_base",
-    "ln_d_far",
-    "dip_6_10",
-    "ln_centre_share",
-    "ln_misfit",
-    "asinh_rise",
-    "trace_7_9",
-    "trace_12_16",
-)
-THESIS_SIX = ("ln_base", "asinh_amp", "ln_stdev", "inv_curvature", "ln_d28", "dip_0_2")
-_DISPLACEMENT = ("ln_d28", "ln_d0", "ln_d_far", "dip_0_2", "dip_3_5", "dip_6_10", "dip_12_16", "dip_17_22")
+RANGE_LO = (29.0, 0.0, 5.0, 0.3, 0.0)
+RANGE_HI = (104.0, math.inf, 20.0, 1.5, 2.0 ** (-2 / 3))
+"""What the model is for: F (N/m), t, d (mm), h, E^-2/3. t follows from d and h; hard lumps look alike."""
 
-LOWEST = (29.0, 4.0, 5.0, 0.3, 1000.0 ** (-2 / 3))
-HIGHEST = (104.0, 40.0, 20.0, 1.5, 2.0 ** (-2 / 3))
-"""Ranges of the estimates F (N/m), t, d (mm), h, E^-2/3. One that would lie beyond is held at the end."""
+LOWEST = (15.0, 2.5, 3.5, 0.15, 1000.0 ** (-2 / 3))
+HIGHEST = (140.0, 65.0, 28.0, 2.4, 0.9)
+"""Where estimates are held: wider, so that a lump beyond the range is seen to be."""
 
-
-@dataclass(frozen=True)
-class Recipe:
-    """Which features in which terms, and whether frames are moved to the mean force first."""
-
-    name: str
-    features: tuple[str, ...]
-    degree: int
-    force_map: bool = True
-    cubic: tuple[str, ...] = field(default=())
-
-    def terms(self) -> tuple[Term, ...]:
-        """All monomials up to `degree`, and of the features in `cubic` those of degree three."""
-        terms = all_terms(len(self.features), self.degree)
-        among = {self.features.index(name) for name in self.cubic}
-        more = [t for t in all_terms(len(self.features), 3) if len(t) == 3 and set(t) <= among]
-        return terms + tuple(t for t in more if t not in terms)
-
-    def pressure_only(self) -> Recipe:
-        """The same without displacement."""
-
-        def keep(names: tuple[str, ...]) -> tuple[str, ...]:
-            return tuple(n for n in names if n not in _DISPLACEMENT)
-
-        return Recipe(
-            f"{self.name}, pressure only", keep(self.features), self.degree, self.force_map, keep(self.cubic)
-        )
+FLAGGED_INSIDE = 0.022
+UNFAMILIAR_INSIDE = 0.006
+"""Shares of calibration strokes out of the domain: in all, and by their features alone."""
 
 
 @dataclass(frozen=True)
@@ -125,16 +91,7 @@ class FieldModel:
         low, high = (from_link(np.clip(y + s * half, lo, hi)) for s in (-1, 1))
         sure_hard, sure_soft = high[:, E_INV23] < HARD_BELOW, low[:, E_INV23] >= HARD_BELOW
         hardness = np.where(sure_hard, "hard", np.where(sure_soft, "soft", "unsure"))
-        return Answers(from_link(y), low, high, y, half, lump, self.domain.inside(X, z), hardness)
-
-    def at_an_end(self, answers: Answers) -> NDArray[np.bool_]:
-        """Whether F, t, d or h stands at an end of its range, or E at the soft one: the lump lies beyond.
-
-        E at its hard end is no such sign, since every stiff lump looks alike.
-        """
-        y, lo, hi = answers.y, self.polynomial.lo, self.polynomial.hi
-        held = (y <= lo + 1e-9) | (y >= hi - 1e-9)
-        return held[:, :E_INV23].any(axis=1) | (y[:, E_INV23] >= hi[E_INV23] - 1e-9)
+        return Answers(from_link(y), low, high, y, half, lump, self.domain.inside(X, z, y, half), hardness)
 
     def lump(self, seen: Seen) -> NDArray[np.bool_]:
         """The lump rule."""
@@ -142,7 +99,7 @@ class FieldModel:
 
     def spec(self, training: dict[str, Any], force_map: dict[str, Any] | None, **notes: Any) -> ModelSpec:
         """The document that `palpate export` compiles."""
-        F = float(np.exp(self.polynomial.lo[0])), float(np.exp(self.polynomial.hi[0]))
+        F = RANGE_LO[0], RANGE_HI[0]
         return spec_of(
             "field",
             self.polynomial,
@@ -196,23 +153,40 @@ def fit_field_model(
         rim = rim.take(rim.whole & shows_lump(rim.X, NAMES, *rule))
         train = join([train, replace(rim, group=-1 - rim.group)])
     X, Y = train.columns(recipe.features), to_link(train.Y)
-    lo, hi = to_link(np.array([LOWEST]))[0], to_link(np.array([HIGHEST]))[0]
-    terms = recipe.terms()
+    terms = recipe.terms(standardised(X), Y, train.group)
 
     def fit(x: Floats, y: Floats, groups: NDArray[np.int64]) -> Polynomial:
-        return fit_polynomial(recipe.features, x, y, groups, terms, lo, hi)
+        return fit_polynomial(recipe.features, x, y, groups, terms, *_links(LOWEST, HIGHEST))
 
     model = fit(X, Y, train.group)
     guess = out_of_fold(X, Y, train.group, lambda x, y, g: fit(x, y, g).predict)[:within]
     X, Y = X[:within], Y[:within]
     sigma_terms, sigma = fit_sigma(model.standard(X), guess, Y - guess, train.group[:within])
+    # From here on, both kinds of strokes that a prediction has not seen.
     x = calibration.columns(recipe.features)
-    z, y = model.standard(x), model.predict(x)
-    guesses, truth = np.concatenate([guess, y]), np.concatenate([Y, to_link(calibration.Y)])
-    all_z = np.concatenate([model.standard(X), z])
-    widths = calibrate(sigma_terms, sigma, all_z, guesses, truth, guesses[:, E_INV23] < HARD_BELOW)
+    guesses, truth = np.concatenate([guess, model.predict(x)]), np.concatenate([Y, to_link(calibration.Y)])
     both = np.concatenate([X, x])
-    return FieldModel(recipe, model, widths, fit_domain(both, model.standard(both)), least_amp_share)
+    z, hard = model.standard(both), guesses[:, E_INV23] < HARD_BELOW
+    widths = calibrate(sigma_terms, sigma, z, guesses, truth, hard, groups=quarters(from_link(truth)))
+    domain = fit_domain(both, z, share_out=UNFAMILIAR_INSIDE)
+    half = widths.half(z, guesses, hard)
+    seen = domain.familiar(both, z)
+    domain = with_ranges(domain, *_links(RANGE_LO, RANGE_HI), seen, guesses, half, FLAGGED_INSIDE)
+    return FieldModel(recipe, model, widths, domain, least_amp_share)
+
+
+def _links(lo: Sequence[float], hi: Sequence[float]) -> tuple[Floats, Floats]:
+    with np.errstate(divide="ignore"):
+        return to_link(np.array([lo]))[0], to_link(np.array([hi]))[0]
+
+
+def quarters(Y: Floats) -> list[NDArray[np.bool_]]:
+    """Each quarter of d, h, E^-2/3 and F, as masks of the rows of Y (n, 5)."""
+    out = []
+    for column in (2, 3, E_INV23, 0):
+        which = np.searchsorted(np.quantile(Y[:, column], [0.25, 0.5, 0.75]), Y[:, column], side="right")
+        out += [which == k for k in range(4)]
+    return out
 
 
 def hash_of(train: Seen, calibration: Seen) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,23 @@ NEAR_THE_BORDER = (7.0, 15.0)
 """Stiffness about which hard and soft differ by less than a stroke can tell."""
 
 Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class HeldOutRow:
+    """One line of the held-out table."""
+
+    noise: str
+    recipe: str
+    strokes: int
+    terms: int
+    scores: dict[str, float]
+    not_found: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        head = {"noise": self.noise, "model": self.recipe, "strokes": self.strokes, "terms": self.terms}
+        return {**head, "not_found": self.not_found, **flat(self.scores)}
 
 
 def is_hard(seen: Seen) -> Mask:

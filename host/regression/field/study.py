@@ -15,8 +15,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from host.regression.field.bench import Bench
-from host.regression.field.fit import FIELD
-from host.regression.field.model import Answers, FieldModel, Recipe, fit_field_model
+from host.regression.field.model import Answers, FieldModel, fit_field_model
+from host.regression.field.recipe import FIELD, Recipe
 from host.regression.field.score import hardness, scores
 from host.regression.probe_model import from_link, to_link
 from host.regression.ridge import FOLDS

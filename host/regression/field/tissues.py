@@ -11,8 +11,8 @@ import numpy as np
 from host.regression.field.bench import Bench
 from host.regression.field.data import read_pairs, stroke_fields
 from host.regression.field.design import FIELD_SETTINGS, lump_cases
-from host.regression.field.fit import FIELD
 from host.regression.field.model import FieldModel, fit_field_model
+from host.regression.field.recipe import FIELD
 from host.regression.field.score import coverage
 from host.regression.field.study import DRAWS, TYPICAL, Row, Study, row_of
 from host.regression.seen import look

@@ -1,0 +1,107 @@
+"""What a fit of the field kind leaves behind: the model, and all that is known about it on unseen lumps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import pandas as pd
+from rich.table import Table
+
+from host.regression.field import tables
+from host.regression.field.model import Answers, FieldModel
+from host.regression.field.recipe import FIELD
+from host.regression.field.score import HeldOutRow, flat
+from host.regression.field.study import Study
+from host.regression.seen import Seen
+from model_export.schema import ModelSpec
+
+TARGETS_MET = {
+    ("none", 1): {"t_r2": 0.999, "d_r2": 0.998, "h_r2": 0.996, "E_inv23_r2": 0.985},
+    ("typical", 1): {
+        "t_r2": 0.997,
+        "t_error": 0.012,
+        "d_r2": 0.987,
+        "d_error": 0.024,
+        "h_r2": 0.98,
+        "h_error": 0.03,
+        "E_inv23_r2": 0.95,
+        "hard_soft": 0.95,
+        "hard_soft_far": 0.99,
+    },
+    ("typical", 4): {"E_inv23_r2": 0.97},
+}
+"""(noise, strokes) -> what the field recipe should reach on lumps it has not seen."""
+
+
+@dataclass(frozen=True)
+class FieldFit:
+    """A field model, and all that is known about it on lumps it never saw.
+
+    Attributes
+    ----------
+    spec : ModelSpec
+        What `palpate fit` writes; trained at `noise`.
+    model : FieldModel
+    rows : list of HeldOutRow
+    coverage : DataFrame
+        Of the 90 % intervals, by group (`score.coverage`).
+    excluded : dict
+        Why -> how many strokes were left out of training, calibration or test.
+    facts : dict
+        Domain flags, false alarms, hardness, bounds.
+    found : DataFrame
+        Detectability by d, h and E.
+    visits : DataFrame
+        Smallest change of diameter between two visits, %.
+    """
+
+    spec: ModelSpec
+    model: FieldModel
+    noise: str
+    rows: list[HeldOutRow]
+    coverage: pd.DataFrame
+    excluded: dict[str, int]
+    facts: dict[str, float]
+    found: pd.DataFrame
+    visits: pd.DataFrame
+    test: Seen = field(repr=False)
+    answers: Answers = field(repr=False)
+    studies: list[tuple[Study, pd.DataFrame]] = field(default_factory=list, repr=False)
+
+    def tables(self) -> list[Table]:
+        """What `palpate fit --kind field` prints."""
+        return [
+            tables.held_out(self.rows, self.missed_targets()),
+            tables.coverage(self.coverage, self.model.widths.level, self.noise),
+            tables.facts(self.facts, self.noise),
+            tables.excluded(self.excluded),
+            tables.found(self.found),
+            tables.visits(self.visits),
+        ]
+
+    def missed_targets(self) -> list[str]:
+        """Targets not reached, each as a sentence with the number reached."""
+        out = []
+        for row in self.rows:
+            for name, goal in TARGETS_MET.get((row.noise, row.strokes), {}).items():
+                got = row.scores[name]
+                fine = got <= goal if name.endswith("_error") else got >= goal
+                if row.recipe == FIELD.name and not fine:
+                    out.append(f"{row.noise}, {row.strokes} stroke(s): {name} is {got:.4f}, wanted {goal}")
+        return out
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON."""
+        return {
+            "noise": self.noise,
+            "held_out": [row.to_dict() for row in self.rows],
+            "targets_missed": self.missed_targets(),
+            "coverage": self.coverage.reset_index(names="group").to_dict("records"),
+            "excluded": self.excluded,
+            **flat(self.facts),
+            "detectability": self.found.to_dict("records"),
+            "two_visits_change_of_diameter_percent": self.visits.to_dict("records"),
+            "training": self.spec.training,
+            "studies": {study.name: result.to_dict("records") for study, result in self.studies},
+        }
