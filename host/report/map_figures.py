@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from host.features import (
@@ -31,7 +32,7 @@ GROUPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("stiffness E", tuple(f"d10h08e{e}f10" for e in ("02", "05", "10", "50", "1K", "NL"))),
     (
         "E and F",
-        ("d10h08e02f06", "d10h08e05f03", "d10h08e05f06", "d10h08e1Kf02", "d10h08e1Kf06", "d10h08e50f04"),
+        ("d10h08e1Kf02", "d10h08e05f03", "d10h08e50f04", "d10h08e02f06", "d10h08e05f06", "d10h08e1Kf06"),
     ),
     ("diameter d", tuple(f"d{d}h08e10f10" for d in ("05", "10", "15", "20"))),
     ("depth h", tuple(f"d10h{h}e10f10" for h in ("03", "05", "08", "12", "15"))),
@@ -130,7 +131,7 @@ def figure_10(stroke: Stroke) -> Figure:
     left.axhline(fit.base_kPa, color=style.SOFT, lw=0.8, ls="--")
     arrow = {"arrowstyle": "<->", "color": style.INK, "shrinkA": 0, "shrinkB": 0}
     left.annotate("", (0, fit.base_kPa), (0, fit.base_kPa + fit.amp_kPa), arrowprops=arrow)
-    left.text(0.8, fit.base_kPa + fit.amp_kPa / 2, "Amp", va="center")
+    left.text(-0.9, fit.base_kPa + 0.35 * fit.amp_kPa, "Amp", va="center", ha="right")
     half = fit.base_kPa + fit.amp_kPa * np.exp(-0.5)
     left.annotate("", (0, half), (fit.stdev_mm, half), arrowprops=arrow)
     left.text(fit.stdev_mm + 1, half, "Stdev", va="center")
@@ -179,10 +180,11 @@ def figure_11(strokes: Strokes) -> Figure:
         left.plot(place, depth, "o", color=style.ORANGE)
         left.annotate(name, (place, depth), (4, 6), textcoords="offset points", weight="bold")
     left.set(xlabel="probe position (mm)", ylabel="displacement (mm)")
+    left.margins(y=0.12)
     for code in JUMPING:
         if code in strokes:
             spot, pressure = peak_trace(strokes[code])
-            right.plot(spot, pressure, ".-", label=code)
+            right.plot(spot, pressure, ".-", label=f"h = {strokes[code].case.h:g}")
     right.set(xlabel="place of the peak on the tissue (mm)", ylabel="greatest pressure (kPa)")
     right.legend()
     return figure
@@ -214,15 +216,36 @@ def _twelve(strokes: Strokes) -> Item:
 
 def figure_12(strokes: Strokes) -> Figure:
     """Tactile maps in six groups."""
-    figure = style.new(8.6, 8.4)
+    figure = style.new(9.2, 8.4)
     for ax, (title, codes) in zip(figure.subplots(3, 2).flat, GROUPS):
-        for code in codes:
-            if code in strokes:
-                ax.plot(*tactile_map(strokes[code]), label=code)
+        _curves(ax, title, strokes, codes, lambda stroke: tactile_map(stroke))
         ax.set(xlabel="place on the tissue (mm)", ylabel="pressure (kPa)")
-        ax.set_title(title)
-        ax.legend(fontsize=6.5)
     return figure
+
+
+def _curves(
+    ax: Axes,
+    title: str,
+    strokes: Strokes,
+    codes: Sequence[str],
+    curve: Callable[[Stroke], tuple[Floats, Floats]],
+) -> None:
+    """One curve for each stroke, from dark to light as its inputs grow; a lump that stiffens is dashed."""
+    shown = [strokes[code] for code in codes if code in strokes]
+    for stroke, color in zip(shown, style.ramp(len(shown))):
+        usual = not stroke.case.nonlinear_lump
+        look = {"color": color} if usual else {"color": style.ORANGE, "ls": "--"}
+        ax.plot(*curve(stroke), label=_inputs(title, stroke), **look)
+    ax.set_title(title)
+    style.beside(ax)
+
+
+def _inputs(title: str, stroke: Stroke) -> str:
+    """What sets a curve apart from the others under this title: "E = 2, F = 0.6"."""
+    case = stroke.case
+    E = "nonlinear" if case.nonlinear_lump else f"E = {case.E_ratio:g}"
+    words = {"F": f"F = {case.F_rel:g}", "E": E, "d": f"d = {case.d_mm:g} mm", "h": f"h = {case.h:g}"}
+    return ", ".join(words[name] for name in ("d", "h", "E", "F") if name in title.split())
 
 
 def _fourteen(strokes: Strokes) -> Item:
@@ -267,13 +290,8 @@ def _fourteen(strokes: Strokes) -> Item:
 
 def figure_14(strokes: Strokes) -> Figure:
     """Displacement along the stroke as d, h, E and F change."""
-    figure = style.new(8.4, 6.2)
+    figure = style.new(9.2, 5.8)
     for ax, (title, codes) in zip(figure.subplots(2, 2).flat, [GROUPS[k] for k in (3, 4, 1, 0)]):
-        for code in codes:
-            if code in strokes:
-                distance: Floats = -strokes[code].positions_mm
-                ax.plot(distance, strokes[code].displacement_mm, label=code)
+        _curves(ax, title, strokes, codes, lambda stroke: (-stroke.positions_mm, stroke.displacement_mm))
         ax.set(xlabel="distance from the lump (mm)", ylabel="displacement (mm)")
-        ax.set_title(title)
-        ax.legend(fontsize=6.5)
     return figure

@@ -23,6 +23,15 @@ _THESIS_CURVES = {
 """What the thesis says of the graphs of Figure 13."""
 
 
+_INPUTS = {
+    "F_rel": "force F (1 is 100 N/m)",
+    "t_mm": "fat thickness t (mm)",
+    "d_mm": "diameter d (mm)",
+    "h": "relative depth h",
+    "E_ratio": "stiffness E (times fat)",
+}
+
+
 def items(fit: ThesisFit) -> list[Item]:
     """Figures 13, 17, 18 and 19 of a fit."""
     curves = [
@@ -93,8 +102,8 @@ def figure_13(fit: ThesisFit) -> Figure:
         y = np.concatenate((curve.y, curve(x)))
         if np.ptp(y) < 0.02 * y.mean():
             ax.set_ylim(0.8 * y.mean(), 1.2 * y.mean())
-        ax.set_title(curve.text(), fontsize=8)
-        ax.set_xlabel(curve.input.replace("_", " "), fontsize=7.5)
+        ax.set_title(style.powers(curve.text()), fontsize=8.5)
+        ax.set_xlabel(_INPUTS[curve.input], fontsize=8)
     return figure
 
 
@@ -103,7 +112,7 @@ def figure_17(fit: ThesisFit) -> Figure:
     figure = style.new(8.4, 5.2)
     for ax, (name, equation) in zip(figure.subplots(2, 3).flat, fit.forward.items()):
         diagonal(ax, equation.actual, equation.predicted)
-        ax.set_title(f"{OUTPUT_NAMES[name]}, R2 {equation.r2_value:.4f}")
+        ax.set_title(style.powers(f"{OUTPUT_NAMES[name]}, R2 {equation.r2_value:.4f}"))
     return figure
 
 
@@ -123,7 +132,8 @@ def figure_inverse(fit: ThesisFit, *, displacement: bool) -> Figure:
             truth[target], inverted, "+", ms=6, color=style.TEAL, label="inverted forward model, left out"
         )
         ax.set_title(
-            f"{SHOWN[target]}: R2 {entry.direct.r2_in:.3f}, left out {entry.direct.r2_loo:.3f}", fontsize=8.5
+            style.powers(f"{SHOWN[target]}: R2 {entry.direct.r2_in:.3f}, left out {entry.direct.r2_loo:.3f}"),
+            fontsize=8.5,
         )
     axes[-1].axis("off")
     axes[-1].legend(*axes[0].get_legend_handles_labels(), loc="center", fontsize=8.5)

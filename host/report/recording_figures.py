@@ -59,7 +59,7 @@ def _from_recording(path: Path) -> RealMap:
 
 def figure_20(found: RealMap) -> Figure:
     """Map, Gaussian and residual."""
-    figure = style.new(6.4, 4.2)
+    figure = style.new(8.4, 4.6)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     fine = np.linspace(found.x_mm[0], found.x_mm[-1], 300)
     above.plot(found.x_mm, found.pressure_kPa, "o", mfc="none", label="measured")
@@ -68,5 +68,5 @@ def figure_20(found: RealMap) -> Figure:
     above.legend()
     below.axhline(0, color=style.SOFT, lw=0.8)
     below.plot(found.x_mm, found.residual_kPa, ".-", ms=3, lw=0.8)
-    below.set(xlabel="place on the tissue (mm)", ylabel="left over")
+    below.set(xlabel="place on the tissue (mm)", ylabel="left over (kPa)")
     return figure

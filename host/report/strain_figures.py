@@ -142,16 +142,19 @@ def figure_16(by_d: Sequence[StrainForce], by_h: Sequence[StrainForce]) -> Figur
 
 def figure_21(curves: Sequence[StrainForce]) -> Figure:
     """Measured curves."""
-    figure = style.new(5.6, 3.8)
-    _draw(figure.subplots(), curves, "measured")
+    figure = style.new(8.4, 4.4)
+    ax = figure.subplots()
+    _draw(ax, curves, "measured")
+    ax.set_ylabel("force F (as measured)")
     return figure
 
 
 def _draw(ax: Axes, curves: Sequence[StrainForce], title: str) -> None:
     for one in curves:
         s = np.linspace(0, one.strain.max(), 60)
-        line = ax.plot(s, one(s), lw=1.2, label=f"{one.label}: {one.text()}")[0]
+        line = ax.plot(s, one(s), lw=1.2, label=style.powers(f"{one.label}: {one.text()}"))[0]
         ax.plot(one.strain, one.force, "o", color=line.get_color())
     ax.set(xlabel="nominal strain over the lump", ylabel="force F")
     ax.set_title(title)
-    ax.legend(fontsize=6.8)
+    ax.locator_params(axis="x", nbins=6)
+    ax.legend()

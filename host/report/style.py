@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from cycler import cycler
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 INK = "#1d2b36"
@@ -44,6 +47,31 @@ _RC: dict[Any, Any] = {
     "svg.hashsalt": "palpate",
     "svg.fonttype": "none",
 }
+
+
+_POWER = re.compile(r"\^(-?\d+/\d+|-?\d+(?:\.\d+)?|[A-Z])|\bR2\b")
+
+
+def ramp(n: int) -> list[tuple[float, float, float, float]]:
+    """Colours for `n` curves of a growing quantity: one even scale, dark to light."""
+    return [mpl.colormaps["viridis"](v) for v in np.linspace(0.0, 0.82, n)]
+
+
+def beside(ax: Axes) -> None:
+    """The legend to the right of the axes, where it hides no curve."""
+    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), borderaxespad=0.3, handlelength=1.4)
+
+
+def powers(text: str) -> str:
+    """`E^-2/3` and `R2` with their exponents raised, as matplotlib writes them."""
+    return _POWER.sub(lambda m: f"$^{{{m[1]}}}$" if m[1] else "R$^2$", text)
+
+
+def powers_html(text: str) -> str:
+    """The same for HTML; `text` must be escaped already."""
+    return _POWER.sub(
+        lambda m: f"<sup>{m[1].replace('-', '&minus;')}</sup>" if m[1] else "R<sup>2</sup>", text
+    )
 
 
 @contextmanager

@@ -127,7 +127,7 @@ def coefficients(table: pd.DataFrame) -> pd.DataFrame:
     for name in shown.columns[1:]:
         digits = "{:.1e}" if str(name).startswith("P") else "{:.4g}"
         shown[name] = ["" if pd.isna(v) else digits.format(v) for v in shown[name]]
-    return shown
+    return shown.rename(columns=lambda name: str(name).replace("_", " "))
 
 
 def _which(entry: Table1Entry) -> str:

@@ -84,7 +84,7 @@ def items(*, simulate: bool = True) -> list[Item]:
 def figure_5() -> Figure:
     """The layers with their five dimensions."""
     case = Case.from_code(REFERENCE)
-    figure = style.new(7.2, 3.4)
+    figure = style.new(8.4, 4.7)
     ax = figure.subplots()
     left, right = -34.0, 34.0
     ax.add_patch(Rectangle((left, 0), right - left, case.t_mm, fc=style.FAT, ec="none"))
@@ -99,23 +99,23 @@ def figure_5() -> Figure:
         )
     )
     arrow = {"arrowstyle": "<->", "color": style.INK, "lw": 1, "shrinkA": 0, "shrinkB": 0}
-    for (x0, y0), (x1, y1), text, place in (
-        ((24, 0), (24, case.t_mm), "t", (25.0, case.t_mm / 2)),
-        ((0, case.d_mm / 2), (0, case.t_mm), "h d", (0.8, case.d_mm / 2 + case.depth_mm / 2)),
-        ((-case.d_mm / 2, 0), (case.d_mm / 2, 0), "d", (-0.6, 0.8)),
+    for (x0, y0), (x1, y1), text, place, color in (
+        ((24, 0), (24, case.t_mm), "t", (25.0, case.t_mm / 2), style.INK),
+        ((0, case.d_mm / 2), (0, case.t_mm), "h d", (0.8, case.d_mm / 2 + case.depth_mm / 2), style.INK),
+        ((-case.d_mm / 2, 0), (case.d_mm / 2, 0), "d", (-0.5, 1.7), "white"),
     ):
-        ax.annotate("", (x0, y0), (x1, y1), arrowprops=arrow)
-        ax.text(*place, text, fontsize=11, style="italic", va="center")
-    ax.annotate("F", (-12, 17), (-12, 22.6), arrowprops={"arrowstyle": "-|>", "color": style.INK, "lw": 2},
-                ha="center", fontsize=11, style="italic")  # fmt: skip
+        ax.annotate("", (x0, y0), (x1, y1), arrowprops=arrow | {"color": color})
+        ax.text(*place, text, fontsize=12, style="italic", va="center", color=color)
+    ax.annotate("", (-12, 15), (-12, 23), arrowprops={"arrowstyle": "-|>", "color": style.INK, "lw": 2})
+    ax.text(-11, 20, "F", fontsize=12, style="italic", va="center")
     for y, text in (
         (case.t_mm - 2.5, "fat, stiffness 1"),
         (-6, "gland, 6"),
         (-case.gland_mm - 1.5, "chest wall"),
     ):
         ax.text(left + 1, y, text, va="center", color="white" if text == "chest wall" else style.INK)
-    ax.text(0, -2.6, "E", ha="center", fontsize=11, style="italic", color="white")
-    ax.set(xlim=(left, right), ylim=(-case.gland_mm - 3, 25), aspect="equal", xlabel="mm")
+    ax.text(0, -2.6, "E", ha="center", fontsize=12, style="italic", color="white")
+    ax.set(xlim=(left, right), ylim=(-case.gland_mm - 3, 25), aspect="equal", xlabel="mm", ylabel="mm")
     ax.grid(visible=False)
     return figure
 
@@ -126,7 +126,8 @@ def figure_6d(mesh: TissueMesh) -> Figure:
     whole, near = figure.subplots(2, 1, height_ratios=(1, 1.7))
     for ax in (whole, near):
         draw_mesh(ax, mesh, mesh.nodes_mm)
-    near.set(xlim=(-26, 26), ylim=(-15.5, 15), xlabel="mm")
+    near.set(xlim=(-26, 26), ylim=(-15.5, 15), xlabel="mm", ylabel="mm")
+    whole.set_ylabel("mm")
     whole.set_title("whole model")
     near.set_title("round the lump")
     return figure
@@ -134,8 +135,10 @@ def figure_6d(mesh: TissueMesh) -> Figure:
 
 def figure_7() -> Figure:
     """Three geometries to the same scale."""
-    figure = style.new(8.4, 3.3)
-    for ax, code in zip(figure.subplots(1, 3, sharey=True), SHOWN_GEOMETRIES):
+    figure = style.new(8.4, 2.75)
+    axes = figure.subplots(1, 3, sharey=True)
+    axes[0].set_ylabel("mm")
+    for ax, code in zip(axes, SHOWN_GEOMETRIES):
         case = Case.from_code(code)
         mesh = build_mesh(case, Settings(), -28.0, 0.0)
         draw_mesh(ax, mesh, mesh.nodes_mm)
@@ -162,6 +165,7 @@ def figure_8(mesh: TissueMesh, pressed: list[Pressed]) -> Figure:
         above.set_title(f"probe at {state.position_mm:g} mm")
         below.plot(state.sensors_mm, state.image_kPa, "o-", ms=3)
         below.set(xlabel="place on the probe (mm)", ylim=(0, 1.08 * max(p.image_kPa.max() for p in pressed)))
+    axes[0, 0].set_ylabel("mm")
     axes[1, 0].set_ylabel("pressure (kPa)")
     return figure
 

@@ -154,6 +154,7 @@ def _draw(item: Item, target: Path) -> str:
     if item.draw is None:
         return ""
     figure = item.draw()
+    figure.set_dpi(_PNG_DPI)  # texts are a little wider or narrower at another resolution
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # laid out once is enough for both files
     png = io.BytesIO()

@@ -77,7 +77,8 @@ export function drawCard(box, card, gone) {
   if (card.hardness) rows.splice(Math.min(2, rows.length), 0, stiffness(card));
   box.append(...rows);
   const foot = element("p", { class: "foot" });
-  if (card.level && card.rows.length) foot.append(`Each interval holds the truth ${Math.round(card.level * 100)} times in 100. `);
+  const sure = card.kind === "lump" || card.kind === "none"; // of other strokes nobody knows how often it holds
+  if (sure && card.level && card.rows.length) foot.append(`Each interval holds the truth ${Math.round(card.level * 100)} times in 100. `);
   if (card.model_id) foot.append(`Model ${card.model_id}. `);
   foot.append(element("strong", {}, card.notice));
   box.append(foot);

@@ -20,7 +20,7 @@ export class StrokeCharts {
     this.stroke = stroke;
   }
 
-  /** position_mm: where the probe is now, or null. */
+  /** position_mm: where the probe is now, or where along a finished stroke the reader looks; or null. */
   draw(position_mm) {
     const stroke = this.stroke;
     const map = stroke?.map ?? { x_mm: [], pressure_kPa: [] };
@@ -51,17 +51,12 @@ export class StrokeCharts {
     const old = this.shadow?.traces;
     const x = extent([now?.position_mm, old?.position_mm], [-30, 30], 0.03, 10);
     const y = extent([now?.[key], old?.[key]], fallback, 0.1, least);
+    const at = now && position_mm !== null ? nearest(now.position_mm, position_mm) : -1;
     plot.draw(
       [
         old && { kind: "line", x: old.position_mm, y: old[key], color: "ghost", width: 1.2 },
         now && { kind: "line", x: now.position_mm, y: now[key], color: "points", width: 1.8 },
-        now && position_mm !== null && now.position_mm.length > 0 && {
-          kind: "points",
-          x: [now.position_mm.at(-1)],
-          y: [now[key].at(-1)],
-          color: "accent",
-          radius: 4,
-        },
+        at >= 0 && { kind: "points", x: [now.position_mm[at]], y: [now[key][at]], color: "accent", radius: 4 },
       ],
       x,
       y,
@@ -80,6 +75,15 @@ export class StrokeCharts {
       this.described = text;
     }
   }
+}
+
+/** Which of the values is nearest to `at`; -1 of none. */
+function nearest(values, at) {
+  let best = -1;
+  values.forEach((v, n) => {
+    if (best < 0 || Math.abs(v - at) < Math.abs(values[best] - at)) best = n;
+  });
+  return best;
 }
 
 function gaussian({ base_kPa, amp_kPa, centre_mm, stdev_mm }, from, to) {

@@ -169,8 +169,9 @@ function loop() {
 }
 
 function readouts() {
-  const { frame } = page;
-  if (!frame || selected.picked || page.held) return;
+  if (selected.picked || page.held) return;
+  const gone = document.body.dataset.link === "gone" || document.body.dataset.link === "offline";
+  const frame = (!gone && page.frame) || { force: NaN, displacement_mm: NaN, position_mm: NaN, peak_kPa: NaN };
   const show = (id, value, digits) => (get(id).textContent = Number.isFinite(value) ? value.toFixed(digits) : "–");
   show("now-force", frame.force, 0);
   show("now-displacement", frame.displacement_mm, 2);
