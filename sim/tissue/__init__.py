@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from sim.tissue.result import Stroke
     from sim.tissue.settings import SOLVER_VERSION, Settings, case_key
     from sim.tissue.stroke import load_curve, simulate, simulate_forces
-    from sim.tissue.sweeps import Progress, iterate_strokes, load_strokes, read_table, sweep
+    from sim.tissue.sweeps import Progress, sweep
+    from sim.tissue.tables import iterate_strokes, load_strokes, read_table
 
 _HOMES = {
     "SENSORS_MM": "probe_shape",
@@ -38,9 +39,9 @@ _HOMES = {
     "read_design": "design",
     "sobol_cases": "design",
     "Progress": "sweeps",
-    "iterate_strokes": "sweeps",
-    "load_strokes": "sweeps",
-    "read_table": "sweeps",
+    "iterate_strokes": "tables",
+    "load_strokes": "tables",
+    "read_table": "tables",
     "sweep": "sweeps",
 }
 

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.tissue.case import Case
+from sim.tissue.geometry import geometry_of
 from sim.tissue.mesh import TissueMesh
 from sim.tissue.probe_shape import SENSORS_MM
+from sim.tissue.run import Run
 from sim.tissue.settings import Settings
-from sim.tissue.stroke import Run, checked_positions, geometry_of, one_blas_thread
+from sim.tissue.stroke import checked_positions, one_blas_thread
 
 Floats = NDArray[np.float64]
 

@@ -11,11 +11,12 @@ _EXPONENT_CAP = 4.0
 
 
 @njit(cache=True, fastmath=True, nogil=True)
-def residual(u, pressures, frozen, elements, g, C, L, C0, mu, bulk, R, mixed, theta):
+def residual(u, pressures, frozen, elements, g, C, L, C0, mu, bulk, R, mixed, theta, G, excesses):
     """Add the internal forces of all elements to R (2N,) and those of the mixed method to `mixed` (2N,).
 
     `frozen` (M, 3, 18) holds the volume gradients G of the tangent that is in use; `theta` (M, 3) is filled
-    with the volume change.
+    with the volume change, `G` (M, 3, 18) with its gradients at `u`, `excesses` (M, 3) with what `pressures`
+    have more than the volume change says; `mixed` takes these up.
     """
     ux = np.empty(9)
     uy = np.empty(9)
@@ -56,6 +57,10 @@ def residual(u, pressures, frozen, elements, g, C, L, C0, mu, bulk, R, mixed, th
             theta[e, k] = t
             q = bulk[e] * t
             excess = pressures[e, k] - q
+            excesses[e, k] = excess
+            for a in range(9):
+                G[e, k, a] = Gx[a]
+                G[e, k, 9 + a] = Gy[a]
             for a in range(9):
                 fx[a] += q * Gx[a]
                 fy[a] += q * Gy[a]
@@ -67,6 +72,28 @@ def residual(u, pressures, frozen, elements, g, C, L, C0, mu, bulk, R, mixed, th
             R[n + 1] += fy[a]
             mixed[n] += dx[a]
             mixed[n + 1] += dy[a]
+
+
+@njit(cache=True, fastmath={"contract"}, nogil=True)
+def mixed(excess, G, frozen, elements, out):
+    """Add to `out` (2N,) what the mixed method's forces have more than the true ones, from `residual`.
+
+    The one contraction that is allowed is the one `residual` makes, so that both give the same bits.
+    """
+    dx = np.empty(9)
+    dy = np.empty(9)
+    for e in range(elements.shape[0]):
+        for a in range(9):
+            dx[a] = 0.0
+            dy[a] = 0.0
+        for k in range(3):
+            for a in range(9):
+                dx[a] += excess[e, k] * (G[e, k, a] - frozen[e, k, a])
+                dy[a] += excess[e, k] * (G[e, k, 9 + a] - frozen[e, k, 9 + a])
+        for a in range(9):
+            n = 2 * elements[e, a]
+            out[n] += dx[a]
+            out[n + 1] += dy[a]
 
 
 @njit(cache=True, fastmath=True, nogil=True)

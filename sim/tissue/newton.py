@@ -65,6 +65,9 @@ class Newton:
         self._all = np.arange(len(mesh.elements))
         self._stiffness = np.empty((len(mesh.elements), 18, 18))
         self._frozen = np.zeros((len(mesh.elements), 3, 18))
+        self._sides = np.zeros(
+            (2, mesh.fixed.size)
+        )  # right-hand sides: of the step, and of the probe's height
         self._started = False
 
     def solve(
@@ -90,7 +93,9 @@ class Newton:
         for _ in range(limit):
             seen = self.contact.evaluate(state.u, state.multiplier, state.height, position)
             self._release(state, seen)
-            true, mixed, theta = self._residual(state, seen)
+            internal, mixed, theta = self.tissue.residual(state.u, state.pressure, self._frozen)
+            true = self._balance(internal.copy(), seen)
+            mixed = self._balance(mixed, seen)
             lack = force - self.contact.vertical_force(seen)
             error_before, error = error, max(np.abs(mixed).max(), abs(lack)) / force
             gap = np.abs(seen.gap).max() if len(seen.active) else 1.0
@@ -116,19 +121,17 @@ class Newton:
                 seen = ContactState(seen.active, seen.gap, seen_before.slope, seen.curvature, seen.force)
             fresh = seen_before is None or seen.slope is not seen_before.slope
             if fresh:  # the tangent may have changed, and with it the mixed method's right-hand side
-                _, mixed, theta = self._residual(state, seen)
+                mixed = self._balance(self.tissue.mixed(internal, self._frozen), seen)
             self._step(state, seen, mixed, theta, lack, fresh)
             seen_before = seen
             self.counts.iterations += 1
         raise NoConvergence(f"no equilibrium within {limit} iterations (still {error:.1e} of the force out)")
 
-    def _residual(self, state: State, seen: ContactState) -> tuple[Floats, Floats, Floats]:
-        """Forces out of balance, (2N,), true and of the mixed method, and the volume change."""
-        true, mixed, theta = self.tissue.residual(state.u, state.pressure, self._frozen)
-        for forces in (true, mixed):
-            self.contact.add_residual(seen, forces)
-            forces[self._held] = 0.0
-        return true, mixed, theta
+    def _balance(self, forces: Floats, seen: ContactState) -> Floats:
+        """Add the contact to internal forces (2N,); what is held needs no balance."""
+        self.contact.add_residual(seen, forces)
+        forces[self._held] = 0.0
+        return forces
 
     def _near(self, position: float) -> NDArray[np.int64]:
         return np.nonzero(np.abs(self._middle_mm - position) < _WINDOW_MM)[0]
@@ -165,20 +168,20 @@ class Newton:
         x = self.contact.x_dof[seen.active]
         weight = self.contact.weight[seen.active]
         pull = self.contact.augmentation * seen.gap
-        right = -residual
+        right, border = self._sides
+        np.negative(residual, out=right)
         right[x] += weight * pull * seen.slope
         right[x + 1] -= weight * pull
         if fresh:
-            border = np.zeros_like(right)
+            border[:] = 0.0
             border[x] = weight * self.contact.augmentation * seen.slope
             border[x + 1] = -weight * self.contact.augmentation
-            change, self._border_change = self.solver.solve(np.stack([right, border]))
-            self._border = border
+            change, self._border_change = self.solver.solve(self._sides)
             self._pivot = self.contact.augmentation * weight.sum() - border @ self._border_change
         else:
-            change = self.solver.solve(right[None])[0]
+            change = self.solver.solve(self._sides[:1])[0]
         if len(x):
-            rise = (float(weight @ pull) - lack - self._border @ change) / self._pivot
+            rise = (float(weight @ pull) - lack - border @ change) / self._pivot
         else:
             rise = -0.2  # not touching yet: let the probe sink
         change -= self._border_change * rise

@@ -79,13 +79,20 @@ class Predictor:
         u = moved_u.reshape(-1, 2)
         pressure = _combine(weights, [state.pressure for state in states])
         shifts = [position - place for place in places]
-        rows = _combine(weights, [self._shifted_rows(state.u, by) for state, by in zip(states, shifts)])
-        near = _share_near(self._x - position)[None, :, None]
-        u[self._rows] += self._node_share * near * (rows - u[self._rows])
-        cells = _combine(
-            weights, [self._shifted_cells(state.pressure, by) for state, by in zip(states, shifts)]
+        near = _share_near(self._x - position)
+        inside = np.nonzero(near)[0]
+        first, last = int(inside[0]) // 2 * 2, int(inside[-1]) // 2 * 2 + 2  # from a corner to a mid-side
+        near = near[None, first:last, None]
+        nodes, elements = self._rows[:, first:last], self._cells[:, first // 2 : last // 2]
+        rows = _combine(
+            weights, [self._shifted_rows(state.u, by, first, last) for state, by in zip(states, shifts)]
         )
-        pressure[self._cells] += self._cell_share * near[:, 1::2] * (cells - pressure[self._cells])
+        u[nodes] += self._node_share * near * (rows - u[nodes])
+        cells = _combine(
+            weights,
+            [self._shifted_cells(state.pressure, by, first, last) for state, by in zip(states, shifts)],
+        )
+        pressure[elements] += self._cell_share * near[:, 1::2] * (cells - pressure[elements])
         moved_u[self._held] = 0.0
         moved = [
             np.interp(self._x, self._x + by, np.maximum(state.multiplier, 0.0), left=0.0, right=0.0)
@@ -95,21 +102,22 @@ class Predictor:
         height = float(np.dot(weights, [state.height for state in states]))
         return State(moved_u, height, multiplier, pressure)
 
-    def _shifted_rows(self, u: Floats, distance: float) -> Floats:
-        """Displacements (R, S, 2) of the rows, moved to the right."""
-        x = self._x
-        wanted = np.clip(x - distance, x[0], x[-1])
+    def _shifted_rows(self, u: Floats, distance: float, first: int, last: int) -> Floats:
+        """Displacements (R, last - first, 2) of a part of the rows, moved to the right."""
+        x, v = self._x, u.reshape(-1, 2)
+        wanted = np.clip(x[first:last] - distance, x[0], x[-1])
         source = np.clip(np.searchsorted(x, wanted, side="right") - 1, 0, len(x) - 2)
         share = ((wanted - x[source]) / (x[source + 1] - x[source]))[None, :, None]
-        rows = u.reshape(-1, 2)[self._rows]
-        out: Floats = rows[:, source] * (1 - share) + rows[:, source + 1] * share
+        out: Floats = v[self._rows[:, source]] * (1 - share) + v[self._rows[:, source + 1]] * share
         return out
 
-    def _shifted_cells(self, pressure: Floats, distance: float) -> Floats:
-        """Pressure coefficients (Q, S // 2, 3) of the rows' elements, moved to the right."""
+    def _shifted_cells(self, pressure: Floats, distance: float, first: int, last: int) -> Floats:
+        """Pressure coefficients (Q, (last - first) // 2, 3) of these rows' elements, moved to the right."""
         borders = (self._centre[1:] + self._centre[:-1]) / 2
-        source = np.searchsorted(borders, self._centre - distance)
-        out: Floats = pressure[self._cells[:, source]] * (self._root_area / self._root_area[:, source])
+        here = slice(first // 2, last // 2)
+        source = np.searchsorted(borders, self._centre[here] - distance)
+        size = self._root_area[:, here] / self._root_area[:, source]
+        out: Floats = pressure[self._cells[:, source]] * size
         return out
 
 

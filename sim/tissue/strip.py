@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.tissue import strip_kernels as kernels
+from sim.tissue import strip_factor, strip_solve
 from sim.tissue.lapack import constants, routines
 from sim.tissue.linear import NotPositiveDefinite
 from sim.tissue.mesh import TissueMesh
@@ -53,7 +53,7 @@ class StripCholesky:
         if not len(which):
             return
         self._spoil(self._column_of_element[which])
-        if not kernels.condense_elements(K, which, self._condensed, self._packed):
+        if not strip_factor.condense_elements(K, which, self._condensed, self._packed):
             self._valid = [0, 0]
             raise NotPositiveDefinite("an element's middle is not stable")
 
@@ -67,7 +67,7 @@ class StripCholesky:
         c = self._columns
         for side, end in enumerate((self._root + 1, self._count - self._root - 1)):
             x = self._chains[side]
-            good = kernels.eliminate(
+            good = strip_factor.eliminate(
                 self._valid[side], end, side == 1, self._packed, contact, c.elements, c.element_starts,
                 c.surface, c.surface_starts, self._work[side], x.interior, x.pivots, x.size, x.incoming,
                 x.incoming_size, x.together, x.spans, x.targets, x.surface_place, x.row_starts,
@@ -95,21 +95,21 @@ class StripCholesky:
         self._root_rows = np.zeros((n, n))
         left_schur, right_schur = self._schur[0, here], self._schur[1, there]
         return bool(
-            kernels.join(left_schur, right_schur, match, self._root_rows, n, routines(), *constants())
+            strip_factor.join(left_schur, right_schur, match, self._root_rows, n, routines(), *constants())
         )
 
     def solve(self, B: Floats) -> Floats:
         """See `LinearSolver.solve`."""
         steps = (self._root + 1, self._count - self._root - 1)
         x = np.array(B)
-        kernels.forward_elements(x, self._outer, self._middle, self._condensed)
+        strip_solve.forward_elements(x, self._outer, self._middle, self._condensed)
         x[:, self._held] = 0.0
         for c, rows, count in zip(self._chains, self._rows, steps):
-            kernels.forward(x, count, c.dofs, c.interior, c.pivots, c.size, c.spans, c.row_starts, rows)
-        kernels.solve_root(x, self._root_dofs, self._root_rows)
+            strip_solve.forward(x, count, c.dofs, c.interior, c.pivots, c.size, c.spans, c.row_starts, rows)
+        strip_solve.solve_root(x, self._root_dofs, self._root_rows)
         for c, rows, count in zip(self._chains, self._rows, steps):
-            kernels.backward(x, count, c.dofs, c.interior, c.pivots, c.size, c.spans, c.row_starts, rows)
-        kernels.backward_elements(x, self._outer, self._middle, self._condensed)
+            strip_solve.backward(x, count, c.dofs, c.interior, c.pivots, c.size, c.spans, c.row_starts, rows)
+        strip_solve.backward_elements(x, self._outer, self._middle, self._condensed)
         return x
 
 

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.tissue import strip_kernels as kernels
+from sim.tissue import strip_symbolic as symbolic
 from sim.tissue.mesh import TissueMesh
 
 Ints = NDArray[np.int64]
 
 CORNERS_AND_SIDES = np.array([0, 1, 2, 3, 5, 6, 7, 8])
 MIDDLE = 4
+_BOTH = np.array([0, 1])
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class Chain:
     together : ndarray (steps,), bool
         Whether these are consecutive.
     spans : ndarray (steps, chunks, 3)
-        How far the interior rows reach; see `kernels.reach`.
+        How far the interior rows reach; see `symbolic.reach`.
     row_starts : ndarray (steps + 1,)
         Where every step's rows begin in the factor's memory.
     targets : ndarray (M, 136)
@@ -115,7 +116,11 @@ def lay_out_chain(mesh: TissueMesh, columns: Columns, flipped: bool) -> Chain:
     if flipped:
         first, last = count - 1 - last, count - 1 - first
     free = ~mesh.fixed.ravel()
-    place = np.full((count, free.size), -1, np.int32)
+    place = np.full(free.size, -1, np.int32)  # of the unknowns, in the step that is being laid out
+    outer = mesh.elements[:, CORNERS_AND_SIDES]
+    outer = np.concatenate([2 * outer, 2 * outer + 1], 1)
+    surface = np.stack([2 * mesh.surface, 2 * mesh.surface + 1], 1)
+    element_place, surface_place = np.empty(outer.shape, np.int32), np.empty(surface.shape, np.int64)
     lists, incoming = [], []
     interior, pivots = np.zeros(count, np.int64), np.zeros(count, np.int64)
     front = np.zeros(0, np.int64)
@@ -133,25 +138,20 @@ def lay_out_chain(mesh: TissueMesh, columns: Columns, flipped: bool) -> Chain:
         open_nodes = stay[::-turn]
         staying = _dofs(columns.nodes[open_nodes], free)
         these = np.concatenate([inner, leaving, staying])
-        place[g, these] = np.arange(len(these))
-        incoming.append(place[g, front])
+        place[these] = np.arange(len(these))
+        incoming.append(place[front].astype(np.int64))
+        column = count - 1 - g if flipped else g
+        some = columns.elements[columns.element_starts[column] : columns.element_starts[column + 1]]
+        element_place[some] = place[outer[some]]
+        some = columns.surface[columns.surface_starts[column] : columns.surface_starts[column + 1]]
+        surface_place[some] = place[surface[some]]
         lists.append(these)
         interior[g], pivots[g] = len(inner), len(inner) + len(leaving)
         front = staying
     size = np.array([len(these) for these in lists])
     stride = (int(size.max()) // 8 + 1) * 8
-    outer = mesh.elements[:, CORNERS_AND_SIDES]
-    step = count - 1 - mesh.column if flipped else mesh.column
-    element_place = place[step[:, None], np.concatenate([2 * outer, 2 * outer + 1], 1)]
-    row, col = np.triu_indices(16)
-    a, b = element_place[:, row].astype(np.int64), element_place[:, col].astype(np.int64)
-    targets = np.where((a < 0) | (b < 0), stride * stride - 1, np.minimum(a, b) * stride + np.maximum(a, b))
-    surface_step = np.empty(len(mesh.surface), np.int64)
-    surface_step[columns.surface] = np.repeat(np.arange(count), np.diff(columns.surface_starts))
-    surface_step = count - 1 - surface_step if flipped else surface_step
-    surface_dofs = np.stack([2 * mesh.surface, 2 * mesh.surface + 1], 1)
-    spans = kernels.reach(interior, size, columns.elements, columns.element_starts, element_place, flipped)
-    lengths = kernels.row_lengths(interior, pivots, size, spans)
+    spans = symbolic.reach(interior, size, columns.elements, columns.element_starts, element_place, flipped)
+    lengths = symbolic.row_lengths(interior, pivots, size, spans)
     return Chain(
         dofs=_padded(lists),
         interior=interior,
@@ -159,17 +159,17 @@ def lay_out_chain(mesh: TissueMesh, columns: Columns, flipped: bool) -> Chain:
         size=size,
         incoming=_padded(incoming),
         incoming_size=np.array([len(these) for these in incoming]),
-        together=np.array([bool((np.diff(these) == 1).all()) for these in incoming]),
+        together=np.array([bool((these[1:] - these[:-1] == 1).all()) for these in incoming]),
         spans=spans,
         row_starts=np.concatenate([[0], np.cumsum(lengths)]),
-        targets=targets,
-        surface_place=place[surface_step[:, None], surface_dofs].astype(np.int64),
+        targets=symbolic.targets(element_place, stride),
+        surface_place=surface_place,
         stride=stride,
     )
 
 
 def _dofs(nodes: Ints, free: NDArray[np.bool_]) -> Ints:
-    both = np.stack([2 * nodes, 2 * nodes + 1], 1).ravel()
+    both = (2 * nodes[:, None] + _BOTH).ravel()
     return both[free[both]]
 
 

@@ -1,71 +1,26 @@
-"""The stroke: press, slide from position to position, read the sensors. Units: mm, kPa, N/m."""
+"""The stroke, as others call it. Units: mm, kPa, N/m."""
 
 from __future__ import annotations
 
-import threading
 import time
-from collections import OrderedDict
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 from sim.tissue.case import Case
-from sim.tissue.contact import Contact, read_sensors
-from sim.tissue.element import ElementIntegrals, integrate
-from sim.tissue.errors import CaseError, StrokeError
-from sim.tissue.linear import LinearSolver, make_solver
-from sim.tissue.material import Tissue, elasticity
-from sim.tissue.mesh import TissueMesh, build_mesh
-from sim.tissue.newton import Newton, NoConvergence
-from sim.tissue.predictor import Predictor, State
-from sim.tissue.probe_shape import ProbeShape
+from sim.tissue.errors import CaseError
+from sim.tissue.geometry import forget_geometries, geometry_of
+from sim.tissue.predictor import State
 from sim.tissue.result import Stroke
+from sim.tissue.run import Run
 from sim.tissue.settings import Settings
 
 Floats = NDArray[np.float64]
-
-_REMEMBERED = 3
-_HALVINGS = 6
-
-
-@dataclass(frozen=True)
-class Geometry:
-    """What cases of the same shape share: mesh, integrals, the solver's analysis."""
-
-    mesh: TissueMesh
-    integrals: ElementIntegrals
-    solver: LinearSolver
-
-
-_local = threading.local()
-
-
-def geometry_of(case: Case, settings: Settings, first: float, last: float) -> Geometry:
-    """The geometry of a case, remembered per thread: stiffness and force do not change it."""
-    memory: OrderedDict[tuple, Geometry] = _local.__dict__.setdefault("memory", OrderedDict())
-    key = (case.d_mm, case.h, case.gland_mm, settings, first, last)
-    if key not in memory:
-        mesh = build_mesh(case, settings, first, last)
-        try:
-            integrals = integrate(mesh)
-        except ValueError as error:
-            raise CaseError(f"{case.code} cannot be meshed: {error}") from None
-        memory[key] = Geometry(mesh, integrals, make_solver(settings.solver, mesh))
-        while len(memory) > _REMEMBERED:
-            memory.popitem(last=False)
-    memory.move_to_end(key)
-    return memory[key]
-
-
-def forget_geometries() -> None:
-    """Forget what this thread has set up, to time a stroke from nothing."""
-    _local.__dict__.clear()
 
 
 def simulate(
@@ -107,9 +62,10 @@ def simulate_forces(
         settings.positions_mm(case.friction > 0) if positions_mm is None else positions_mm
     )
     strokes = []
-    began = time.thread_time()
     pressed: State | None = None
     with one_blas_thread():
+        _warm_up()
+        began = time.thread_time()
         geometry = geometry_of(case, settings, float(positions[0]), float(positions[-1]))
         for force in forces:
             loaded = replace(case, F_rel=force)
@@ -123,6 +79,15 @@ def simulate_forces(
 def one_blas_thread() -> AbstractContextManager[object]:
     """While this lasts, linear algebra keeps to one thread; more would slow small matrices tenfold."""
     return _blas().limit(limits=1, user_api="blas")
+
+
+@cache
+def _warm_up() -> None:
+    """Compile the kernels, or load them, so that no stroke's time has this in it."""
+    case = Case.from_code("d10h08eNLf01")
+    run = Run(case, Settings(), geometry_of(case, Settings(hx_mm=4.0), 0.0, 2.0))
+    run.stroke(np.array([0.0, 2.0]), run.press(0.0, None), 0.0)
+    forget_geometries()
 
 
 @cache
@@ -146,123 +111,3 @@ def checked_positions(positions: Sequence[float] | Floats) -> Floats:
     if out[0] < -60.0 or out[-1] > 60.0:
         raise CaseError("positions_mm must lie between -60 and 60")
     return out
-
-
-class Run:
-    """One case on one geometry."""
-
-    def __init__(self, case: Case, settings: Settings, geometry: Geometry) -> None:
-        self.case, self.mesh = case, geometry.mesh
-        self.areas = geometry.integrals.dx.sum(1)
-        self.tissue = Tissue(geometry.mesh, geometry.integrals, elasticity(case, geometry.mesh))
-        shape = ProbeShape(case.probe_radius_mm, case.face_half_mm, case.fillet_per_mm2)
-        self.contact = Contact(geometry.mesh, shape, case.friction)
-        self.newton = Newton(self.tissue, self.contact, geometry.solver, settings.tolerance)
-        self.predictor = Predictor(geometry.mesh, self.areas)
-
-    def press(self, position: float, pressed: State | None) -> State:
-        """The state at the first position, reached from `pressed` or from nothing by raising the force."""
-        if pressed is not None:
-            return self._raise_force(pressed, position, self.case.F_N_per_m / 2)
-        try:
-            return self.newton.solve(
-                self._unloaded(self._expected_depth()), position, self.case.F_N_per_m, 15
-            )
-        except NoConvergence:
-            return self._raise_force(self._unloaded(0.1), position, 0.0)
-
-    def _unloaded(self, depth: float) -> State:
-        """Undeformed tissue, the probe `depth` below its surface."""
-        rest, pressure = np.zeros(2 * len(self.mesh.nodes_mm)), np.zeros((len(self.areas), 3))
-        return State(rest, self.case.t_mm - depth, np.zeros(len(self.mesh.surface)), pressure)
-
-    def _expected_depth(self) -> float:
-        """Displacement far from the lump as the regressions of the thesis' runs have it, F^.62 t^.67."""
-        force = self.case.F_N_per_m / (10.0 * self.case.fat_kPa)
-        return min(2.56 * force**0.62 * (self.case.t_mm / 13.0) ** 0.67, 0.3 * self.case.t_mm)
-
-    def _raise_force(self, state: State, position: float, done: float) -> State:
-        """Raise the force from `done`, in smaller steps where it does not converge."""
-        goal, failures = self.case.F_N_per_m, 0
-        target = 0.35 * goal if done == 0.0 else goal
-        while done < goal:
-            try:
-                state, done = self.newton.solve(state, position, target, careful=failures > 0), target
-                target = goal
-            except NoConvergence as error:
-                failures += 1
-                target = done + (target - done) / 3
-                if failures > _HALVINGS:
-                    raise StrokeError(self.case.code, position, f"pressing, {error}") from None
-        return state
-
-    def _slide(self, history: list[tuple[float, State]], new: float) -> None:
-        """Add the state at `new` to `history`; what does not converge is done in halves."""
-        force, reason = self.case.F_N_per_m, NoConvergence()
-        for recent, careful in ((history[-3:], False), (history[-1:], True)):
-            try:
-                history.append(
-                    (new, self.newton.solve(self.predictor(recent, new), new, force, careful=careful))
-                )
-                return
-            except NoConvergence as error:
-                reason = error
-        old = history[-1][0]
-        if new - old < 2.0 / 2**_HALVINGS:
-            raise StrokeError(self.case.code, new, f"sliding, {reason}")
-        self._slide(history, (old + new) / 2)
-        self._slide(history, new)
-
-    def stroke(self, positions: Floats, state: State, began: float) -> Stroke:
-        """Slide through all positions and collect what the probe feels."""
-        rows, iterations, before = [], [], 0
-        history = [(float(positions[0]), state)]
-        for i, position in enumerate(positions):
-            if i:
-                self._slide(history, float(position))
-                state = history[-1][1]
-            elif self.case.friction:
-                state = self.newton.solve(state, float(position), self.case.F_N_per_m)
-                history = [(float(position), state)]
-            iterations.append(self.newton.counts.iterations - before)
-            before = self.newton.counts.iterations
-            rows.append(self.read(state, float(position)))
-        columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-        return Stroke(
-            case=self.case,
-            positions_mm=positions,
-            **columns,
-            iterations=np.array(iterations),
-            factorisations=self.newton.counts.factorisations,
-            nodes=len(self.mesh.nodes_mm),
-            cpu_s=time.thread_time() - began,
-        )
-
-    def read(self, state: State, position: float) -> dict[str, Any]:
-        """What the probe feels, checked: a wrong equilibrium must not pass for a result."""
-        x, pressure, force = self.contact.pressure(state.u, state.multiplier)
-        s = x - position
-        touching = np.nonzero(pressure > 0)[0]
-        peak = int(pressure.argmax())
-        balance = force / self.case.F_N_per_m - 1.0 if not self.case.friction else 0.0
-        row = {
-            "displacement_mm": self.case.t_mm - state.height,
-            "images_kPa": read_sensors(s, pressure),
-            "peak_mm": s[peak],
-            "peak_kPa": pressure[peak],
-            "contact_mm": s[touching[[0, -1]]],
-            "force_error": balance,
-            "smallest_jacobian": self.tissue.smallest_jacobian(state.u),
-        }
-        trouble = None
-        if not all(np.isfinite(value).all() for value in row.values()):
-            trouble = "the result is not a number"
-        elif row["smallest_jacobian"] <= 0.0:
-            trouble = f"an element is turned inside out (det F = {row['smallest_jacobian']:.2g})"
-        elif abs(balance) > 1e-6:
-            trouble = f"the contact forces miss the force on the probe by {balance:.1e} of it"
-        elif row["displacement_mm"] >= self.case.t_mm:
-            trouble = "the probe has gone through the fat"
-        if trouble:
-            raise StrokeError(self.case.code, position, trouble)
-        return row

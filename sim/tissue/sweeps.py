@@ -15,14 +15,12 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from sim.tissue.case import Case
 from sim.tissue.errors import CaseError, TissueError
-from sim.tissue.result import Stroke
 from sim.tissue.settings import Settings, case_key
-from sim.tissue.store import SCHEMA, Record, StrokeStore, record_of, stroke_of
+from sim.tissue.store import Record, StrokeStore, record_of
+from sim.tissue.tables import read_table
 
 _GROUP = 4
 """Most cases in one task: neighbours that share their geometry share its set-up."""
@@ -103,42 +101,6 @@ def sweep(
         raise
     store.seal(list(dict.fromkeys(keys)))
     return read_table(out_dir, series=False)
-
-
-def read_table(out_dir: str | Path, series: bool = True) -> pd.DataFrame:
-    """The table of a finished sweep, with its columns of lists or without these `series`.
-
-    Raises
-    ------
-    CaseError
-        There is none.
-    """
-    path = Path(out_dir) / "strokes.parquet"
-    if not path.exists():
-        unfinished = path.with_name("finished.journal").exists()
-        hint = (
-            "the sweep in it is unfinished; run it again to go on"
-            if unfinished
-            else "run a sweep into it first"
-        )
-        raise CaseError(f"{out_dir} holds no finished sweep; {hint}")
-    plain = [field.name for field in SCHEMA if not pa.types.is_list(field.type)]
-    return pq.read_table(path, columns=None if series else plain).to_pandas()
-
-
-def load_strokes(out_dir: str | Path) -> list[Stroke]:
-    """The strokes of a finished sweep that did not fail, in the design's order."""
-    return list(iterate_strokes(out_dir))
-
-
-def iterate_strokes(out_dir: str | Path) -> Iterator[Stroke]:
-    """As `load_strokes`, one after the other, however many there are."""
-    read_table(out_dir, series=False)
-    with pq.ParquetFile(Path(out_dir) / "strokes.parquet") as table:
-        for batch in table.iter_batches(1024):
-            for record in batch.to_pylist():
-                if record["status"] == "ok":
-                    yield stroke_of(record)
 
 
 def compute_group(cases: Sequence[tuple[str, Case]], settings: Settings) -> list[Record]:

@@ -16,18 +16,19 @@ from collections.abc import Callable
 import numpy as np
 
 from sim.tissue import Case, Settings, Stroke, read_design, simulate, sweep
-from sim.tissue import stroke as stroke_module
 from sim.tissue.element import integrate
-from sim.tissue.linear import make_solver
+from sim.tissue.geometry import forget_geometries
 from sim.tissue.material import Tissue, elasticity
 from sim.tissue.mesh import build_mesh
+from sim.tissue.solvers import make_solver
+from sim.tissue.stroke import one_blas_thread
 
 CODE = "d10h08e10f10"
 
 
 def fresh(case: Case, settings: Settings) -> Stroke:
     """A stroke whose geometry has not been seen before."""
-    stroke_module.forget_geometries()
+    forget_geometries()
     return simulate(case, settings)
 
 
@@ -58,7 +59,7 @@ def floor_s(case: Case, settings: Settings, solver: str) -> float:
         backend.change(K, every)
         backend.factor(contact, 0.0)
 
-    with stroke_module.one_blas_thread():
+    with one_blas_thread():
         work()
         return best(work, 15)
 

@@ -6,12 +6,12 @@ import numpy as np
 
 from sim.tissue.contact import Contact
 from sim.tissue.element import integrate
-from sim.tissue.linear import make_solver
 from sim.tissue.material import Elasticity, Tissue
 from sim.tissue.mesh import FAT, TissueMesh, _cells, _lattice
 from sim.tissue.newton import Newton
 from sim.tissue.predictor import State
 from sim.tissue.probe_shape import ProbeShape
+from sim.tissue.solvers import make_solver
 
 
 def block(x, y, shake=0.0, seed=0, rollers=True) -> TissueMesh:

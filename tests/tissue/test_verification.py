@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sim.tissue import SENSORS_MM, Case, Settings, simulate
-from sim.tissue.linear import make_solver
 from sim.tissue.probe_shape import ProbeShape
+from sim.tissue.solvers import make_solver
 from tests.tissue.blocks import block, press, tissue_of
 
 FLAT = ProbeShape(math.inf, 1e6, 1.0)

@@ -1,0 +1,51 @@
+"""What cases of the same shape share, set up once. Units: mm."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass
+
+from sim.tissue.case import Case
+from sim.tissue.element import ElementIntegrals, integrate
+from sim.tissue.errors import CaseError
+from sim.tissue.linear import LinearSolver
+from sim.tissue.mesh import TissueMesh, build_mesh
+from sim.tissue.settings import Settings
+from sim.tissue.solvers import make_solver
+
+_REMEMBERED = 3
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What cases of the same shape share: mesh, integrals, the solver's analysis."""
+
+    mesh: TissueMesh
+    integrals: ElementIntegrals
+    solver: LinearSolver
+
+
+_local = threading.local()
+
+
+def geometry_of(case: Case, settings: Settings, first: float, last: float) -> Geometry:
+    """The geometry of a case, remembered per thread: stiffness and force do not change it."""
+    memory: OrderedDict[tuple, Geometry] = _local.__dict__.setdefault("memory", OrderedDict())
+    key = (case.d_mm, case.h, case.gland_mm, settings, first, last)
+    if key not in memory:
+        mesh = build_mesh(case, settings, first, last)
+        try:
+            integrals = integrate(mesh)
+        except ValueError as error:
+            raise CaseError(f"{case.code} cannot be meshed: {error}") from None
+        memory[key] = Geometry(mesh, integrals, make_solver(settings.solver, mesh))
+        while len(memory) > _REMEMBERED:
+            memory.popitem(last=False)
+    memory.move_to_end(key)
+    return memory[key]
+
+
+def forget_geometries() -> None:
+    """Forget what this thread has set up, to time a stroke from nothing."""
+    _local.__dict__.clear()
