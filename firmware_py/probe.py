@@ -3,12 +3,11 @@
 `run(board)` never returns.
 """
 
-import gc
-
 from firmware_py import (
     acquire,
     commands,
     counters,
+    handlers,
     messages,
     outbox,
     results,
@@ -18,15 +17,10 @@ from firmware_py import (
     wire,
 )
 
-FIRMWARE = b"\x00\x01\x00"  # major, minor, patch
 _CHUNK = 64  # bytes taken from the link at a time
 _IDLE_US = 50000  # longest wait between two looks at what is due
 _BUSY_US = 1000  # the same while the link has not taken everything
 _MASK = counters.MASK
-
-
-def _not_supported(_fields):
-    return status.NOT_SUPPORTED, (), b""
 
 
 class Probe:
@@ -52,7 +46,7 @@ class Probe:
         if estimator:
             self.strokes.zero_counts = estimator.zero_counts()
         self.results = results.Results(self.counts, self.box, values, settings.RESEND_RESULTS)
-        self.commands = commands.Commands(self.counts, self.box, self._handlers())
+        self.commands = commands.Commands(self.counts, self.box, handlers.table(self))
         self._input = bytearray(_CHUNK)
         self._input_at = 0
         self._input_end = 0
@@ -66,7 +60,7 @@ class Probe:
         self._every = 1
         self._skipped = 0
         self._strokes_left = 0
-        self._received_us = 0
+        self.received_us = 0
         self._ms_rest_us = 0
         self._last_us = board.ticks_us()
         self._post(messages.TYPE["boot"], (board.boots, status.OK))
@@ -111,7 +105,7 @@ class Probe:
                 self._input_end = n
             self._input_at = receiver.feed(data, self._input_at, self._input_end)
             if receiver.length:
-                self._received_us = self.board.ticks_us()
+                self.received_us = self.board.ticks_us()
                 self.commands.take(receiver.packet, receiver.length)
 
     def _frame(self, now_us):
@@ -207,103 +201,29 @@ class Probe:
         if self._strokes_left:
             self._strokes_left -= 1
             if not self._strokes_left:
-                self._stop()
+                self.stop_stream()
 
-    # ---- commands
+    # ---- what the commands change
 
-    def _handlers(self):
-        names = {
-            "identify": self._identify,
-            "get_setting": self._get_setting,
-            "set_setting": self._set_setting,
-            "stream_start": self._stream_start,
-            "stream_stop": self._stream_stop,
-            "statistics": self._statistics,
-            "time_sync": self._time_sync,
-            "stroke_ack": self._stroke_ack,
-        }
-        table = {}
-        for command in messages.COMMANDS:
-            table[command[0]] = _not_supported  # what this build leaves out
-        for name in names:
-            table[messages.TYPE[name]] = names[name]
-        if self.estimator:
-            self.estimator.add_handlers(table, self.begin_measuring)
-        return table
-
-    def _identify(self, fields):
-        board = self.board
-        capabilities = 0
-        model = (0, status.NO_MODEL, bytes(8))
-        if self.estimator:
-            capabilities, features_version, model_status, model_id = self.estimator.describe()
-            model = (features_version, model_status, model_id)
-        values = (
-            fields[0],
-            messages.PROTOCOL,
-            messages.SCHEMA,
-            FIRMWARE,
-            board.serial,
-            messages.ROWS,
-            messages.COLUMNS,
-            1500,
-            12,
-            capabilities,
-        )
-        return status.OK, values + model + (board.boots, board.ticks_us()), b""
-
-    def _get_setting(self, fields):
-        key = fields[0]
-        if key >= len(self.settings.values):
-            return status.BAD_VALUE, (), b""
-        definition = messages.SETTINGS[key]
-        return status.OK, (key, self.settings.values[key], definition[3], definition[4]), b""
-
-    def _set_setting(self, fields):
-        key, value = fields
-        return self.settings.set(key, value), (key, value), b""
-
-    def _stream_start(self, fields):
-        content, every, strokes = fields
-        if not content & (messages.CONTENT_FRAMES | messages.CONTENT_STROKES):
-            return status.BAD_VALUE, (), b""
+    def start_stream(self, content, every, strokes):
+        """Send what `content` (messages.CONTENT_...) says; False while a calibration is under way."""
         if self._measuring:
-            return status.BUSY, (), b""
+            return False
         self.box.drop_frames()
         self.strokes.reset()
         self._content = content
         self._every = every or 1
         self._skipped = self._every - 1
         self._strokes_left = strokes
-        now_us = self.board.ticks_us()
         self.board.begin()
-        self.acquire.start(now_us)
-        return status.OK, (self.acquire.seq, now_us), b""
+        self.acquire.start(self.board.ticks_us())
+        return True
 
-    def _stop(self):
+    def stop_stream(self):
+        """Send no more frames or strokes."""
         self._content = 0
         self.strokes.reset()
         self.board.end()
-
-    def _stream_stop(self, _fields):
-        self._stop()
-        return status.OK, (self.acquire.seq, self.board.ticks_us()), b""
-
-    def _statistics(self, _fields):
-        counts = self.counts
-        receiver = self.receiver
-        counts[counters.PACKETS_BAD_CRC] = receiver.bad_crc & _MASK
-        counts[counters.PACKETS_BAD_FRAME] = receiver.bad_frame & _MASK
-        counts[counters.PACKETS_OVERSIZE] = receiver.oversize & _MASK
-        counts[counters.FREE_BYTES] = min(gc.mem_free(), _MASK) if hasattr(gc, "mem_free") else 0
-        return status.OK, (), counts
-
-    def _time_sync(self, _fields):
-        return status.OK, (self._received_us, self.board.ticks_us()), b""
-
-    def _stroke_ack(self, fields):
-        self.results.acknowledge(fields[0], fields[1])
-        return status.OK, fields, b""
 
     def log(self, level, text):
         """Tell the host something in words (at most 200 bytes)."""

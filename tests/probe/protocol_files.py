@@ -1,4 +1,4 @@
-"""Writes what is derived from firmware_py/messages.py: SCHEMA, docs/protocol.md's tables,
+"""Writes what is derived from firmware_py/tables.py: SCHEMA, docs/protocol.md's tables,
 tests/vectors/protocol.
 
     python -m tests.probe.protocol_files
@@ -13,17 +13,17 @@ import re
 import struct
 from pathlib import Path
 
-from firmware_py import messages, wire
+from firmware_py import messages, tables, wire
 
 ROOT = Path(__file__).parent.parent.parent
 PAGE = ROOT / "docs" / "protocol.md"
-MESSAGES = ROOT / "firmware_py" / "messages.py"
+TABLES = ROOT / "firmware_py" / "tables.py"
 VECTORS = ROOT / "tests" / "vectors" / "protocol"
 KINDS = {"B": "u8", "b": "i8", "H": "u16", "I": "u32", "i": "i32", "3s": "3 bytes", "8s": "8 bytes"}
 
 
 def schema() -> int:
-    return binascii.crc32(messages.schema_text().encode())
+    return binascii.crc32(tables.schema_text().encode())
 
 
 def fields_of(fields: str) -> list[str]:
@@ -46,7 +46,7 @@ def setting_rows() -> str:
     return "\n".join(rows)
 
 
-def tables() -> dict[str, str]:
+def page_tables() -> dict[str, str]:
     """What belongs between the page's markers `<!-- NAME -->` and `<!-- / -->`."""
     return {
         "commands": message_rows(messages.COMMANDS),
@@ -61,7 +61,7 @@ def tables() -> dict[str, str]:
 def page() -> str:
     """docs/protocol.md as it should be."""
     text = PAGE.read_text()
-    for name, table in tables().items():
+    for name, table in page_tables().items():
         text, n = re.subn(
             rf"(<!-- {name} -->\n\n).*?(\n\n<!-- / -->)", lambda m, t=table: m[1] + t + m[2], text, flags=re.S
         )
@@ -131,8 +131,8 @@ def vector_text(rows: list[dict]) -> str:
 
 
 def main() -> None:
-    text = MESSAGES.read_text()
-    MESSAGES.write_text(re.sub(r"^SCHEMA = .*$", f"SCHEMA = 0x{schema():08X}", text, flags=re.M))
+    text = TABLES.read_text()
+    TABLES.write_text(re.sub(r"^SCHEMA = .*$", f"SCHEMA = 0x{schema():08X}", text, flags=re.M))
     PAGE.write_text(page())
     VECTORS.mkdir(parents=True, exist_ok=True)
     for name, rows in vectors().items():

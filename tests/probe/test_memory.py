@@ -50,7 +50,7 @@ class Board:
 
 board = Board()
 p = probe.Probe(board, estimator.Estimator(store.FileStore()))
-p._stream_start((messages.CONTENT_FRAMES | messages.CONTENT_STROKES, 1, 0))
+p.start_stream(messages.CONTENT_FRAMES | messages.CONTENT_STROKES, 1, 0)
 
 def run(n):
     for i in range(n):
