@@ -6,7 +6,6 @@ Arguments, and what came out.
 import copy
 import importlib
 import struct
-from array import array
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,7 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from firmware_py import forcemap
+from firmware_py import calib, forcemap
+from sim.probe.sensors import LEVELS, FrameStream, SensorModel, StrokeField
+from tests.pipeline.conftest import read_strokes
 
 
 @dataclass
@@ -56,19 +57,6 @@ def recorded(*names: str, most: int = 100) -> Iterator[dict[str, list[Call]]]:
             setattr(module, function, original)
 
 
-def is_buffer(argument: Any) -> bool:
-    """Arguments that are many numbers."""
-    return isinstance(argument, array | bytearray | bytes)
-
-
-def digest(numbers: Any) -> int:
-    """A check sum that the smallest interpreter computes too."""
-    total = 0
-    for x in numbers:
-        total = (total * 31 + (x & 0xFFFFFF) + (x >> 24)) % 65521
-    return total
-
-
 def any_force_map() -> bytes:
     """A force map for proofs: random coefficients as large as a fitted one's."""
     random = np.random.default_rng(5)
@@ -77,3 +65,12 @@ def any_force_map() -> bytes:
     struct.pack_into("<ii", blob, 4, 78_000_000, 19_000_000)
     struct.pack_into(f"<{forcemap.COEFS}h", blob, 12, *random.integers(-300, 300, forcemap.COEFS).tolist())
     return bytes(blob)
+
+
+def strokes(n: int, frames: int) -> Iterator[tuple[FrameStream, calib.Calibration]]:
+    """n strokes over lumps and over none, through sensors from good to poor, with their calibrations."""
+    fields = [StrokeField(*pair) for pair in read_strokes()]
+    for seed in range(n):
+        level = ("good", "typical", "poor")[seed // len(fields) % 3]
+        model = SensorModel(fields[seed % len(fields)], LEVELS[level], seed, travel_mm=76.0)
+        yield model.stroke(frames), model.calibration()

