@@ -16,7 +16,7 @@ from typing import Any
 import click
 
 CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
-    "Start here": (("demo", "host.cli.demo", "the whole chain, from tissue to an answer on the probe"),),
+    "All of it": (("demo", "host.cli.demo", "the whole chain, from tissue to an answer on the probe"),),
     "Tissue": (
         ("simulate", "host.cli.simulate", "one finite-element stroke: map, features, displacement"),
         ("sweep", "host.cli.sweep", "many strokes, on all cores or a cluster; goes on where it stopped"),

@@ -42,7 +42,11 @@ def estimate_lines(estimate: Estimate) -> list[str]:
     for name, bounded in estimate.outputs.items():
         value, low, high = bounded["value"], bounded["low"], bounded["high"]
         lines.append(f"  {WORDS[name]:20} {value:8.3f} {UNITS[name]:4} ({low:.3f} to {high:.3f}, {level})")
-    found = "soft or hard, which cannot be told" if estimate.hardness == "unsure" else estimate.hardness
+    found = (
+        "hard or soft, this stroke does not tell which"
+        if estimate.hardness == "unsure"
+        else estimate.hardness
+    )
     lines.append(f"  the lump is {found}" + stiffness_words(estimate))
     if not estimate.in_domain:
         lines.append("  outside what the model was trained on: do not rely on the numbers")
@@ -56,5 +60,5 @@ def stiffness_words(estimate: Estimate) -> str:
     low = max(bounded["high"], 1e-3) ** -1.5
     high = max(bounded["low"], 1e-3) ** -1.5
     if high > 50:
-        return f", more than {low:.2g} times as stiff as the fat"
-    return f", {low:.2g} to {high:.2g} times as stiff as the fat"
+        return f"; more than {low:.2g} times as stiff as the fat"
+    return f"; {low:.2g} to {high:.2g} times as stiff as the fat"

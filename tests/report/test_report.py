@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import re
+import subprocess
+import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -12,8 +14,9 @@ import pytest
 
 from host.errors import NoSuchFile
 from host.regression.runs import features_table, read_strokes
-from host.regression.thesis import TABLE_1, fit_thesis
-from host.report import write_report
+from host.regression.table_1 import TABLE_1
+from host.regression.thesis import fit_thesis
+from host.report import style, write_report
 from sim.tissue import Case
 
 RUNS = Path(__file__).parent / "data"
@@ -33,10 +36,12 @@ class Page(HTMLParser):
         self.images: dict[str, bytes] = {}
         self.loads: list[str] = []
         self._now = ""
+        self._raised = False
         self.feed(path.read_text("utf-8"))
 
     def handle_starttag(self, tag, attributes):
         values = dict(attributes)
+        self._raised = tag == "sup"
         if tag == "section":
             self._now = values["id"]
             self.sections[self._now] = ""
@@ -48,7 +53,8 @@ class Page(HTMLParser):
 
     def handle_data(self, data):
         if self._now and data.strip():
-            self.sections[self._now] += " " + " ".join(data.split())
+            self.sections[self._now] += ("^" if self._raised else " ") + " ".join(data.split())
+        self._raised = False
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +64,7 @@ def strokes():
 
 @pytest.fixture(scope="module")
 def written(strokes, tmp_path_factory):
-    """A whole report, with a measured map and two measured force curves."""
+    """A whole report by `palpate fit --report`, with a measured map and two measured force curves."""
     folder = tmp_path_factory.mktemp("report")
     x = np.linspace(-25, 25, 40)
     noise = np.random.default_rng(1).normal(0, 0.02, x.size)
@@ -67,17 +73,15 @@ def written(strokes, tmp_path_factory):
     for name, a in (("soft", 12.0), ("hard", 15.0)):
         lines = "".join(f"{a * s**1.5:.4f},{30 * s:.4f}\n" for s in (0.05, 0.1, 0.15, 0.2))
         (folder / f"{name}.csv").write_text("force,mm\n" + lines)
-    fit = fit_thesis(features_table(strokes), permutations=0)
-    told = []
-    path = write_report(
-        folder / "out",
-        strokes=strokes,
-        thesis=fit,
-        recording=folder / "real.csv",
-        weights=[folder / "soft.csv", folder / "hard.csv"],
-        progress=told.append,
-    )
-    return path, Page(path), fit, told
+    done = subprocess.run(
+        [sys.executable, "-m", "host.cli", "fit", RUNS, "--kind", "thesis", "--out", folder / "model.json",
+         "--report", folder / "out", "--recording", folder / "real.csv",
+         "--weights", folder / "soft.csv", "--weights", folder / "hard.csv"],
+        capture_output=True, text=True, timeout=280,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    path = folder / "out" / "index.html"
+    return path, Page(path), fit_thesis(features_table(strokes), permutations=0), done
 
 
 def slug(name: str) -> str:
@@ -85,11 +89,26 @@ def slug(name: str) -> str:
 
 
 def test_every_figure_and_table_of_the_thesis_is_there_in_its_order(written):
-    _, page, _, told = written
+    path, page, _, done = written
     assert list(page.sections) == [slug(name) for name in EVERY]
-    assert [name for name in told if name in EVERY][-len(EVERY) :] == EVERY
     for name in EVERY:
         assert "Needs" not in page.sections[slug(name)], name
+    assert str(path) in " ".join(done.stderr.split()), "the command says where the report is"
+    assert "Table 1" in done.stdout
+
+
+def test_the_report_says_what_it_is_at(tmp_path):
+    told: list[str] = []
+    write_report(tmp_path / "out", simulate=False, progress=told.append)
+    assert [name for name in told if name in EVERY][-len(EVERY) :] == EVERY
+
+
+def test_exponents_are_raised_in_figures_and_tables_and_nothing_else_is_touched():
+    assert style.powers("E^-2/3, R2 0.98") == "E$^{-2/3}$, R$^2$ 0.98"
+    assert style.powers_html("F^-1.1 (R2 1) &lt;b&gt; (ln h)^2") == (
+        "F<sup>&minus;1.1</sup> (R<sup>2</sup> 1) &lt;b&gt; (ln h)<sup>2</sup>"
+    )
+    assert style.powers("d10h08e10f10: R20") == "d10h08e10f10: R20"
 
 
 def test_the_page_needs_no_other_file_and_no_network(written):
@@ -126,7 +145,7 @@ def test_appendix_a_lists_every_run(written, strokes):
 def test_what_the_thesis_says_stands_beside_what_came_out(written):
     sections = written[1].sections
     assert "about 3000" in sections["figure_6d"]
-    assert "Curvature ~ F^-1.1" in sections["figure_13"]
+    assert "Curvature ~ F^−1.1" in sections["figure_13"]
     assert re.search(r"up to 20 % 19\.\d %", sections["figure_8"])
     slope = re.search(r"force at equal strain grows with E yes (yes|no)", sections["figure_15"])
     assert slope is not None and slope[1] == "yes"
