@@ -45,21 +45,26 @@ def of_rich(table: Table) -> str:
     return text + (f"\n\n{table.caption}." if table.caption else "")
 
 
+def tell(what: str, done: int, total: int) -> None:
+    """Progress on one line."""
+    print(f"\r{what}: {done} of {total}".ljust(60), end="\n" if done == total else "", flush=True)
+
+
 class Numbers:
     """What the blocks hold, worked out when it is asked for and once."""
 
     def __init__(self, thesis_dir: str, field_dir: str) -> None:
         self.thesis_dir, self.field_dir = thesis_dir, Path(field_dir)
         self.thesis = lru_cache(self._thesis)
-        self.strokes = lru_cache(lambda: prepare(self.field_dir))
+        self.strokes = lru_cache(lambda: prepare(self.field_dir, watch=tell))
         self.field = lru_cache(self._field)
-        self.bench = lru_cache(lambda: Bench(self.strokes(), directory=self.field_dir))
+        self.bench = lru_cache(lambda: Bench(self.strokes(), directory=self.field_dir, watch=tell))
 
     def _thesis(self) -> ThesisFit:
         return fit_thesis(features_table(read_strokes(self.thesis_dir)))
 
     def _field(self) -> FieldFit:
-        return fit_field(self.strokes(), tell=print)
+        return fit_field(self.strokes(), watch=tell)
 
     def blocks(self) -> dict[str, Callable[[], str]]:
         """Name of a block -> what writes it."""

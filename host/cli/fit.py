@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from host.cli.output import console, json_option, note, print_json, progress
+from host.cli.output import console, json_option, note, print_json, watching
 from host.errors import UsageError
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def command(
     else:
         fit = _field(directory, noise, seed, lumps, workers, _tissue(tissue))
         if studies:
-            fit = _with_studies(fit, directory, seed)
+            fit = _with_studies(fit, directory, seed, workers)
         spec, words = fit.spec, {"field": fit}
     _save(spec, out)
     page = None
@@ -103,8 +103,9 @@ def _thesis(directory: Path, noise: str, seed: int) -> tuple[Any, Any, ModelSpec
     from host.regression.thesis_model import fit_thesis_model
 
     strokes = read_strokes(directory)
-    fit = fit_thesis(features_table(strokes))
-    return strokes, fit, fit_thesis_model(strokes, seed=seed, noise=noise)
+    with watching() as watch:
+        fit = fit_thesis(features_table(strokes), watch=watch)
+        return strokes, fit, fit_thesis_model(strokes, seed=seed, noise=noise, watch=watch)
 
 
 def _field(
@@ -113,19 +114,12 @@ def _field(
     from host.regression.field.data import LUMPS, prepare
     from host.regression.field.fit import fit_field
 
-    with progress("strokes") as bar:
-        tasks: dict[str, Any] = {}
-
-        def show(name: str, now: Any) -> None:
-            if name not in tasks:
-                tasks[name] = bar.add_task(f"simulating {name}", total=now.total)
-            bar.update(tasks[name], completed=now.done, total=now.total)
-
-        strokes = prepare(directory, lumps or LUMPS, workers=workers, tissue=tissue, show=show)
-    return fit_field(strokes, noise=noise, seed=seed, tell=note)
+    with watching() as watch:
+        strokes = prepare(directory, lumps or LUMPS, workers=workers, tissue=tissue, watch=watch)
+        return fit_field(strokes, noise=noise, seed=seed, workers=workers, watch=watch)
 
 
-def _with_studies(fit: Any, directory: Path, seed: int) -> Any:
+def _with_studies(fit: Any, directory: Path, seed: int, workers: int | None) -> Any:
     from dataclasses import replace
 
     from host.regression.field.bench import Bench
@@ -133,8 +127,8 @@ def _with_studies(fit: Any, directory: Path, seed: int) -> Any:
     from host.regression.field.study import STUDIES
     from host.regression.field.tissues import TISSUE_STUDY
 
-    bench = Bench(read(directory), seed, directory)
-    return replace(fit, studies=[(s, s.table(bench, note)) for s in (*STUDIES.values(), TISSUE_STUDY)])
+    with watching() as watch, Bench(read(directory), seed, directory, workers, watch) as bench:
+        return replace(fit, studies=[(s, s.table(bench, note)) for s in (*STUDIES.values(), TISSUE_STUDY)])
 
 
 def _tissue(words: tuple[str, ...]) -> dict[str, float]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -65,14 +66,31 @@ def note(text: str) -> None:
 
 
 def progress(unit: str = "") -> Progress:
-    """A progress bar with the time left, on standard error; silent where that is not a terminal."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    """A progress bar with rate and time left, on standard error; silent where that is not a terminal."""
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        Task,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        """How many a second."""
+
+        def render(self, task: Task) -> Text:
+            speed = task.finished_speed or task.speed
+            return Text("" if not speed else f"{speed:.1f}/s" if speed < 100 else f"{speed:.0f}/s")
 
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn(unit),
+        Rate(),
         TimeRemainingColumn(compact=True),
         console=console(stderr=True),
         disable=not sys.stderr.isatty(),
@@ -93,3 +111,23 @@ def table(
     for row in rows:
         shown.add_row(*(cell if isinstance(cell, str) else f"{cell:g}" for cell in row))
     console(stderr).print(shown)
+
+
+@contextmanager
+def watching() -> Iterator[Callable[[str, int, int], None]]:
+    """Progress bars for work that says what it does, how much of it is done, and how much there is.
+
+    Each kind of work has a bar of its own, which starts anew when its count does.
+    """
+    with progress() as bars:
+        tasks: dict[str, Any] = {}
+
+        def watch(what: str, done: int, total: int) -> None:
+            known = tasks.get(what)
+            if known is None:
+                tasks[what] = known = bars.add_task(what, total=total)
+            elif done < bars.tasks[known].completed:
+                bars.reset(known, total=total)
+            bars.update(known, completed=done, total=total)
+
+        yield watch

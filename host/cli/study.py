@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from host.cli.output import json_option, note, print_json, table
+from host.cli.output import json_option, note, print_json, table, watching
 from host.errors import UsageError
 
 
@@ -38,7 +38,8 @@ def command(name: str, directory: Path, seed: int, figure: Path | None, as_json:
     if name not in studies:
         raise UsageError(f"there is no study {name!r}; there are {', '.join(studies)}")
     study = studies[name]
-    result = study.table(Bench(read(directory), seed, directory), tell=note)
+    with watching() as watch, Bench(read(directory), seed, directory, watch=watch) as bench:
+        result = study.table(bench, tell=note)
     if figure is not None:
         from host.report.study_figures import save_study_figure
 

@@ -135,6 +135,7 @@ def spec_of(
     force_map: dict[str, Any] | None = None,
     notes: dict[str, Any] | None = None,
     least_amp_share: float = LEAST_AMP_SHARE,
+    hard_below: float = HARD_BELOW,
 ) -> ModelSpec:
     """Everything about a fitted model as the document that `palpate export` compiles."""
     lo, hi = from_link(model.lo[None])[0], from_link(model.hi[None])[0]
@@ -178,7 +179,7 @@ def spec_of(
             Limit("asinh_amp", lo=math.asinh(100 * least_amp_share)),
             Limit("ln_stdev", hi=math.log(WIDEST_STDEV_MM)),
         ),
-        hard_below=HARD_BELOW,
+        hard_below=hard_below,
         force_range=force_range_N_per_m,
         training=training,
         force_map=force_map,

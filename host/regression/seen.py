@@ -84,6 +84,7 @@ def look(
     n_frames: int = 50,
     alter: Alter | None = None,
     mean_forces_N_per_m: Sequence[float] | None = None,
+    first: int = 0,
     **sensor: Any,
 ) -> Seen:
     """One stroke of a probe of its own over each field; the same seed gives the same strokes.
@@ -98,6 +99,7 @@ def look(
     n_frames : int
     alter : what another sensor would make of the counts (frames, 416), as one with fewer bits
     mean_forces_N_per_m : the hand's mean force for each stroke; by default the middle of the pair
+    first : the number of the first stroke, if these are part of a longer set
     **sensor : further words of `SensorModel`
     """
     noise = noise_named(noise)
@@ -108,7 +110,7 @@ def look(
     lump = np.empty(len(fields), bool)
     for k, field in enumerate(fields):
         mean = None if mean_forces_N_per_m is None else mean_forces_N_per_m[k]
-        model = SensorModel(field, noise, _seed_of(seed, k), mean_force_N_per_m=mean, **sensor)
+        model = SensorModel(field, noise, _seed_of(seed, first + k), mean_force_N_per_m=mean, **sensor)
         stream = model.stroke(n_frames)
         if alter is not None:
             stream = replace(stream, packed=[pack(c) for c in alter(stream.counts)])

@@ -30,6 +30,7 @@ from host.regression.probe_model import (
 from host.regression.ridge import all_terms
 from host.regression.seen import Seen, join, look, noise_named
 from host.regression.table import r_squared
+from host.regression.watch import Watch
 from model_export.schema import OUTPUTS, ModelSpec
 from sim.probe.sensors import Noise, StrokeField
 from sim.tissue import FORCE_UNIT_N_PER_M, Stroke
@@ -70,7 +71,11 @@ class _Forward:
 
 
 def fit_thesis_model(
-    strokes: Sequence[Stroke], seed: int = 1, noise: Noise | str = "typical", draws: int = DRAWS
+    strokes: Sequence[Stroke],
+    seed: int = 1,
+    noise: Noise | str = "typical",
+    draws: int = DRAWS,
+    watch: Watch | None = None,
 ) -> ModelSpec:
     """The model that `palpate fit --kind thesis` writes.
 
@@ -83,11 +88,18 @@ def fit_thesis_model(
         How good the sensors are. The runs have one force each, so the hand is taken as steady.
     draws : int
         Probes that stroke each run.
+    watch : callable, optional
+        See `watch.Watch`.
     """
     runs = [s for s in strokes if s.case.has_lump and not s.case.nonlinear_lump]
     level = noise_named(noise).without("force")
     fields = [StrokeField(s) for s in runs]
-    seen = join([look(fields, level, seed + k) for k in range(draws)])
+    seen_each = []
+    for k in range(draws):
+        if watch is not None:
+            watch("runs seen through the sensors", k + 1, draws)
+        seen_each.append(look(fields, level, seed + k))
+    seen = join(seen_each)
     seen = seen.take(seen.whole)
     model = _inverse(seen, seed)
     widths = _widths(seen, model, seed)

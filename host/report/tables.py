@@ -9,7 +9,8 @@ import pandas as pd
 from host.regression.forward import OUTPUT_NAMES
 from host.regression.runs import features_table
 from host.regression.table import FEATURES, REFERENCE_CODE, relative
-from host.regression.thesis import Table1Entry, ThesisFit
+from host.regression.table_1 import Table1Entry
+from host.regression.thesis import ThesisFit
 from host.report.items import Beside, Item
 from sim.tissue import Stroke
 

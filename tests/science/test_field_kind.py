@@ -101,15 +101,18 @@ def test_plain_tissue_is_no_lump(bench, fitted):
 
 
 def test_the_whole_fit_is_one_json_document_that_names_what_it_left_out(strokes):
-    said: list[str] = []
-    result = fit.fit_field(strokes, levels=(), recipes=(), tell=said.append)
+    said: list[tuple[str, int, int]] = []
+    result = fit.fit_field(strokes, levels=(), recipes=(), watch=lambda *words: said.append(words))
     document = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     left_out = {why: n for why, n in document["excluded"].items() if why.startswith("test")}
     test_strokes = len(result.test)
     one = next(row for row in document["held_out"] if row["strokes"] == 1)
     assert one["n"] + sum(left_out.values()) == test_strokes
     assert {"false_alarms", "flagged_inside", "decided", "E_is_a_bound"} <= set(document)
-    assert said and len(result.tables()) == 6
+    assert len(result.tables()) == 6
+    done = {what: (n, of) for what, n, of in said}
+    assert {"strokes seen through the sensors", "terms chosen", "models fitted", "models scored"} == set(done)
+    assert all(n == of for n, of in done.values())
     assert result.spec.force_map is not None and result.spec.training["noise"] == "typical"
 
 

@@ -12,16 +12,19 @@ from numpy.typing import NDArray
 
 from host.regression.field.data import FieldStrokes, Split, split, stroke_fields
 from host.regression.field.model import learn_force_map
-from host.regression.seen import Seen, join, look, noise_named
+from host.regression.field.seeing import Sight
+from host.regression.seen import Seen, noise_named
+from host.regression.watch import Watch
 from model_export import force_map as force_maps
 from sim.probe.sensors import Noise, StrokeField
 
-TRAIN_DRAWS, CALIBRATION_DRAWS, TEST_DRAWS = 4, 2, 4
+TRAIN_DRAWS, CALIBRATION_DRAWS, TEST_DRAWS, RIM_DRAWS = 4, 2, 4, 2
 _SEED_STEP = 1000
+_RIM_FIRST = 600
 
 
 class Bench:
-    """The strokes of one directory, split by lump, looked at through any sensors.
+    """The strokes of one directory, split by lump, looked at through any sensors; a context manager.
 
     Parameters
     ----------
@@ -30,10 +33,23 @@ class Bench:
         Of the split and of all noise.
     directory : path
         Where they came from; studies of other tissues keep theirs beside them.
+    workers : int, optional
+        Processes that look at strokes; by default one for each core.
+    watch : callable, optional
+        See `watch.Watch`.
     """
 
-    def __init__(self, strokes: FieldStrokes, seed: int = 1, directory: str | PathLike[str] = ".") -> None:
+    def __init__(
+        self,
+        strokes: FieldStrokes,
+        seed: int = 1,
+        directory: str | PathLike[str] = ".",
+        workers: int | None = None,
+        watch: Watch | None = None,
+    ) -> None:
         self.strokes, self.seed, self.directory = strokes, seed, Path(directory)
+        self.workers, self.watch = workers, watch
+        self.sight = Sight(workers, watch)
         self.lumps = stroke_fields(strokes.lumps)
         self.rim = stroke_fields(strokes.rim)
         self.plain = stroke_fields(strokes.plain)
@@ -41,6 +57,12 @@ class Bench:
         self.split: Split = split(len(self.lumps), seed)
         self.force_map = learn_force_map([strokes.lumps[k] for k in self.split.train] + strokes.rim)
         self.blob = force_maps.blob(self.force_map)
+
+    def __enter__(self) -> Bench:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.sight.__exit__()
 
     def see(
         self,
@@ -50,48 +72,36 @@ class Bench:
         draws: int,
         first_draw: int,
         force_map: bool = True,
-        **sensor: Any,
+        **words: Any,
     ) -> Seen:
-        """`draws` strokes over each of some fields, every one by another probe in another hand."""
-        chosen = [fields[k] for k in which]
-        blob = self.blob if force_map else None
-        seed = self.seed * _SEED_STEP + first_draw
-        return join([look(chosen, noise, seed + k, list(which), blob, **sensor) for k in range(draws)])
+        """`draws` strokes over each of some fields, every one by another probe in another hand.
 
-    def see_at(
-        self,
-        which: NDArray[np.int64],
-        noise: Noise | str,
-        draws: int,
-        first_draw: int,
-        mean_forces_N_per_m: Sequence[float],
-    ) -> Seen:
-        """`draws` strokes over each of some lumps at a mean force of its own."""
-        seed = self.seed * _SEED_STEP + first_draw
-        chosen = [self.lumps[k] for k in which]
-        return join(
-            [
-                look(chosen, noise, seed + k, list(which), self.blob, mean_forces_N_per_m=mean_forces_N_per_m)
-                for k in range(draws)
-            ]
-        )
+        `words` are further words of `seen.look`, as mean_forces_N_per_m.
+        """
+        first = self.seed * _SEED_STEP + first_draw
+        words["force_map"] = self.blob if force_map else None
+        chosen, groups = [fields[k] for k in which], [int(k) for k in which]
+        return self.sight.look(chosen, noise_named(noise), range(first, first + draws), groups, **words)
 
     def parts(
         self,
         noise: Noise | str,
         force_map: bool = True,
         draws: tuple[int, int, int] = (TRAIN_DRAWS, CALIBRATION_DRAWS, TEST_DRAWS),
-        **sensor: Any,
+        **words: Any,
     ) -> tuple[Seen, Seen, Seen, Seen | None]:
         """Training, calibration, test and rim strokes over lumps, at one noise level."""
         s = self.split
+        rim_draws = min(RIM_DRAWS, draws[0])
         if noise_named(noise) == Noise():
-            draws = (1, 1, 1)
+            draws, rim_draws = (1, 1, 1), 1
         which = (s.train, s.calibration, s.test)
         train, calibration, test = (
-            self.see(self.lumps, lumps, noise, n, 100 * k, force_map, **sensor)
+            self.see(self.lumps, lumps, noise, n, 100 * k, force_map, **words)
             for k, (lumps, n) in enumerate(zip(which, draws))
         )
+        if not self.rim:
+            return train, calibration, test, None
         every = np.arange(len(self.rim))
-        rim = self.see(self.rim, every, noise, draws[0], 600, force_map, **sensor) if self.rim else None
+        rim = self.see(self.rim, every, noise, rim_draws, _RIM_FIRST, force_map, **words)
         return train, calibration, test, rim

@@ -1,8 +1,9 @@
 """The finite-element strokes behind a field model: simulated where they are missing, split by lump.
 
 DIR/lumps   pairs of strokes over Sobol lumps
+DIR/rim     pairs over lumps outside the ranges, to train on
 DIR/plain   pairs over plain tissue, for false alarms
-DIR/wide    pairs over lumps from wider ranges, for the domain flag
+DIR/wide    more pairs like those of the rim, to test the domain flag on
 """
 
 from __future__ import annotations
@@ -26,10 +27,13 @@ from host.regression.field.design import (
     rim_cases,
 )
 from host.regression.table import TableError
+from host.regression.watch import Watch
 from sim.probe.sensors import StrokeField
 from sim.tissue import Case, Progress, Settings, load_strokes, read_table, sweep
 
-LUMPS, RIM_LUMPS, PLAIN, WIDE = 2048, 512, 512, 256
+LUMPS = 2048
+_RIM, _PLAIN, _WIDE = 0.25, 0.25, 0.125
+"""Of each of the others, for one lump."""
 
 _LUMPS_SEED, _WIDE_SEED = 11, 13
 """Features, terms and margins were chosen on lumps of seeds 1, 5 and 77; these are not among them."""
@@ -38,8 +42,6 @@ _PLAIN_SETTINGS = Settings(start_mm=0.0)
 """Plain tissue is the same everywhere: one position will do."""
 
 _SHARE_CALIBRATION, _SHARE_TEST = 0.2, 0.35
-
-Show = Callable[[str, Progress], None]
 
 
 @dataclass(frozen=True)
@@ -73,12 +75,12 @@ class Split:
 def prepare(
     directory: str | PathLike[str],
     lumps: int = LUMPS,
-    rim: int = RIM_LUMPS,
-    plain: int = PLAIN,
-    wide: int = WIDE,
+    rim: int | None = None,
+    plain: int | None = None,
+    wide: int | None = None,
     workers: int | None = None,
     tissue: dict[str, float] | None = None,
-    show: Show | None = None,
+    watch: Watch | None = None,
 ) -> FieldStrokes:
     """Simulate into `directory` what it does not hold yet, and read all of it.
 
@@ -87,15 +89,18 @@ def prepare(
     directory : path
         Parts that are there already are used as they are.
     lumps, rim, plain, wide : int
-        How many of each to simulate.
+        How many of each to simulate; by default in proportion to the lumps.
     workers : int, optional
         Processes; by default one for each core.
     tissue : dict, optional
         Fields of `Case` that differ from the usual tissue or probe, as gland_ratio: to fit a model of it.
-    show : callable, optional
-        Called with the part's name and its `Progress`.
+    watch : callable, optional
+        See `watch.Watch`.
     """
     directory = Path(directory)
+    rim, plain, wide = (
+        round(lumps * share) if n is None else n for n, share in ((rim, _RIM), (plain, _PLAIN), (wide, _WIDE))
+    )
     parts: dict[str, tuple[Callable[[], list[Case]], Settings]] = {
         "lumps": (lambda: lump_cases(lumps, _LUMPS_SEED, tissue=tissue), FIELD_SETTINGS),
         "rim": (lambda: rim_cases(rim, tissue=tissue), FIELD_SETTINGS),
@@ -107,9 +112,13 @@ def prepare(
         home = directory / name
         if (home / "strokes.parquet").exists() or not wanted[name]:
             continue
-        report = None if show is None else (lambda p, name=name: show(name, p))  # type: ignore[misc]
-        sweep(cases(), settings, home, workers=workers, progress=report)
+        sweep(cases(), settings, home, workers=workers, progress=watched(f"simulating {name}", watch))
     return read(directory)
+
+
+def watched(what: str, watch: Watch | None) -> Callable[[Progress], None] | None:
+    """What a sweep calls with its `Progress`, telling `watch`."""
+    return None if watch is None else lambda p: watch(what, p.done, p.total)
 
 
 def read(directory: str | PathLike[str]) -> FieldStrokes:

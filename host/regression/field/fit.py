@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -26,10 +26,11 @@ from host.regression.field.score import (
 )
 from host.regression.probe_model import from_link
 from host.regression.seen import Seen, noise_named
+from host.regression.watch import Watch
 
 LEVELS = ("none", "good", "typical", "poor")
 
-Tell = Callable[[str], None]
+Parts = tuple[Seen, Seen, Seen, Seen | None]
 
 
 def fit_field(
@@ -38,7 +39,8 @@ def fit_field(
     seed: int = 1,
     levels: Sequence[str] = LEVELS,
     recipes: Sequence[Recipe] = RECIPES,
-    tell: Tell | None = None,
+    workers: int | None = None,
+    watch: Watch | None = None,
 ) -> FieldFit:
     """Fit the field model at one noise level, and the held-out table over levels and recipes.
 
@@ -51,48 +53,64 @@ def fit_field(
     seed : int
     levels, recipes : sequences
         Lines of the table; the field recipe is always there.
-    tell : callable, optional
-        Called with a few words before each step.
+    workers : int, optional
+        Processes that look at strokes; by default one for each core.
+    watch : callable, optional
+        See `watch.Watch`.
     """
     noise_named(noise)
-    bench = Bench(strokes, seed)
+    levels = tuple(dict.fromkeys((*levels, noise)))
+    recipes = tuple(dict.fromkeys((FIELD, *recipes)))
     rows: list[HeldOutRow] = []
-    kept: tuple[FieldModel, Seen, Seen, Seen] | None = None
-    for level in dict.fromkeys((*levels, noise)):
-        seen: dict[bool, tuple[Seen, Seen, Seen, Seen | None]] = {}
-        for recipe in dict.fromkeys((FIELD, *recipes)):
-            if tell:
-                tell(f"noise {level}: {recipe.name}")
-            if recipe.force_map not in seen:
-                seen[recipe.force_map] = bench.parts(level, recipe.force_map)
-            train, calibration, test, rim = seen[recipe.force_map]
-            model = fit_field_model(recipe, train, calibration, rim)
-            rows += held_out(level, model, test)
-            if level == noise and recipe == FIELD:
-                kept = model, train, calibration, test
-    assert kept is not None
-    model, train, calibration, test = kept
+    with Bench(strokes, seed, workers=workers, watch=watch) as bench:
+        count = _Counter(len(levels) * len(recipes), watch)
+        for level in levels:
+            seen: dict[bool, Parts] = {}
+            for recipe in recipes:
+                if recipe.force_map not in seen:
+                    seen[recipe.force_map] = bench.parts(level, recipe.force_map)
+                train, calibration, test, rim = seen[recipe.force_map]
+                model = fit_field_model(recipe, train, calibration, rim, step=count)
+                rows += held_out(level, model, test)
+                count("models scored")
+                if level == noise and recipe == FIELD:
+                    kept, parts = model, seen[recipe.force_map]
+        return _result(bench, kept, parts, noise, rows)
+
+
+class _Counter:
+    """Counts what is done with each model, and tells."""
+
+    def __init__(self, models: int, watch: Watch | None) -> None:
+        self.models, self.watch = models, watch
+        self.done: dict[str, int] = {}
+
+    def __call__(self, what: str) -> None:
+        self.done[what] = self.done.get(what, 0) + 1
+        if self.watch is not None:
+            self.watch(what, self.done[what], self.models)
+
+
+def _result(bench: Bench, model: FieldModel, parts: Parts, noise: str, rows: list[HeldOutRow]) -> FieldFit:
+    """The model for use with all that the test strokes say of it."""
+    train, calibration, test, rim = parts
     answers = model.answer(test)
     answered = answers.lump
-    if tell:
-        tell("false alarms, domain, detectability")
-    facts = (
-        hardness(test, answers, answered)
-        | bounds(answers, answered)
-        | flags(bench, model, noise, test, answers)
-    )
-    excluded = dict(strokes.excluded)
-    for name, part in (("training", train), ("calibration", calibration), ("test", test)):
-        for why, rows_out in _left_out(model, part).items():
-            excluded[f"{name}: {why}"] = rows_out
+    facts = hardness(test, answers, answered) | bounds(answers, answered)
+    facts |= flags(bench, model, noise, test, answers)
+    excluded = dict(bench.strokes.excluded)
+    for name, part in (("training", train), ("rim", rim), ("calibration", calibration), ("test", test)):
+        for why, left_out in ({} if part is None else _left_out(model, part)).items():
+            excluded[f"{name}: {why}"] = left_out
     main = next(r for r in rows if (r.noise, r.recipe, r.strokes) == (noise, FIELD.name, 1))
     spec = model.spec(
         {
-            "hash": hash_of(train, calibration),
-            "n": int(model.lump(train).sum()),
+            "hash": hash_of(train, calibration, *(() if rim is None else (rim,))),
+            "n": int(model.lump(train).sum()) + (0 if rim is None else int(model.lump(rim).sum())),
             "lumps": len(bench.split.train),
+            "rim_lumps": len(bench.rim),
             "noise": noise,
-            "seed": seed,
+            "seed": bench.seed,
             "features": _some(train.columns(model.polynomial.names)[model.lump(train)]),
         },
         bench.force_map.as_dict(),
@@ -119,12 +137,12 @@ def held_out(level: str, model: FieldModel, test: Seen) -> list[HeldOutRow]:
     terms = len(model.polynomial.terms)
     name = model.recipe.name
     missed = int((~answers.lump).sum())
-    out = [HeldOutRow(level, name, 1, terms, scores(test, answers.value, answers.lump), missed)]
+    out = [HeldOutRow(level, name, 1, terms, scores(test, answers.value, answers.lump, model.border), missed)]
     if name == FIELD.name and level != "none":
         mean, y, lost = averaged(test, answers.y, answers.lump)
         if len(mean) > 1:
-            everything = np.ones(len(mean), bool)
-            out.append(HeldOutRow(level, name, 4, terms, scores(mean, from_link(y), everything), lost))
+            found = scores(mean, from_link(y), np.ones(len(mean), bool), model.border)
+            out.append(HeldOutRow(level, name, 4, terms, found, lost))
     return out
 
 

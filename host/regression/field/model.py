@@ -7,11 +7,12 @@ predictions of these, quantiles on both these and calibration lumps, the domain 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import statsmodels.api as sm
 from numpy.typing import NDArray
 
 from host.features import Floats
@@ -45,8 +46,11 @@ HIGHEST = (140.0, 65.0, 28.0, 2.4, 0.9)
 """Where estimates are held: wider, so that a lump beyond the range is seen to be."""
 
 FLAGGED_INSIDE = 0.022
-UNFAMILIAR_INSIDE = 0.006
+UNFAMILIAR_INSIDE = 0.004
 """Shares of calibration strokes out of the domain: in all, and by their features alone."""
+
+NEAR_THE_BORDER, FEWEST_ON_A_SIDE = 0.1, 50
+"""Estimates of E^-2/3 this close to hard or soft, and this many on either side, place the border."""
 
 
 @dataclass(frozen=True)
@@ -69,13 +73,14 @@ class Answers:
 
 @dataclass(frozen=True)
 class FieldModel:
-    """A fitted field model."""
+    """A fitted field model; `border` is the estimate of E^-2/3 below which a lump counts as hard."""
 
     recipe: Recipe
     polynomial: Polynomial
     widths: Widths
     domain: DomainCheck
     least_amp_share: float
+    border: float = HARD_BELOW
 
     def answer(self, seen: Seen) -> Answers:
         """Estimates of every stroke, those without a lump too (their numbers mean nothing)."""
@@ -86,10 +91,10 @@ class FieldModel:
     def answer_from(self, X: Floats, y: Floats, lump: NDArray[np.bool_]) -> Answers:
         """The same from features and predictions on the link scale."""
         z = self.polynomial.standard(X)
-        half = self.widths.half(z, y, y[:, E_INV23] < HARD_BELOW)
+        half = self.widths.half(z, y, y[:, E_INV23] < self.border)
         lo, hi = self.polynomial.lo, self.polynomial.hi
         low, high = (from_link(np.clip(y + s * half, lo, hi)) for s in (-1, 1))
-        sure_hard, sure_soft = high[:, E_INV23] < HARD_BELOW, low[:, E_INV23] >= HARD_BELOW
+        sure_hard, sure_soft = high[:, E_INV23] < self.border, low[:, E_INV23] >= self.border
         hardness = np.where(sure_hard, "hard", np.where(sure_soft, "soft", "unsure"))
         return Answers(from_link(y), low, high, y, half, lump, self.domain.inside(X, z, y, half), hardness)
 
@@ -110,6 +115,7 @@ class FieldModel:
             force_map,
             notes,
             self.least_amp_share,
+            self.border,
         )
 
 
@@ -131,6 +137,7 @@ def fit_field_model(
     calibration: Seen,
     rim: Seen | None = None,
     least_amp_share: float = LEAST_AMP_SHARE,
+    step: Callable[[str], None] | None = None,
 ) -> FieldModel:
     """Fit one recipe.
 
@@ -144,7 +151,10 @@ def fit_field_model(
         not hang free at the ranges' corners; intervals and domain are not.
     least_amp_share : float
         Amp over Base from which a bump counts as a lump.
+    step : callable, optional
+        Called with what has just been done.
     """
+    step = step or (lambda what: None)
     rule = (least_amp_share,)
     train = train.take(train.whole & shows_lump(train.X, NAMES, *rule))
     calibration = calibration.take(calibration.whole & shows_lump(calibration.X, NAMES, *rule))
@@ -154,6 +164,7 @@ def fit_field_model(
         train = join([train, replace(rim, group=-1 - rim.group)])
     X, Y = train.columns(recipe.features), to_link(train.Y)
     terms = recipe.terms(standardised(X), Y, train.group)
+    step("terms chosen")
 
     def fit(x: Floats, y: Floats, groups: NDArray[np.int64]) -> Polynomial:
         return fit_polynomial(recipe.features, x, y, groups, terms, *_links(LOWEST, HIGHEST))
@@ -166,13 +177,32 @@ def fit_field_model(
     x = calibration.columns(recipe.features)
     guesses, truth = np.concatenate([guess, model.predict(x)]), np.concatenate([Y, to_link(calibration.Y)])
     both = np.concatenate([X, x])
-    z, hard = model.standard(both), guesses[:, E_INV23] < HARD_BELOW
+    border = even_odds(guesses[:, E_INV23], truth[:, E_INV23] <= HARD_BELOW)
+    z, hard = model.standard(both), guesses[:, E_INV23] < border
     widths = calibrate(sigma_terms, sigma, z, guesses, truth, hard, groups=quarters(from_link(truth)))
     domain = fit_domain(both, z, share_out=UNFAMILIAR_INSIDE)
     half = widths.half(z, guesses, hard)
     seen = domain.familiar(both, z)
     domain = with_ranges(domain, *_links(RANGE_LO, RANGE_HI), seen, guesses, half, FLAGGED_INSIDE)
-    return FieldModel(recipe, model, widths, domain, least_amp_share)
+    step("models fitted")
+    return FieldModel(recipe, model, widths, domain, least_amp_share, border)
+
+
+def even_odds(estimate: Floats, hard: NDArray[np.bool_]) -> float:
+    """The estimate of E^-2/3 at which a lump is as likely hard as soft, by logistic regression.
+
+    Parameters
+    ----------
+    estimate : (n)
+        Of strokes that the model has not seen.
+    hard : (n), bool
+    """
+    near = np.abs(estimate - HARD_BELOW) < NEAR_THE_BORDER
+    x, y = estimate[near] - HARD_BELOW, hard[near]
+    if min(y.sum(), (~y).sum()) < FEWEST_ON_A_SIDE:
+        return HARD_BELOW
+    a, b = sm.GLM(y.astype(float), sm.add_constant(x), family=sm.families.Binomial()).fit().params
+    return HARD_BELOW - float(np.clip(a / b, -NEAR_THE_BORDER / 4, NEAR_THE_BORDER / 4))
 
 
 def _links(lo: Sequence[float], hi: Sequence[float]) -> tuple[Floats, Floats]:
@@ -189,6 +219,6 @@ def quarters(Y: Floats) -> list[NDArray[np.bool_]]:
     return out
 
 
-def hash_of(train: Seen, calibration: Seen) -> str:
+def hash_of(*parts: Seen) -> str:
     """SHA-256 of all numbers that a model was fitted to."""
-    return training_hash(train.X, train.Y, calibration.X, calibration.Y)
+    return training_hash(*(array for part in parts for array in (part.X, part.Y)))

@@ -38,7 +38,19 @@ FIELD_FEATURES = (
     "edge_far",
     "ln_width_far",
 )
-CUBIC = ("asinh_amp", "ln_stdev", "ln_d_far", "ln_force", "dip_6_10", "asinh_rise", "tilt_6_9")
+CUBIC = (
+    "asinh_amp",
+    "ln_stdev",
+    "ln_d_far",
+    "ln_force",
+    "dip_6_10",
+    "asinh_rise",
+    "tilt_6_9",
+    "dip_0_2",
+    "ln_peak",
+    "tilt_10_14",
+    "trace_7_9",
+)
 _DISPLACEMENT = ("ln_d28", "ln_d0", "ln_d_far", "dip_0_2", "dip_3_5", "dip_6_10", "dip_12_16", "dip_17_22")
 
 

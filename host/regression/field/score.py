@@ -45,15 +45,18 @@ def is_hard(seen: Seen) -> Mask:
     return seen.Y[:, E_INV23] <= HARD_BELOW + 1e-12
 
 
-def scores(seen: Seen, value: Floats, answered: Mask) -> dict[str, float]:
-    """R2 and median relative error of every output, hard or soft right, over the strokes answered."""
+def scores(seen: Seen, value: Floats, answered: Mask, border: float = HARD_BELOW) -> dict[str, float]:
+    """R2 and median relative error of every output, hard or soft right, over the strokes answered.
+
+    A lump whose estimate of E^-2/3 is under `border` is called hard.
+    """
     Y, v = seen.Y[answered], value[answered]
     out: dict[str, float] = {"n": float(len(Y))}
     for j, name in enumerate(TARGETS):
         out[f"{name}_r2"] = r_squared(Y[:, j], v[:, j])
         error = np.abs(v[:, j] - Y[:, j])
         out[f"{name}_error"] = float(np.median(error if j == E_INV23 else error / Y[:, j]))
-    right = (v[:, E_INV23] < HARD_BELOW) == is_hard(seen)[answered]
+    right = (v[:, E_INV23] < border) == is_hard(seen)[answered]
     E = Y[:, E_INV23] ** -1.5
     far = (NEAR_THE_BORDER[0] > E) | (NEAR_THE_BORDER[1] < E)
     out["hard_soft"] = float(right.mean())

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,7 @@ def row_of(setting: str, model: FieldModel, test: Seen, answers: Answers | None 
     answers = model.answer(test) if answers is None else answers
     found = answers.lump
     half = np.median(answers.half[found], axis=0)
-    out: Row = {"setting": setting, **scores(test, answers.value, found)}
+    out: Row = {"setting": setting, **scores(test, answers.value, found, model.border)}
     out |= {f"{t}_half": float(h) for t, h in zip(TARGETS, half)}
     return out | {"not_found": float((~found).mean()), "decided": hardness(test, answers, found)["decided"]}
 
@@ -79,21 +80,21 @@ def _varied(**values: Any) -> Callable[[Bench], Iterator[Row]]:
 
 def _bits(bench: Bench) -> Iterator[Row]:
     for bits in (6, 8, 10, 12):
-        step = 1 << (12 - bits)
+        yield _row(bench, f"{bits} bit", TYPICAL, alter=partial(_coarser, step=1 << (12 - bits)))
 
-        def coarser(counts: NDArray[np.uint16], step: int = step) -> NDArray[np.uint16]:
-            return np.minimum(counts // step * step + step // 2, 4095).astype(np.uint16)
 
-        yield _row(bench, f"{bits} bit", TYPICAL, alter=coarser)
+def _coarser(counts: NDArray[np.uint16], step: int) -> NDArray[np.uint16]:
+    return np.minimum(counts // step * step + step // 2, 4095).astype(np.uint16)
+
+
+def _paired(counts: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    cells = counts.reshape(len(counts), 8, 2, 26).mean(axis=2)
+    return np.repeat(np.rint(cells).astype(np.uint16), 2, axis=1).reshape(len(counts), -1)
 
 
 def _pitch(bench: Bench) -> Iterator[Row]:
-    def paired(counts: NDArray[np.uint16]) -> NDArray[np.uint16]:
-        cells = counts.reshape(len(counts), 8, 2, 26).mean(axis=2)
-        return np.repeat(np.rint(cells).astype(np.uint16), 2, axis=1).reshape(len(counts), -1)
-
     yield _row(bench, "1.5 mm (16 rows)", TYPICAL)
-    yield _row(bench, "3 mm (8 rows)", TYPICAL, alter=paired)
+    yield _row(bench, "3 mm (8 rows)", TYPICAL, alter=_paired)
 
 
 def _dead(bench: Bench) -> Iterator[Row]:
@@ -147,7 +148,7 @@ def _forces(bench: Bench) -> Iterator[Row]:
         for which, draws in zip((s.train, s.calibration, s.test), DRAWS):
             chosen = [bench.lumps[k] for k in which]
             means = [f.low.F_N_per_m * float(np.exp(PAIR_LN * shift)) for f in chosen]
-            parts.append(bench.see_at(which, TYPICAL, draws, first_draw, means))
+            parts.append(bench.see(bench.lumps, which, TYPICAL, draws, first_draw, mean_forces_N_per_m=means))
         return tuple(parts)
 
     middle, again, low, high = at(0.5, 0), at(0.5, 500), at(0.25, 1000), at(0.75, 1500)

@@ -9,17 +9,19 @@ from typing import Any
 import numpy as np
 
 from host.regression.field.bench import Bench
-from host.regression.field.data import read_pairs, stroke_fields
-from host.regression.field.design import FIELD_SETTINGS, lump_cases
+from host.regression.field.data import read_pairs, stroke_fields, watched
+from host.regression.field.design import FIELD_SETTINGS, LumpPair, lump_cases
 from host.regression.field.model import FieldModel, fit_field_model
 from host.regression.field.recipe import FIELD
 from host.regression.field.score import coverage
 from host.regression.field.study import DRAWS, TYPICAL, Row, Study, row_of
 from host.regression.seen import look
 from host.regression.table import TARGETS
+from host.regression.watch import Watch
 from sim.tissue import sweep
 
 LUMPS = 32
+_SEED = 7
 TISSUES: dict[str, dict[str, float]] = {
     "gland 4 times the fat, not 6": {"gland_ratio": 4.0},
     "gland 8 times the fat": {"gland_ratio": 8.0},
@@ -31,11 +33,19 @@ TISSUES: dict[str, dict[str, float]] = {
 }
 
 
-def other_tissue(directory: Path, changes: dict[str, float], lumps: int = LUMPS) -> list[Any]:
+def other_tissue(
+    directory: Path,
+    changes: dict[str, float],
+    lumps: int = LUMPS,
+    workers: int | None = None,
+    watch: Watch | None = None,
+) -> list[LumpPair]:
     """Pairs of strokes over lumps in another tissue, simulated under `directory` where they are missing."""
     name = "tissue-" + "-".join(f"{k}-{v:g}" for k, v in sorted(changes.items()))
     if not (directory / name / "strokes.parquet").exists():
-        sweep(lump_cases(lumps, 7, tissue=changes), FIELD_SETTINGS, directory / name)
+        report = watched(f"simulating {name}", watch)
+        cases = lump_cases(lumps, _SEED, tissue=changes)
+        sweep(cases, FIELD_SETTINGS, directory / name, workers=workers, progress=report)
     return read_pairs(directory / name)[0]
 
 
@@ -44,7 +54,8 @@ def _run(bench: Bench) -> Iterator[Row]:
     model = fit_field_model(FIELD, train, calibration, rim)
     yield _row("as trained", model, test)
     for words, changes in TISSUES.items():
-        fields = stroke_fields(other_tissue(bench.directory, changes))
+        pairs = other_tissue(bench.directory, changes, workers=bench.workers, watch=bench.watch)
+        fields = stroke_fields(pairs)
         seen = look(fields, TYPICAL, 900, force_map=bench.blob)
         yield _row(words, model, seen)
 
