@@ -236,9 +236,11 @@ class Probe:
             counters.add(self.counts, counters.EVENTS_DROPPED, 1)
 
 
-def run(board, estimator=None):
-    """Serve for ever. An error of the firmware's own is told to the host and survived."""
+def run(board, estimator=None, note=""):
+    """Serve for ever; tell the host the note. An error of the firmware's own is told to it and survived."""
     probe = Probe(board, estimator)
+    if note:
+        probe.log(messages.LOG_INFO, note)
     while True:
         try:
             board.idle(probe.step())

@@ -13,7 +13,7 @@ import rp2
 from machine import SPI, UART, Pin
 
 from firmware_py import counters, estimator, flash, probe, record, store
-from firmware_py.boards import encoder, links, matrix, mcp3202, pio_encoder
+from firmware_py.boards import encoder, links, machine_code, matrix, mcp3202, pio_encoder
 
 ROW_PINS = (2, 3, 4, 5)
 COLUMN_PINS = (6, 7, 8, 9)
@@ -116,16 +116,11 @@ def main(uart: bool = False) -> None:
     """Serve for ever, on USB or on UART 0 (GP0, GP1). With BOOTSEL held, return to MicroPython's prompt."""
     if rp2.bootsel_button():
         return
-    try:
-        from firmware_py.boards import fast_link
-
-        fast_link.use()
-    except (ImportError, SyntaxError):
-        pass  # a port without the native compiler: slower, the same bytes
+    note = machine_code.install()
     link: "links.UsbLink | links.UartLink"
     if uart:
         link = links.UartLink(UART(0, UART_BAUD, tx=Pin(0), rx=Pin(1), txbuf=2048, rxbuf=256, timeout=0))
     else:
         link = links.UsbLink()
     board, estimates = make(link)
-    probe.run(board, estimates)
+    probe.run(board, estimates, note)

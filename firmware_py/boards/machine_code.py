@@ -1,0 +1,133 @@
+"""The twins in machine code, in the plain loops' place where the port has a compiler for them.
+
+Each is tried beside its plain loop on the same numbers first. What a port cannot run, or runs to other
+numbers, is left as it was: slower, the same integers.
+"""
+
+from array import array
+
+from firmware_py import bins, calib, evaluator, pipeline, traces
+
+
+def _cells(n):
+    """n bins of cells, no two alike."""
+    out = array("H", bytes(832 * n))
+    for i in range(416 * n):
+        out[i] = i * 40503 & 0xFFFF
+    return out
+
+
+def _numbers(n):
+    return array("i", bytes(4 * n))
+
+
+def _packed(fast):
+    packed = bytes([i * 151 & 255 for i in range(624)])
+    mine = _cells(1)
+    theirs = _cells(1)
+    bins.put_cells(packed, 0, mine, 0)
+    fast.put_cells(packed, 0, theirs, 0)
+    same = mine == theirs
+    bins.add_cells(packed, 0, mine, 0)
+    fast.add_cells(packed, 0, theirs, 0)
+    return same and mine == theirs
+
+
+def _bins(fast):
+    c = calib.Calibration()
+    c.set_dead((30, 200))
+    counts = bytes((16, 15))
+    slot = bytes((1, 0))
+    mine = _cells(2)
+    theirs = _cells(2)
+    a = _numbers(34)
+    b = _numbers(34)
+    total = _numbers(2)
+    calib.calibrate_bins(mine, slot, 2, counts, c.offset, c.gain, c.fill, c.fills, a, total)
+    fast.calibrate_bins(theirs, slot, 2, counts, c.offset, c.gain, c.fill, c.fills, b, total)
+    if mine != theirs or a != b:
+        return False
+    pipeline.sum_rows(mine, slot, 2, 3, 17, a, total)
+    fast.sum_rows(mine, slot, 2, 3, 17, b, total)
+    if a != b:
+        return False
+    x = array("i", (0, 1400))
+    level = array("i", (4000, 4200))
+    a = _numbers(104)
+    b = _numbers(104)
+    traces.map_columns(x, 2, mine, slot, level, -1500, a, 4)
+    fast.map_columns(x, 2, mine, slot, level, -1500, b, 4)
+    return a == b
+
+
+def _frames():
+    from firmware_py import hot_viper
+
+    if not _packed(hot_viper) or not _bins(hot_viper):
+        raise ValueError("other numbers")
+    hot_viper.install()
+
+
+def _halves(n, step):
+    """n numbers of 16 bits with a sign, small enough to be summed."""
+    out = array("h", bytes(2 * n))
+    for i in range(n):
+        out[i] = (i * step & 0x1FFF) - 0x1000
+    return out
+
+
+def _terms(fast):
+    high = _halves(40, 2741)
+    c = _halves(40, 1009)
+    small = array("b", bytes(40))
+    low = _halves(40, 0)
+    for i in range(40):
+        small[i] = (i * 37 & 255) - 128
+        low[i] = i * 83 & 255
+    plain = evaluator.dot(c, small, 1, high, low, 2, 30, 8) + evaluator.dot(c, c, 1, high, low, 2, 30, 12)
+    if fast.dot(c, small, 1, high, low, 2, 30, 8) + fast.dot(c, c, 1, high, low, 2, 30, 12) != plain:
+        return False
+    if fast.dot_high(c, 1, high, 2, 30) != evaluator.dot_high(c, 1, high, 2, 30):
+        return False
+    steps = bytes((0, 1, 1, 1, 2, 0, 3, 2, 3, 3, 4, 1, 5, 4, 6, 7))
+    mine = array("i", (-200000000, 123456789, 268435455, 0, 0, 0, 0, 0, 0, 0, 0))
+    theirs = array("i", mine)
+    other_high = _halves(40, 2741)
+    other_low = _halves(40, 0)
+    evaluator.multiply(steps, 3, 11, 8, mine, high, low)
+    fast.multiply(steps, 3, 11, 8, theirs, other_high, other_low)
+    return mine == theirs and high == other_high and low[8:16] == other_low[8:16]
+
+
+def _model():
+    from firmware_py import evaluator_viper
+
+    if not _terms(evaluator_viper):
+        raise ValueError("other numbers")
+    evaluator_viper.install()
+
+
+def _link():
+    from firmware_py.boards import fast_link
+
+    fast_link.use()
+
+
+PARTS = (("link", _link), ("frames", _frames), ("model", _model))
+
+
+def install(parts=PARTS):
+    """Put in whatever this port can run; returns a sentence for the log."""
+    fast = []
+    why = ""
+    for name, put in parts:
+        try:
+            put()
+            fast.append(name)
+        except (ImportError, SyntaxError, AttributeError, ValueError, NotImplementedError, RuntimeError) as e:
+            why = "%s: %s" % (type(e).__name__, e)
+        except MemoryError:
+            why = "no memory to compile"
+    if len(fast) == len(parts):
+        return "machine code: " + ", ".join(fast)
+    return "machine code: %s; the rest in plain loops (%s)" % (", ".join(fast) or "none", why)
