@@ -1,47 +1,20 @@
 """The field kind on a small set of committed strokes: honest splits, and intervals that cover."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from host.regression import conformal, domain, ridge
-from host.regression.field import data, design, fit, model, recipe, score
-from host.regression.field.bench import Bench
+from host.regression import ridge
+from host.regression.field import data, design, fit, model, recipe, score, seeing
 from host.regression.field.study import STUDIES, study_table
 from host.regression.seen import Seen, look
 from host.regression.table import TableError
 from host.report.study_figures import save_study_figure
 from model_export.reference import evaluate
 from model_export.schema import ModelSpec
+from sim.probe.sensors import LEVELS
 from sim.tissue import Case
-
-STROKES = Path(__file__).parent / "data"
-SMALL = recipe.Recipe("field", recipe.R11, 1)
-
-
-@pytest.fixture(scope="module")
-def strokes():
-    """96 lumps and 24 plain tissues, each at two forces (made by `python -m tests.science.make_data`)."""
-    return data.read(STROKES)
-
-
-@pytest.fixture(scope="module")
-def bench(strokes):
-    return Bench(strokes)
-
-
-@pytest.fixture(scope="module")
-def parts(bench):
-    return bench.parts("typical", draws=(2, 2, 2))
-
-
-@pytest.fixture(scope="module")
-def fitted(parts):
-    return model.fit_field_model(SMALL, parts[0], parts[1])
 
 
 def test_no_lump_is_in_two_parts_and_none_is_lost():
@@ -71,12 +44,12 @@ def test_a_small_field_model_holds_on_lumps_it_never_saw(fitted, parts):
     assert found["hard_soft_far"] > 0.8
 
 
-def test_moving_frames_to_the_mean_force_is_what_makes_it_hold(bench, parts):
+def test_moving_frames_to_the_mean_force_is_what_makes_it_hold(bench, parts, fitted):
     """Without the force map the hand's wandering turns into ripple of the map (FACTS, "The sensor")."""
     bare = recipe.Recipe("bare", recipe.R11, 1, force_map=False)
     train, calibration, test, _ = bench.parts("typical", False, draws=(2, 2, 2))
     poor = model.fit_field_model(bare, train, calibration).answer(test)
-    good = model.fit_field_model(SMALL, parts[0], parts[1]).answer(parts[2])
+    good = fitted.answer(parts[2])
     with_map = score.scores(parts[2], good.value, good.lump)["d_error"]
     assert with_map < 0.7 * score.scores(test, poor.value, poor.lump)["d_error"]
 
@@ -141,42 +114,6 @@ def test_the_design_fills_the_range_and_no_lump_cases_have_none():
     assert not design.inside(Case(25.0, 0.8, 10.0)) and design.inside(Case(15.0, 0.8, 10.0))
 
 
-@settings(max_examples=10, deadline=None)
-@given(st.integers(0, 10**6))
-def test_intervals_cover_what_they_promise_where_the_noise_changes(seed):
-    """Ninety percent overall and in the quiet and the loud half, though the noise changes fivefold."""
-    rng = np.random.default_rng(seed)
-    n = 16000
-    z = rng.uniform(-1, 1, (n, 2))
-    loud = np.exp(0.8 * z[:, 0])
-    predicted = z @ np.ones((2, 1))
-    truth = predicted + loud[:, None] * 0.1 * rng.standard_normal((n, 1))
-    fit_rows, calibrate_rows, test_rows = np.split(np.arange(n), [4000, 10000])
-    terms, sigma = conformal.fit_sigma(
-        z[fit_rows], predicted[fit_rows], (truth - predicted)[fit_rows], fit_rows
-    )
-    hard = z[:, 1] > 0
-    widths = conformal.calibrate(
-        terms,
-        sigma,
-        z[calibrate_rows],
-        predicted[calibrate_rows],
-        truth[calibrate_rows],
-        hard[calibrate_rows],
-    )
-    half = widths.half(z[test_rows], predicted[test_rows], hard[test_rows])
-    inside = (np.abs(truth - predicted)[test_rows] <= half)[:, 0]
-    assert inside.mean() == pytest.approx(0.9, abs=0.03)
-    for part in (z[test_rows, 0] < 0, z[test_rows, 0] >= 0):
-        assert inside[part].mean() == pytest.approx(0.9, abs=0.05)
-
-
-def test_the_conformal_quantile_is_the_right_order_statistic():
-    scores = np.arange(1.0, 100.0)
-    assert conformal.conformal_quantile(scores, 0.9) == 90.0
-    assert conformal.conformal_quantile(np.array([]), 0.9) == 0.0
-
-
 def test_ridge_finds_a_polynomial_and_judges_on_whole_lumps():
     rng = np.random.default_rng(2)
     z = rng.uniform(-1, 1, (400, 3))
@@ -196,40 +133,26 @@ def test_ridge_finds_a_polynomial_and_judges_on_whole_lumps():
     assert fooled.error[0] < honest.error[0]
 
 
-def test_the_domain_flags_what_is_far_and_little_of_what_is_near():
-    rng = np.random.default_rng(4)
-    mix = rng.normal(size=(3, 3))
-    z = rng.normal(size=(3000, 3)) @ mix
-    check = domain.fit_domain(z, z, share_out=0.02)
-    fresh = rng.normal(size=(3000, 3)) @ mix
-    assert (~check.familiar(fresh, fresh)).mean() < 0.04
-    far = fresh + 20 * mix[0]
-    assert (~check.familiar(far, far)).mean() > 0.99
-    # each feature in range, their combination not
-    odd = np.linalg.svd(z - z.mean(0), full_matrices=False)[2][-1:] * np.abs(z).max() * 0.9
-    assert not check.familiar(odd, odd).any()
+def test_strokes_seen_by_many_processes_are_those_seen_by_one(bench):
+    some = [int(k) for k in range(40)]
+    fields = [bench.lumps[k] for k in some]
+    words = {"noise": LEVELS["typical"], "seeds": (3, 4), "groups": some, "force_map": bench.blob}
+    with seeing.Sight(workers=1) as one, seeing.Sight(workers=2, worth_a_pool=1) as two:
+        seen = one.look(fields, **words)
+        together = two.look(fields, **words)
+        assert two._pool is not None
+    assert np.array_equal(seen.X, together.X) and seen.group.tolist() == some + some
 
 
-def test_the_margin_lets_through_as_many_inside_strokes_as_it_is_asked_to():
-    rng = np.random.default_rng(5)
-    n, half = 40000, 0.05
-    truth = rng.uniform(0, 1, (n, 2))
-    y = truth + rng.normal(0, half / 1.645, (n, 2))
-    z = rng.normal(size=(n, 2))
-    check = domain.fit_domain(z, z, outputs=2, share_out=0.004)
-    widths = np.full((n, 2), half)
-    check = domain.with_ranges(
-        check, np.zeros(2), np.array([1, np.inf]), check.familiar(z, z), y, widths, 0.02
-    )
-    assert (~check.inside(z, z, y, widths)).mean() == pytest.approx(0.02, abs=0.001)
-    assert 0 < check.margin < 1
-    # An estimate well beyond an end is flagged, one beyond where there is no end is not.
-    far = np.array([[1 + 2 * half, 0.5], [0.5, 7.0], [0.5, -2 * half]])
-    assert check.inside(z[:1].repeat(3, 0), z[:1].repeat(3, 0), far, widths[:3]).tolist() == [
-        False,
-        bool(check.familiar(z[:1], z[:1])[0]),
-        False,
-    ]
+def test_cubic_terms_are_kept_by_what_they_are_worth():
+    rng = np.random.default_rng(6)
+    z = rng.uniform(-1, 1, (600, 4))
+    small = recipe.Recipe("small", ("a", "b", "c", "d"), 2, cubic=("a", "b", "c", "d"), most_cubic=2)
+    Y = z[:, :1] + 0.5 * (z[:, 0] * z[:, 1] * z[:, 2])[:, None] + 0.5 * z[:, 3:] ** 3
+    Y = np.hstack([Y + 0.01 * rng.normal(size=Y.shape), z[:, 1:2] ** 2])
+    terms = small.terms(z, Y, np.arange(600) // 2)
+    assert len(small.candidates()) == 35 and len(terms) == 17
+    assert set(terms[15:]) == {(0, 1, 2), (3, 3, 3)}
 
 
 def test_averaging_strokes_needs_the_lump_in_all_of_them():

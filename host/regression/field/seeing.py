@@ -14,7 +14,6 @@ from sim.probe.sensors import Noise, StrokeField
 
 AT_A_TIME = 48
 WORTH_A_POOL = 600
-"""Strokes; fewer are seen sooner than processes start."""
 
 
 class Sight:
@@ -26,11 +25,16 @@ class Sight:
         Processes; by default one for each core, 1 for none.
     watch : callable, optional
         See `watch.Watch`.
+    worth_a_pool : int
+        Strokes; fewer are seen sooner than processes start.
     """
 
-    def __init__(self, workers: int | None = None, watch: Watch | None = None) -> None:
+    def __init__(
+        self, workers: int | None = None, watch: Watch | None = None, worth_a_pool: int = WORTH_A_POOL
+    ) -> None:
         self.workers = workers or os.cpu_count() or 1
         self.watch = watch
+        self.worth_a_pool = worth_a_pool
         self._pool: ProcessPoolExecutor | None = None
 
     def __enter__(self) -> Sight:
@@ -59,7 +63,7 @@ class Sight:
                 more = {"mean_forces_N_per_m": means, "first": at, **words}
                 pieces.append(((fields[part], noise, seed, groups[part]), more))
         total = len(seeds) * len(fields)
-        if self.workers < 2 or total < WORTH_A_POOL:
+        if self.workers < 2 or total < self.worth_a_pool:
             seen = []
             for arguments, more in pieces:
                 seen.append(look(*arguments, **more))
