@@ -21,7 +21,7 @@ from model_export.schema import ModelSpec, Term
 Q24 = 1 << 24
 LN_MILLION = math.log(1e6)
 FEW_LOW_BITS = 8  # low words of one byte, where sums are small enough to be finer than Q24 with them
-MANY_LOW_BITS = (12, 11, 10, 9)
+MANY_LOW_BITS = (10, 9)  # more would be beyond what the sums can hold, and the image is to stay below 8000 bytes
 NO_LIMIT = 1 << 29
 MARGIN_ONE = 256  # the domain's margin of one half-width
 

@@ -11,10 +11,14 @@ from host.regression.field.study import STUDIES, study_table
 from host.regression.seen import Seen, look
 from host.regression.table import TableError
 from host.report.study_figures import save_study_figure
+from model_export import exporter, image
 from model_export.reference import evaluate
 from model_export.schema import ModelSpec
 from sim.probe.sensors import LEVELS
 from sim.tissue import Case
+
+SIGNATURE = 900
+"""Bytes, by the key that `palpate keygen` makes if nothing is said."""
 
 
 def test_no_lump_is_in_two_parts_and_none_is_lost():
@@ -87,6 +91,9 @@ def test_the_whole_fit_is_one_json_document_that_names_what_it_left_out(strokes)
     assert {"strokes seen through the sensors", "terms chosen", "models fitted", "models scored"} == set(done)
     assert all(n == of for n, of in done.values())
     assert result.spec.force_map is not None and result.spec.training["noise"] == "typical"
+    # Whatever it was fitted to, the recipe's image has room in the probe's slot and on slow links.
+    prepared, _, force_map = exporter.prepare(result.spec)
+    assert len(image.build(result.spec, prepared, force_map, counter=1)) + SIGNATURE < 8000
 
 
 def test_strokes_without_a_partner_are_counted_not_used(strokes):
