@@ -1,6 +1,7 @@
 """The field kind on a small set of committed strokes: honest splits, and intervals that cover."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from model_export.schema import ModelSpec
 from sim.probe.sensors import LEVELS
 from sim.tissue import Case
 
+STROKES = Path(__file__).parent / "data"
 SIGNATURE = 900
 """Bytes, by the key that `palpate keygen` makes if nothing is said."""
 
@@ -108,6 +110,12 @@ def test_an_empty_directory_is_refused_in_one_sentence(tmp_path):
         data.read(tmp_path)
     with pytest.raises(ValueError, match="no noise level 'awful'"):
         look([], "awful", 1)
+
+
+def test_strokes_over_another_tissue_are_not_fitted_to_in_silence():
+    with pytest.raises(TableError, match="gland_ratio 6, not 8; name another directory"):
+        data.prepare(STROKES, rim=0, wide=0, tissue={"gland_ratio": 8.0})
+    assert data.prepare(STROKES, rim=0, wide=0).lumps
 
 
 def test_the_design_fills_the_range_and_no_lump_cases_have_none():

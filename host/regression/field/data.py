@@ -9,7 +9,7 @@ DIR/wide    more pairs like those of the rim, to test the domain flag on
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
 
@@ -96,6 +96,11 @@ def prepare(
         Fields of `Case` that differ from the usual tissue or probe, as gland_ratio: to fit a model of it.
     watch : callable, optional
         See `watch.Watch`.
+
+    Raises
+    ------
+    TableError
+        `directory` holds strokes over another tissue.
     """
     directory = Path(directory)
     rim, plain, wide = (
@@ -113,7 +118,21 @@ def prepare(
         if (home / "strokes.parquet").exists() or not wanted[name]:
             continue
         sweep(cases(), settings, home, workers=workers, progress=watched(f"simulating {name}", watch))
-    return read(directory)
+    strokes = read(directory)
+    _check_tissue(strokes, tissue or {}, directory)
+    return strokes
+
+
+def _check_tissue(strokes: FieldStrokes, tissue: dict[str, float], directory: Path) -> None:
+    """Refuse strokes over another tissue than the one asked for: they would be fitted to in silence."""
+    usual = Case(10.0, 0.8, 10.0)
+    for pair in (*strokes.lumps[:1], *strokes.rim[:1], *strokes.wide[:1]):
+        for name in (f.name for f in fields(Case) if f.name not in ("d_mm", "h", "E_ratio", "F_rel")):
+            wanted, found = tissue.get(name, getattr(usual, name)), getattr(pair.case, name)
+            if wanted != found:
+                raise TableError(
+                    f"{directory} holds strokes with {name} {found:g}, not {wanted:g}; name another directory"
+                )
 
 
 def watched(what: str, watch: Watch | None) -> Callable[[Progress], None] | None:
