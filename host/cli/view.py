@@ -31,6 +31,8 @@ Examples:
     type=click.IntRange(0, 65535),
     default=8765,
     show_default=True,
+    envvar="PALPATE_HTTP_PORT",
+    show_envvar=True,
     help="TCP port of the page; 0 takes any.",
 )
 @click.option(

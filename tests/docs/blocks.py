@@ -8,7 +8,8 @@ say otherwise:
     <!-- prints -->                       (above a `text` block) it is what the block before printed
 
 A block whose title or text holds "leave it running" stays up in the background until the page ends. A page
-that says `<!-- goes on from: tutorial/emulated.md -->` begins in the directory in which that page ended.
+that says `<!-- goes on from: tutorial/emulated.md -->` begins in the directory in which that page ended; for one
+that says `<!-- beside it runs: palpate emulate ... -->` that command is started first, in place of a board.
 """
 
 from __future__ import annotations
@@ -108,6 +109,12 @@ def goes_on_from(page: Path) -> Path | None:
     """The page whose files this one needs, if it says so."""
     words = re.search(r"<!--\s*goes on from:\s*(\S+)\s*-->", page.read_text(encoding="utf-8"))
     return DOCS / words[1] if words else None
+
+
+def runs_beside(page: Path) -> Block | None:
+    """What is left running while the page runs, if it says so."""
+    words = re.search(r"<!--\s*beside it runs:\s*(.+?)\s*-->", page.read_text(encoding="utf-8"))
+    return Block(page, 1, "sh", "leave it running", words[1] + "\n") if words else None
 
 
 def unfenced_commands(page: Path) -> list[str]:

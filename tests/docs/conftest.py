@@ -5,11 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.docs.blocks import DOCS, blocks_of, goes_on_from
+from tests.docs.blocks import DOCS, ROOT, blocks_of, goes_on_from, runs_beside
 from tests.docs.session import BlockFailed, Session, copy_files, differs
 
 TUTORIAL = DOCS / "tutorial" / "emulated.md"
-"""Simulates the thesis' strokes; other pages that want them re-use these, as a reader's sweep would."""
+"""Simulates the thesis' strokes; other pages find them there, as a reader's sweep would."""
+THESIS_STROKES = ROOT / "tests" / "report" / "data"
 
 
 @pytest.fixture(scope="session")
@@ -34,10 +35,12 @@ def run_page(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], Path]
         if before is not None:
             copy_files(run(before), directory)
         elif page != TUTORIAL and "out/thesis" in page.read_text(encoding="utf-8"):
-            copy_files(run(TUTORIAL) / "out" / "thesis", directory / "out" / "thesis")
+            copy_files(THESIS_STROKES, directory / "out" / "thesis")
         session = Session(directory)
         printed = ""
         try:
+            if beside := runs_beside(page):
+                session.run(beside)
             for block in blocks_of(page):
                 if block.runs_as:
                     printed = session.run(block)

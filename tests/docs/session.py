@@ -104,6 +104,7 @@ class Session:
             "XDG_STATE_HOME": str(directory / ".state"),
             "MPLBACKEND": "Agg",
             "BROWSER": "true",
+            "PALPATE_HTTP_PORT": "0",
             "COLUMNS": "110",
             "NO_COLOR": "1",
             "PYTHONPATH": "",

@@ -36,10 +36,7 @@ function quantity({ key, label, unit, value, low, high }, hero) {
   const row = element("dl", { class: hero ? "quantity first" : "quantity", "data-key": key });
   row.append(element("dt", {}, label));
   if (hero) {
-    row.append(element("dd"));
-    const big = element("div", { class: "hero" }, element("b", { class: "number" }, number(value, unit)), element("span", {}, unit));
-    row.append(big);
-    big.style.gridColumn = "1 / -1";
+    row.append(element("dd", { class: "hero" }, element("b", { class: "number" }, number(value, unit)), element("span", {}, unit)));
   } else row.append(element("dd", { class: "number" }, `${number(value, unit)} ${unit}`));
   const text = `${number(low, unit)} to ${number(high, unit)}`;
   row.append(element("dd", { class: "between" }, range(low / span, high / span, value / span), element("span", { class: "range-text" }, text)));

@@ -46,13 +46,18 @@ export class Connection {
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(`{"drawn":${seq}}`);
   }
 
-  /** Run one command; resolves with the answer, rejects with a sentence. */
-  ask(command, options = {}) {
-    if (this.socket.readyState !== WebSocket.OPEN) {
-      return Promise.reject(new Error("The viewer program does not answer."));
+  /** Run one command; resolves with the answer, rejects with a sentence. One asked while the page connects waits for that. */
+  async ask(command, options = {}) {
+    const { socket } = this;
+    if (socket.readyState === WebSocket.CONNECTING) {
+      await new Promise((go) => {
+        socket.addEventListener("open", go, { once: true });
+        socket.addEventListener("close", go, { once: true });
+      });
     }
+    if (socket.readyState !== WebSocket.OPEN) throw new Error("The viewer program does not answer.");
     const id = this.nextId++;
-    this.socket.send(JSON.stringify({ ...options, do: command, id }));
+    socket.send(JSON.stringify({ ...options, do: command, id }));
     return new Promise((resolve, reject) => this.waiting.set(id, { resolve, reject }));
   }
 }
