@@ -8,8 +8,8 @@ say otherwise:
     <!-- prints -->                       (above a `text` block) it is what the block before printed
 
 A block whose title or text holds "leave it running" stays up in the background until the page ends. A page
-that says `<!-- goes on from: tutorial/emulated.md -->` begins in the directory in which that page ended; for one
-that says `<!-- beside it runs: palpate emulate ... -->` that command is started first, in place of a board.
+that says `<!-- goes on from: tutorial/emulated.md -->` begins in the directory in which that page ended; for
+one that says `<!-- beside it runs: palpate emulate ... -->` that command is started first, for a board.
 """
 
 from __future__ import annotations
