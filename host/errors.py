@@ -119,7 +119,10 @@ class NotAProbe(LinkError):
 
 
 class VersionMismatch(LinkError):
-    """Probe and host disagree on the protocol; `names` are the message types that differ."""
+    """Probe and host disagree on the protocol.
+
+    `names` says where: "protocol version", "schema" (the hash of all message tables), "cells", "firmware".
+    """
 
     def __init__(self, message: str, names: tuple[str, ...] = ()) -> None:
         super().__init__(message)

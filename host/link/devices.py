@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from host.errors import LinkError, PortAmbiguous, PortBusy, PortForbidden, PortMissing
+from host.errors import LinkError, PortAmbiguous, PortBusy, PortForbidden, PortMissing, VersionMismatch
 from host.link import emulated
+from host.link.handshake import shake_hands
+from host.link.line import Line
+from host.link.transport import open_transport
 
 BOARDS: dict[tuple[int, int], str] = {
     (0x2E8A, 0x0005): "RP2040/RP2350 with MicroPython",
@@ -81,13 +85,9 @@ def may_be_probe(device: Device) -> bool:
 
 def handshake(device: Device, baud: int = 921_600) -> Device:
     """Ask a port who it is; never raises for what is wrong with one port."""
-    from host.errors import VersionMismatch
-    from host.link.probe import Probe
-    from host.link.transport import open_transport
-
     try:
-        with Probe(open_transport(device.port, baud)) as probe:
-            who = probe.identity
+        with closing(Line(open_transport(device.port, baud))) as line:
+            who = shake_hands(line)
             return replace(
                 device, state="probe", serial=who.serial, firmware=who.firmware, model_id=who.model_id
             )

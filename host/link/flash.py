@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from firmware_py import messages, status
-from host.errors import CommandRefused, FlashError, ImageRefused, ImageUnreadable
+from host.errors import CommandRefused, FlashError, ImageRefused, ImageUnreadable, LinkGone
 from host.link.probe import Probe
 
 VERIFY_TIMEOUT_S = 60.0
@@ -29,6 +29,9 @@ REFUSALS = {
     status.BAD_MAGIC: "it is not a model image",
     status.BAD_CRC: "it is damaged; export it again",
 }
+
+MIXED = (status.BAD_SIGNATURE, status.BAD_CRC, status.BAD_MAGIC)
+"""What an image that is put together of two looks like."""
 
 
 @dataclass(frozen=True)
@@ -62,20 +65,21 @@ def flash(probe: Probe, image: bytes, progress: Callable[[int, int], None] | Non
     ImageRefused
         The probe refused it; its old model stays.
     FlashError
-        The probe says it is live but does not answer with its id.
+        The probe went away for good, or says it is live but does not answer with its id.
     """
     check_image(image)
     if "flash" not in probe.identity.capabilities:
         raise ImageRefused("this probe's firmware is built without flashing; see docs/firmware.md")
     try:
-        start = at = int(probe.command("flash_begin", len(image))[0])
-        while at < len(image):
-            if progress is not None:
-                progress(at, len(image))
-            at = _send_piece(probe, image, at)
-        if progress is not None:
-            progress(at, len(image))
-        (made_ready,) = probe.command("flash_verify", timeout_s=VERIFY_TIMEOUT_S)
+        start = int(probe.command("flash_begin", len(image))[0])
+        try:
+            made_ready = _transfer(probe, image, start, progress)
+        except CommandRefused as refusal:
+            if not start or refusal.status not in MIXED:
+                raise
+            # What the probe had kept was the beginning of another image of this size.
+            start = int(probe.command("flash_begin", len(image))[0])
+            made_ready = _transfer(probe, image, start, progress)
         probe.command("flash_confirm", timeout_s=VERIFY_TIMEOUT_S)
     except CommandRefused as refusal:
         why = REFUSALS.get(
@@ -83,6 +87,9 @@ def flash(probe: Probe, image: bytes, progress: Callable[[int, int], None] | Non
         )
         message = f"the probe refused the model image: {why}; the model it had stays"
         raise ImageRefused(message, refusal.status) from refusal
+    except LinkGone as gone:
+        message = f"{gone.args[0].split(';')[0]}; the model it had stays: plug it in and flash again to go on"
+        raise FlashError(message) from gone
     live = probe.refresh_identity()
     if live.model_id != made_ready.hex():
         raise FlashError(
@@ -110,6 +117,17 @@ def check_image(image: bytes) -> str:
     except (IndexError, ValueError, KeyError, struct.error, MemoryError, OverflowError) as error:
         message = "the model image is damaged (it cannot be read to its end); export it again"
         raise ImageUnreadable(message) from error
+
+
+def _transfer(probe: Probe, image: bytes, at: int, progress: Callable[[int, int], None] | None) -> bytes:
+    """Send the image from `at` on and have it verified; the id of the model that it made ready."""
+    while at < len(image):
+        if progress is not None:
+            progress(at, len(image))
+        at = _send_piece(probe, image, at)
+    if progress is not None:
+        progress(at, len(image))
+    return bytes(probe.command("flash_verify", timeout_s=VERIFY_TIMEOUT_S)[0])
 
 
 def _send_piece(probe: Probe, image: bytes, at: int) -> int:

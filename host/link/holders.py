@@ -32,9 +32,12 @@ def lock_holder(path: str) -> int | None:
 
 
 def open_by(path: str) -> list[int]:
-    """Other processes that have a device open, seen through /proc/*/fd (own and root's see most)."""
+    """Other processes that have a device open, seen through /proc/*/fd (root sees all, others their own).
+
+    Whoever holds the other end of a pseudo-terminal is the device itself and does not count.
+    """
     try:
-        wanted = os.stat(path)
+        wanted = os.stat(path).st_rdev
     except OSError:
         return []
     found = []
@@ -42,16 +45,26 @@ def open_by(path: str) -> list[int]:
         if int(entry.name) == os.getpid():
             continue
         try:
-            for fd in (entry / "fd").iterdir():
-                if not os.readlink(fd).startswith("/dev/"):
-                    continue
-                status = fd.stat()
-                if status.st_rdev == wanted.st_rdev and status.st_rdev != 0:
-                    found.append(int(entry.name))
-                    break
+            devices = [fd for fd in (entry / "fd").iterdir() if os.readlink(fd).startswith("/dev/")]
+            if (
+                wanted
+                and any(fd.stat().st_rdev == wanted for fd in devices)
+                and not any(_other_end(entry, fd) == path for fd in devices)
+            ):
+                found.append(int(entry.name))
         except OSError:
             continue  # gone meanwhile, or another user's
     return found
+
+
+def _other_end(process: Path, fd: Path) -> str:
+    """The pseudo-terminal whose controlling end this descriptor is, or ""."""
+    if not os.readlink(fd).endswith("ptmx"):
+        return ""
+    for line in (process / "fdinfo" / fd.name).read_text().splitlines():
+        if line.startswith("tty-index:"):
+            return f"/dev/pts/{line.split()[1]}"
+    return ""
 
 
 def program(pid: int) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from firmware_py import messages, status
+from firmware_py import messages, status, tables
 from host.errors import VersionMismatch
 
 CAPABILITIES = {
@@ -66,7 +66,7 @@ class Identity:
         return cls(
             protocol,
             schema,
-            ".".join(str(part) for part in firmware),
+            version_words(firmware),
             serial.hex(),
             rows,
             columns,
@@ -91,28 +91,41 @@ class Identity:
         words["model_status"] = status.TEXT.get(self.model_status, str(self.model_status))
         return words
 
+    def differences(self) -> dict[str, tuple[str, str]]:
+        """Where probe and host do not speak the same: name -> what the probe has, what this program has."""
+        told = {
+            "protocol version": (f"{self.protocol}", f"{tables.PROTOCOL}"),
+            "schema": (f"{self.schema:08x}", f"{tables.SCHEMA:08x}"),
+            "cells": (f"{self.rows} x {self.columns}", f"{messages.ROWS} x {messages.COLUMNS}"),
+            "firmware": (self.firmware, version_words(tables.FIRMWARE)),
+        }
+        found = {name: pair for name, pair in told.items() if pair[0] != pair[1]}
+        return found if set(found) - {"firmware"} else {}
+
     def check(self) -> None:
-        """Raise `VersionMismatch` unless probe and host speak the same protocol."""
-        if self.protocol != messages.PROTOCOL:
-            newer = "host" if self.protocol < messages.PROTOCOL else "probe"
-            older = (
-                "probe's firmware (docs/firmware.md)" if newer == "host" else "host (pip install -U palpate)"
-            )
-            raise VersionMismatch(
-                f"the probe speaks protocol {self.protocol} and this program {messages.PROTOCOL}; "
-                f"update the {older}",
-                ("protocol",),
-            )
-        if self.schema != messages.SCHEMA:
-            raise VersionMismatch(
-                f"the probe's message tables (schema {self.schema:08x}, firmware {self.firmware}) are not "
-                f"this program's (schema {messages.SCHEMA:08x}); "
-                "install the firmware that came with this version of palpate",
-                ("schema",),
-            )
+        """Raise `VersionMismatch` unless probe and host speak the same protocol.
+
+        Another firmware version alone is no obstacle: what counts is the schema, the hash of all tables.
+        """
+        found = self.differences()
+        if not found:
+            return
+        what = ", ".join(f"{name} {theirs} (here {ours})" for name, (theirs, ours) in found.items())
+        if "firmware" not in found:
+            what += f", both firmware {self.firmware}"
+        raise VersionMismatch(
+            f"the probe does not speak this program's protocol: {what}; {self._todo()}", tuple(found)
+        )
+
+    def _todo(self) -> str:
         if (self.rows, self.columns) != (messages.ROWS, messages.COLUMNS):
-            raise VersionMismatch(
-                f"the probe has {self.rows} x {self.columns} cells and this program reads "
-                f"{messages.ROWS} x {messages.COLUMNS}; see docs on other probe geometries",
-                ("rows", "columns"),
-            )
+            return "docs/howto/probe-geometry.md says what to change for another number of cells"
+        probe = (self.protocol, *map(int, self.firmware.split(".")))
+        if probe > (tables.PROTOCOL, *tables.FIRMWARE):
+            return "the probe is the newer one: update this program with pip install -U palpate"
+        return "install this program's firmware on the probe (docs/firmware.md, Onto the board)"
+
+
+def version_words(version: bytes) -> str:
+    """Three bytes as 1.2.3."""
+    return ".".join(str(part) for part in version)

@@ -1,35 +1,31 @@
-"""The live line: one thread that reads, counts, records, acknowledges, and waits for an unplugged probe.
-
-Everything that comes is recorded and counted before the program sees it; the program's queue is bounded.
-"""
+"""The live line: commands and their answers, and an unplugged probe that is waited for."""
 
 from __future__ import annotations
 
 import random
-import threading
 import time
 from collections.abc import Callable
 
 from firmware_py import calib, messages
-from host.errors import CommandTimeout, LinkGone, PalpateError, PortError
-from host.link.commands import PendingCommands, check_answer, pack_command
-from host.link.event_queue import EventQueue
-from host.link.events import Answer, Event, Gap
+from host.errors import CommandTimeout, LinkGone, PortError
+from host.link.commands import check_answer, pack_command
+from host.link.events import Answer, Gap
 from host.link.identity import Identity
-from host.link.parser import HAVE, Again, LiveParser
 from host.link.patience import FIRST_WAIT_S, Patience
+from host.link.reader import POLL_S, LineReader
 from host.link.recorder import Recorder
 from host.link.transport import Transport
 
+AWAY_S = 60.0
+"""How long a command waits for an unplugged probe to come back (a stream waits for ever)."""
 GIVE_UP_S = 6.0
 """How long a command is repeated before the probe counts as silent."""
-POLL_S = 0.05
 REOPEN_EVERY_S = 0.25
 INLINE_TRIES = 3
 
 
-class Line:
-    """A transport with its reading thread.
+class Line(LineReader):
+    """A transport with its reading thread, for whoever commands the probe.
 
     Parameters
     ----------
@@ -47,40 +43,14 @@ class Line:
         recorder: Recorder | None = None,
         reopen: Callable[[], Transport] | None = None,
     ) -> None:
-        self.transport = transport
-        self.recorder = recorder
-        self.parser = LiveParser()
-        self.events = EventQueue()
         self.identity: Identity | None = None
         self.stream: tuple[int, int, int] | None = None
         """The stream to ask for again after an unplug: content, every, strokes."""
-        self.failure: PalpateError | None = None
-        self._patience = Patience()
         self.asked_ns = 0
         """When the last question of `ask_afresh` left."""
+        self._patience = Patience()
         self._reopen = reopen
-        self._pending = PendingCommands()
-        self._writing = threading.Lock()
-        self._stopping = threading.Event()
-        self._up = threading.Event()
-        self._up.set()
-        self._thread = threading.Thread(target=self._run, name="palpate-line", daemon=True)
-        self._thread.start()
-
-    @property
-    def connected(self) -> bool:
-        """False while the probe is unplugged, and after the line has failed or was closed."""
-        return self._up.is_set() and self.failure is None and not self._stopping.is_set()
-
-    def close(self) -> None:
-        """Stop reading and close the transport; harmless when repeated."""
-        self._stopping.set()
-        self._thread.join()
-        self.parser.settle()
-        tail = self.parser.take_tail()
-        if tail and self.recorder is not None:
-            self.recorder.received(tail, None, time.time_ns())
-        self.transport.close()
+        super().__init__(transport, recorder)
 
     def ask(
         self,
@@ -132,78 +102,24 @@ class Line:
         return self.ask(name, once=True)
 
     def _wait_until_up(self) -> None:
+        began = time.monotonic()
         while not self._up.wait(POLL_S):
             if self._stopping.is_set():
                 raise LinkGone(f"{self.transport.name} was closed")
+            if time.monotonic() - began > AWAY_S:
+                raise LinkGone(f"{self.transport.name} is gone and has not come back for {AWAY_S:g} s")
         if self.failure is not None:
             raise self.failure
 
-    def _write(self, raw: bytes) -> None:
-        self._note_sent(raw)  # first: the answer may be read before the write returns
-        try:
-            with self._writing:
-                self.transport.write(raw)
-        except LinkGone:
-            if self._reopen is None:
-                raise
-            # the reader notices, too, and reconnects; the retry goes out then
-
-    def _note_sent(self, raw: bytes) -> None:
-        self.parser.commanded(raw)
-        if self.recorder is not None:
-            self.recorder.sent(raw, time.time_ns())
-
-    # The thread
-
-    def _run(self) -> None:
-        try:
-            while not self._stopping.is_set():
-                try:
-                    self._pump(POLL_S)
-                except LinkGone as gone:
-                    if self._reopen is None or self.identity is None:
-                        raise
-                    self._wait_for_return(gone)
-        except PalpateError as error:
-            self._fail(error)
-        except Exception as error:
-            self._fail(LinkGone(f"reading {self.transport.name} failed ({error!r}); plug the probe in again"))
-
-    def _fail(self, error: PalpateError) -> None:
-        self.failure = error
-        self._up.set()
-        self.events.close()
-        self._pending.wake()
-
-    def _pump(self, timeout_s: float) -> None:
-        data = self.transport.read(timeout_s)
-        if not data:
-            self.parser.settle()
-            return
-        host_ns = time.time_ns()
-        for event in self.parser.feed(data, host_ns):
-            if self.recorder is not None:
-                self.recorder.received(self.parser.raw, event, host_ns)
-            self._dispatch(event)
-
-    def _dispatch(self, event: Event) -> None:
-        if isinstance(event, Answer):
-            if not self._pending.deliver(event):
-                self.parser.counts.late_answers += 1
-            return
-        result = event.event if isinstance(event, Again) else event
-        have = HAVE.get(type(result))
-        if have is not None:
-            number = self._pending.begin_unawaited()
-            self._write(pack_command("stroke_ack", number, (getattr(result, "stroke"), have)))  # noqa: B009
-        if result is event:
-            self.events.put(event)
-
     # After an unplug
+
+    def _comes_back(self) -> bool:
+        return self._reopen is not None
 
     def _wait_for_return(self, gone: LinkGone) -> None:
         """Open the port until the probe answers, ask for the stream again; the gap is marked at both ends."""
-        assert self._reopen is not None
+        if self._reopen is None or self.identity is None:
+            raise gone
         began = time.monotonic()
         self._up.clear()
         self.transport.close()
@@ -230,6 +146,8 @@ class Line:
             self._read_calibration_inline()
             if self._ask_inline("stream_start", self.stream) is None:
                 return False
+        elif self.parser.streaming and self._ask_inline("stream_stop", ()) is None:
+            return False
         restarted = before is None or now.boots != before.boots
         self.identity = now
         self.parser.counts.reconnects += 1
@@ -266,8 +184,3 @@ class Line:
             return None
         finally:
             self._pending.end(number)
-
-    def _tell(self, event: Event) -> None:
-        if self.recorder is not None:
-            self.recorder.mark(event)
-        self.events.put(event)

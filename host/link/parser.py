@@ -7,7 +7,6 @@ a recording holds the wire exactly, damaged packets included, and a replay count
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 from firmware_py import messages, wire
@@ -24,6 +23,7 @@ from host.link.events import (
     StrokeState,
     TactileMap,
 )
+from host.link.results import Again
 from host.link.scale import NOMINAL, CalibrationPieces, CellScale
 
 LONGEST_BODY = 2048
@@ -41,9 +41,6 @@ _STREAM_STARTED = messages.TYPE["stream_start"] | messages.ANSWER
 _STREAM_STOPPED = messages.TYPE["stream_stop"] | messages.ANSWER
 _READ_BACK = messages.TYPE["read_back"] | messages.ANSWER
 _CALIBRATED = messages.TYPE["calibrate"] | messages.ANSWER
-
-HAVE = {TactileMap: messages.HAVE_MAP, Features: messages.HAVE_FEATURES, Estimate: messages.HAVE_ESTIMATE}
-"""Results of a stroke that the probe sends until they are acknowledged, and their bit in stroke_ack."""
 
 
 class LiveParser:
@@ -68,7 +65,8 @@ class LiveParser:
         self._event_seq: int | None = None
         self._results: dict[tuple[type, int], None] = {}
         self._boots: int | None = None
-        self._streaming = False
+        self.streaming = False
+        """Between the answers to stream_start and stream_stop."""
         self._ends_before: int | None = None
 
     @property
@@ -144,7 +142,7 @@ class LiveParser:
         self._clock = Unwrapper()
         self._event_seq = None
         self._results.clear()
-        self._streaming = False
+        self.streaming = False
         self._ends_before = None
 
     def _event(self, body: bytearray, length: int, host_ns: int) -> Event | None:
@@ -171,14 +169,14 @@ class LiveParser:
             self.scale = self._pieces.add(*answer.values) or self.scale
         elif answer.kind == _CALIBRATED:
             self._pieces.forget()
-        elif answer.kind == _STREAM_STARTED and not self._streaming:
+        elif answer.kind == _STREAM_STARTED and not self.streaming:
             # While a stream runs (an answer sent again, a reconnect), the numbers go on: a gap is a loss.
-            self._streaming = True
+            self.streaming = True
             self.settle()
             self.frames.every = self._next_every
             self.frames.expect_from(answer.values[0])
-        elif answer.kind == _STREAM_STOPPED and self._streaming:
-            self._streaming = False
+        elif answer.kind == _STREAM_STOPPED and self.streaming:
+            self.streaming = False
             self._ends_before = answer.values[0]
 
     def _booted(self, boots: int) -> None:
@@ -247,10 +245,3 @@ class LiveParser:
         if len(self._results) > 96:
             del self._results[next(iter(self._results))]
         return event
-
-
-@dataclass(slots=True)
-class Again(Event):
-    """A result that had come before; clients acknowledge it and use it no further."""
-
-    event: TactileMap | Features | Estimate

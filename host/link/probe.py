@@ -17,15 +17,17 @@ from collections.abc import Callable, Iterator
 from typing import Self
 
 from firmware_py import messages
-from host.errors import CommandRefused, CommandTimeout, LinkGone, NotAProbe
+from host.errors import LinkGone, NotAProbe
 from host.link.accounting import LinkCounts
+from host.link.devices import resolve
 from host.link.events import Answer, Estimate, Event, Gap
+from host.link.handshake import shake_hands
 from host.link.identity import Identity
 from host.link.line import Line
-from host.link.parser import Again
 from host.link.recorder import Recorder
 from host.link.remote import Commandable
-from host.link.transport import Transport
+from host.link.results import Again
+from host.link.transport import Transport, open_transport
 
 
 class Probe(Commandable):
@@ -57,14 +59,10 @@ class Probe(Commandable):
         super().__init__(transport.name, Line(transport, recorder, reopen) if transport.live else None)
         self._transport = transport
         try:
-            identity = self._handshake()
-            identity.check()
+            self._identity = shake_hands(self._line) if self._line is not None else self._recorded_identity()
         except BaseException:
             self.close()
             raise
-        self._identity = identity
-        if self._line is not None:
-            self._line.identity = identity
 
     @classmethod
     def open(cls, port: str = "auto", baud: int = 921_600, recorder: Recorder | None = None) -> Self:
@@ -90,9 +88,6 @@ class Probe(Commandable):
             from host.record.playback import PlaybackTransport
 
             return cls(PlaybackTransport(port))
-        from host.link.devices import resolve
-        from host.link.transport import open_transport
-
         place = resolve(port, baud)
         return cls(open_transport(place.port, baud), recorder, lambda: open_transport(place.port_now(), baud))
 
@@ -206,6 +201,16 @@ class Probe(Commandable):
         finally:
             if self.connected:
                 self.stop_stream()
+            else:
+                self._line.stream = None  # should the probe come back, it is told to stop
+
+    def _recorded_identity(self) -> Identity:
+        values = getattr(self._transport, "identity", None)
+        if values is None:
+            raise NotAProbe(f"{self.name} holds no handshake; it is not a recording of a probe")
+        identity = Identity.from_answer(values)
+        identity.check()
+        return identity
 
     def _play(self) -> Iterator[Event]:
         """A recording has no thread: it is read as fast as its reader goes."""
@@ -225,19 +230,3 @@ class Probe(Commandable):
             for event in self._parser.feed(data, getattr(self._transport, "host_ns", 0)):
                 if not isinstance(event, Answer | Again):
                     yield event
-
-    # Handshake
-
-    def _handshake(self) -> Identity:
-        if self._line is None:
-            values = getattr(self._transport, "identity", None)
-            if values is None:
-                raise NotAProbe(f"{self.name} holds no handshake; it is not a recording of a probe")
-            return Identity.from_answer(values)
-        try:
-            return self._identify()
-        except (CommandTimeout, CommandRefused) as error:
-            raise NotAProbe(
-                f"{self.name} does not answer as a Palpate probe; check the port (`palpate devices`) "
-                "and that the firmware runs"
-            ) from error

@@ -192,3 +192,14 @@ class Estimate(Event):
             time_us=self.time_us,
         )
         return words
+
+
+@dataclass(slots=True)
+class Again(Event):
+    """A result that had come before; clients acknowledge it and use it no further."""
+
+    event: TactileMap | Features | Estimate
+
+
+HAVE = {TactileMap: messages.HAVE_MAP, Features: messages.HAVE_FEATURES, Estimate: messages.HAVE_ESTIMATE}
+"""Results of a stroke that the probe sends until they are acknowledged, and their bit in stroke_ack."""

@@ -17,6 +17,13 @@ from urllib.parse import urlsplit
 from host.errors import LinkGone, PortBusy, PortError, PortForbidden, PortMissing, UsageError
 from host.link import holders
 
+try:
+    from termios import error as terminal_error
+except ImportError:  # Windows has none
+    terminal_error = OSError
+
+MISSING = (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.ENOTDIR, errno.EIO)
+"""Codes of a port that is not there, or vanished while it was opened."""
 READ_BYTES = 1 << 16
 WRITE_TIMEOUT_S = 5.0
 
@@ -199,16 +206,16 @@ def _open_serial(port: str, baud: int):  # type: ignore[no-untyped-def]
     """A pyserial port, or the exception that says in a sentence why not."""
     import serial
 
-    real = port.startswith("/dev/") and not port.startswith("/dev/pts/")
-    if real and os.path.exists(port) and (pids := holders.open_by(port)):
+    # Most programs take no lock on a port: who has it open is seen only by looking.
+    if os.path.realpath(port).startswith("/dev/") and (pids := holders.open_by(os.path.realpath(port))):
         raise _busy(port, holders.program(pids[0]))
     try:
         return serial.serial_for_url(port, baudrate=baud, timeout=0, exclusive=True)
     except ValueError as error:
         raise UsageError(f"{port!r} is no port: {error}; `palpate devices` lists the ports") from error
-    except (serial.SerialException, OSError) as error:
-        code = getattr(error, "errno", None)
-        if code in (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.ENOTDIR) or "FileNotFound" in str(error):
+    except (serial.SerialException, OSError, terminal_error) as error:
+        code = getattr(error, "errno", None) or (error.args[0] if error.args else None)
+        if code in MISSING or "FileNotFound" in str(error):
             message = f"there is no port {port}; plug the probe in, and see `palpate devices`"
             raise PortMissing(port, message) from error
         if code in (errno.EAGAIN, errno.EBUSY) or "PermissionError" in str(error):

@@ -9,7 +9,16 @@ from itertools import pairwise
 import pytest
 
 from firmware_py import messages
-from host.errors import CommandRefused, CommandTimeout, ImageRefused, LinkGone, NotAProbe, UsageError
+from host.errors import (
+    CommandRefused,
+    CommandTimeout,
+    FlashError,
+    ImageRefused,
+    LinkGone,
+    NotAProbe,
+    PortMissing,
+    UsageError,
+)
 from host.link.events import Estimate, Features, Frame, Gap, StrokeState, TactileMap
 from host.link.flash import flash
 from host.link.probe import Probe
@@ -208,6 +217,51 @@ def test_flashing_goes_on_after_an_unplug_in_the_middle(emulated, images):
         done = flash(probe, images[0], progress)
         assert probe.identity.model_id == done.model_id
         assert probe.counts.reconnects == 2
+
+
+def test_a_port_that_vanishes_while_flashing_and_stays_away_is_an_error_and_nothing_is_lost(
+    emulated, images, monkeypatch
+):
+    from host.link import line
+
+    monkeypatch.setattr(line, "AWAY_S", 0.5)
+    device = emulated()
+
+    def away():
+        raise PortMissing(device.port, "the probe is in somebody's pocket")
+
+    with Probe(open_transport(device.port), None, away) as probe:
+        live = flash(probe, images[0]).model_id
+
+        def vanish(done, size):
+            if done > size // 2:
+                device.unplug()
+
+        with pytest.raises(FlashError, match=r"gone.*the model it had stays: plug it in and flash again"):
+            flash(probe, images[1], vanish)
+        assert not probe.connected
+    with connect(device) as probe:
+        assert probe.identity.model_id == live
+        done = flash(probe, images[1])
+        assert 0 < done.resumed_at < len(images[1]), "it goes on where it stopped"
+        assert probe.identity.model_id == done.model_id != live
+
+
+def test_another_image_of_the_same_size_is_not_mixed_with_one_that_was_broken_off(emulated, images):
+    class Enough(Exception):
+        pass
+
+    def enough(done, size):
+        if done > size // 2:
+            raise Enough
+
+    assert len(images[0]) == len(images[1])
+    with connect(emulated()) as probe:
+        with pytest.raises(Enough):
+            flash(probe, images[0], enough)
+        done = flash(probe, images[1])
+        assert done.resumed_at == 0
+        assert probe.read_back(messages.READ_MODEL) == images[1]
 
 
 def test_flashing_goes_on_through_a_cut_at_every_message(emulated, images, monkeypatch):

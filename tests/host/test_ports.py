@@ -2,6 +2,7 @@
 
 import os
 import pty
+import re
 import subprocess
 import sys
 import tty
@@ -16,6 +17,10 @@ from host.link.transport import open_transport
 HOLD = (
     "import serial, sys; s = serial.Serial(sys.argv[1], exclusive=True); print('held', flush=True); input()"
 )
+HOLD_WITHOUT_LOCK = (
+    "import os, sys; os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY); print('held', flush=True); input()"
+)
+DEVICE = "import os; _, end = os.openpty(); print(os.ttyname(end), flush=True); input()"
 
 
 @pytest.fixture
@@ -39,19 +44,49 @@ def test_a_busy_port_names_the_program_that_holds_it(terminal):
     open_transport(terminal).close()
 
 
-@pytest.mark.skipif(os.name != "posix" or os.getuid() != 0, reason="only root can become somebody else")
+@pytest.mark.parametrize("link", [False, True])
+def test_a_port_that_a_program_has_open_without_a_lock_is_busy_too(terminal, tmp_path, link):
+    """As a terminal program or a modem manager does it: two readers would share the bytes between them."""
+    port = terminal
+    if link:  # as udev's names under /dev/serial/by-id
+        port = str(tmp_path / "by-id")
+        os.symlink(terminal, port)
+    command = [sys.executable, "-c", HOLD_WITHOUT_LOCK, terminal]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout.readline() == "held\n"
+        with pytest.raises(PortBusy, match="close that program") as caught:
+            open_transport(port)
+        holder.communicate("\n")
+    assert re.search(rf"python[\w.]* \(process {holder.pid}\) holds it", str(caught.value))
+    open_transport(port).close()
+
+
+def test_an_emulated_probe_in_another_process_does_not_hold_its_own_port():
+    """The process behind a pseudo-terminal has both of its ends open: it is the device."""
+    command = [sys.executable, "-c", DEVICE]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as device:
+        port = device.stdout.readline().strip()
+        open_transport(port).close()
+        device.communicate("\n")
+
+
 def test_a_forbidden_port_names_the_group_to_join(terminal):
     import grp
 
-    os.chown(terminal, 0, grp.getgrnam("dialout").gr_gid)
-    os.chmod(terminal, 0o660)
-    os.seteuid(65534)
+    group = grp.getgrgid(os.stat(terminal).st_gid).gr_name
+    if os.getuid() == 0:  # root may open anything: become somebody else
+        group = "dialout"
+        os.chown(terminal, 0, grp.getgrnam(group).gr_gid)
+        os.chmod(terminal, 0o660)
+        os.seteuid(65534)
+    else:
+        os.chmod(terminal, 0)
     try:
-        with pytest.raises(PortForbidden, match="usermod -aG dialout") as caught:
+        with pytest.raises(PortForbidden, match=f"usermod -aG {group}") as caught:
             open_transport(terminal)
     finally:
-        os.seteuid(0)
-    assert caught.value.group == "dialout"
+        os.seteuid(os.getuid())
+    assert caught.value.group == group
 
 
 def test_missing_ports_and_wrong_words(tmp_path):
@@ -66,6 +101,18 @@ def test_missing_ports_and_wrong_words(tmp_path):
     plain.write_text("no port")
     with pytest.raises(Exception, match="not a serial port"):
         open_transport(str(plain))
+
+
+def test_a_port_that_vanishes_while_it_is_opened_is_missing(terminal, monkeypatch):
+    """An error of the terminal's own kind, which is no OSError."""
+    import termios
+
+    def gone(*_):
+        raise termios.error(5, "Input/output error")
+
+    monkeypatch.setattr(termios, "tcflush", gone)
+    with pytest.raises(PortMissing, match="plug the probe in"):
+        open_transport(terminal)
 
 
 def test_auto_finds_the_one_probe_and_will_not_choose_between_two(emulated):

@@ -236,15 +236,3 @@ def test_flipped_bytes_in_a_recording_never_end_in_a_traceback(tmp_path):
         assert set(seen) <= set(range(6))
         assert isinstance(recording.check(), str)
     os.unlink(path)
-
-
-def test_a_probe_of_another_version_is_not_misread(tmp_path):
-    from firmware_py import messages
-    from host.errors import VersionMismatch
-
-    path = tmp_path / "old.mcap"
-    who = (7, messages.PROTOCOL, messages.SCHEMA ^ 1, b"\0\0\1", b"OLDER-ON", 16, 26, 1500, 12, 0)
-    record(path, wires.packet("identify", (*who, 1, -7, bytes(8), 1, 0), answer=True))
-    with pytest.raises(VersionMismatch, match=r"firmware 0\.0\.1.*install the firmware") as caught:
-        Probe.open(str(path))
-    assert caught.value.names == ("schema",)

@@ -13,7 +13,7 @@ def packet(
     """One packet of the probe's."""
     code = messages.TYPE[kind] | (messages.ANSWER if answer else 0)
     body = bytearray(2048)
-    length = messages.pack(body, code, 0, 0, values, tail)
+    length = messages.pack(body, code, number, 0, values, tail)
     target = bytearray(2200)
     return bytes(target[: wire.seal(body, length, target, 0)])
 

@@ -1,0 +1,110 @@
+"""Every fault of the link, put between the real firmware and the real client by the relay, from seeds."""
+
+import threading
+import time
+
+import pytest
+
+from host.link.events import Estimate, Frame, Gap
+from host.link.flash import flash
+from sim.probe.faults import Faults
+from sim.probe.frames import pack
+from sim.probe.source import lifted_record
+from tests.host.conftest import FRAMES, connect
+
+RARE = 1 / 5_000
+"""Per byte: one frame in eight is hit."""
+FAULTS = {
+    "flip": Faults(flip=RARE),
+    "lose": Faults(lose=RARE),
+    "double": Faults(double=RARE),
+    "swap": Faults(swap=RARE),
+    "burst": Faults(burst=RARE / 2),
+    "chatter": Faults(chatter=RARE),
+    "stall": Faults(stall=RARE / 8, stall_s=0.15),
+    "cut": Faults(cut=1 / 60_000),
+}
+ALL = Faults(flip=RARE / 8, lose=RARE / 8, double=RARE / 8, swap=RARE / 8, burst=RARE / 8, chatter=RARE / 8,
+             stall=1 / 50_000, stall_s=0.1, cut=1 / 150_000)  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", [*FAULTS, "all"])
+def test_what_comes_is_true_and_what_does_not_is_counted(emulated, images, strokes, kind):
+    """Two strokes or more (a cut ends one); every frame is received or counted lost, estimates are whole."""
+    faults = FAULTS.get(kind, ALL)
+    device = emulated(to_host=faults, to_device=faults, seed=4, repeat=True)
+    true = {bytes(p) for stroke in strokes for p in stroke.packed} | {lifted_record()[8:]}
+    with connect(device) as probe:
+        flash(probe, images[0])
+        probe.set_setting("frame_rate", 100_000)
+        frames, estimates, gaps = [], {}, 0
+        for event in probe.stream(timeout_s=20):
+            if isinstance(event, Frame):
+                frames.append(event)
+            elif isinstance(event, Estimate):
+                estimates[event.stroke] = event
+            elif isinstance(event, Gap):
+                gaps += event.ended
+            hurt = device.relay.to_host.hurt
+            done = len(estimates) > 1 and (hurt[kind] if kind in FAULTS else min(hurt.values()) > 0)
+            if done and len(frames) > 2 * FRAMES:
+                break
+        told = probe.statistics()
+        time.sleep(0.3)  # what the stream's end had promised and has not come is counted once it is quiet
+        counts = probe.frame_counts
+    assert all(frame.packed in true for frame in frames), "a frame was accepted wrong"
+    assert len({f.seq for f in frames}) == len(frames) <= counts.received
+    assert counts.received + counts.lost == told["frames_acquired"]
+    assert (gaps > 0) == (probe.counts.reconnects > 0)
+    if kind in ("flip", "lose", "double", "swap", "burst"):
+        assert probe.counts.bad_crc + probe.counts.bad_frame + probe.counts.oversize > 0
+        assert counts.lost > 0
+    if kind == "stall":
+        assert counts.lost == told["frames_dropped"], "what a stalled link cannot carry, the probe drops"
+    assert all(e.model_id.hex() == probe.identity.model_id and e.valid for e in estimates.values())
+
+
+def test_a_host_that_stops_reading_finds_the_newest_frames_and_every_result(emulated, images):
+    """The transport is not read for two seconds: the queues between fill up, the oldest frames give way."""
+    with connect(emulated(repeat=True)) as probe:
+        flash(probe, images[0])
+        probe.set_setting("frame_rate", 400_000)
+        reading, read = threading.Event(), probe._line.transport.read
+
+        def lazy(timeout_s):
+            reading.wait()
+            return read(timeout_s)
+
+        probe._line.transport.read = lazy
+        reading.set()
+        probe.start_stream()
+        seen = [next(e for e in probe.events(10) if isinstance(e, Frame))]
+        reading.clear()
+        time.sleep(2)
+        reading.set()
+        for event in probe.events(10):
+            seen.append(event)
+            if len([e for e in seen if isinstance(e, Estimate)]) >= 8:
+                break
+        probe.stop_stream()
+        time.sleep(0.2)
+        told, counts = probe.statistics(), probe.frame_counts
+    numbers = [e.stroke for e in seen if isinstance(e, Estimate)]
+    assert len(set(numbers)) == len(numbers)
+    assert set(range(1, max(numbers) + 1)) - set(numbers) <= _replaced(told, max(numbers))
+    assert told["frames_dropped"] > 100
+    assert counts.lost == told["frames_dropped"]
+    assert counts.received + counts.lost == told["frames_acquired"]
+
+
+def _replaced(told, newest):
+    """Strokes whose results the probe had to forget unacknowledged: it counts them, and keeps four."""
+    return set(range(1, newest)) if told["results_replaced"] else set()
+
+
+def test_the_same_seed_hurts_the_same_bytes():
+    from sim.probe.faults import FaultyLine
+
+    data = b"".join(pack([k % 4096] * 416) for k in range(200))
+    once, again, other = (FaultyLine(ALL, seed).pass_through(data) for seed in (1, 1, 2))
+    assert once == again != other
