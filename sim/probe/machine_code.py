@@ -87,7 +87,8 @@ class MachineCode:
 
     Attributes
     ----------
-    instructions : how many were executed so far, if they are counted
+    instructions : how many were executed so far, if they are counted (on M3 and M4 those too that a condition
+        skipped, which take a cycle as well)
     divisions : how many calls of MicroPython's floor division and modulo; their instructions are not counted
     """
 
