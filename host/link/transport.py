@@ -18,9 +18,11 @@ from host.errors import LinkGone, PortBusy, PortError, PortForbidden, PortMissin
 from host.link import holders
 
 try:
-    from termios import error as terminal_error
+    import termios
+
+    TERMINAL_ERROR: type[Exception] = termios.error
 except ImportError:  # Windows has none
-    terminal_error = OSError
+    TERMINAL_ERROR = OSError
 
 MISSING = (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.ENOTDIR, errno.EIO)
 """Codes of a port that is not there, or vanished while it was opened."""
@@ -213,7 +215,7 @@ def _open_serial(port: str, baud: int):  # type: ignore[no-untyped-def]
         return serial.serial_for_url(port, baudrate=baud, timeout=0, exclusive=True)
     except ValueError as error:
         raise UsageError(f"{port!r} is no port: {error}; `palpate devices` lists the ports") from error
-    except (serial.SerialException, OSError, terminal_error) as error:
+    except (serial.SerialException, OSError, TERMINAL_ERROR) as error:
         code = getattr(error, "errno", None) or (error.args[0] if error.args else None)
         if code in MISSING or "FileNotFound" in str(error):
             message = f"there is no port {port}; plug the probe in, and see `palpate devices`"
