@@ -18,8 +18,8 @@ def command(recording: Path, out: Path, as_json: bool) -> None:
     """Write a recording as a table: OUT ends in .parquet, .h5 or .csv.
 
     One row per frame: seq, time_us (the probe's clock), host_time_ns, position_mm, displacement_mm and the
-    pressures of the 16 x 26 cells in kPa, by the calibration that the recording holds. The estimates go beside
-    them (HDF5: a group; else OUT.estimates.*).
+    pressures of the 16 x 26 cells in kPa, by the calibration that the recording holds. The estimates go
+    beside them (HDF5: a group; else OUT.estimates.*).
 
     \b
     Example:

@@ -211,7 +211,7 @@ def test_ten_million_inputs_neither_crash_nor_hang(parser):
         noise[random.random(noise.shape) < 0.1] = 3
         receive(receiver, noise.tobytes())
         inputs = receiver.bad_crc + receiver.bad_frame + receiver.oversize + receiver.packets
-    told = f"{receiver.bad_crc} bad checksums, {receiver.bad_frame} badly stuffed, {receiver.oversize} too long"
-    print(f"{inputs} inputs to {parser.__name__}: {told}, {receiver.packets} accepted")
+    bad = f"{receiver.bad_crc} bad checksums, {receiver.bad_frame} not stuffed, {receiver.oversize} too long"
+    print(f"{inputs} inputs to {parser.__name__}: {bad}, {receiver.packets} accepted")
     assert receiver.packets <= 1  # a chance of 2**-32 each
     assert len(receiver.packet) == len(parser(messages.COMMAND_BODY).packet)
