@@ -1,9 +1,9 @@
 """How long a stroke takes, beside its peers and its floor: python -m tests.benchmarks.bench_tissue [--alone]
 
 One process, one thread, CPU seconds. Ours at hx = 2 and 1, set-up of a fresh geometry included; the floor,
-which is as many bare factorisations of the same tangent as the stroke has positions; the thirty thesis
-strokes and a projection for many on a process pool; and, unless --alone, felupe (PyPI) and CalculiX (Debian
-calculix-ccx) on the same mesh, material and load.
+which is as many bare factorisations of the same tangent as the stroke has positions; unless --alone, felupe
+(PyPI) and CalculiX (Debian calculix-ccx) on the same mesh, material and load; and the thirty thesis strokes
+and a projection for many on a process pool. The tables are those of docs/performance.md.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from sim.tissue.material import Tissue, elasticity
 from sim.tissue.mesh import build_mesh
 from sim.tissue.solvers import make_solver
 from sim.tissue.stroke import one_blas_thread
+from tests.benchmarks.peers import Peer
 
 CODE = "d10h08e10f10"
 
@@ -66,17 +67,19 @@ def floor_s(case: Case, settings: Settings, solver: str) -> float:
 
 def ours() -> dict[float, Stroke]:
     case, strokes = Case.from_code(CODE), {}
-    print(f"{CODE}, 15 positions, CPU s on one thread (least of 5)")
-    print("  hx   nodes  stroke  floor strip  floor CHOLMOD  floor SuperLU  factors  iterations")
+    print(f"{CODE}, 15 positions, CPU s on one thread (least of 12)\n")
+    print(
+        "| hx | nodes | stroke | floor: 15 factorisations, ours | CHOLMOD | SuperLU | stroke / floor |",
+        end="",
+    )
+    print(" factorisations | iterations |\n|---|---|---|---|---|---|---|---|---|", flush=True)
     for hx in (2.0, 1.0):
         settings = Settings(hx_mm=hx)
-        strokes[hx] = min((fresh(case, settings) for _ in range(6)), key=lambda s: s.cpu_s)
+        strokes[hx] = s = min((fresh(case, settings) for _ in range(12)), key=lambda s: s.cpu_s)
         floors = [15 * floor_s(case, settings, name) for name in ("strip", "cholmod", "superlu")]
-        s = strokes[hx]
-        print(
-            f"  {hx:g}  {s.nodes:6d}  {s.cpu_s:6.3f}  {floors[0]:11.3f}  {floors[1]:13.3f}  {floors[2]:13.3f}"
-            f"  {s.factorisations:7d}  {s.iterations.sum():10d}"
-        )
+        cells = [f"{hx:g}", f"{s.nodes:,}", f"{s.cpu_s:.3f} s", *(f"{floor:.3f} s" for floor in floors)]
+        cells += [f"{s.cpu_s / floors[0]:.2f}", str(s.factorisations), str(s.iterations.sum())]
+        print("| " + " | ".join(cells) + " |", flush=True)
     return strokes
 
 
@@ -84,7 +87,7 @@ def many() -> None:
     with tempfile.TemporaryDirectory() as folder:
         began = time.monotonic()
         sweep(read_design("thesis"), out_dir=folder + "/thesis", workers=2)
-        print(f"30 thesis strokes on two processes, start-up included: {time.monotonic() - began:.1f} s")
+        print(f"\n30 thesis strokes on two processes, start-up included: {time.monotonic() - began:.1f} s")
         began = time.monotonic()
         sweep(read_design("sobol:128:3"), out_dir=folder + "/sobol", workers=2)
         wall = time.monotonic() - began
@@ -95,33 +98,38 @@ def peers(strokes: dict[float, Stroke]) -> None:
     from tests.benchmarks.peers import calculix_stroke, felupe_stroke
 
     case, settings, fine = Case.from_code(CODE), Settings(), strokes[1.0]
-    print(
-        "peers at hx = 2 against ours at hx = 1: displacement (largest), pressure (rms over sensors / peak)"
-    )
-    runs: list[Callable] = [
-        lambda: felupe_stroke.run(case, settings),
-        lambda: calculix_stroke.run(case, settings, strokes[2.0].displacement_mm),
-    ]
-    for run in runs:
+    print("\n| the same stroke elsewhere | nodes | CPU s | times ours | displacement | pressure |", end="")
+    print("\n|---|---|---|---|---|---|", flush=True)
+    runs: dict[str, Callable[[], Peer]] = {
+        "felupe": lambda: felupe_stroke.run(case, settings),
+        "CalculiX": lambda: calculix_stroke.run(case, settings, strokes[2.0].displacement_mm),
+    }
+    for name, run in runs.items():
         try:
             peer = run()
         except (RuntimeError, ArithmeticError, OSError) as error:
-            print(f"  did not get through: {error}")
+            print(f"| {name} | did not get through: {error} |", flush=True)
             continue
         depth = np.abs(peer.displacement_mm / fine.displacement_mm - 1).max()
         rms = np.sqrt(np.mean((peer.images_kPa - fine.images_kPa) ** 2, axis=1)) / fine.peak_kPa
-        factor = peer.cpu_s / strokes[2.0].cpu_s
-        print(
-            f"  {peer.name:16s} {peer.nodes} nodes  {peer.cpu_s:6.1f} CPU s ({factor:.0f} times ours)"
-            f"  displacement {100 * depth:.2f} %  pressure {100 * rms.max():.1f} %"
-        )
+        cells = [peer.name, f"{peer.nodes:,}", f"{peer.cpu_s:.1f}"]
+        cells += [
+            f"{peer.cpu_s / strokes[2.0].cpu_s:.0f}",
+            f"{100 * depth:.2f} %",
+            f"{100 * rms.max():.1f} %",
+        ]
+        print("| " + " | ".join(cells) + " |", flush=True)
+    print(
+        "peers at hx = 2; displacement (largest difference) and pressure (rms over the sensors, of the peak)"
+    )
+    print("against ours at hx = 1")
 
 
 def main() -> None:
     strokes = ours()
-    many()
     if "--alone" not in sys.argv:
         peers(strokes)
+    many()
 
 
 if __name__ == "__main__":

@@ -14,3 +14,7 @@ class Peer:
     cpu_s: float
     displacement_mm: np.ndarray
     images_kPa: np.ndarray
+
+
+QUARTERS = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]])
+"""Nodes of the four-node cells that a nine-node element is cut into."""
