@@ -19,7 +19,7 @@ from sim.probe.microbit import RING, MicroBit, known_names
 _FLASH = 0x3C000  # free in this firmware, but for its file system, which nobody uses here
 _FLASH_END = 0x3FC00
 _TEXT = 0x3F000  # where a function's source lies while it is compiled
-_HELD = (2000, 1600, 1200, 800)  # bytes; the first with which all else fits
+_HELD = (2000, 1600, 1200, 800, 400)  # bytes; the first with which all else fits
 _ITEMS = 12  # from an array object to its pointer to the numbers; before it stands how many
 
 
