@@ -1,0 +1,87 @@
+"""`mpremote mip install`, the real one, onto real MicroPython behind a pseudo-terminal, as onto a board."""
+
+import json
+import os
+import pty
+import shutil
+import subprocess
+import sys
+import tty
+
+import pytest
+
+from sim.probe import node
+from tests.probe import install_files
+
+FEW = ("__init__.py", "cobs.py", "crc.py")
+USE = """
+from firmware_py import cobs, estimator, messages, probe, store
+print(messages.SCHEMA, probe.Probe.__name__, estimator.__file__)
+"""
+
+
+@pytest.fixture
+def board(tmp_path):
+    """A prompt's port, and the directory that holds the board's files once it is switched off."""
+    node.check_wasm()
+    ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+    kept = tmp_path / "flash"
+    process = subprocess.Popen([node.node(), node.WASM / "repl.mjs", kept], stdin=ours, stdout=ours)
+    os.close(ours)
+
+    def switch_off():
+        nonlocal theirs
+        if theirs is not None:
+            os.close(theirs)
+            theirs = None
+        process.wait(20)
+        return kept
+
+    yield os.ttyname(theirs), switch_off
+    switch_off()
+
+
+def mpremote(port, *words):
+    command = [sys.executable, "-m", "mpremote", "connect", port, "resume", *words]
+    done = subprocess.run(
+        command, cwd=install_files.FIRMWARE.parent, capture_output=True, text=True, timeout=600, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:] + done.stdout[-2000:]
+    return done.stdout
+
+
+@pytest.mark.long
+def test_the_package_installs_and_what_is_installed_runs(board):
+    """By the command that docs/firmware.md gives. A minute: mpremote sends 256 bytes at a time."""
+    port, switch_off = board
+    said = mpremote(port, "mip", "install", "./firmware_py/package.json")
+    assert "Done" in said
+    used = mpremote(port, "exec", USE)
+    from firmware_py import messages
+
+    assert used.split()[:2] == [str(messages.SCHEMA), "Probe"]
+    assert "/flash/lib/firmware_py/" in used
+    installed = switch_off() / "lib" / "firmware_py"
+    names = sorted(p.relative_to(installed).as_posix() for p in installed.rglob("*.py"))
+    assert names == install_files.modules()
+    for name in names:
+        assert (installed / name).read_bytes() == (install_files.FIRMWARE / name).read_bytes()
+    print(f"{len(names)} modules installed by mpremote, and imported")
+
+
+def test_three_modules_install_and_run(board, tmp_path):
+    """The same by a shorter list, in `make test`."""
+    port, switch_off = board
+    rows = [row for row in json.loads(install_files.PACKAGE.read_text())["urls"] if row[1] in FEW]
+    assert len(rows) == len(FEW)
+    for _, name in rows:
+        shutil.copy(install_files.FIRMWARE / name, tmp_path)
+    (tmp_path / "package.json").write_text(json.dumps({"urls": rows, "version": "1"}))
+    assert "Done" in mpremote(port, "mip", "install", str(tmp_path / "package.json"))
+    used = mpremote(port, "exec", "from firmware_py import cobs, crc; print(crc.SIZE, cobs.worst_case(10))")
+    from firmware_py import cobs, crc
+
+    assert used.split() == [str(crc.SIZE), str(cobs.worst_case(10))]
+    installed = switch_off() / "lib" / "firmware_py"
+    assert sorted(p.name for p in installed.iterdir()) == sorted(FEW)
