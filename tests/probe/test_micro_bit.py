@@ -6,6 +6,7 @@ micro:bit answers is what the next is given, from frames to estimates.
 """
 
 import copy
+import importlib
 import inspect
 import json
 from array import array
@@ -26,6 +27,7 @@ from firmware_py import (
     status,
 )
 from model_export import compiler
+from sim.probe.flat import Flattener
 from sim.probe.on_microbit import Loaded
 from sim.probe.scripts import ScriptFailed
 from tests.image import synthetic
@@ -44,6 +46,10 @@ STAGES = (
     ("gaussfit.fit_from",),
     ("gaussfit.flat", "profile.measure"),
     ("features.from_fit", "features.from_profile", "features.finish"),
+)
+MODULES = (
+    *("bins", "calib", "chain", "columns", "features", "fixed", "forcemap", "gauss", "gaussfit"),
+    *("pipeline", "profile", "rowpipeline", "search", "stuck", "traces"),
 )
 EVALUATOR = ("evaluator.compute", "evaluator.verdict")
 CALIBRATION = frozenset(("offset", "gain", "f"))  # never change in a stroke: in flash
@@ -175,6 +181,20 @@ def test_a_hundred_estimates_of_a_whole_model(rack, kind, degree):
     rack.add({name: calls[name][0].before for name in EVALUATOR}, MODEL)
     assert [[model.evaluate(x, out), *out] for x in given] == mine
     assert rack.calls["evaluator.compute"] == VECTORS
+
+
+def test_no_function_of_the_pipeline_stays_behind():
+    """Each goes to a micro:bit in one of these tests, but for what reads a stored force map."""
+    flat = Flattener()
+    for name in (*(name for stage in STAGES for name in stage), *vectors.NAMES):
+        flat.add(name)
+    have = set()
+    for module in MODULES:
+        for name, thing in vars(importlib.import_module(f"firmware_py.{module}")).items():
+            if inspect.isfunction(thing) and thing.__module__ == f"firmware_py.{module}":
+                have.add(f"{module}.{name}")
+    assert have - set(flat.names) == {"forcemap.load"}
+    assert len(have) > 50
 
 
 @pytest.mark.parametrize("name", vectors.NAMES)
