@@ -20,7 +20,7 @@ test: lint ## every promise, in under ten minutes
 test-long: ## the campaigns: 2000 random strokes, fuzzing, power cuts
 	@.ci/setup test
 	@.ci/setup bench
-	$(PY) -m pytest -n 2 --dist loadfile -m long --timeout 7200
+	$(PY) -m pytest -n 2 --dist loadfile -m long -rP --timeout 7200
 
 lint: setup ## format, style and types
 	$(PY) -m ruff format --check .
