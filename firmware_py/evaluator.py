@@ -4,15 +4,17 @@
 `compute` has no branch on data other than `clip` and `pick`, so the exporter runs this very code on
 intervals to prove that no intermediate leaves +-2^30 (model_export/bounds.py).
 
-Numbers: features Q24; u, a feature moved and scaled into +-1 over the model's clip box, and its
-monomials Q28; predictions y, ln sigma and widths on the link scale Q24; outputs in millionths.
-A Q28 number meets its coefficients as a high part (Q13) and a low part of `low` bits, a coefficient
-as a high word of 16 and a low one of 8 or 16 bits; the product of the two low parts is below what is kept.
+Numbers: features Q24; u, a feature moved and scaled into +-1 over the model's clip box, Q28; predictions y,
+ln sigma and widths on the link scale Q24; outputs in millionths.
+
+Sums: a coefficient is a high word c and a low word d; of an input (u of a feature, or a product of such)
+there are `part`, its first 18 to 20 bits, and `high`, its first 13. A term of a sum is c * part and, shifted
+to the same scale, d * high: two products. Where coefficients are so large that c leaves room for 13 bits
+alone the model is `fine`: products of features are taken in Q28, `high` stands for `part`, and the next bits
+of an input, `rest`, meet c in a third product.
 """
 
 from array import array
-
-from firmware_py import fixed
 
 OUTPUTS = 5
 NO_LUMP = -8  # status.NO_LUMP, repeated: the core of a small board does not carry that table
@@ -32,7 +34,7 @@ FORCE_OUT = 16
 N_FEATURES = 0
 N_TERMS = 1  # without the constant; the features themselves come first
 N_SIGMA = 2  # leading terms that ln sigma uses
-LOW_BITS = 3  # at most 12; low words are bytes up to 8
+LOW_BITS = 3  # of a coefficient's low word, at most 13
 N_LIMITS = 4
 HARD_BELOW = 5  # millionths of E_inv23
 FORCE_LO = 6  # millionths of N/m
@@ -40,7 +42,11 @@ FORCE_HI = 7
 LEVEL_PERMILLE = 8
 LINKS = 9  # bit j: output j has a ln link
 MARGIN = 10  # how far beyond its range an estimate may lie, in 1/256 of half its interval
-HEAD = 11
+PART_BITS = 11  # of an input: 18 to 20, or 13
+FINE = 12  # 1 where they are 13
+GROUP_SHIFT = 13  # what each group's sum of the outputs is shifted down by
+GROUPS = 14  # how many; then for each group the input after its last
+HEAD = 15
 
 # feature table: one row of seven for each feature
 CLIP_LO = 0
@@ -68,11 +74,23 @@ OUTPUT_ROW = 9
 # row table: intercept (Q24) and shift of each sum: outputs, ln sigmas, whitened coordinates
 ROW = 2
 
+# c and d: five words for each term (one an output), five for each input of ln sigma; c also the rows of the
+# distance, a lower triangle
+
 _MAX_LN_WIDTH = 34887240  # ln 8
 _MIN_LN_WIDTH = -268435456  # -16: a width below 2e-7
 NO_WIDTH = -536870912  # stands for ln 0
 
-exp = fixed.exp
+# 2^(i / 64) in Q24, 4.3e-7 larger: what `exp` rounds down on the way, on average
+_POWERS = (
+    16777223, 16959915, 17144596, 17331289, 17520014, 17710795, 17903653, 18098611, 18295692, 18494919,
+    18696315, 18899905, 19105711, 19313759, 19524072, 19736675, 19951593, 20168852, 20388476, 20610492,
+    20834926, 21061803, 21291151, 21522997, 21757367, 21994289, 22233791, 22475901, 22720647, 22968059,
+    23218165, 23470994, 23726577, 23984942, 24246121, 24510144, 24777042, 25046846, 25319588, 25595301,
+    25874015, 26155765, 26440582, 26728501, 27019556, 27313779, 27611207, 27911873, 28215814, 28523064,
+    28833659, 29147637, 29465034, 29785888, 30110235, 30438114, 30769563, 31104621, 31443329, 31785724,
+    32131848, 32481741, 32835444, 33192998,
+)  # fmt: skip
 
 
 def clip(v, lo, hi):
@@ -91,28 +109,63 @@ def pick(v, limit, below, above):
     return above
 
 
-def mul28(a, b):
-    """a * b / 2^28 for |a| <= 2^28, |b| <= 2^29."""
-    c = a >> 14
-    a &= 16383
-    d = b >> 14
-    b &= 16383
-    return c * d + ((c * b + a * d + (a * b >> 14)) >> 14)
+def exp(v, s):
+    """exp(v / 2^24) in Q(24 - s), within 1e-6 and a unit; held at 2^30 - 1. Quicker than fixed.exp."""
+    k = v // 181704  # v in 64ths of ln 2, which are 3 / 8 longer
+    v -= k * 181704 + (k * 3 >> 3)
+    m = _POWERS[k & 63]
+    w = v >> 3
+    v += w * w >> 19
+    m += (m >> 10) * (v >> 3) >> 11
+    s -= k >> 6
+    if s > 0:
+        return m + (1 << s - 1) >> s if s < 31 else 0
+    return m << -s if s > -5 else 0x3FFFFFFF
 
 
-def dot(c, d, at, high, low, first, n, bits):
-    """Sum of n coefficients (c, d from `at`) times inputs (high, low from `first`)."""
-    a = 0
-    b = 0
-    n += first
-    while first < n:
-        x = c[at]
-        h = high[first]
-        a += x * h
-        b += x * low[first] + d[at] * h
-        at += 1
-        first += 1
-    return a + (b >> bits)
+def sums(c, d, at, part, high, rest, first, last, cut, fine, down, work):
+    """Add five sums over the inputs `first` to `last` to work[0..4]; their words begin at `at`.
+
+    All five at once: an input is read once, and a look-up costs as much as a product.
+    """
+    a0 = a1 = a2 = a3 = a4 = 0
+    b0 = b1 = b2 = b3 = b4 = 0
+    if fine:
+        part = high
+    i = at
+    for k in range(first, last):
+        v = part[k]
+        h = high[k]
+        a0 += c[i] * v
+        b0 += d[i] * h
+        i += 1
+        a1 += c[i] * v
+        b1 += d[i] * h
+        i += 1
+        a2 += c[i] * v
+        b2 += d[i] * h
+        i += 1
+        a3 += c[i] * v
+        b3 += d[i] * h
+        i += 1
+        a4 += c[i] * v
+        b4 += d[i] * h
+        i += 1
+    if fine:
+        i = at
+        for k in range(first, last):
+            v = rest[k]
+            b0 += c[i] * v
+            b1 += c[i + 1] * v
+            b2 += c[i + 2] * v
+            b3 += c[i + 3] * v
+            b4 += c[i + 4] * v
+            i += 5
+    work[0] += a0 + (b0 >> cut) >> down
+    work[1] += a1 + (b1 >> cut) >> down
+    work[2] += a2 + (b2 >> cut) >> down
+    work[3] += a3 + (b3 >> cut) >> down
+    work[4] += a4 + (b4 >> cut) >> down
 
 
 def dot_high(c, at, high, first, n):
@@ -145,76 +198,101 @@ def value(y, link):
     return ((y >> 12) * 15625 + ((y & 4095) * 15625 >> 12) + 32) >> 6
 
 
-def put(v, k, bits, high, low):
-    """Keep a Q28 number as input k: its high and its low part."""
+def put(v, k, head, part, high, rest):
+    """Keep a Q28 number as input k."""
     high[k] = v >> 15
-    low[k] = (v >> (15 - bits)) & ((1 << bits) - 1)
+    if head[12]:
+        rest[k] = (v >> 15 - head[3]) & ((1 << head[3]) - 1)
+    else:
+        part[k] = v >> 28 - head[11]
 
 
-def standardise(x, ids, feats, n, bits, u, high, low):
+def standardise(x, ids, feats, head, u, part, high, rest):
     """The features as u, within +-1 over the clip box."""
     at = 0
-    for i in range(n):
-        v = clip(x[ids[i]], feats[at], feats[at + 1]) - feats[at + 2]
-        v = mul28(scaled(v, feats[at + 3]), feats[at + 4])
+    for i in range(head[0]):
+        v = scaled(clip(x[ids[i]], feats[at], feats[at + 1]) - feats[at + 2], feats[at + 3])
+        w = feats[at + 4]
+        v = (v >> 14) * w + ((v & 16383) * w >> 14)
         u[i] = v
-        put(v, 5 + i, bits, high, low)
+        put(v, 5 + i, head, part, high, rest)
         at += 7
 
 
-def multiply(steps, n, terms, bits, u, high, low):
-    """The other terms: each a term before it times a feature."""
+def multiply(steps, first, last, cut, part, high):
+    """The other inputs: each an input before it times a feature."""
+    at = 0
+    for k in range(first, last):
+        v = part[steps[at] + 5]
+        w = part[steps[at + 1] + 5]
+        v = v * (w >> 10) + (v * (w & 1023) >> 10) >> cut + 3
+        part[k] = v
+        high[k] = v >> cut
+        at += 2
+
+
+def multiply_fine(steps, n, terms, bits, u, high, rest):
+    """The same in Q28."""
     at = 0
     k = 5 + n
     mask = (1 << bits) - 1
     down = 15 - bits
     for i in range(n, terms):
-        # mul28 and put, written out: a call costs as much as the product
         v = u[steps[at]]
         w = u[steps[at + 1]]
         a = v >> 14
         b = w >> 14
-        v &= 16383
-        w &= 16383
-        v = a * b + ((a * w + v * b + (v * w >> 14)) >> 14)
+        # the product of the two low halves is below what is kept
+        v = a * b + ((a * (w & 16383) + b * (v & 16383)) >> 14)
         u[i] = v
         high[k] = v >> 15
-        low[k] = (v >> down) & mask
+        rest[k] = (v >> down) & mask
         at += 2
         k += 1
 
 
-def predict(c, d, rows, outs, terms, bits, high, low, work, out):
-    """The outputs; their predictions, clipped, become inputs 0 to 4."""
+def predict(c, d, rows, outs, head, part, high, rest, work, out):
+    """The outputs; their predictions, clipped, stay in work[5..9] and become inputs 0 to 4."""
+    cut = head[3] + 13 - head[11]
+    for j in range(5):
+        work[j] = 0
+    first = 5
+    at = 0
+    for g in range(15, 15 + head[14]):
+        last = head[g]
+        sums(c, d, at, part, high, rest, first, last, cut, head[12], head[13], work)
+        at += 5 * (last - first)
+        first = last
     at = 0
     for j in range(5):
-        v = dot(c, d, terms * j, high, low, 5, terms, bits)
-        v = scaled(v, rows[2 * j + 1]) + rows[2 * j]
+        v = scaled(work[j], rows[2 * j + 1]) + rows[2 * j]
         v = clip(v, outs[at + 1], outs[at + 2])
-        work[j] = v
+        work[5 + j] = v
         out[3 * j] = value(v, outs[at])
-        put(scaled(v - outs[at + 3], outs[at + 4]), j, bits, high, low)
+        put(scaled(v - outs[at + 3], outs[at + 4]), j, head, part, high, rest)
         at += 9
 
 
-def doubt(c, d, first, rows, outs, n, bits, hard_below, margin, high, low, work, out):
+def doubt(c, d, at, rows, outs, head, part, high, rest, work, out):
     """The intervals: a quantile for the predicted class times sigma, on the link scale.
 
-    In `work` the predictions give way to how far each lies beyond its range and the margin.
+    In work[0..4] they leave how far each prediction lies beyond its range and the margin.
     """
+    for j in range(5):
+        work[j] = 0
+    sums(c, d, at, part, high, rest, 0, 5 + head[2], head[3] + 13 - head[11], head[12], 0, work)
     at = 0
     e = out[12]
     for j in range(5):
-        v = dot(c, d, first + n * j, high, low, 0, n, bits)
-        v = scaled(v, rows[2 * j + 11]) + rows[2 * j + 10]
+        v = scaled(work[j], rows[2 * j + 11]) + rows[2 * j + 10]
         v = clip(v, _MIN_LN_WIDTH, _MAX_LN_WIDTH)
-        v = width(v + pick(e, hard_below, outs[at + 6], outs[at + 5]))
-        y = work[j]
+        v = width(v + pick(e, head[5], outs[at + 6], outs[at + 5]))
+        y = work[5 + j]
         out[3 * j + 1] = value(clip(y - v, outs[at + 1], outs[at + 2]), outs[at])
         out[3 * j + 2] = value(clip(y + v, outs[at + 1], outs[at + 2]), outs[at])
         below = outs[at + 7] - y
         above = y - outs[at + 8]
-        work[j] = pick(above - below, 0, below, above) - (v >> 8) * margin
+        work[j] = pick(above - below, 0, below, above) - (v >> 8) * head[10]
         at += 9
 
 
@@ -231,21 +309,22 @@ def distance(c, at, rows, n, high):
     return (total >> 11) * 1000 >> 10
 
 
-def compute(x, ids, feats, steps, c, d, rows, outs, head, u, high, low, work, out):
+def compute(x, ids, feats, steps, c, d, rows, outs, head, u, part, high, rest, work, out):
     """All outputs and intervals into `out`, and the distance from the domain's centre.
 
-    high and low hold the predictions first, then the terms; work holds y of each output, in the end how far
-    it lies beyond its range.
+    part, high and rest hold the predictions first, then the terms; work[0..4] in the end how far each
+    prediction lies beyond its range.
     """
     n = head[0]
     terms = head[1]
-    bits = head[3]
-    k = 5 + head[2]
-    standardise(x, ids, feats, n, bits, u, high, low)
-    multiply(steps, n, terms, bits, u, high, low)
-    predict(c, d, rows, outs, terms, bits, high, low, work, out)
-    doubt(c, d, 5 * terms, rows, outs, k, bits, head[5], head[10], high, low, work, out)
-    out[16] = distance(c, 5 * (terms + k), rows, n, high)
+    standardise(x, ids, feats, head, u, part, high, rest)
+    if head[12]:
+        multiply_fine(steps, n, terms, head[3], u, high, rest)
+    else:
+        multiply(steps, 5 + n, 5 + terms, head[11] - 13, part, high)
+    predict(c, d, rows, outs, head, part, high, rest, work, out)
+    doubt(c, d, 5 * terms, rows, outs, head, part, high, rest, work, out)
+    out[16] = distance(c, 5 * (terms + 5 + head[2]), rows, n, high)
 
 
 def verdict(x, ids, feats, limits, head, work, out):
@@ -297,7 +376,7 @@ def middle(lo, hi):
 
 
 def scaling(lo, hi, centre):
-    """Entries SHIFT and FACTOR of a feature: what takes x - centre into +-1 in Q28. Needs long integers."""
+    """Entries SHIFT and FACTOR of a feature: what takes x - centre into +-1 in Q28."""
     half = max(hi - centre, centre - lo, 1)
     shift = 0
     while half << shift <= 1 << 27:
@@ -305,7 +384,8 @@ def scaling(lo, hi, centre):
     while half > 1 << 28 - shift:
         shift -= 1
     size = half << shift if shift >= 0 else half >> -shift
-    return -shift, ((1 << 56) + (size >> 1)) // size
+    # the factor has 16 bits; +-1 is missed by 2^-9, so that no product of two reaches 1
+    return -shift, (1 << 28) * 16352 // size
 
 
 class Tables:
@@ -321,11 +401,13 @@ class Tables:
         self.outs = outs
         self.limits = limits
         self.head = head
-        n = head[N_TERMS]
-        self.u = array("i", bytearray(4 * n))
-        self.high = array("h", bytearray(2 * (n + OUTPUTS)))
-        self.low = array("h", bytearray(2 * (n + OUTPUTS)))
-        self.work = array("i", bytearray(4 * OUTPUTS))
+        n = head[N_TERMS] + OUTPUTS
+        fine = head[FINE]
+        self.u = array("i", bytearray(4 * head[N_TERMS if fine else N_FEATURES]))
+        self.part = array("i", bytearray(4 * (1 if fine else n)))
+        self.high = array("h", bytearray(2 * n))
+        self.rest = array("h", bytearray(2 * (n if fine else 1)))
+        self.work = array("i", bytearray(8 * OUTPUTS))
 
     def evaluate(self, x, out):
         """Estimate from the features x (array 'i', Q24, all of the firmware's) into out (OUT_SIZE integers).
@@ -334,6 +416,6 @@ class Tables:
         """
         compute(
             x, self.ids, self.feats, self.steps, self.c, self.d, self.rows, self.outs, self.head,
-            self.u, self.high, self.low, self.work, out,
+            self.u, self.part, self.high, self.rest, self.work, out,
         )  # fmt: skip
         return verdict(x, self.ids, self.feats, self.limits, self.head, self.work, out)

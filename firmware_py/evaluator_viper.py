@@ -14,30 +14,30 @@ from firmware_py import evaluator
 
 
 @micropython.viper
-def dot(c: ptr16, d, at: int, high: ptr16, low: ptr16, first: int, n: int, bits: int) -> int:
-    """See evaluator.dot."""
-    a = 0
-    b = 0
-    n += first
-    if bits <= 8:
-        bytes_ = ptr8(d)
-        while first < n:
-            x = (c[at] ^ 0x8000) - 0x8000
-            h = (high[first] ^ 0x8000) - 0x8000
-            a += x * h
-            b += x * low[first] + ((bytes_[at] ^ 0x80) - 0x80) * h
-            at += 1
-            first += 1
-    else:
-        words = ptr16(d)
-        while first < n:
-            x = (c[at] ^ 0x8000) - 0x8000
-            h = (high[first] ^ 0x8000) - 0x8000
-            a += x * h
-            b += x * low[first] + ((words[at] ^ 0x8000) - 0x8000) * h
-            at += 1
-            first += 1
-    return a + (b >> bits)
+def sums(
+    c: ptr16, d: ptr16, at: int, part: ptr32, high: ptr16, rest: ptr16, first: int, last: int, cut: int,
+    fine: int, down: int, work: ptr32,
+):  # fmt: skip
+    """See evaluator.sums; one output after the other, since registers are few."""
+    j = 0
+    while j < 5:
+        a = 0
+        b = 0
+        i = at + j
+        k = first
+        while k < last:
+            x = (c[i] ^ 0x8000) - 0x8000
+            h = (high[k] ^ 0x8000) - 0x8000
+            b += ((d[i] ^ 0x8000) - 0x8000) * h
+            if fine:
+                a += x * h
+                b += x * rest[k]
+            else:
+                a += x * part[k]
+            i += 5
+            k += 1
+        work[j] += (a + (b >> cut)) >> down
+        j += 1
 
 
 @micropython.viper
@@ -53,8 +53,23 @@ def dot_high(c: ptr16, at: int, high: ptr16, first: int, n: int) -> int:
 
 
 @micropython.viper
-def multiply(steps: ptr8, n: int, terms: int, bits: int, u: ptr32, high: ptr16, low: ptr16):
+def multiply(steps: ptr8, first: int, last: int, cut: int, part: ptr32, high: ptr16):
     """See evaluator.multiply."""
+    at = 0
+    k = first
+    while k < last:
+        v = part[steps[at] + 5]
+        w = part[steps[at + 1] + 5]
+        v = (v * (w >> 10) + (v * (w & 1023) >> 10)) >> (cut + 3)
+        part[k] = v
+        high[k] = v >> cut
+        at += 2
+        k += 1
+
+
+@micropython.viper
+def multiply_fine(steps: ptr8, n: int, terms: int, bits: int, u: ptr32, high: ptr16, rest: ptr16):
+    """See evaluator.multiply_fine."""
     at = 0
     k = 5 + n
     mask = (1 << bits) - 1
@@ -65,12 +80,10 @@ def multiply(steps: ptr8, n: int, terms: int, bits: int, u: ptr32, high: ptr16, 
         w = u[steps[at + 1]]
         a = v >> 14
         b = w >> 14
-        v &= 16383
-        w &= 16383
-        v = a * b + ((a * w + v * b + (v * w >> 14)) >> 14)
+        v = a * b + ((a * (w & 16383) + b * (v & 16383)) >> 14)
         u[i] = v
         high[k] = v >> 15
-        low[k] = (v >> down) & mask
+        rest[k] = (v >> down) & mask
         at += 2
         k += 1
         i += 1
@@ -78,6 +91,7 @@ def multiply(steps: ptr8, n: int, terms: int, bits: int, u: ptr32, high: ptr16, 
 
 def install():
     """Put them in the place of the plain loops."""
-    evaluator.dot = dot
+    evaluator.sums = sums
     evaluator.dot_high = dot_high
     evaluator.multiply = multiply
+    evaluator.multiply_fine = multiply_fine

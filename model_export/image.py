@@ -88,19 +88,26 @@ def packed(words: list[int], bits: int) -> bytes:
 
 def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None) -> dict[int, bytes]:
     n = tables.head[0]
-    words, fine = tables.c.tolist(), len(tables.d)
+    low = tables.head[evaluator.LOW_BITS]
+    words = [(c << low) + d for c, d in zip(tables.c, tables.d)]
+    coarse = tables.c[len(words) :].tolist()
+    parts = (words[: 5 * tables.head[evaluator.N_TERMS]], words[5 * tables.head[evaluator.N_TERMS] :])
+    sizes = [max((w ^ (w >> 31)).bit_length() for w in part) + 1 for part in parts]
+    ends = [end - evaluator.OUTPUTS for end in tables.head[evaluator.HEAD :]]
     info = ",".join(spec.features) + "\n1e-6 " + ",".join(unit for _, unit in OUTPUTS)
     feats = [tables.feats[7 * i + k] for i in range(n) for k in (0, 1, 2, 5, 6)]
     row = evaluator.OUTPUT_ROW
     outs = [tables.outs[row * j + k] for j in range(evaluator.OUTPUTS) for k in (1, 2, 5, 6, 7, 8)]
     rows = tables.rows.tolist()
     return {
-        fw.NUMBERS: struct.pack("<3i4H3B", *(tables.head[k] for k in (5, 6, 7, 1, 2, 8, 10, 0, 3, 9))),
+        fw.NUMBERS: struct.pack(
+            "<3i4H7B", *(tables.head[k] for k in (5, 6, 7, 1, 2, 8, 10, 0, 3, 9, 11, 13)), *sizes
+        ),
         fw.IDS: bytes(tables.ids),
         fw.FEATURES: struct.pack(f"<{len(feats)}i", *feats),
         fw.STEPS: bytes(tables.steps).removeprefix(fw.all_pairs(n)),
-        fw.HIGH: packed(words[:fine], 16) + packed(words[fine:], fw.DISTANCE_BITS),
-        fw.LOW: packed(tables.d.tolist(), tables.head[3]),
+        fw.WORDS: packed(parts[0], sizes[0]) + packed(parts[1], sizes[1]) + packed(coarse, fw.DISTANCE_BITS),
+        fw.GROUPS: struct.pack(f"<{len(ends)}H", *ends),
         fw.ROWS: struct.pack(f"<{len(rows) // 2}i{len(rows) // 2}b", *rows[::2], *rows[1::2]),
         fw.OUTPUTS: struct.pack(f"<{len(outs)}i", *outs),
         fw.LIMITS: tables.limits.tobytes(),

@@ -77,26 +77,36 @@ def _halves(n, step):
 
 
 def _terms(fast):
-    high = _halves(40, 2741)
     c = _halves(40, 1009)
-    small = array("b", bytes(40))
-    low = _halves(40, 0)
-    for i in range(40):
-        small[i] = (i * 37 & 255) - 128
-        low[i] = i * 83 & 255
-    plain = evaluator.dot(c, small, 1, high, low, 2, 30, 8) + evaluator.dot(c, c, 1, high, low, 2, 30, 12)
-    if fast.dot(c, small, 1, high, low, 2, 30, 8) + fast.dot(c, c, 1, high, low, 2, 30, 12) != plain:
-        return False
-    if fast.dot_high(c, 1, high, 2, 30) != evaluator.dot_high(c, 1, high, 2, 30):
+    d = _halves(40, 37)
+    small = _halves(16, 2741)
+    rest = _halves(16, 0)
+    for i in range(16):
+        rest[i] = i * 83 & 255
+    part = array("i", (-30000, 29999, -1234, 7, -1, 0, 23456, 1))
+    mine = _numbers(5)
+    theirs = _numbers(5)
+    for fine in (0, 1):
+        evaluator.sums(c, d, 5, part, small, rest, 1, 7, 5, fine, 3, mine)
+        fast.sums(c, d, 5, part, small, rest, 1, 7, 5, fine, 3, theirs)
+    if mine != theirs or fast.dot_high(c, 1, small, 2, 12) != evaluator.dot_high(c, 1, small, 2, 12):
         return False
     steps = bytes((0, 1, 1, 1, 2, 0, 3, 2, 3, 3, 4, 1, 5, 4, 6, 7))
-    mine = array("i", (-200000000, 123456789, 268435455, 0, 0, 0, 0, 0, 0, 0, 0))
+    part = array("i", (0, 0, 0, 0, 0, -500000, 345678, 511111, 0, 0, 0, 0, 0, 0, 0, 0))
+    others = array("i", part)
+    high = _halves(16, 0)
+    other_high = _halves(16, 0)
+    evaluator.multiply(steps, 8, 16, 7, part, high)
+    fast.multiply(steps, 8, 16, 7, others, other_high)
+    if part != others or high != other_high:
+        return False
+    mine = array("i", (-200000000, 123456789, 268000000, 0, 0, 0, 0, 0, 0, 0, 0))
     theirs = array("i", mine)
-    other_high = _halves(40, 2741)
-    other_low = _halves(40, 0)
-    evaluator.multiply(steps, 3, 11, 8, mine, high, low)
-    fast.multiply(steps, 3, 11, 8, theirs, other_high, other_low)
-    return mine == theirs and high == other_high and low[8:16] == other_low[8:16]
+    other_rest = _halves(16, 0)
+    rest = _halves(16, 0)
+    evaluator.multiply_fine(steps, 3, 11, 8, mine, high, rest)
+    fast.multiply_fine(steps, 3, 11, 8, theirs, other_high, other_rest)
+    return mine == theirs and high == other_high and rest == other_rest
 
 
 def _model():

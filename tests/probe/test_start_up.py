@@ -83,9 +83,9 @@ def test_a_port_without_one_keeps_the_plain_loops(clean):
     script = """
 from firmware_py import bins, evaluator, cobs
 from firmware_py.boards import machine_code
-before = bins.put_cells, evaluator.dot, cobs.encode
+before = bins.put_cells, evaluator.sums, cobs.encode
 print(machine_code.install())
-print(before == (bins.put_cells, evaluator.dot, cobs.encode))
+print(before == (bins.put_cells, evaluator.sums, cobs.encode))
 """
     said = run_micropython(script).splitlines()
     assert said[0].startswith("machine code: none; the rest in plain loops (SyntaxError")
@@ -99,8 +99,9 @@ print(before == (bins.put_cells, evaluator.dot, cobs.encode))
         ("firmware_py.hot_viper", "* gain[i] >> 9", "* gain[i] >> 8", "link, model"),
         ("firmware_py.hot_viper", "s = (s << 2)", "s = (s << 1)", "link, model"),
         ("firmware_py.hot_viper", "(4096 - v) * level[k]", "(4095 - v) * level[k]", "link, model"),
-        ("firmware_py.evaluator_viper", "((bytes_[at] ^ 0x80) - 0x80)", "bytes_[at]", "link, frames"),
-        ("firmware_py.evaluator_viper", "(v * w >> 14)", "(v * w >> 13)", "link, frames"),
+        ("firmware_py.evaluator_viper", "((d[i] ^ 0x8000) - 0x8000)", "d[i]", "link, frames"),
+        ("firmware_py.evaluator_viper", "(w & 1023) >> 10", "(w & 1023) >> 9", "link, frames"),
+        ("firmware_py.evaluator_viper", "b * (v & 16383)", "b * (v & 16382)", "link, frames"),
         ("firmware_py.boards.fast_link", "code == 255", "code == 254", "frames, model"),
     ],
 )
