@@ -79,6 +79,7 @@ class Numbers:
             out[name] = lambda k=k: of_rich(self.field().tables()[k])  # type: ignore[misc]
         for name in (*STUDIES, TISSUE_STUDY.name):
             out[f"study-{name}"] = lambda name=name: self._study(name)  # type: ignore[misc]
+        out["tissue-fit"] = self._tissue_fit
         return out
 
     def _transforms(self) -> str:
@@ -88,6 +89,10 @@ class Numbers:
 
     def _permutation(self) -> str:
         return markdown(("target", "P"), [[k, f"{p:.2f}"] for k, p in self.thesis().permutation.items()])
+
+    def _tissue_fit(self) -> str:
+        strokes = prepare(self.field_dir / "soft-fat", 512, tissue={"fat_kPa": 7.0}, watch=tell)
+        return of_rich(fit_field(strokes, levels=(), recipes=(), watch=tell).tables()[0])
 
     def _study(self, name: str) -> str:
         study = STUDIES.get(name, TISSUE_STUDY)

@@ -25,10 +25,10 @@ CROSS_FOLDS = 8
 
 Fit = Callable[[Floats, Floats, NDArray[np.int64]], Callable[[Floats], Floats]]
 
-WORST_GROUP = 0.89
+WORST_GROUP = 0.885
 """Share of each group of calibration lumps that the intervals should cover."""
 
-MOST = 0.915
+MOST = 0.9075
 """The quantile is not taken above this for the sake of a group."""
 
 _STRENGTHS = 10.0 ** np.arange(-4.0, 1.0, 0.5)

@@ -16,6 +16,11 @@ from numpy.typing import NDArray
 from host.features import Floats
 
 SHRINKAGE = 1e-3
+ROOM = 0.05
+WIDER = 1.2
+"""Box and squared distance are wider than what was seen by this share of the box, and by this factor: new
+lumps in the ranges' corners are always a little beyond the old ones."""
+
 LARGEST_MARGIN = 3.9
 """In half-widths; `model_export.check` refuses 4."""
 
@@ -57,7 +62,7 @@ class DomainCheck:
 
 
 def fit_domain(features: Floats, z: Floats, outputs: int = 5, share_out: float = 0.025) -> DomainCheck:
-    """Box and distance that leave out about `share_out` of strokes like these; ranges without ends.
+    """Box and distance that leave out at most about `share_out` of strokes like these; ranges without ends.
 
     Parameters
     ----------
@@ -72,10 +77,10 @@ def fit_domain(features: Floats, z: Floats, outputs: int = 5, share_out: float =
     precision: Floats = np.linalg.inv(covariance).astype(np.float64)
     tail = share_out / 2 / (2 * z.shape[1])
     lo, hi = np.quantile(features, [tail, 1 - tail], axis=0)
-    room = 0.01 * (hi - lo)
+    room = ROOM * (hi - lo)
     endless = np.full(outputs, np.inf)
     check = DomainCheck(lo - room, hi + room, centre, precision, np.inf, -endless, endless)
-    return replace(check, threshold=float(np.quantile(check.distance(z), 1 - share_out / 2)))
+    return replace(check, threshold=WIDER * float(np.quantile(check.distance(z), 1 - share_out / 2)))
 
 
 def with_ranges(

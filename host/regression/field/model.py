@@ -46,7 +46,7 @@ HIGHEST = (140.0, 65.0, 28.0, 2.4, 0.9)
 """Where estimates are held: wider, so that a lump beyond the range is seen to be."""
 
 FLAGGED_INSIDE = 0.022
-UNFAMILIAR_INSIDE = 0.004
+UNFAMILIAR_INSIDE = 0.002
 """Shares of calibration strokes out of the domain: in all, and by their features alone."""
 
 NEAR_THE_BORDER, FEWEST_ON_A_SIDE = 0.1, 50
@@ -182,10 +182,21 @@ def fit_field_model(
     widths = calibrate(sigma_terms, sigma, z, guesses, truth, hard, groups=quarters(from_link(truth)))
     domain = fit_domain(both, z, share_out=UNFAMILIAR_INSIDE)
     half = widths.half(z, guesses, hard)
-    seen = domain.familiar(both, z)
-    domain = with_ranges(domain, *_links(RANGE_LO, RANGE_HI), seen, guesses, half, FLAGGED_INSIDE)
+    groups = np.concatenate([train.group[:within], calibration.group])
+    familiar = familiar_unseen(model, both, groups)
+    domain = with_ranges(domain, *_links(RANGE_LO, RANGE_HI), familiar, guesses, half, FLAGGED_INSIDE)
     step("models fitted")
     return FieldModel(recipe, model, widths, domain, least_amp_share, border)
+
+
+def familiar_unseen(model: Polynomial, X: Floats, groups: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """What box and distance say of each stroke if they have not seen its lump; of those seen, too good."""
+
+    def fit(x: Floats, _: Floats, __: NDArray[np.int64]) -> Callable[[Floats], Floats]:
+        check = fit_domain(x, model.standard(x), share_out=UNFAMILIAR_INSIDE)
+        return lambda fresh: check.familiar(fresh, model.standard(fresh))[:, None].astype(float)
+
+    return out_of_fold(X, np.ones((len(X), 1)), groups, fit)[:, 0] > 0.5
 
 
 def even_odds(estimate: Floats, hard: NDArray[np.bool_]) -> float:
