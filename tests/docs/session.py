@@ -107,7 +107,9 @@ class Session:
             "PALPATE_HTTP_PORT": "0",
             "COLUMNS": "110",
             "NO_COLOR": "1",
-            "PYTHONPATH": "",
+            # As in a clone, from where they are: through the links they would be compiled anew for each page.
+            "PYTHONPATH": str(ROOT),
+            "PYTHONSAFEPATH": "1",
         }
         self._shell: Interpreter | None = None
         self._python: Interpreter | None = None
