@@ -39,7 +39,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 def cannot_write(path: Path, error: OSError) -> PalpateError:
     """The sentence for a file that could not be written."""
-    if error.errno == errno.ENOSPC:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return DiskFull(f"the disk is full: {path} was not written; make room and try again")
     return PalpateError(f"{path} cannot be written: {(error.strerror or str(error)).lower()}")
 

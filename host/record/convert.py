@@ -16,6 +16,7 @@ from host.errors import MissingExtra
 from host.files import by_suffix, whole_file
 from host.link.events import Estimate, Frame
 from host.link.probe import Probe
+from host.record.patient_file import PatientFile
 from host.record.reader import Recording
 
 BATCH = 1000
@@ -165,7 +166,7 @@ def _to_csv(recording: Path, out: Path) -> Converted:
             self.stream.close()
             pd.DataFrame([_flat(e) for e in estimates]).to_csv(beside, index=False)
 
-    with whole_file(out) as path, whole_file(_beside(out)) as beside:
+    with whole_file(_beside(out)) as beside, whole_file(out) as path:
         counts = _pump(recording, Csv(path))
     return Converted([out, _beside(out)], *counts)
 
@@ -179,23 +180,26 @@ def _to_parquet(recording: Path, out: Path) -> Converted:
     schema = pa.schema([*numbers, *places, ("pressure_kPa", pa.list_(pa.float32(), len(CELLS)))])
 
     class Parquet:
-        def __init__(self, path: Path) -> None:
+        def __init__(self, stream: PatientFile) -> None:
             about = {f"palpate.{k}": v for k, v in session.items()}
-            self.writer = pq.ParquetWriter(path, schema.with_metadata(about), compression="zstd")
+            self.stream = stream
+            self.writer = pq.ParquetWriter(stream, schema.with_metadata(about), compression="zstd")
 
         def frames(self, batch: Batch) -> None:
             flat = pa.array(batch["pressure_kPa"].reshape(-1))
             columns = [pa.array(batch[name]) for name in schema.names[:-1]]
             columns.append(pa.FixedSizeListArray.from_arrays(flat, len(CELLS)))
             self.writer.write_table(pa.Table.from_arrays(columns, schema=self.writer.schema))
+            self.stream.check()
 
         def finish(self, estimates: list[dict[str, Any]], about: dict[str, str]) -> None:
             self.writer.close()
+            self.stream.check()
             pq.write_table(pa.Table.from_pylist([_flat(e) for e in estimates]), beside, compression="zstd")
 
     session = Recording(recording).metadata().get("session", {})
-    with whole_file(out) as path, whole_file(_beside(out)) as beside:
-        counts = _pump(recording, Parquet(path))
+    with whole_file(_beside(out)) as beside, whole_file(out) as path, PatientFile(path) as stream:
+        counts = _pump(recording, Parquet(stream))
     return Converted([out, _beside(out)], *counts)
 
 
@@ -206,8 +210,8 @@ def _to_hdf5(recording: Path, out: Path) -> Converted:
         raise MissingExtra("h5py", "hdf5", "writing HDF5") from None
 
     class Hdf5:
-        def __init__(self, file: Any) -> None:
-            self.file = file
+        def __init__(self, file: Any, stream: PatientFile) -> None:
+            self.file, self.stream = file, stream
             self.group = file.create_group("frames")
 
         def frames(self, batch: Batch) -> None:
@@ -221,6 +225,8 @@ def _to_hdf5(recording: Path, out: Path) -> Converted:
                 dataset = self.group[name]
                 dataset.resize(len(dataset) + len(column), axis=0)
                 dataset[-len(column) :] = column
+            self.file.flush()
+            self.stream.check()
 
         def finish(self, estimates: list[dict[str, Any]], about: dict[str, str]) -> None:
             self.file.attrs.update(about)
@@ -231,6 +237,8 @@ def _to_hdf5(recording: Path, out: Path) -> Converted:
                 text = isinstance(column[0], str)
                 group.create_dataset(name, data=column, dtype=h5py.string_dtype() if text else None)
 
-    with whole_file(out) as path, h5py.File(path, "w") as file:
-        counts = _pump(recording, Hdf5(file))
+    with whole_file(out) as path, PatientFile(path) as stream:
+        with h5py.File(stream, "w") as file:
+            counts = _pump(recording, Hdf5(file, stream))
+        stream.check()
     return Converted([out], *counts)

@@ -22,7 +22,7 @@ from host.record.convert import convert
 from host.record.reader import Recording
 from host.record.writer import RecordingWriter
 from tests.host import wires
-from tests.host.conftest import connect
+from tests.host.conftest import connect, start_palpate
 
 WRITER = """
 import sys, time
@@ -201,6 +201,23 @@ def test_all_formats_hold_the_same_table(tmp_path):
     assert parquet["lost_before"].sum() == csv["lost_before"].sum() == 1
     beside = pd.read_csv(tmp_path / "t.estimates.csv")
     assert beside["d_mm"].tolist() == [7.0, 7.0] and beside["hardness"].tolist() == ["hard", "hard"]
+
+
+@pytest.mark.parametrize("suffix", ["parquet", "csv", "h5"])
+def test_a_disk_that_fills_while_converting_is_said_and_leaves_nothing(tmp_path, suffix):
+    path, out = tmp_path / "long.mcap", tmp_path / "out" / f"long.{suffix}"
+    out.parent.mkdir()
+    rng = np.random.default_rng(4)
+    record(path, wires.identified() + b"".join(wires.frame(k, rng=rng) for k in range(2100)))
+    small = (300_000, 300_000)
+    with start_palpate(
+        "convert", path, out, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, small)
+    ) as run:
+        _, err = run.communicate(timeout=60)
+    assert run.returncode == 1
+    assert "Traceback" not in err
+    assert "the disk is full" in err.strip().splitlines()[-1]
+    assert list(out.parent.iterdir()) == []
 
 
 def test_what_is_no_recording_and_what_cannot_be_written(tmp_path):
