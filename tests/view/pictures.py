@@ -29,8 +29,8 @@ STROKES, FRAMES = 5, 150
 def main(demo: Path) -> None:
     """Take all pictures."""
     expect.set_options(timeout=120_000)
-    before, calibration = strokes_over(FIRST, "typical", 5, FRAMES, STROKES)
-    after, _ = strokes_over(SECOND, "typical", 5, FRAMES, STROKES)
+    before, calibration = strokes_over(FIRST, "typical", 5, FRAMES, STROKES, steady=True)
+    after, _ = strokes_over(SECOND, "typical", 5, FRAMES, STROKES, steady=True)
     key = (demo / "key" / "public.key").read_bytes()
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -97,13 +97,16 @@ def _replay(page: Page) -> None:
     expect(page.locator("#ticks .stroke").nth(3)).to_be_attached()
     page.keyboard.press("Space")
     page.locator("#stroke-2").click()
+    expect(page.locator("#scrub")).to_be_visible()
     expect(page.locator("#estimate-which")).to_contain_text("stroke 2,")
+    page.mouse.move(1, 1)
     page.wait_for_timeout(500)
     page.screenshot(path=PICTURES / "viewer-replay.png")
 
 
 def _report(browser: Browser, path: Path) -> None:
     page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page.emulate_media(reduced_motion="reduce")  # scrolls at once
     page.goto(path.resolve().as_uri())
     page.wait_for_timeout(1500)
     page.evaluate("document.getElementById('figure_8').scrollIntoView()")

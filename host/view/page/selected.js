@@ -41,7 +41,7 @@ export class Selected {
     this.picked = stroke;
     this.history.mark(number);
     this.get("back-live").hidden = false;
-    this.get("back-live").textContent = document.body.dataset.mode === "live" ? "Back to live (Esc)" : "Back to the replay (Esc)";
+    this.get("back-live").textContent = document.body.dataset.mode === "live" ? "Back to live (Esc)" : "Back (Esc)";
     this.charts.show(stroke);
     this.card(stroke);
     this.images = unpackImages(stroke.images);
