@@ -171,10 +171,9 @@ def sums(c, d, at, part, high, rest, first, last, cut, fine, down, work):
 def dot_high(c, at, high, first, n):
     """One sum with high parts alone, good to 1e-3 of the largest coefficient."""
     a = 0
-    for _ in range(n):
-        a += c[at] * high[first]
+    for k in range(first, first + n):
+        a += c[at] * high[k]
         at += 1
-        first += 1
     return a
 
 
@@ -211,7 +210,9 @@ def standardise(x, ids, feats, head, u, part, high, rest):
     """The features as u, within +-1 over the clip box."""
     at = 0
     for i in range(head[0]):
-        v = scaled(clip(x[ids[i]], feats[at], feats[at + 1]) - feats[at + 2], feats[at + 3])
+        v = clip(x[ids[i]], feats[at], feats[at + 1]) - feats[at + 2]
+        w = feats[at + 3]
+        v = v << -w if w < 0 else v >> w
         w = feats[at + 4]
         v = (v >> 14) * w + ((v & 16383) * w >> 14)
         u[i] = v
@@ -265,8 +266,9 @@ def predict(c, d, rows, outs, head, part, high, rest, work, out):
         first = last
     at = 0
     for j in range(5):
-        v = scaled(work[j], rows[2 * j + 1]) + rows[2 * j]
-        v = clip(v, outs[at + 1], outs[at + 2])
+        v = work[j]
+        s = rows[2 * j + 1]
+        v = clip((v >> s if s > 0 else scaled(v, s)) + rows[2 * j], outs[at + 1], outs[at + 2])
         work[5 + j] = v
         out[3 * j] = value(v, outs[at])
         put(scaled(v - outs[at + 3], outs[at + 4]), j, head, part, high, rest)
@@ -284,8 +286,9 @@ def doubt(c, d, at, rows, outs, head, part, high, rest, work, out):
     at = 0
     e = out[12]
     for j in range(5):
-        v = scaled(work[j], rows[2 * j + 11]) + rows[2 * j + 10]
-        v = clip(v, _MIN_LN_WIDTH, _MAX_LN_WIDTH)
+        v = work[j]
+        s = rows[2 * j + 11]
+        v = clip((v >> s if s > 0 else scaled(v, s)) + rows[2 * j + 10], _MIN_LN_WIDTH, _MAX_LN_WIDTH)
         v = width(v + pick(e, head[5], outs[at + 6], outs[at + 5]))
         y = work[5 + j]
         out[3 * j + 1] = value(clip(y - v, outs[at + 1], outs[at + 2]), outs[at])
@@ -301,8 +304,9 @@ def distance(c, at, rows, n, high):
     total = 0
     row = 20
     for i in range(n):
-        v = scaled(dot_high(c, at, high, 5, i + 1), rows[row + 1]) + rows[row]
-        v = clip(v, -16384, 16384)
+        v = dot_high(c, at, high, 5, i + 1)
+        s = rows[row + 1]
+        v = clip((v >> s if s > 0 else scaled(v, s)) + rows[row], -16384, 16384)
         total += v * v >> 3
         at += i + 1
         row += 2

@@ -49,7 +49,7 @@ _POWERS = {powers}
 
 
 def _exp(v, s):
-    """exp(v / 2^24) in Q(24 - s)."""
+    """exp(v / 2^24) in Q(24 - s); v is held to where that is a number of 30 bits."""
     k = v // 181704
     v -= k * 181704 + (k * 3 >> 3)
     m = _POWERS[k & 63]
@@ -58,8 +58,8 @@ def _exp(v, s):
     m += (m >> 10) * (v >> 3) >> 11
     s -= k >> 6
     if s > 0:
-        return m + (1 << s - 1) >> s if s < 31 else 0
-    return m << -s if s > -5 else 0x3FFFFFFF
+        return m + (1 << s - 1) >> s
+    return m << -s
 
 
 def _millionths(v):

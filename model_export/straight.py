@@ -117,8 +117,8 @@ class _Writer:
     def _feature(self, i: int) -> Iterator[str]:
         lo, hi, centre, shift, factor = self.t.feats[7 * i : 7 * i + 5]
         assert max(hi - centre, centre - lo) << max(-shift, 0) <= _CLIP  # the evaluator would hold it there
-        yield f"    v = features[{self.places[self.t.ids[i]]}]  # {self.spec.features[i]}"
-        moved = f"(({_clipped('v', lo, hi)}) - {centre})"
+        yield f"    x{i} = features[{self.places[self.t.ids[i]]}]  # {self.spec.features[i]}"
+        moved = f"(({_clipped(f'x{i}', lo, hi)}) - {centre})"
         yield f"    v = {_shifted(moved, shift)}"
         yield f"    u = (v >> 14) * {factor} + ((v & 16383) * {factor} >> 14)"
         if self._halved(i) and self.fine:
@@ -171,7 +171,7 @@ class _Writer:
         if shift <= 0:
             lines.append(f"    v = {_clipped('v', -most, most)}")
         if shift or intercept:
-            lines.append(f"    v = {_shifted('v', shift)} + {intercept}")
+            lines.append(f"    v = {_shifted('v', shift)}" + (f" + {intercept}" if intercept else ""))
         return lines
 
     def _output(self, j: int, whole: bool) -> Iterator[str]:
@@ -232,7 +232,10 @@ class _Writer:
             words = _terms(self.t.c[at : at + i + 1], [f"q{k}" for k in range(i + 1)])
             yield from ["    v = (", *_wrapped(words, "        "), "    )"]
             yield from self._scaled(10 + i)
-            yield f"    v = {_clipped('v', -16384, 16384)}"
+            intercept, shift = self.t.rows[20 + 2 * i : 22 + 2 * i]
+            most = sum(abs(c) for c in self.t.c[at : at + i + 1]) << 13
+            if shift < 0 or (most >> shift) + abs(intercept) >= 16384:
+                yield f"    v = {_clipped('v', -16384, 16384)}"
             yield "    total += v * v >> 3"
             at += i + 1
         yield f"    out[{ev.DISTANCE}] = (total >> 11) * 1000 >> 10"
@@ -245,13 +248,15 @@ class _Writer:
         yield "    # the domain's box"
         for i in range(self.n):
             lo, hi = self.t.feats[7 * i + 5 : 7 * i + 7]
-            place = self.places[self.t.ids[i]]
-            yield f"    if features[{place}] < {lo} or features[{place}] > {hi}:  # {self.spec.features[i]}"
+            yield f"    if x{i} < {lo} or x{i} > {hi}:  # {self.spec.features[i]}"
             yield "        inside = False"
         yield f"    flags = {ev.IN_DOMAIN} if inside else 0"
         conditions = []
         for ident, lo, hi in zip(*(iter(self.t.limits),) * 3, strict=True):
-            conditions.append(f"{lo} <= features[{self.places[ident]}] <= {hi}")
+            low = f"{lo} <= " if lo > -compiler.NO_LIMIT else ""
+            high = f" <= {hi}" if hi < compiler.NO_LIMIT else ""
+            if low or high:
+                conditions.append(f"{low}features[{self.places[ident]}]{high}")
         if conditions:
             yield "    # the lump rule"
             yield f"    if not ({' and '.join(conditions)}):"
