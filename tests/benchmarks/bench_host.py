@@ -167,28 +167,34 @@ def latency(runtime: str, listen: str, strokes: int = 5) -> None:
     )
 
 
-def line(what: str, per_s: float, more: str = "") -> None:
-    print(f"  {what:38} {per_s:9.0f} {more}")
+def row(what: str, per_s: float, more: str = "") -> None:
+    print(f"| {what} | {per_s:,.0f} | {more} |", flush=True)
 
 
 def main() -> None:
+    """Print the table of docs/commands.md, and the latencies."""
     data = wire_of(N)
     with tempfile.TemporaryDirectory() as folder:
         path, wire_bytes = Path(folder) / "bench.mcap", len(wires.frame(1000))
-        print(f"ingest: frames of {messages.CELLS} cells per CPU second on one core (target: over 5000)")
-        line("parse", rate(lambda: parse(data)), f"{wire_bytes} bytes a frame on the wire")
-        line("parse, through a pseudo-terminal", rate(lambda: through_a_terminal(data)))
-        line("parse, decode to kPa", rate(lambda: parse_and_decode(data)))
+        print(f"frames of {messages.CELLS} cells per CPU second on one core\n")
+        print("| | frames/s | |\n|---|---|---|")
+        parsed = rate(lambda: parse(data))
+        row("parse (COBS, CRC-32, sequence numbers)", parsed, f"{wire_bytes} bytes a frame on the wire")
+        row("parse, from a pseudo-terminal", rate(lambda: through_a_terminal(data)))
+        row("parse, decode to kPa", rate(lambda: parse_and_decode(data)))
         recorded = rate(lambda: parse_decode_and_record(data, path))
-        line("parse, decode, record (MCAP)", recorded, f"{path.stat().st_size / N:.0f} bytes a frame on disk")
+        on_disk = f"target: over 5000; {path.stat().st_size / N / 1000:.1f} kB a frame on disk"
+        row("parse, decode, record", recorded, on_disk)
         again = rate(lambda: play(path))
-        line("play the recording back", again, f"{again / LIFE:.0f} times life at {LIFE:g} frames/s")
-        line("convert to Parquet", rate(lambda: convert(path, Path(folder) / "bench.parquet").frames))
+        row("play a recording back", again, f"{again / LIFE:.0f} times life at {LIFE:g} frames/s")
+        row("convert to Parquet", rate(lambda: convert(path, Path(folder) / "bench.parquet").frames))
         packet, work = fixed_struct(N)
-        line("beside: fixed struct, no resync", rate(work), f"{len(packet)} bytes a frame on the wire")
+        row(
+            "beside: fixed struct, no resynchronising", rate(work), f"{len(packet)} bytes a frame on the wire"
+        )
         text, work = text_lines(N // 10, Path(folder) / "bench.csv")
-        line("beside: text, readline, CSV", rate(work), f"{len(text)} bytes a frame on the wire")
-    print("latency")
+        row("beside: text lines, `readline`, CSV", rate(work), f"{len(text)} bytes a frame on the wire")
+    print()
     for runtime, listen in (("cpython", "pty"), ("micropython", "pty"), ("micropython", "tcp:127.0.0.1:0")):
         latency(runtime, listen)
 

@@ -7,7 +7,6 @@ on the probe; and what a compressed frame would save and cost.
 
 from __future__ import annotations
 
-import json
 import os
 import select
 import struct
@@ -196,18 +195,43 @@ def costs() -> dict:
     return dict(zip(names, map(int, said), strict=True))
 
 
-def run(seconds: float = 5.0) -> dict:
-    """Everything, as one dictionary."""
-    return {
-        "overhead": overhead(),
-        "streams": [stream(runtime, baud, seconds) for baud in (BAUD, 0) for runtime in RUNTIMES],
-        "latency": [latency(runtime) for runtime in RUNTIMES],
-        "costs_on_micropython": costs(),
-    }
+NAMES = {"cpython": "CPython firmware", "micropython": "MicroPython/WASM firmware"}
+COST_NAMES = {
+    "crc_us": "checksum",
+    "cobs_us": "stuffing",
+    "stroke_state_us": "watching the stroke",
+    "pipeline_us": "the pipeline's share of a frame",
+    "rice_us": "delta and Rice coding",
+}
 
 
-def main() -> None:
-    print(json.dumps(run(), indent=2))
+def main(seconds: float = 5.0) -> None:
+    """Print the tables of docs/protocol.md."""
+    size = overhead()
+    print("| | 921,600 baud, paced | pseudo-terminal, unpaced |\n|---|---|---|")
+    for runtime in RUNTIMES:
+        paced, free = stream(runtime, BAUD, seconds), stream(runtime, 0, seconds)
+        assert paced["bad_packets"] == free["bad_packets"] == 0
+        share = f"{100 * paced['wire_share']:.1f} % of the wire"
+        print(
+            f"| {NAMES[runtime]} | {paced['frames_per_s']} frames/s, {share} "
+            f"| {free['frames_per_s']:.0f} frames/s |"
+        )
+    print("\n| a frame as | bytes | frames/s at 921,600 baud |\n|---|---|---|")
+    print(f"| a packet | {size['bytes_a_frame']:.1f} | {size['frames_per_s_at_921600']:.0f} |")
+    print(f"| a line of text | {size['text_line_bytes']} | {size['text_frames_per_s_at_921600']:.0f} |")
+    print(f"| an unchecked struct | {size['struct_bytes']} | {size['struct_frames_per_s_at_921600']:.0f} |")
+    print(
+        f"\noverhead {size['overhead_percent']} %; all but the counts {size['all_but_counts_percent']} %"
+        "\n\n| on MicroPython/WASM, plain bytecode | us a frame |\n|---|---|"
+    )
+    spent = costs()
+    for name, words in COST_NAMES.items():
+        print(f"| {words} | {spent[name]} |")
+    print(f"\ndelta and Rice coding: {messages.PACKED} bytes become {spent['rice_bytes']}")
+    for runtime in RUNTIMES:
+        waited = latency(runtime)["last_frame_to_estimate_ms"]
+        print(f"{NAMES[runtime]}: {waited} ms from the last frame to the estimate")
 
 
 if __name__ == "__main__":
