@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import http.client
 import json
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
@@ -12,6 +14,9 @@ from hypothesis import strategies as st
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from host.cli import view
+from host.link.probe import Probe
+from host.view import commands
 from host.view.serve import Viewer
 from tests.view.synthetic import Bump, SyntheticSource
 
@@ -59,6 +64,11 @@ def test_the_page_is_served_on_localhost_with_headers_that_keep_other_sites_out(
     assert answer.status == 200 and b"Palpate" in body
     assert "default-src 'self'" in answer.headers["content-security-policy"]
     assert answer.headers["x-frame-options"] == "DENY"
+
+
+def test_other_machines_cannot_even_connect_unless_an_address_is_named(running):
+    assert running._socket.getsockname()[0] == "127.0.0.1"
+    assert next(o for o in view.command.params if o.name == "host").default == "127.0.0.1"
 
 
 def test_a_name_that_is_not_localhost_is_refused(running):
@@ -121,6 +131,21 @@ def test_there_is_no_command_that_reaches_the_probes_flash_or_settings(running):
     }  # fmt: skip
     for word in ("flash", "flash_begin", "set_setting", "calibrate", "__class__", "run"):
         assert "no command" in run_command(running, do=word)["text"]
+
+
+def test_no_line_of_the_viewer_names_a_way_to_the_probes_flash_settings_or_calibration():
+    """What a page's command could call at all: the link's methods that change the probe are not there."""
+    changes = {"command", "set_setting", "calibrate_zero", "calibrate_gain", "forget_calibration"}
+    assert changes <= set(dir(Probe)), "the link has other names for these now"
+    used = set()
+    for path in Path(commands.__file__).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Attribute):
+                used.add(node.attr)
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                used |= {node.module.rpartition(".")[2], *(name.name for name in node.names)}
+    assert "read_back" in used, "the viewer asks for the calibration, so what it calls is seen here"
+    assert not used & (changes | {"flash"})
 
 
 JSON = st.recursive(
