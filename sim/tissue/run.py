@@ -25,6 +25,7 @@ from sim.tissue.settings import Settings
 Floats = NDArray[np.float64]
 
 _HALVINGS = 6
+_LEAST_SHARE = 1e-3
 
 
 class Run:
@@ -41,6 +42,12 @@ class Run:
 
     def press(self, position: float, pressed: State | None) -> State:
         """The state at the first position, reached from `pressed` or from nothing by raising the force."""
+        state = self._press(position, pressed)
+        if self.tissue.smallest_jacobian(state.u) <= 0.0:  # a balance, but not one that tissue gets into
+            state = self._creep(self._unloaded(0.1), position, 0.0)
+        return state
+
+    def _press(self, position: float, pressed: State | None) -> State:
         if pressed is not None:
             return self._raise_force(pressed, position, self.case.F_N_per_m / 2)
         try:
@@ -62,16 +69,31 @@ class Run:
 
     def _raise_force(self, state: State, position: float, done: float) -> State:
         """Raise the force from `done`, in smaller steps where it does not converge."""
-        goal, failures = self.case.F_N_per_m, 0
+        start, begun, goal, failures = state, done, self.case.F_N_per_m, 0
         target = 0.35 * goal if done == 0.0 else goal
         while done < goal:
             try:
                 state, done = self.newton.solve(state, position, target, careful=failures > 0), target
                 target = goal
-            except NoConvergence as error:
+            except NoConvergence:
                 failures += 1
                 target = done + (target - done) / 3
                 if failures > _HALVINGS:
+                    return self._creep(start, position, begun)
+        return state
+
+    def _creep(self, state: State, position: float, done: float) -> State:
+        """Raise the force from `done` in steps that grow slowly: for faces so sharp that larger ones fail."""
+        goal = self.case.F_N_per_m
+        step = goal / 20
+        while done < goal:
+            target = min(done + step, goal)
+            try:
+                state, done = self.newton.solve(state, position, target, careful=True), target
+                step *= 1.5
+            except NoConvergence as error:
+                step /= 3
+                if step < _LEAST_SHARE * goal:
                     raise StrokeError(self.case.code, position, f"pressing, {error}") from None
         return state
 

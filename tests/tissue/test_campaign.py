@@ -1,15 +1,38 @@
-"""The long campaign: two thousand strokes over the widest ranges, not one wrong (`make test-long`)."""
+"""The long campaigns: thousands of strokes over the widest ranges, not one wrong (`make test-long`)."""
+
+import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from sim.tissue import WIDEST, load_strokes, sobol_cases, sweep
+from sim.tissue import WIDEST, Case, load_strokes, sobol_cases, sweep
+from sim.tissue.case import NONLINEAR_E_RATIO, NONLINEAR_STIFFENING
+
+
+def shaped_cases(n: int, seed: int) -> list[Case]:
+    """Over the same ranges: other faces and fillets, every third probe flat, every other lump nonlinear."""
+    rng = np.random.default_rng(seed)
+    cases = []
+    for i, case in enumerate(sobol_cases(n, seed, WIDEST)):
+        case = replace(
+            case, face_half_mm=float(rng.uniform(6, 11)), fillet_per_mm2=float(np.exp(rng.uniform(-3, -0.5)))
+        )
+        if i % 3 == 0:
+            case = replace(case, probe_radius_mm=math.inf)
+        if i % 2 == 0:
+            case = replace(case, E_ratio=NONLINEAR_E_RATIO, lump_stiffening=NONLINEAR_STIFFENING)
+        cases.append(case)
+    return cases
 
 
 @pytest.mark.long
 @pytest.mark.timeout(7200)
-def test_two_thousand_random_strokes_all_converge_and_none_is_wrong(tmp_path):
-    table = sweep(sobol_cases(2000, 5, WIDEST), out_dir=tmp_path)
+@pytest.mark.parametrize(
+    "cases", [sobol_cases(2000, 5, WIDEST), shaped_cases(400, 6)], ids=["round probes", "shapes, nonlinear"]
+)
+def test_random_strokes_all_converge_and_none_is_wrong(tmp_path, cases):
+    table = sweep(cases, out_dir=tmp_path)
     assert list(table.code[table.status != "ok"]) == []
     for stroke in load_strokes(tmp_path):
         assert np.abs(stroke.force_error).max() < 1e-6, stroke.code

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from host.features import tactile_map
 from sim.tissue import Case, Settings, Stroke, load_curve, simulate, simulate_forces
 
 FORCES = (0.2, 0.4, 0.6, 0.8, 1.0)
@@ -36,9 +37,8 @@ def power_law(force, strain):
 
 
 @functools.cache
-def strain_over_lump(E: float | None) -> np.ndarray:
-    case = Case.from_code("d10h08eNLf10") if E is None else replace(REFERENCE, E_ratio=E)
-    return np.array([s.strain[0] for s in load_curve(case, FORCES)])
+def strain_over_lump(E: float) -> np.ndarray:
+    return np.array([s.strain[0] for s in load_curve(replace(REFERENCE, E_ratio=E), FORCES)])
 
 
 def test_displacement_far_from_the_lump_does_not_know_its_stiffness():
@@ -63,9 +63,23 @@ def test_the_bump_is_linear_in_stiffness_to_minus_two_thirds():
 
 def test_without_a_lump_there_is_no_bump():
     stroke = of_stiffness(1.0)
-    traces = stroke.images_kPa[:, 2:-2]
-    assert np.abs(traces - traces.mean(0)).max() < 1e-3 * stroke.images_kPa.mean()
-    assert abs(height_of_bump(stroke)) < 1e-4 * stroke.images_kPa.mean()
+    base = stroke.images_kPa.mean()
+    _, pressure = tactile_map(stroke)
+    assert np.ptp(pressure) < 1e-4 * base
+    assert abs(height_of_bump(stroke)) < 1e-4 * base
+
+
+def test_what_is_left_of_the_traces_without_a_lump_comes_from_the_sides_of_the_tissue():
+    near = traces_vary(Settings())
+    assert near < 1.2e-4
+    assert traces_vary(Settings(hx_mm=1.0)) == pytest.approx(near, rel=0.1)  # it is not the mesh
+    assert traces_vary(Settings(left_mm=-240.0, right_mm=240.0)) < near / 4
+
+
+def traces_vary(settings: Settings) -> float:
+    """Largest change along the traces of the inner twelve sensors without a lump, over the base."""
+    images = simulate(replace(REFERENCE, E_ratio=1.0), settings).images_kPa
+    return float(np.abs(images - images.mean(0))[:, 2:-2].max() / images.mean())
 
 
 def test_strain_force_curves_are_power_laws_between_those_of_no_lump_and_a_rigid_one():
@@ -78,19 +92,30 @@ def test_strain_force_curves_are_power_laws_between_those_of_no_lump_and_a_rigid
     assert (stiffer[0] > stiffer[2:]).all()
 
 
-def test_the_nonlinear_lump_is_soft_far_away_and_hard_beneath_the_probe():
+def stiffness_felt(case: Case) -> np.ndarray:
+    """Stiffness of the linear lump that gives the same strain over the lump, for each of `FORCES`."""
+    stiffness = np.array([1000.0, 50.0, 20.0, 10.0, 5.0, 2.0])
+    curves = np.array([strain_over_lump(E) for E in stiffness])
+    strains = np.array([s.strain[0] for s in load_curve(case, FORCES)])
+    return np.array([np.interp(s, c, stiffness) for s, c in zip(strains, curves.T)])
+
+
+def test_the_nonlinear_lump_is_soft_far_away_and_nearly_ten_times_the_fat_beneath_the_probe():
     lump, soft, hard = run("d10h08eNLf10"), of_stiffness(2.0), of_stiffness(10.0)
-    assert lump.displacement_mm[0] == pytest.approx(soft.displacement_mm[0], rel=0.01)
-    share = (soft.displacement_mm - lump.displacement_mm)[-1] / (soft.displacement_mm - hard.displacement_mm)[
-        -1
-    ]
-    assert share > 0.8
-    curve = strain_over_lump(None)
-    position = [
-        (strain_over_lump(2.0) - curve)[i] / (strain_over_lump(2.0) - strain_over_lump(10.0))[i]
-        for i in (0, -1)
-    ]
-    assert position[1] > position[0] + 0.1  # it crosses the linear ones
+    assert lump.displacement_mm[0] == pytest.approx(soft.displacement_mm[0], rel=0.005)
+    share = (soft.displacement_mm - lump.displacement_mm) / (soft.displacement_mm - hard.displacement_mm)
+    assert (np.diff(share[2:]) > 0).all()  # gradually approaching that of E = 10
+    assert share[-1] > 0.85
+
+
+def test_the_nonlinear_lump_crosses_the_linear_ones_as_it_is_pressed_harder():
+    felt = stiffness_felt(Case.from_code("d10h08eNLf10"))
+    assert (np.diff(felt) > 0).all()
+    assert felt[0] < 4.0  # and so it crosses E = 5 on the way
+    assert felt[-1] > 8.0
+    harder = stiffness_felt(replace(REFERENCE, E_ratio=2.0, lump_stiffening=600.0))
+    assert harder[0] < 5.0
+    assert harder[-1] > 10.0
 
 
 def test_the_place_of_the_peak_pressure_jumps_as_the_lump_comes_near():
@@ -100,11 +125,15 @@ def test_the_place_of_the_peak_pressure_jumps_as_the_lump_comes_near():
     assert np.median(jump) < 2.5
 
 
-def test_a_stroke_from_the_other_side_is_the_mirror_image():
-    wide = Settings(left_mm=-120.0, right_mm=120.0)
+@pytest.mark.parametrize(
+    ("tolerance", "pressure_kPa", "displacement_mm"), [(1e-5, 1e-4, 1e-5), (1e-10, 1e-10, 1e-11)]
+)
+def test_a_stroke_from_the_other_side_is_the_mirror_image(tolerance, pressure_kPa, displacement_mm):
+    """The mesh is symmetric when its sides are: what differs is what Newton's method leaves."""
+    wide = Settings(left_mm=-120.0, right_mm=120.0, tolerance=tolerance)
     there = simulate(REFERENCE, wide, positions_mm=np.arange(-12, 13, 2.0))
-    np.testing.assert_allclose(there.mirrored().images_kPa, there.images_kPa, atol=2e-3)
-    np.testing.assert_allclose(there.mirrored().displacement_mm, there.displacement_mm, atol=2e-4)
+    np.testing.assert_allclose(there.mirrored().images_kPa, there.images_kPa, atol=pressure_kPa)
+    np.testing.assert_allclose(there.mirrored().displacement_mm, there.displacement_mm, atol=displacement_mm)
 
 
 def test_loading_more_gives_what_loading_at_once_gives():

@@ -1,5 +1,6 @@
 """The finite elements are right: known answers, derivatives, invariance, no locking."""
 
+import functools
 import math
 
 import numpy as np
@@ -179,13 +180,26 @@ def test_a_stroke_does_not_depend_on_the_solver(solver):
     np.testing.assert_allclose(other.displacement_mm, ours.displacement_mm, rtol=1e-5)
 
 
+def error_in_pressure(poisson, settings, sensors):
+    """Rms difference from a mesh twice as fine over `sensors`, of the peak, far from the lump and over it."""
+    case, places = Case(10, 0.8, 10, poisson=poisson), [-28, 0]
+    fine = finer(poisson)
+    stroke = simulate(case, settings, positions_mm=places)
+    np.testing.assert_allclose(stroke.displacement_mm, fine.displacement_mm, rtol=2e-3)
+    difference = (stroke.images_kPa - fine.images_kPa)[:, sensors] / fine.peak_kPa[:, None]
+    return np.sqrt(np.mean(difference**2, axis=1))
+
+
+@functools.cache
+def finer(poisson):
+    return simulate(Case(10, 0.8, 10, poisson=poisson), Settings().refined(2), positions_mm=[-28, 0])
+
+
 def test_nearly_incompressible_tissue_does_not_lock():
-    case = Case(10, 0.8, 10, poisson=0.4999)
-    places = [-28, 0]
-    fine = simulate(case, Settings().refined(2), positions_mm=places)
-    within = np.abs(SENSORS_MM) < 9.0  # at hx = 2 the contact's edge comes in steps of 1 mm
-    for settings, sensors in ((Settings(), within), (Settings(hx_mm=1.0), slice(None))):
-        stroke = simulate(case, settings, positions_mm=places)
-        error = np.sqrt(np.mean((stroke.images_kPa - fine.images_kPa)[:, sensors] ** 2, axis=1))
-        assert (error < 0.005 * fine.peak_kPa).all()
-        np.testing.assert_allclose(stroke.displacement_mm, fine.displacement_mm, rtol=2e-3)
+    everywhere, inner = slice(None), np.abs(SENSORS_MM) < 11.0
+    assert (error_in_pressure(0.4999, Settings(), inner) < 0.005).all()
+    assert (error_in_pressure(0.4999, Settings(hx_mm=1.0), everywhere) < 0.005).all()
+    # At hx = 2 the outermost sensors feel the contact's edge come in steps of 1 mm: .8 %, at any nu.
+    coarse = error_in_pressure(0.4999, Settings(), everywhere)
+    assert (coarse < 0.01).all()
+    assert (coarse < 1.3 * error_in_pressure(0.49, Settings(), everywhere)).all()
