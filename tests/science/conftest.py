@@ -13,7 +13,7 @@ SMALL = recipe.Recipe("field", recipe.R11, 1)
 
 @pytest.fixture(scope="session")
 def strokes():
-    """96 lumps and 24 plain tissues, each at two forces (made by `python -m tests.science.make_data`)."""
+    """96 lumps, 24 plain tissues, twice 16 lumps outside the ranges, at two forces each (`make_data.py`)."""
     return data.read(STROKES)
 
 

@@ -1,6 +1,7 @@
 """Make the strokes that the tests of the field kind learn from: `python -m tests.science.make_data DIR`.
 
-96 lumps and 24 plain tissues at two forces each, and the features of the thesis' thirty runs; a few minutes.
+96 lumps, 24 plain tissues and twice 16 lumps outside the ranges at two forces each, and the features of the
+thesis' thirty runs; a few minutes.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from sim.tissue import THESIS_CODES, Case, load_strokes, sweep
 def main(directory: str) -> None:
     """Simulate into `directory` what the tests read from tests/science/data."""
     home = Path(directory)
-    prepare(home, lumps=96, rim=0, plain=24, wide=0)
+    prepare(home, lumps=96, rim=16, plain=24, wide=16)
     sweep([Case.from_code(code) for code in THESIS_CODES], out_dir=home / "thesis")
     features_table(load_strokes(home / "thesis")).round(7).to_csv(home / "thesis_runs.csv", index=False)
 

@@ -1,10 +1,42 @@
-"""`palpate fit` and `palpate study`: wrong words are refused in one sentence before anything is computed."""
+"""`palpate fit` and `palpate study`: the whole on few strokes, and wrong words refused before any work."""
+
+import json
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from host.cli import fit, study
 from host.errors import PalpateError, UsageError
+from model_export.schema import ModelSpec
+
+STROKES = Path(__file__).parent / "data"
+
+
+def test_one_command_goes_from_strokes_to_a_model_and_its_held_out_table(tmp_path):
+    """On few lumps; nothing is simulated, since all parts are there."""
+    out = tmp_path / "m.json"
+    words = [
+        str(STROKES),
+        "--kind",
+        "field",
+        "--out",
+        str(out),
+        "--noise",
+        "good",
+        "--workers",
+        "1",
+        "--json",
+    ]
+    result = CliRunner().invoke(fit.command, words)
+    assert result.exception is None, result.output
+    said = json.loads(result.stdout)
+    assert {row["noise"] for row in said["held_out"]} == {"none", "good", "typical", "poor"}
+    assert {row["strokes"] for row in said["held_out"] if row["model"] == "field"} == {1, 4}
+    assert 0 <= said["flagged_inside"] < said["flagged_or_not_found_outside"] <= 1
+    assert said["outside_strokes"] > 0 and said["training"]["rim_lumps"] > 0
+    assert said["excluded"] and said["detectability"] and said["coverage"]
+    assert ModelSpec.load(out).training["noise"] == "good"
 
 
 @pytest.mark.parametrize(
