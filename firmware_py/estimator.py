@@ -12,20 +12,30 @@ def _never():
     return False
 
 
+def _pipeline(calibration, columns):
+    if columns is None:
+        return pipeline.Pipeline(calibration)
+    from firmware_py import rowpipeline
+
+    return rowpipeline.RowPipeline(calibration, columns[0], columns[1])
+
+
 class Estimator:
     """What the probe knows: its calibration and its models.
 
     Parameters
     store: see firmware_py/store.py
     flash: flash.Flash, the model's slots and commands; None for a build that cannot be flashed
+    columns: first, last: a small build, which works on the columns first..last-1 (rowpipeline.RowPipeline)
     """
 
-    def __init__(self, store, flash=None):
+    def __init__(self, store, flash=None, columns=None):
         self.calibration = calib.Calibration()
         self._record = record.Record(store, "cal")
         stored = self._record.load()
         self.calibration_status = self.calibration.load(stored) if stored else status.OK
-        self.pipeline = pipeline.Pipeline(self.calibration)
+        self._fixed = columns is not None
+        self.pipeline = _pipeline(self.calibration, columns)
         self.flash = flash
         self.model = None
         self.model_status = status.NO_MODEL
@@ -49,6 +59,8 @@ class Estimator:
     def describe(self):
         """For identify: capabilities, version of the features, the model's status and id."""
         can = messages.CAN_CALIBRATE | (messages.CAN_FLASH if self.flash else 0)
+        if self._fixed:
+            can |= messages.FIXED_COLUMNS
         return can, features.FEATURES_VERSION, self.model_status, self.model_id()
 
     def zero_counts(self):

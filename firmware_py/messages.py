@@ -39,6 +39,7 @@ CONTENT_STROKES = 2  # stroke states, maps and estimates
 # capabilities (identify, bits)
 CAN_FLASH = 1
 CAN_CALIBRATE = 2
+FIXED_COLUMNS = 4  # a small build, which does not look for the lump across the stroke
 
 CALIBRATE_ZERO = 0
 CALIBRATE_GAIN = 1

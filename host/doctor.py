@@ -145,7 +145,8 @@ def _probes() -> list[Finding]:
     for device in devices.find():
         if device.state == "probe":
             model = f"model {device.model_id}" if device.model_id else "no model yet"
-            findings.append(Finding("probe", "ok", f"{device.port}: {device.serial}, {model}"))
+            said = ", ".join([device.serial, model, *device.remarks])
+            findings.append(Finding("probe", "ok", f"{device.port}: {said}"))
         elif device.message and device.state in ("busy", "forbidden", "other protocol"):
             findings.append(Finding("probe", "missing", f"{device.port}: {device.state}", device.message))
     todo = "Plug one in, or start one with `palpate emulate d10h08e10f10`."

@@ -34,3 +34,5 @@ def command(ask: bool, as_json: bool) -> None:
     for device in devices:
         if device.message and device.state != "silent":
             note(f"  {device.message}")
+        for remark in device.remarks:
+            note(f"  {device.port}: {remark}")

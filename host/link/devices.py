@@ -44,6 +44,8 @@ class Device:
         Why it is not ready, as a sentence; else "".
     serial, firmware, model_id : str
         What a probe said of itself; else "".
+    capabilities : tuple of str
+        Likewise; see identity.Identity.
     """
 
     port: str
@@ -55,6 +57,14 @@ class Device:
     serial: str = ""
     firmware: str = ""
     model_id: str = ""
+    capabilities: tuple[str, ...] = ()
+
+    @property
+    def remarks(self) -> list[str]:
+        """What a user should know of a probe that is ready."""
+        if "fixed_columns" in self.capabilities:
+            return ["a small build: its columns are fixed, so a ball must lie under them"]
+        return []
 
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)
@@ -89,8 +99,9 @@ def handshake(device: Device, baud: int = 921_600) -> Device:
         with closing(Line(open_transport(device.port, baud))) as line:
             who = shake_hands(line)
             return replace(
-                device, state="probe", serial=who.serial, firmware=who.firmware, model_id=who.model_id
-            )
+                device, state="probe", serial=who.serial, firmware=who.firmware, model_id=who.model_id,
+                capabilities=who.capabilities,
+            )  # fmt: skip
     except PortBusy as error:
         return replace(device, state="busy", message=str(error))
     except PortForbidden as error:

@@ -11,6 +11,7 @@ from host.errors import VersionMismatch
 CAPABILITIES = {
     messages.CAN_FLASH: "flash",
     messages.CAN_CALIBRATE: "calibrate",
+    messages.FIXED_COLUMNS: "fixed_columns",
 }
 
 

@@ -11,6 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_py import messages, status
+from firmware_py.estimator import Estimator
+from firmware_py.store import FileStore
+from host.link import devices
+from host.link.identity import Identity
 from sim.probe import source
 from sim.probe.virtual import VirtualBoard
 from tests.probe.talk import Bench, Ears, command, packet
@@ -26,6 +30,16 @@ def test_identify_says_who_it_is_and_gives_the_nonce_back():
     assert fields["serial"] == b"VIRTUAL0"
     assert (fields["rows"], fields["columns"], fields["pitch_um"], fields["bits"]) == (16, 26, 1500, 12)
     assert fields["model_status"] == status.NO_MODEL
+
+
+@pytest.mark.parametrize("columns", [None, (6, 20)])
+def test_a_small_build_says_that_its_columns_are_fixed(columns, tmp_path):
+    bench = Bench(estimator=Estimator(FileStore(str(tmp_path)), columns=columns))
+    told = Identity.from_answer(tuple(bench.ask("identify", (1,)).fields.values()))
+    assert ("fixed_columns" in told.capabilities) == (columns is not None)
+    assert "calibrate" in told.capabilities
+    device = devices.Device("/dev/ttyACM0", "usb", "", capabilities=told.capabilities)
+    assert bool(device.remarks) == (columns is not None)
 
 
 def test_a_probe_tells_that_it_has_started():
