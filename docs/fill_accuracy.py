@@ -16,7 +16,7 @@ from pathlib import Path
 from rich.table import Table
 
 from host.regression.field.bench import Bench
-from host.regression.field.data import prepare
+from host.regression.field.data import of_the_command, prepare
 from host.regression.field.fit import fit_field
 from host.regression.field.result import FieldFit
 from host.regression.field.study import STUDIES, study_table
@@ -79,6 +79,7 @@ class Numbers:
             out[name] = lambda k=k: of_rich(self.field().tables()[k])  # type: ignore[misc]
         for name in (*STUDIES, TISSUE_STUDY.name):
             out[f"study-{name}"] = lambda name=name: self._study(name)  # type: ignore[misc]
+        out["which-lumps"] = self._which_lumps
         out["tissue-fit"] = self._tissue_fit
         return out
 
@@ -89,6 +90,15 @@ class Numbers:
 
     def _permutation(self) -> str:
         return markdown(("target", "P"), [[k, f"{p:.2f}"] for k, p in self.thesis().permutation.items()])
+
+    def _which_lumps(self) -> str:
+        if of_the_command(self.strokes()):
+            return "The tables below are of these lumps, seeds 21 and 23; nobody had looked at them before."
+        return (
+            "**The tables below are not of these lumps yet** but of seeds 11 and 13. After a first look at\n"
+            "their test strokes two settings were changed, on their training and calibration lumps (the room of the\n"
+            "domain's box, and how far quantiles are raised); that is why the command takes new ones."
+        )
 
     def _tissue_fit(self) -> str:
         strokes = prepare(self.field_dir / "soft-fat", 512, tissue={"fat_kPa": 7.0}, watch=tell)

@@ -1,5 +1,6 @@
 """The field kind on a small set of committed strokes: honest splits, and intervals that cover."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -96,6 +97,13 @@ def test_the_whole_fit_is_one_json_document_that_names_what_it_left_out(strokes)
     # Whatever it was fitted to, the recipe's image has room in the probe's slot and on slow links.
     prepared, _, force_map = exporter.prepare(result.spec)
     assert len(image.build(result.spec, prepared, force_map, counter=1)) + SIGNATURE < 8000
+
+
+def test_lumps_of_another_seed_are_known_as_such(strokes):
+    pair = strokes.lumps[0]
+    first = dataclasses.replace(pair.low, case=design.lump_cases(1, data._LUMPS_SEED)[0])
+    own = dataclasses.replace(strokes, lumps=[dataclasses.replace(pair, low=first)])
+    assert data.of_the_command(own) and not data.of_the_command(strokes)
 
 
 def test_strokes_without_a_partner_are_counted_not_used(strokes):

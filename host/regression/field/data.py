@@ -161,6 +161,12 @@ def read(directory: str | PathLike[str]) -> FieldStrokes:
     return FieldStrokes(found["lumps"], found["rim"], found["plain"], found["wide"], excluded)
 
 
+def of_the_command(strokes: FieldStrokes) -> bool:
+    """Whether these are the lumps that `prepare` simulates now, and not those of another seed."""
+    first, _ = lump_cases(1, _LUMPS_SEED)
+    return any(pair.low.case == first for pair in strokes.lumps)
+
+
 def read_pairs(home: Path) -> tuple[list[LumpPair], int, int]:
     """Pairs of a sweep's directory, how many strokes failed, and how many have no partner."""
     failed = int((read_table(home)["status"] != "ok").sum())
