@@ -33,8 +33,12 @@ def draw_mesh(folder: Path) -> None:
             ring = mesh.elements[mesh.material == kind][:, [0, 1, 2, 5, 8, 7, 6, 3]]
             for corners in nodes[ring]:
                 axis.fill(*corners.T, facecolor=colours[kind], edgecolor="k", linewidth=0.3)
-        axis.set(xlim=(-45, 20), ylim=(-16, 17), aspect="equal", title=title, ylabel="mm")
-    axes[1].plot(*pressed[0].face_mm.T, color="tab:blue", linewidth=2)
+        axis.set(xlim=(-45, 20), ylim=(-16, 19), aspect="equal", title=title, ylabel="mm")
+    axes[1].plot(*pressed[0].face_mm.T, color="tab:blue", linewidth=2, label="probe")
+    for name, colour in zip(("fat", "gland", "lump"), colours):
+        axes[1].fill([], [], facecolor=colour, edgecolor="k", linewidth=0.3, label=name)
+    axes[1].legend(loc="upper right", ncols=4, fontsize=8)
+    axes[1].set(xlabel="mm from the lump's middle")
     fig.savefig(folder / "physics-mesh.png", dpi=110)
     plt.close(fig)
 
@@ -61,8 +65,8 @@ def hertz(folder: Path) -> None:
                 axis.plot(s, p / peak, style, markersize=4, label=f"nu = {nu}")
     fine = np.linspace(-a, a, 200)
     axis.plot(fine, np.sqrt(1 - (fine / a) ** 2), "k-", linewidth=1, label="Hertz")
-    axis.set(xlabel="mm", ylabel="pressure / peak", xlim=(-11, 11))
-    axis.legend()
+    axis.set(xlabel="mm from the middle of the contact", ylabel="pressure / peak", xlim=(-11, 11))
+    axis.legend(loc="lower center")
     fig.savefig(folder / "physics-hertz.png", dpi=110)
     plt.close(fig)
 
@@ -112,10 +116,10 @@ def observations(folder: Path) -> None:
         axes[0, 1].plot(stroke.full().positions_mm, stroke.full().displacement_mm, label=f"E = {E:g}")
     soft = simulate(Case.from_code("d10h08eNLf10"))
     axes[0, 1].plot(soft.full().positions_mm, soft.full().displacement_mm, "k--", label="NL")
-    axes[0, 0].set(title="Tactile maps (Method 2)", xlabel="mm", ylabel="kPa")
-    axes[0, 1].set(title="Displacement of the probe", xlabel="mm", ylabel="mm")
+    axes[0, 0].set(title="Tactile maps (Method 2)", xlabel="mm from the lump", ylabel="kPa")
+    axes[0, 1].set(title="Displacement of the probe", xlabel="position, mm from the lump", ylabel="mm")
     print("Strain-force curves over the lump, F = A S^B: B, R2")
-    for E in (1.0, 2.0, 10.0, 1000.0, None):
+    for E in (1.0, 2.0, 5.0, 10.0, 1000.0, None):
         case = Case.from_code("d10h08eNLf10") if E is None else replace(REFERENCE, E_ratio=E)
         strain = np.array([s.strain[0] for s in load_curve(case, FORCES)])
         slope, level = np.polyfit(np.log(strain), np.log(FORCES), 1)
@@ -126,7 +130,10 @@ def observations(folder: Path) -> None:
     axes[1, 0].set(title="Strain-force curves over the lump", xlabel="nominal strain", ylabel="F")
     near = simulate(Case.from_code("d10h03e10f10")).full()
     axes[1, 1].plot(near.positions_mm, near.peak_mm, ".-")
-    axes[1, 1].set(title="Place of the peak pressure on the probe, h = .3", xlabel="mm", ylabel="mm")
+    axes[1, 1].set(
+        title="Place of the peak pressure on the face, h = .3", xlabel="position, mm from the lump"
+    )
+    axes[1, 1].set(ylabel="mm from the face's middle")
     for axis in axes.flat[:3]:
         axis.legend(fontsize=7)
     fig.savefig(folder / "physics-thesis.png", dpi=110)
@@ -145,7 +152,8 @@ def methods(folder: Path) -> None:
             inner = np.abs(x) <= 14
             axis.plot(x[inner], p[inner], style, markersize=3, label=f"Method {method}")
             rough.append(np.sqrt(np.mean(np.diff(p[inner], 3) ** 2)))
-        axis.set(title=f"{step:g} mm increments, 1 mm map", xlabel="mm", ylabel="kPa")
+        axis.set(title=f"{step:g} mm increments, 1 mm map", xlabel="mm from the lump")
+        axes[0].set(ylabel="kPa")
         axis.legend()
         print(f"  increments of {step:g} mm: {rough[0]:.4f}  {rough[1]:.4f}")
     fig.savefig(folder / "physics-methods.png", dpi=110)
@@ -158,7 +166,9 @@ def beyond(folder: Path) -> None:
     for friction in (0.0, 0.1, 0.2, 0.3):
         stroke = simulate(replace(REFERENCE, friction=friction)).full()
         axes[0].plot(stroke.positions_mm, stroke.images_kPa[:, 7:9].mean(1), label=f"mu = {friction:g}")
-    axes[0].set(title="Friction: trace of the middle sensors", xlabel="mm", ylabel="kPa")
+    axes[0].set(
+        title="Friction: trace of the middle sensors", xlabel="position, mm from the lump", ylabel="kPa"
+    )
     stiff = replace(REFERENCE, fat_stiffening=6.0, gland_stiffening=16.0)
     for case, name in ((REFERENCE, "linear"), (stiff, "stiffening fat and gland")):
         curve = load_curve(case, (0.1, *FORCES, 1.2), -28.0)
@@ -166,10 +176,16 @@ def beyond(folder: Path) -> None:
             [s.strain[0] for s in curve], [s.case.F_rel for s in curve], "-o", markersize=3, label=name
         )
     axes[1].set(title="Strain-force far from the lump", xlabel="nominal strain", ylabel="F")
+    axes[1].set(xticks=[0.05, 0.10, 0.15, 0.20])
     for radius in (25.0, 40.0, 100.0, math.inf):
         stroke = simulate(replace(REFERENCE, probe_radius_mm=radius), positions_mm=[-28, 0])
-        axes[2].plot(stroke.sensors_mm, stroke.images_kPa[1], ".-", label=f"R = {radius:g} mm")
-    axes[2].set(title="Image over the lump, probe radius", xlabel="mm", ylabel="kPa")
+        axes[2].plot(
+            stroke.sensors_mm,
+            stroke.images_kPa[1],
+            ".-",
+            label="flat" if math.isinf(radius) else f"R = {radius:g} mm",
+        )
+    axes[2].set(title="Image over the lump, probe radius", xlabel="mm from the face's middle", ylabel="kPa")
     for axis in axes:
         axis.legend(fontsize=7)
     fig.savefig(folder / "physics-beyond.png", dpi=110)
