@@ -44,27 +44,8 @@ FEATURES = (
 OUTPUTS = {outputs}
 UNITS = {units}
 SIZE = {size}
-# 2^(i / 64) in Q24, a little more
+# 2^(i / 64) in Q24, a little more: the code below takes exp(w / 2^24) as 2^k * _POWERS[k] * (1 + w + w^2 / 2)
 _POWERS = {powers}
-
-
-def _exp(v, s):
-    """exp(v / 2^24) in Q(24 - s); v is held to where that is a number of 30 bits."""
-    k = v // 181704
-    v -= k * 181704 + (k * 3 >> 3)
-    m = _POWERS[k & 63]
-    w = v >> 3
-    v += w * w >> 19
-    m += (m >> 10) * (v >> 3) >> 11
-    s -= k >> 6
-    if s > 0:
-        return m + (1 << s - 1) >> s
-    return m << -s
-
-
-def _millionths(v):
-    """v / 2^24 in millionths."""
-    return (v >> 12) * 15625 + ((v & 4095) * 15625 >> 12) + 32 >> 6
 
 
 '''

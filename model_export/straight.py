@@ -72,6 +72,22 @@ def _terms(coefficients: Iterable[int], names: Iterable[str]) -> list[str]:
     return words or ["0"]
 
 
+def _exponential(what: str, s: int, target: str) -> Iterator[str]:
+    """`evaluator.exp`, whose ends no prediction and no width can reach."""
+    yield f"    w = {what}; k = w // 181704; w -= k * 181704 + (k * 3 >> 3); m = _POWERS[k & 63]; h = w >> 3"
+    yield f"    w += h * h >> 19; m += (m >> 10) * (w >> 3) >> 11; k = {s} - (k >> 6)"
+    yield f"    {target} = m + (1 << k - 1) >> k if k > 0 else m << -k"
+
+
+def _value(place: int, y: str, link: int) -> Iterator[str]:
+    """Millionths of y into `out`."""
+    if link:
+        yield from _exponential(y, 24, f"out[{place}]")
+    else:
+        yield f"    w = {y}"
+        yield f"    out[{place}] = (w >> 12) * 15625 + ((w & 4095) * 15625 >> 12) + 32 >> 6"
+
+
 class _Writer:
     def __init__(self, spec: ModelSpec, tables: ev.Tables, places: dict[int, int]) -> None:
         self.spec = spec
@@ -118,9 +134,14 @@ class _Writer:
         lo, hi, centre, shift, factor = self.t.feats[7 * i : 7 * i + 5]
         assert max(hi - centre, centre - lo) << max(-shift, 0) <= _CLIP  # the evaluator would hold it there
         yield f"    x{i} = features[{self.places[self.t.ids[i]]}]  # {self.spec.features[i]}"
-        moved = f"(({_clipped(f'x{i}', lo, hi)}) - {centre})"
-        yield f"    v = {_shifted(moved, shift)}"
-        yield f"    u = (v >> 14) * {factor} + ((v & 16383) * {factor} >> 14)"
+        moved = f"({_clipped(f'x{i}', lo, hi)}) - {centre}"
+        up = -shift
+        if 0 <= up < 14:  # the shift up goes into constants
+            yield f"    v = {moved}"
+            yield f"    u = (v >> {14 - up}) * {factor} + ((v & {(1 << 14 - up) - 1}) * {factor << up} >> 14)"
+        else:
+            yield f"    v = {_shifted(f'({moved})', shift)}"
+            yield f"    u = (v >> 14) * {factor} + ((v & 16383) * {factor} >> 14)"
         if self._halved(i) and self.fine:
             yield f"    a{i} = u >> 14; b{i} = u & 16383"
         yield f"    {self._kept(str(i), 'u')}"
@@ -185,13 +206,14 @@ class _Writer:
         yield "    )"
         yield from self._scaled(j)
         yield f"    y{j} = {_clipped('v', lo, hi)}"
-        yield f"    out[{3 * j if whole else j}] = {self._value(f'y{j}', link)}"
+        yield from _value(3 * j if whole else j, f"y{j}", link)
         if whole:
-            yield f"    u = {_shifted(f'(y{j} - {mid})', shift)}"
-            yield f"    {self._kept(f'y{j}', 'u')}"
-
-    def _value(self, y: str, link: int) -> str:
-        return f"_exp({y}, 24)" if link else f"_millionths({y})"
+            if self.fine:
+                yield f"    u = {_shifted(f'(y{j} - {mid})', shift)}"
+                yield f"    {self._kept(f'y{j}', 'u')}"
+            else:
+                yield f"    py{j} = {_shifted(f'(y{j} - {mid})', shift + 28 - self.part)}"
+                yield f"    qy{j} = py{j} >> {self.part - 13}"
 
     # ---- intervals, domain, flags
 
@@ -209,14 +231,19 @@ class _Writer:
             yield from self._sum(at, j, names, [(0, len(names))], 0)
             yield "    )"
             yield from self._scaled(5 + j)
-            yield f"    v = {_clipped('v', *_LN_WIDTHS)}"
-            quantile = str(soft) if soft == hard else f"({hard} if hard else {soft})"
-            yield f"    v += {quantile}"
-            yield f"    v = _exp({_clipped('v', *_LN_WIDTHS)}, 0)"
+            least, most = _LN_WIDTHS
+            if soft == hard:  # held before and after it is added: the same as once, to the narrower ends
+                yield f"    v += {soft}"
+                least, most = max(least, least + soft), min(most, most + soft)
+            else:
+                yield f"    v = {_clipped('v', least, most)}"
+                yield f"    v += {hard} if hard else {soft}"
+            yield f"    v = {_clipped('v', least, most)}"
+            yield from _exponential("v", 0, "v")
             yield f"    u = y{j} - v"
-            yield f"    out[{3 * j + 1}] = {self._value(f'u if u > {lo} else {lo}', link)}"
+            yield from _value(3 * j + 1, f"u if u > {lo} else {lo}", link)
             yield f"    u = y{j} + v"
-            yield f"    out[{3 * j + 2}] = {self._value(f'u if u < {hi} else {hi}', link)}"
+            yield from _value(3 * j + 2, f"u if u < {hi} else {hi}", link)
             beyond = [f"{range_lo} - y{j} > v"] if range_lo > lo else []
             beyond += [f"y{j} - {range_hi} > v"] if range_hi < hi else []
             if beyond:
