@@ -96,8 +96,9 @@ class Numbers:
             return "The tables below are of these lumps, seeds 21 and 23; nobody had looked at them before."
         return (
             "**The tables below are not of these lumps yet** but of seeds 11 and 13. After a first look at\n"
-            "their test strokes two settings were changed, on their training and calibration lumps (the room of the\n"
-            "domain's box, and how far quantiles are raised); that is why the command takes new ones."
+            "their test strokes two settings were changed, on their training and calibration lumps (the\n"
+            "room of the domain's box, and how far quantiles are raised); hence the command's new ones. The\n"
+            "studies further down are of 768 lumps of seed 1, and older."
         )
 
     def _tissue_fit(self) -> str:
