@@ -98,6 +98,7 @@ class _Writer:
         self.n, self.terms = head[ev.N_FEATURES], head[ev.N_TERMS]
         self.low, self.part, self.fine = head[ev.LOW_BITS], head[ev.PART_BITS], head[ev.FINE]
         self.cut = self.low + 13 - self.part
+        self.factors = set(tables.steps)
         self.named = [f"y{j}" for j in range(5)] + [str(k) for k in range(self.terms)]
 
     def lines(self, whole: bool) -> Iterator[str]:
@@ -128,7 +129,7 @@ class _Writer:
 
     def _halved(self, k: int) -> bool:
         """Is term k a factor of another?"""
-        return k in self.t.steps
+        return k in self.factors
 
     def _feature(self, i: int) -> Iterator[str]:
         lo, hi, centre, shift, factor = self.t.feats[7 * i : 7 * i + 5]

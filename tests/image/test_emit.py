@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from firmware_py import evaluator
 from model_export import compiler, emit
 from model_export.errors import ModelError
 from sim.probe.scripts import run_micropython
+from tests.image import synthetic
 from tests.image.test_micropython import rows
 
 SCRIPT = """
@@ -39,9 +41,9 @@ def expected(spec, vectors):
     return [[tables.evaluate(array("i", row), out), *out] for row in vectors]
 
 
-@pytest.mark.parametrize("kind", ["thesis", "field"])
-def test_the_module_stands_alone_on_cpython(kind, request, tmp_path):
-    spec = request.getfixturevalue(kind)
+@pytest.mark.parametrize(("kind", "degree"), [("thesis", 2), ("field", 2), ("field", 3)])
+def test_the_module_stands_alone_on_cpython(kind, degree, tmp_path):
+    spec = synthetic.model(kind, degree)
     vectors = rows(spec, 300)
     (tmp_path / "palpate_model.py").write_text(emit.emit_py(spec))
     (tmp_path / "vectors.json").write_text(json.dumps(chosen(spec, vectors)))
@@ -52,14 +54,29 @@ def test_the_module_stands_alone_on_cpython(kind, request, tmp_path):
 
 
 @pytest.mark.parametrize("compiled", [False, True])
-def test_and_on_micropython_as_source_and_as_bytecode(compiled, thesis):
-    vectors = rows(thesis, 200)
-    files = {"vectors.json": json.dumps(chosen(thesis, vectors)).encode()}
+@pytest.mark.parametrize(("kind", "degree"), [("thesis", 2), ("field", 2), ("field", 3)])
+def test_and_on_micropython_as_source_and_as_bytecode(compiled, kind, degree):
+    spec = synthetic.model(kind, degree)
+    vectors = rows(spec, 200)
+    files = {"vectors.json": json.dumps(chosen(spec, vectors)).encode()}
     if compiled:
-        files["palpate_model.mpy"] = emit.emit_mpy(thesis)
+        files["palpate_model.mpy"] = emit.emit_mpy(spec)
     else:
-        files["palpate_model.py"] = emit.emit_py(thesis).encode()
-    assert json.loads(run_micropython(SCRIPT, files)) == expected(thesis, vectors)
+        files["palpate_model.py"] = emit.emit_py(spec).encode()
+    assert json.loads(run_micropython(SCRIPT, files)) == expected(spec, vectors)
+
+
+def test_the_five_values_alone_are_the_same_integers(field):
+    vectors = rows(field, 100)
+    space: dict = {}
+    exec(emit.emit_py(field, whole=False), space)
+    out = [0] * 5
+    tables = compiler.compile_model(dataclasses.replace(field, lump=()))
+    full = array("i", [0] * evaluator.OUT_SIZE)
+    for row, given in zip(vectors, chosen(field, vectors), strict=True):
+        tables.evaluate(array("i", row), full)
+        space["values"](given, out)
+        assert out == full[:15:3].tolist()
 
 
 @pytest.mark.parametrize("arch", ["armv6m", "armv7emsp", "xtensawin", "rv32imc"])
