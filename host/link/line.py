@@ -142,11 +142,12 @@ class Line(LineReader):
         now.check()
         if before is not None and now.serial != before.serial:
             return False  # another probe, or another program's terminal under the old name: wait for ours
-        if self.stream is not None:
+        if (wanted := self.stream) is not None:
             self._read_calibration_inline()
-            if self._ask_inline("stream_start", self.stream) is None:
+            if self._ask_inline("stream_start", wanted) is None:
                 return False
-        elif self.parser.streaming and self._ask_inline("stream_stop", ()) is None:
+        unwanted = self.stream is None and self.parser.streaming
+        if unwanted and self._ask_inline("stream_stop", ()) is None:
             return False
         restarted = before is None or now.boots != before.boots
         self.identity = now

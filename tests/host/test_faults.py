@@ -50,8 +50,11 @@ def test_what_comes_is_true_and_what_does_not_is_counted(emulated, images, strok
             if done and len(frames) > 2 * FRAMES:
                 break
         told = probe.statistics()
-        time.sleep(0.3)  # what the stream's end had promised and has not come is counted once it is quiet
-        counts = probe.frame_counts
+        # what the stream's end had promised and has not come is counted once the line is quiet
+        deadline = time.monotonic() + 20
+        while (counts := probe.frame_counts).received + counts.lost < told["frames_acquired"]:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
     assert all(frame.packed in true for frame in frames), "a frame was accepted wrong"
     assert len({f.seq for f in frames}) == len(frames) <= counts.received
     assert counts.received + counts.lost == told["frames_acquired"]
@@ -87,8 +90,11 @@ def test_a_host_that_stops_reading_finds_the_newest_frames_and_every_result(emul
             if len([e for e in seen if isinstance(e, Estimate)]) >= 8:
                 break
         probe.stop_stream()
-        time.sleep(0.2)
-        told, counts = probe.statistics(), probe.frame_counts
+        told = probe.statistics()
+        deadline = time.monotonic() + 20
+        while (counts := probe.frame_counts).received + counts.lost < told["frames_acquired"]:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
     numbers = [e.stroke for e in seen if isinstance(e, Estimate)]
     assert len(set(numbers)) == len(numbers)
     assert set(range(1, max(numbers) + 1)) - set(numbers) <= _replaced(told, max(numbers))

@@ -157,8 +157,11 @@ def test_a_session_played_is_the_session_that_was_live(emulated, tmp_path):
             live.append(event)
             if sum(isinstance(e, Frame) for e in live) == 12 and not any(isinstance(e, Gap) for e in live):
                 device.unplug()
-        time.sleep(0.2)
-        counts = probe.frame_counts
+        acquired = probe.statistics()["frames_acquired"]
+        deadline = time.monotonic() + 20
+        while (counts := probe.frame_counts).received + counts.lost < acquired:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
         identity = probe.identity
     with Probe.open(str(path)) as played:
         assert played.identity.serial == identity.serial and not played.live
