@@ -16,7 +16,7 @@ def shaped_cases(n: int, seed: int) -> list[Case]:
     cases = []
     for i, case in enumerate(sobol_cases(n, seed, WIDEST)):
         case = replace(
-            case, face_half_mm=float(rng.uniform(6, 11)), fillet_per_mm2=float(np.exp(rng.uniform(-3, -0.5)))
+            case, face_half_mm=float(rng.uniform(6, 11)), fillet_per_mm2=float(rng.uniform(0.05, 0.2))
         )
         if i % 3 == 0:
             case = replace(case, probe_radius_mm=math.inf)
