@@ -13,7 +13,7 @@ from host.regression.table import SHOWN, TARGETS
 from host.report import style
 from host.report.items import Item
 
-_UNITS = {"F": "N/m", "t": "mm", "d": "mm", "h": "", "E_inv23": ""}
+_UNITS = {"F": "(N/m)", "t": "(mm)", "d": "(mm)", "h": "", "E_inv23": ""}
 
 
 def items(fit: FieldFit) -> list[Item]:

@@ -102,9 +102,11 @@ class Run:
         force, reason = self.case.F_N_per_m, NoConvergence()
         for recent, careful in ((history[-3:], False), (history[-1:], True)):
             try:
-                history.append(
-                    (new, self.newton.solve(self.predictor(recent, new), new, force, careful=careful))
-                )
+                state = self.newton.solve(self.predictor(recent, new), new, force, careful=careful)
+                worst = self.tissue.smallest_jacobian(state.u)
+                if worst <= 0.0:  # a balance, but not one that tissue gets into
+                    raise NoConvergence(f"an element is turned inside out (det F = {worst:.2g})")
+                history.append((new, state))
                 return
             except NoConvergence as error:
                 reason = error
