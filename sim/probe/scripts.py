@@ -21,6 +21,19 @@ class ScriptFailed(RuntimeError):
     """The script ended with an error; the message is what it said."""
 
 
+def stage(folder: Path, script: str, files: Mapping[str, bytes], heap: int, **more: object) -> Path:
+    """Put a script and its files into `folder` for MicroPython/WASM; gives the configuration's path."""
+    (folder / "script.py").write_text(script)
+    names = {}
+    for i, (name, contents) in enumerate(files.items()):
+        (folder / f"file-{i}").write_bytes(contents)
+        names[name] = str(folder / f"file-{i}")
+    config = {"firmware": str(FIRMWARE), "files": names, "script": str(folder / "script.py"), "heap": heap}
+    path = folder / "config.json"
+    path.write_text(json.dumps(config | more))
+    return path
+
+
 def run_micropython(
     script: str, files: Mapping[str, bytes] | None = None, heap: int = 1 << 20, timeout_s: float = 300
 ) -> str:
@@ -37,19 +50,8 @@ def run_micropython(
     node.check_wasm()
     with tempfile.TemporaryDirectory(prefix="palpate-script-") as scratch:
         folder = Path(scratch)
-        (folder / "script.py").write_text(script)
-        names = {}
-        for i, (name, contents) in enumerate((files or {}).items()):
-            (folder / f"file-{i}").write_bytes(contents)
-            names[name] = str(folder / f"file-{i}")
-        config = {
-            "firmware": str(FIRMWARE),
-            "files": names,
-            "script": str(folder / "script.py"),
-            "heap": heap,
-        }
-        (folder / "config.json").write_text(json.dumps(config))
-        return _run([node.node(), str(node.WASM / "run.mjs"), str(folder / "config.json")], folder, timeout_s)
+        config = stage(folder, script, files or {}, heap)
+        return _run([node.node(), str(node.WASM / "run.mjs"), str(config)], folder, timeout_s)
 
 
 def run_cpython(script: str, files: Mapping[str, bytes] | None = None, timeout_s: float = 300) -> str:

@@ -25,7 +25,7 @@ from model_export import accuracy, compiler, emit, image, lms_sign, sampling
 from model_export.schema import ModelSpec
 from sim.probe import node
 from sim.probe.on_microbit import Loaded
-from sim.probe.scripts import FIRMWARE, run_micropython
+from sim.probe.scripts import FIRMWARE, run_micropython, stage
 from tests.benchmarks.peers import regressions
 from tests.image import synthetic
 from tests.probe.stages import recorded
@@ -154,19 +154,8 @@ def timed(files: dict[str, bytes]) -> dict[str, float]:
     node.check_wasm()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        (folder / "script.py").write_text(SETUP)
-        names = {}
-        for i, (name, contents) in enumerate(files.items()):
-            (folder / f"file-{i}").write_bytes(contents)
-            names[name] = str(folder / f"file-{i}")
-        config = {
-            "firmware": str(FIRMWARE),
-            "files": names,
-            "script": str(folder / "script.py"),
-            "heap": HEAP,
-        }
-        (folder / "config.json").write_text(json.dumps(config | {"turns": TURNS}))
-        command = [node.node(), str(Path(__file__).with_name("turns.mjs")), str(folder / "config.json")]
+        config = stage(folder, SETUP, files, HEAP, turns=TURNS)
+        command = [node.node(), str(Path(__file__).with_name("turns.mjs")), str(config)]
         done = subprocess.run(command, capture_output=True, text=True, timeout=600)
     if done.returncode:
         raise RuntimeError(done.stderr.strip())
