@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterable
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 from rich.table import Table
@@ -23,6 +23,7 @@ from host.regression.field.study import STUDIES, study_table
 from host.regression.field.tissues import TISSUE_STUDY
 from host.regression.runs import features_table, read_strokes
 from host.regression.thesis import ThesisFit, fit_thesis
+from host.regression.watch import Lines, Watch
 from host.report.study_figures import save_study_figure
 
 DOCS = Path(__file__).parent
@@ -45,9 +46,12 @@ def of_rich(table: Table) -> str:
     return text + (f"\n\n{table.caption}." if table.caption else "")
 
 
-def tell(what: str, done: int, total: int) -> None:
-    """Progress on one line."""
+def _on_one_line(what: str, done: int, total: int) -> None:
     print(f"\r{what}: {done} of {total}".ljust(60), end="\n" if done == total else "", flush=True)
+
+
+tell: Watch = _on_one_line if sys.stdout.isatty() else Lines(partial(print, flush=True))
+"""Progress: on one line of a terminal, in a file or pipe a line now and then."""
 
 
 class Numbers:
@@ -69,7 +73,8 @@ class Numbers:
     def blocks(self) -> dict[str, Callable[[], str]]:
         """Name of a block -> what writes it."""
         thesis = {name: k for k, name in enumerate(("table-1", "forward", "inverse"))}
-        field = {n: k for k, n in enumerate(("held-out", "coverage", "flags", "left-out", "found", "visits"))}
+        names = ("held-out", "coverage", "flags", "flag-distance", "left-out", "found", "visits")
+        field = {n: k for k, n in enumerate(names)}
         out: dict[str, Callable[[], str]] = {}
         for name, k in thesis.items():
             out[name] = lambda k=k: of_rich(self.thesis().tables()[k])  # type: ignore[misc]
@@ -111,7 +116,7 @@ class Numbers:
 
     def _study(self, name: str) -> str:
         study = STUDIES.get(name, TISSUE_STUDY)
-        result = study.table(self.bench(), tell=print)
+        result = study.table(self.bench(), tell=partial(print, flush=True))
         figure = FIGURES / f"study-{name}.svg"
         save_study_figure(study, result, figure)
         return markdown(*study_table(study, result)) + f"\n\n![{study.title}](figures/{figure.name})"

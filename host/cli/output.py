@@ -123,8 +123,14 @@ def table(
 def watching() -> Iterator[Callable[[str, int, int], None]]:
     """Progress bars for work that says what it does, how much of it is done, and how much there is.
 
-    Each kind of work has a bar of its own, which starts anew when its count does.
+    Each kind of work has a bar of its own, which starts anew when its count does. Where standard error is not
+    a terminal there are plain lines, far apart.
     """
+    if not sys.stderr.isatty():
+        from host.regression.watch import Lines
+
+        yield Lines(note)
+        return
     with progress() as bars:
         tasks: dict[str, Any] = {}
 

@@ -18,7 +18,7 @@ _UNITS = {"F": "(N/m)", "t": "(mm)", "d": "(mm)", "h": "", "E_inv23": ""}
 
 def items(fit: FieldFit) -> list[Item]:
     """Held-out table with estimates against truth, coverage, detectability; studies if the fit has them."""
-    held_out, cover, flags, left_out, found, visits = (_frame(t) for t in fit.tables())
+    held_out, cover, flags, distance, left_out, found, visits = (_frame(t) for t in fit.tables())
     out = [
         Item(
             "Beyond 1",
@@ -32,7 +32,7 @@ def items(fit: FieldFit) -> list[Item]:
             "Intervals",
             "Share of true values inside the 90 % interval, by group; the grey band is 88 to 92 %.",
             draw=lambda: figure_coverage(fit),
-            tables=[cover, flags],
+            tables=[cover, flags, distance],
         ),
         Item(
             "Beyond 3",

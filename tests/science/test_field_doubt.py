@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from firmware_py import evaluator
 from host.regression import conformal, domain
-from host.regression.field import model
-from host.regression.probe_model import HARD_BELOW
+from host.regression.field import flags, model
+from host.regression.probe_model import HARD_BELOW, to_link
 from model_export import accuracy, compiler
 
 
@@ -102,6 +102,27 @@ def test_a_lump_beyond_the_ranges_is_flagged_and_one_well_inside_is_not(parts, f
     assert (familiar & far).sum() >= 8 and (familiar & within).sum() >= 8
     assert (~said.in_domain[familiar & far]).mean() > 0.8
     assert said.in_domain[familiar & within].mean() > 0.9
+
+
+def test_the_flag_by_distance_counts_every_stroke_once_and_says_what_noise_alone_would_do(fitted, parts):
+    """Estimates with just the errors that their intervals state: both columns agree, and rise outwards."""
+    rng = np.random.default_rng(9)
+    n, lo, hi = 60000, np.full(5, -np.inf), np.full(5, np.inf)
+    lo[2], hi[2] = np.log(5.0), np.log(20.0)
+    check = dataclasses.replace(fitted.domain, range_lo=lo, range_hi=hi, margin=0.3)
+    narrow = dataclasses.replace(fitted, domain=check)
+    seen = parts[2].take(rng.integers(0, len(parts[2]), n))
+    seen.Y[:, 2] = rng.uniform(4.0, 25.0, n)
+    half = np.full((n, 5), 0.04)
+    y = to_link(seen.Y) + half / 1.645 * rng.normal(size=(n, 5))
+    plain = narrow.answer_from(seen.columns(fitted.recipe.features), y, rng.random(n) < 0.9)
+    answers = dataclasses.replace(plain, half=half, in_domain=check.beyond(y, half) <= 0.3)
+    table = flags.by_distance(narrow, [(seen, answers)])
+    assert table["strokes"].sum() == answers.lump.sum()
+    assert table["flagged"].is_monotonic_increasing and table["flagged"].iloc[-1] > 0.99
+    assert (table["flagged"] - table["unbiased"]).abs().max() < 0.05
+    at_the_margin = table[table["from"] == 0.25].iloc[0]
+    assert 0.5 < at_the_margin["flagged"] < 0.65
 
 
 def test_the_flag_in_the_integers_is_that_of_the_fitted_model(fitted, parts, bench):

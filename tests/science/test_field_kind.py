@@ -89,7 +89,7 @@ def test_the_whole_fit_is_one_json_document_that_names_what_it_left_out(strokes)
     one = next(row for row in document["held_out"] if row["strokes"] == 1)
     assert one["n"] + sum(left_out.values()) == test_strokes
     assert {"false_alarms", "flagged_inside", "decided", "E_is_a_bound"} <= set(document)
-    assert len(result.tables()) == 6
+    assert len(result.tables()) == 7
     done = {what: (n, of) for what, n, of in said}
     assert {"strokes seen through the sensors", "terms chosen", "models fitted", "models scored"} == set(done)
     assert all(n == of for n, of in done.values())

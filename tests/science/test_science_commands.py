@@ -35,6 +35,9 @@ def test_one_command_goes_from_strokes_to_a_model_and_its_held_out_table(tmp_pat
     assert {row["strokes"] for row in said["held_out"] if row["model"] == "field"} == {1, 4}
     assert 0 <= said["flagged_inside"] < said["flagged_or_not_found_outside"] <= 1
     assert said["outside_strokes"] > 0 and said["training"]["rim_lumps"] > 0
+    distances = said["flagged_by_distance"]
+    assert distances[0]["from"] is None and distances[-1]["to"] is None
+    assert all(0 <= row["flagged"] <= 1 and row["strokes"] > 0 for row in distances)
     assert said["excluded"] and said["detectability"] and said["coverage"]
     assert ModelSpec.load(out).training["noise"] == "good"
 

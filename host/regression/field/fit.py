@@ -97,7 +97,7 @@ def _result(bench: Bench, model: FieldModel, parts: Parts, noise: str, rows: lis
     answers = model.answer(test)
     answered = answers.lump
     facts = hardness(test, answers, answered) | bounds(answers, answered)
-    facts |= flags(bench, model, noise, test, answers)
+    shares, by_distance = flags(bench, model, noise, test, answers)
     excluded = dict(bench.strokes.excluded)
     for name, part in (("training", train), ("rim", rim), ("calibration", calibration), ("test", test)):
         for why, left_out in ({} if part is None else _left_out(model, part)).items():
@@ -123,7 +123,8 @@ def _result(bench: Bench, model: FieldModel, parts: Parts, noise: str, rows: lis
         rows=rows,
         coverage=coverage(test, answers, answered),
         excluded=excluded,
-        facts=facts,
+        facts=facts | shares,
+        flagged=by_distance,
         found=found_by(test, answered),
         visits=visits(test, answers.y, answered),
         test=test,

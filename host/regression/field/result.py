@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from rich.table import Table
 
@@ -50,6 +51,8 @@ class FieldFit:
         Why -> how many strokes were left out of training, calibration or test.
     facts : dict
         Domain flags, false alarms, hardness, bounds.
+    flagged : DataFrame
+        The domain flag by distance from the ranges' ends (`flags.by_distance`).
     found : DataFrame
         Detectability by d, h and E.
     visits : DataFrame
@@ -63,6 +66,7 @@ class FieldFit:
     coverage: pd.DataFrame
     excluded: dict[str, int]
     facts: dict[str, float]
+    flagged: pd.DataFrame
     found: pd.DataFrame
     visits: pd.DataFrame
     test: Seen = field(repr=False)
@@ -75,6 +79,7 @@ class FieldFit:
             tables.held_out(self.rows, self.missed_targets()),
             tables.coverage(self.coverage, self.model.widths.level, self.noise),
             tables.facts(self.facts, self.noise),
+            tables.flagged(self.flagged),
             tables.excluded(self.excluded),
             tables.found(self.found),
             tables.visits(self.visits),
@@ -100,8 +105,14 @@ class FieldFit:
             "coverage": self.coverage.reset_index(names="group").to_dict("records"),
             "excluded": self.excluded,
             **flat(self.facts),
+            "flagged_by_distance": [_ends(row) for row in self.flagged.to_dict("records")],
             "detectability": self.found.to_dict("records"),
             "two_visits_change_of_diameter_percent": self.visits.to_dict("records"),
             "training": self.spec.training,
             "studies": {study.name: result.to_dict("records") for study, result in self.studies},
         }
+
+
+def _ends(row: dict[Any, Any]) -> dict[str, Any]:
+    """A row with its infinite ends as None, for JSON."""
+    return {name: value if np.isfinite(value) else None for name, value in row.items()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
 import pandas as pd
 from rich.table import Table
 
@@ -85,6 +86,37 @@ def facts(shares: Mapping[str, float], noise: str) -> Table:
             out.add_row(words, f"{100 * shares[name]:.1f} %")
     out.add_row("median of that bound", f"E >= {shares['median_bound']:.1f}")
     return out
+
+
+def flagged(shares: pd.DataFrame) -> Table:
+    """The domain flag by distance from the ranges' ends (`flags.by_distance`)."""
+    out = Table(title="The flag by distance beyond the ranges, in half-widths of the estimate's interval")
+    out.add_column("beyond an end by")
+    for name in ("strokes", "flagged", "were errors normal"):
+        out.add_column(name, justify="right")
+    for row in shares.to_dict("records"):
+        out.add_row(_beyond(row["from"], row["to"]), *_distance_cells(pd.DataFrame([row])))
+    parts = {
+        "inside, all": shares["to"] <= 0,
+        "outside, all": shares["from"] >= 0,
+        "outside by 1 or more": shares["from"] >= 1,
+    }
+    for words, rows in parts.items():
+        if rows.any():
+            out.add_row(words, *_distance_cells(shares[rows]))
+    return out
+
+
+def _distance_cells(rows: pd.DataFrame) -> list[str]:
+    n = rows["strokes"]
+    return [str(n.sum()), *(f"{100 * (rows[k] * n).sum() / n.sum():.1f} %" for k in ("flagged", "unbiased"))]
+
+
+def _beyond(low: float, high: float) -> str:
+    if high <= 0:
+        inner = f"inside by {abs(high):g}"
+        return f"{inner} to {-low:g}" if np.isfinite(low) else f"{inner} or more"
+    return f"{low:g} to {high:g}" if np.isfinite(high) else f"{low:g} or more"
 
 
 def excluded(strokes: Mapping[str, int]) -> Table:
