@@ -18,7 +18,7 @@ def demo(tmp_path_factory):
         [PALPATE, "demo", "--out", out, "--json"],
         capture_output=True,
         text=True,
-        timeout=280,
+        timeout=800,
         env={**os.environ, "COLUMNS": "80"},
         check=False,
     )
@@ -51,7 +51,7 @@ def test_it_leaves_the_picture_the_recording_and_the_image(demo):
 def test_the_recording_replays_identically_from_the_command_line(demo):
     _, _, out = demo
     run = subprocess.run(
-        [PALPATE, "replay", out / "stroke.mcap"], capture_output=True, text=True, timeout=60, check=False
+        [PALPATE, "replay", out / "stroke.mcap"], capture_output=True, text=True, timeout=300, check=False
     )
     assert run.returncode == 0, run.stderr
     assert "identical" in run.stdout
@@ -66,7 +66,7 @@ def test_one_flipped_byte_in_the_image_is_refused_in_a_sentence(demo, tmp_path):
         [PALPATE, "flash", tmp_path / "flipped.palp", "--port", "/dev/does-not-exist"],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=False,
     )
     assert run.returncode in (1, 2)

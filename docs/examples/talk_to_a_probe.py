@@ -42,7 +42,7 @@ if __name__ == "__main__":  # the sweep's worker processes import this file
 
     # 3. The probe: real MicroPython behind a pseudo-terminal. Flash it, stroke, record.
     recording.parent.mkdir(parents=True, exist_ok=True)
-    with EmulatedProbe("micropython", strokes, public_key=public_key) as emulated:
+    with EmulatedProbe("micropython", strokes, public_key=public_key, roomy=True) as emulated:
         with Probe.open(emulated.port) as probe:
             print(f"probe {probe.identity.serial} at {probe.name}: {flash(probe, image).model_id} is live")
         with recorded(emulated.port, recording, overwrite=True) as probe:

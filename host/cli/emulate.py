@@ -73,7 +73,7 @@ def command(
     streams: Any
     streams, calibration = strokes_over(code, noise, seed, frames, strokes, steady)
     probe = EmulatedProbe(
-        runtime, streams, listen, store, repeat=True, public_key=public, calibration=calibration
+        runtime, streams, listen, store, True, public_key=public, calibration=calibration, roomy=True
     )
     with probe:
         port = ""

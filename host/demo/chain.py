@@ -209,7 +209,8 @@ def _emulate(runtime: str, out: Path) -> Any:
     strokes = [stroke_frames(field, LEVELS[NOISE].without("force"), SEED)]
     store = out / "probe"
     shutil.rmtree(store, ignore_errors=True)  # a probe fresh from the factory
-    return EmulatedProbe(runtime, strokes, store=store, public_key=(out / "key" / "public.key").read_bytes())
+    public_key = (out / "key" / "public.key").read_bytes()
+    return EmulatedProbe(runtime, strokes, store=store, public_key=public_key, roomy=True)
 
 
 def _flash(port: str, image: bytes) -> str:
@@ -233,7 +234,7 @@ def _stroke(port: str, recording: Path) -> tuple[list[Frame], TactileMap, Estima
     found: TactileMap | None = None
     estimate: Estimate | None = None
     with recorded(port, recording, overwrite=True) as probe:
-        for event in probe.stream(strokes=1, timeout_s=30):
+        for event in probe.stream(strokes=1, timeout_s=60):
             if isinstance(event, Frame):
                 frames.append(event)
             elif isinstance(event, TactileMap):

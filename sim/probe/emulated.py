@@ -6,6 +6,7 @@ Its link on a pseudo-terminal or TCP port.
 import contextlib
 import json
 import os
+import select
 import shutil
 import signal
 import socket
@@ -25,7 +26,11 @@ from sim.probe.relay import Relay
 ROOT = Path(__file__).parent.parent.parent
 DEVICE = Path(__file__).parent / "device"
 RUNTIMES = ("micropython", "cpython")
+START_S = 120.0
+"""How long an interpreter may take to come up, however busy this machine is."""
 _HEAP = 512 * 1024
+_CLOSE_QUEUE, _ROOMY_QUEUE = 4096, 1 << 20
+"""Bytes asked of the kernel for what waits for the relay; it gives some 300 frames' room at most."""
 
 
 class EmulatedProbe:
@@ -44,6 +49,8 @@ class EmulatedProbe:
         nominal
     public_key: the LMS public key whose models the probe accepts
     to_host, to_device, seed, baud: a bad or slow link, see sim.probe.relay.Relay
+    roomy: seconds of frames wait for a host that is held up, as in the buffers of a USB port; without it a
+        host that does not read is felt after a tenth of a second
 
     Attributes: port (what pyserial takes), complaints (lines the firmware wrote to its error output).
     """
@@ -62,6 +69,7 @@ class EmulatedProbe:
         to_device: Faults | None = None,
         seed: int = 0,
         baud: int = 0,
+        roomy: bool = False,
     ) -> None:
         if runtime not in RUNTIMES:
             raise ValueError(f"there is no runtime '{runtime}'; there are {', '.join(RUNTIMES)}")
@@ -82,7 +90,7 @@ class EmulatedProbe:
         self._sources = 1
         self._ours, self._theirs = socket.socketpair()
         for end in (self._ours, self._theirs):
-            end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _ROOMY_QUEUE if roomy else _CLOSE_QUEUE)
         self._ours.setblocking(False)
         self._theirs.setblocking(False)
         self.relay = Relay(self._ours.fileno(), listen, to_host, to_device, seed, baud)
@@ -113,13 +121,19 @@ class EmulatedProbe:
         return boots
 
     def start(self, power_bytes: int | None = None) -> "EmulatedProbe":
-        """Switch on. power_bytes: cut the power when so many more bytes have been written to the store."""
+        """Switch on, and wait until the firmware listens (or has ended).
+
+        power_bytes: cut the power when so many more bytes have been written to the store. Raises
+        TimeoutError where the interpreter does not come up.
+        """
         if self.running:
             return self
         orders, self._orders = os.pipe()
         os.set_blocking(orders, False)
+        listens, listens_in = os.pipe()
         config = {
             "orders": orders,
+            "listens": listens_in,
             "firmware": str(ROOT / "firmware_py"),
             "programs": [str(DEVICE / "emulated_board.py"), str(DEVICE / "main.py")],
             "main": "main",
@@ -145,13 +159,19 @@ class EmulatedProbe:
             stdin=self._theirs.fileno(),
             stdout=self._theirs.fileno(),
             stderr=errors_in,
-            pass_fds=(orders,),
+            pass_fds=(orders, listens_in),
             cwd=ROOT,
         )
-        os.close(errors_in)
-        os.close(orders)
+        for theirs in (errors_in, orders, listens_in):
+            os.close(theirs)
         self._reader = threading.Thread(target=self._listen, args=(errors,), daemon=True)
         self._reader.start()
+        try:
+            if not select.select([listens], [], [], START_S)[0]:
+                self.cut_power()
+                raise TimeoutError(f"the emulated probe did not come up within {START_S:g} s")
+        finally:
+            os.close(listens)
         return self
 
     def _listen(self, fd: int) -> None:

@@ -17,7 +17,7 @@ class RuntimeMissing(RuntimeError):
 def _version(node: str) -> int:
     try:
         said = subprocess.run(
-            [node, "--version"], capture_output=True, text=True, timeout=20, check=True
+            [node, "--version"], capture_output=True, text=True, timeout=120, check=True
         ).stdout
         return int(said.lstrip("v").split(".")[0])
     except (OSError, subprocess.SubprocessError, ValueError):

@@ -67,7 +67,7 @@ class Relay:
         """Stop carrying and close the host's side."""
         self._ending = True
         os.write(self._wake_in, b"!")
-        self._thread.join(5)
+        self._thread.join()
         self._host.close()
         os.close(self._wake_in)
         os.close(self._wake_out)

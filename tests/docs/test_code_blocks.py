@@ -26,7 +26,7 @@ REASONS = (
 NAMES = [str(page.relative_to(ROOT)) for page in pages()]
 
 
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("name", [n for n in NAMES if any(b.runs_as for b in blocks_of(ROOT / n))])
 def test_a_page_does_what_it_says(name, run_page):
     run_page(ROOT / name)

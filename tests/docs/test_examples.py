@@ -32,7 +32,7 @@ def run(tmp_path_factory):
                 env=env,
                 capture_output=True,
                 text=True,
-                timeout=240,
+                timeout=900,
             )
             assert done.returncode == 0, done.stderr
             said[name] = done.stdout

@@ -56,7 +56,7 @@ def printed(tmp_path_factory):
 
     def say(*words, status=0):
         done = subprocess.run(
-            [PALPATE, *words, "--json"], cwd=place, capture_output=True, text=True, timeout=120
+            [PALPATE, *words, "--json"], cwd=place, capture_output=True, text=True, timeout=600
         )
         assert done.returncode == status, done.stderr
         return json.loads(done.stdout)
@@ -68,7 +68,7 @@ def printed(tmp_path_factory):
         "doctor": say("doctor")[0],
     }
     strokes = [stroke_frames(simulate(Case.from_code("d10h08e10f10")), "none", 1)]
-    with EmulatedProbe("cpython", strokes) as probe:
+    with EmulatedProbe("cpython", strokes, roomy=True) as probe:
         found["stream"] = say("stream", "--port", probe.port, "--strokes", "1", "--record", "a.mcap")
     found["estimate"] = found["stream"]["strokes"][0]
     found["convert"] = say("convert", "a.mcap", "a.parquet")

@@ -24,7 +24,7 @@ def site(tmp_path_factory):
         env=os.environ | {"NO_MKDOCS_2_WARNING": "1"},
         capture_output=True,
         text=True,
-        timeout=280,
+        timeout=900,
     )
     said = done.stdout + done.stderr
     assert done.returncode == 0, said

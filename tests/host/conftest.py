@@ -6,6 +6,7 @@ import itertools
 import os
 import subprocess
 import sys
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +23,8 @@ from tests.image import synthetic
 
 LUMP = "d12h07e20f09"
 FRAMES = 40
+PATIENCE_S = 120.0
+"""For whatever must come in the end, on a machine of any speed; what comes in order never waits so long."""
 SERIALS = itertools.count(1000 * os.getpid() % 100_000_000)
 
 
@@ -102,9 +105,11 @@ def emulated(bench, public_key):
         strokes, calibration = bench
         serial = b"%08d" % next(SERIALS)  # two workers' pseudo-terminals may get one another's names
         given = {"strokes": strokes, "calibration": calibration, "public_key": public_key, "serial": serial}
-        probe = EmulatedProbe(runtime, **{**given, **words}).start()
+        # a busy machine must not lose frames where the test does not ask for it
+        given["roomy"] = not words.keys() & {"to_host", "to_device", "baud"}
+        probe = EmulatedProbe(runtime, **{**given, **words})
         running.append(probe)
-        return probe
+        return probe.start()
 
     yield make
     for probe in running:
@@ -114,6 +119,29 @@ def emulated(bench, public_key):
 def connect(probe: EmulatedProbe, recorder=None) -> Probe:
     """A client that finds the probe again under whatever name its port has."""
     return Probe(open_transport(probe.port), recorder, lambda: open_transport(probe.port))
+
+
+def wait_until(true, what: str) -> None:
+    """Wait for a condition, however busy the machine is."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not true():
+        assert time.monotonic() < deadline, f"never came: {what}"
+        time.sleep(0.02)
+
+
+def settled(probe: Probe) -> dict[str, int]:
+    """The probe's counts after the stream's end, once every frame it acquired has come or is counted lost.
+
+    What the stream's end had promised and has not come is counted once the line is quiet.
+    """
+    told = probe.statistics()
+
+    def all_are_counted():
+        return probe.frame_counts.received + probe.frame_counts.lost >= told["frames_acquired"]
+
+    wait_until(all_are_counted, "the last frames, or the count of what is missing")
+    assert probe.frame_counts.received + probe.frame_counts.lost == told["frames_acquired"]
+    return told
 
 
 @pytest.fixture

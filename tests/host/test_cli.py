@@ -5,7 +5,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -13,7 +12,7 @@ from host.cli import cli
 from host.cli.frame import CHAPTERS
 from host.link import emulated as notes
 from host.record.reader import Recording
-from tests.host.conftest import LUMP, start_palpate
+from tests.host.conftest import LUMP, PATIENCE_S, start_palpate, wait_until
 
 COMMANDS = [name for chapter in CHAPTERS.values() for name, _, _ in chapter]
 
@@ -151,7 +150,7 @@ def test_flash_stream_replay_and_convert_through_the_command_line(flashed, palpa
         assert estimate["hardness"] in ("hard", "soft", "unsure")
         assert estimate["level"] == 0.9 and estimate["model_id"] == model["model_id"]
     assert told["link"]["frames_lost"] == told["link"]["probe_frames_dropped"] == 0
-    assert 0 < told["clock"]["uncertainty_us"] < 100_000
+    assert 0 < told["clock"]["uncertainty_us"] < 1_000_000
     assert Recording(path).metadata()["clock"]["offset_us"]
     status, out, _ = palpate("replay", path, "--json")
     again = json.loads(out)
@@ -225,12 +224,9 @@ def test_a_flipped_byte_in_a_model_image_is_refused_in_a_sentence(flashed, image
 def test_ctrl_c_ends_a_recording_whole_and_exits_130(emulated, tmp_path):
     device, path = emulated(repeat=True), tmp_path / "stopped.mcap"
     with start_palpate("stream", "--port", device.port, "--record", path, "--json") as run:
-        deadline = time.monotonic() + 20
-        while not path.exists() or path.stat().st_size < 60_000:
-            assert time.monotonic() < deadline and run.poll() is None
-            time.sleep(0.05)
+        wait_until(lambda: path.exists() and path.stat().st_size >= 60_000, "a recording that grows")
         run.send_signal(signal.SIGINT)
-        out, err = run.communicate(timeout=20)
+        out, err = run.communicate(timeout=PATIENCE_S)
     assert run.returncode == 130 and one_sentence(err)
     assert json.loads(out)["link"]["frames_received"] > 10
     recording = Recording(path)
@@ -247,7 +243,7 @@ def test_a_full_disk_ends_the_stream_at_once_with_a_sentence(emulated, tmp_path)
         resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
 
     with start_palpate(*words, preexec_fn=small_disk) as run:
-        out, err = run.communicate(timeout=30)
+        out, err = run.communicate(timeout=PATIENCE_S)
     assert run.returncode == 1 and out == "" and "the disk is full" in err and one_sentence(err)
     assert 50_000 < path.stat().st_size <= 60_000
     assert Recording(path).check() == ""
@@ -271,7 +267,7 @@ def test_emulate_is_found_streams_and_leaves_no_note(palpate):
         status, out, _ = palpate("stream", "--strokes", 1)
         assert status == 0 and "no estimate" in out
         run.send_signal(signal.SIGINT)
-        run.communicate(timeout=20)
+        run.communicate(timeout=PATIENCE_S)
     assert run.returncode == 130
     assert notes.running() == []
 
@@ -285,7 +281,7 @@ def test_completion_prints_a_script_for_the_shell(palpate, shell):
 def test_completion_completes_commands():
     environment = {"_PALPATE_COMPLETE": "bash_complete", "COMP_WORDS": "palpate st", "COMP_CWORD": "1"}
     run = start_palpate(env=environment)
-    out, _ = run.communicate(timeout=20)
+    out, _ = run.communicate(timeout=PATIENCE_S)
     assert "stream" in out
 
 

@@ -20,7 +20,7 @@ from host.record.session import recorded
 from host.record.writer import RecordingWriter
 from sim.probe import frames
 from tests.host import wires
-from tests.host.conftest import connect
+from tests.host.conftest import PATIENCE_S, connect
 
 NOISE_COUNTS = 3.0
 COUNT_KPA = 25 / 4095
@@ -62,7 +62,7 @@ def felt(tmp_path_factory):
     from sim.probe.emulated import EmulatedProbe
 
     path = tmp_path_factory.mktemp("felt") / "felt.mcap"
-    with EmulatedProbe("micropython", serial=b"PRESSURE") as device:
+    with EmulatedProbe("micropython", serial=b"PRESSURE", roomy=True) as device:
         device.set_strokes([Cells(np.zeros((16, 26)))], lifted=0)
         with connect(device) as probe:
             probe.calibrate_zero(TAKEN)
@@ -73,7 +73,7 @@ def felt(tmp_path_factory):
         with recorded(device.port, path) as probe:
             assert probe.scale.calibrated
             live = []
-            for event in probe.stream(timeout_s=20):
+            for event in probe.stream(timeout_s=PATIENCE_S):
                 live += [event] if isinstance(event, Frame) else []
                 if len(live) == 60:
                     break

@@ -11,7 +11,7 @@ from host.link.events import Estimate, Frame
 from host.link.flash import flash
 from model_export import keys
 from model_export.exporter import export
-from tests.host.conftest import FRAMES, connect
+from tests.host.conftest import FRAMES, PATIENCE_S, connect
 
 BAD = "its signature does not fit"
 UNWANTED = {
@@ -48,7 +48,7 @@ def test_it_is_refused_by_name_while_the_probe_streams(emulated, images, unwante
         flash(probe, images[0])
         live = flash(probe, images[1]).model_id
         probe.start_stream()
-        events = probe.events(20)
+        events = probe.events(PATIENCE_S)
         next(e for e in events if isinstance(e, Frame))
         with pytest.raises(ImageRefused, match=words) as refusal:
             flash(probe, unwanted[what])

@@ -35,7 +35,7 @@ def board(tmp_path):
         if theirs is not None:
             os.close(theirs)
             theirs = None
-        process.wait(20)
+        process.wait(120)
         return kept
 
     yield os.ttyname(theirs), switch_off

@@ -2,7 +2,7 @@
 
 Link: file descriptors 0 (from the host) and 1 (to the host), both non-blocking. Orders of the emulator
 (sim/probe/emulated.py): on the one that the configuration names, a line each; its end means that the
-emulator is gone.
+emulator is gone. Into a pipe that it names goes a byte when the firmware first listens.
 """
 
 import json
@@ -70,7 +70,14 @@ def _obey() -> None:
             _power_left = int(rest)
 
 
+def _say_that_it_listens() -> None:
+    if (fd := _config.pop("listens", None)) is not None:
+        os.write(fd, b"!")
+        os.close(fd)
+
+
 def read(buffer: bytearray, n: int) -> int:
+    _say_that_it_listens()
     data = _take(_LINK_IN, n)
     buffer[: len(data)] = data
     return len(data)

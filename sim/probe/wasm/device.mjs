@@ -2,6 +2,7 @@
 //
 // Link: file descriptors 0 (from the host) and 1 (to the host), both non-blocking. Errors: 2. Orders of the emulator
 // (sim/probe/emulated.py): the one that the configuration names, a line each; its end means that the emulator is gone.
+// Into a pipe that it names goes a byte when the firmware first listens.
 // sim/probe/device/hostport.py is the same hardware for CPython.
 import fs from 'node:fs';
 import path from 'node:path';
@@ -106,6 +107,13 @@ function obey() {
 
 // ---- the link
 
+function sayThatItListens() {
+  if (config.listens === undefined) return;
+  fs.writeSync(config.listens, '!');
+  fs.closeSync(config.listens);
+  delete config.listens;
+}
+
 const received = Buffer.alloc(4096);
 let have = 0, at = 0;
 function fill() {
@@ -117,6 +125,7 @@ function fill() {
 
 mp.registerJsModule('hostport', {
   read(address, n) {
+    sayThatItListens();
     if (!fill()) return 0;
     const k = Math.min(n, have - at);
     view(address, k).set(received.subarray(at, at + k));
