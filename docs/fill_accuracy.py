@@ -72,14 +72,13 @@ class Numbers:
 
     def blocks(self) -> dict[str, Callable[[], str]]:
         """Name of a block -> what writes it."""
-        thesis = {name: k for k, name in enumerate(("table-1", "forward", "inverse"))}
+        equations = ("table-1", "forward", "inverse", "one-factor", "strain-force")
+        thesis = {name: k for k, name in enumerate((*equations, "transforms", "permutation"))}
         names = ("held-out", "coverage", "flags", "flag-distance", "left-out", "found", "visits")
         field = {n: k for k, n in enumerate(names)}
         out: dict[str, Callable[[], str]] = {}
         for name, k in thesis.items():
             out[name] = lambda k=k: of_rich(self.thesis().tables()[k])  # type: ignore[misc]
-        out["transforms"] = self._transforms
-        out["permutation"] = self._permutation
         for name, k in field.items():
             out[name] = lambda k=k: of_rich(self.field().tables()[k])  # type: ignore[misc]
         for name in (*STUDIES, TISSUE_STUDY.name):
@@ -87,14 +86,6 @@ class Numbers:
         out["which-lumps"] = self._which_lumps
         out["tissue-fit"] = self._tissue_fit
         return out
-
-    def _transforms(self) -> str:
-        rows = self.thesis().transforms.to_dict("records")
-        cells = [[r["transform"], f"{r['r2']:.3f}", f"{r['largest_leverage']:.2f}"] for r in rows]
-        return markdown(("transform of E", "R2 of Amp, one factor", "largest leverage"), cells)
-
-    def _permutation(self) -> str:
-        return markdown(("target", "P"), [[k, f"{p:.2f}"] for k, p in self.thesis().permutation.items()])
 
     def _which_lumps(self) -> str:
         if of_the_command(self.strokes()):

@@ -11,8 +11,7 @@ import statsmodels.api as sm
 from numpy.typing import NDArray
 from statsmodels.stats.outliers_influence import OLSInfluence, variance_inflation_factor
 
-from host.features import Floats
-from host.regression.subsets import best_subset, nested_leave_one_out
+from host.regression.subsets import best_r2, best_subset, nested_leave_one_out
 from host.regression.table import (
     DISPLACEMENT,
     NAMES,
@@ -174,26 +173,41 @@ def coefficient_table(
     )
 
 
+@dataclass(frozen=True)
+class Luck:
+    """A permutation test, in the equation's own scale.
+
+    Attributes
+    ----------
+    r2 : float
+        In sample, of the runs as they are.
+    r2_by_luck : float
+        What 95 % of the shuffles stay below.
+    P : float
+        Share of shuffles (the true order counted among them) that reach `r2`.
+    """
+
+    target: str
+    displacement: bool
+    r2: float
+    r2_by_luck: float
+    P: float
+
+
 def permutation_test(
     table: pd.DataFrame, target: str, displacement: bool, draws: int = 199, seed: int = 1
-) -> tuple[float, Floats]:
-    """Could chance reach this R2? The target is shuffled among the runs and the terms chosen anew each time.
-
-    Returns
-    -------
-    p_value : float
-        Share of shuffles (the true order counted among them) whose in-sample R2 is at least the true one.
-    r2 : array (draws)
-        In-sample R2 of the shuffles.
-    """
+) -> Luck:
+    """Could chance reach this R2? The target is shuffled among the runs, the terms are chosen anew."""
     X = candidate_terms(coordinates(table), displacement).to_numpy()
     truth = target_values(table)[target].to_numpy()
     y = np.log(truth) if target in LOG_TARGETS else truth
     rng = np.random.default_rng(seed)
-
-    def reach(v: Floats) -> float:
-        return r_squared(v, best_subset(X, v, most_terms_for(len(v))).predict(X))
-
-    actual = reach(y)
-    luck = np.array([reach(rng.permutation(y)) for _ in range(draws)])
-    return float((1 + np.sum(luck >= actual)) / (draws + 1)), luck
+    Y = np.column_stack([y, *(rng.permutation(y) for _ in range(draws))])
+    actual, *luck = best_r2(X, Y, most_terms_for(len(y)))
+    return Luck(
+        target,
+        displacement,
+        float(actual),
+        float(np.quantile(luck, 0.95)),
+        float((1 + np.sum(luck >= actual)) / (draws + 1)),
+    )

@@ -7,10 +7,12 @@ The choice is part of the model: `nested_leave_one_out` makes it afresh without 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from host.features import Floats
 
@@ -38,23 +40,10 @@ def best_subset(X: Floats, y: Floats, most_terms: int) -> Subset:
     ValueError
         Fewer rows than an equation with one term needs.
     """
-    n, p = X.shape
-    most_terms = min(most_terms, p, n - 3)
-    if most_terms < 1:
-        raise ValueError(f"{n} runs are too few to choose terms from")
     best: Subset | None = None
-    for size in range(1, most_terms + 1):
-        subsets = np.array(list(combinations(range(p), size)))
-        A = np.concatenate([np.ones((len(subsets), n, 1)), X[:, subsets].transpose(1, 0, 2)], axis=2)
-        # A is short and thin: a QR of each gives weights and leverages without squaring its condition.
-        Q, R = np.linalg.qr(A)
-        sound = np.abs(np.diagonal(R, axis1=1, axis2=2)).min(1) > 1e-8
-        Q, R, subsets = Q[sound], R[sound], subsets[sound]
-        if not len(subsets):
-            continue
+    for subsets, Q, R, leverage in _designs(X, most_terms):
         Qy = np.einsum("sni,n->si", Q, y)
         left = y - np.einsum("sni,si->sn", Q, Qy)
-        leverage = np.minimum(np.einsum("sni,sni->sn", Q, Q), _LEVERAGE_MAX)
         press = ((left / (1 - leverage)) ** 2).sum(1)
         k = int(press.argmin())
         if best is None or press[k] < best.press:
@@ -62,6 +51,40 @@ def best_subset(X: Floats, y: Floats, most_terms: int) -> Subset:
     if best is None:
         raise ValueError("every term is a copy of another")
     return best
+
+
+def best_r2(X: Floats, Y: Floats, most_terms: int) -> Floats:
+    """In-sample R2 of the subset that `best_subset` would choose for each column of Y (n, k), together.
+
+    The subsets' factorisations serve all columns: a permutation test has a thousand of them.
+    """
+    press, rest = np.full(Y.shape[1], np.inf), np.empty(Y.shape[1])
+    for _, Q, _, leverage in _designs(X, most_terms):
+        for k, y in enumerate(Y.T):
+            Qy = np.matmul(y, Q)
+            left = y - np.matmul(Q, Qy[:, :, None])[:, :, 0]
+            scores = np.square(left / (1 - leverage)).sum(1)
+            j = int(scores.argmin())
+            if scores[j] < press[k]:
+                press[k], rest[k] = scores[j], np.square(left[j]).sum()
+    return 1 - rest / np.square(Y - Y.mean(0)).sum(0)
+
+
+def _designs(X: Floats, most_terms: int) -> Iterator[tuple[NDArray[np.intp], Floats, Floats, Floats]]:
+    """All subsets of each size: columns (s, size), Q (s, n, size + 1), R, leverages (s, n)."""
+    n, p = X.shape
+    most_terms = min(most_terms, p, n - 3)
+    if most_terms < 1:
+        raise ValueError(f"{n} runs are too few to choose terms from")
+    for size in range(1, most_terms + 1):
+        subsets = np.array(list(combinations(range(p), size)))
+        A = np.concatenate([np.ones((len(subsets), n, 1)), X[:, subsets].transpose(1, 0, 2)], axis=2)
+        # A is short and thin: a QR of each gives weights and leverages without squaring its condition.
+        Q, R = np.linalg.qr(A)
+        sound = np.abs(np.diagonal(R, axis1=1, axis2=2)).min(1) > 1e-8
+        Q, R, subsets = Q[sound], R[sound], subsets[sound]
+        if len(subsets):
+            yield subsets, Q, R, np.minimum(np.einsum("sni,sni->sn", Q, Q), _LEVERAGE_MAX)
 
 
 def nested_leave_one_out(X: Floats, y: Floats, most_terms: int) -> tuple[Floats, list[tuple[int, ...]]]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import pandas as pd
 from rich.table import Table
 
-from host.regression.direct import fit_direct, permutation_test
+from host.regression.direct import Luck, fit_direct, permutation_test
 from host.regression.forward import (
     ONE_FACTOR,
     ForwardEquation,
@@ -35,6 +35,13 @@ from host.regression.table_1 import (
     table_1,
     terms_of,
 )
+from host.regression.thesis_tables import (
+    forward_table,
+    luck_table,
+    one_factor_table,
+    strain_force_table,
+    transforms_table,
+)
 from host.regression.watch import Watch
 
 
@@ -49,7 +56,7 @@ class ThesisFit:
     forward: dict[str, ForwardEquation]
     strain_force: list[StrainForce]
     transforms: pd.DataFrame
-    permutation: dict[str, float]
+    permutation: list[Luck]
 
     def entry(self, target: str, runs: str, displacement: bool) -> Table1Entry:
         """One entry of Table 1."""
@@ -60,7 +67,10 @@ class ThesisFit:
 
     def tables(self) -> list[Table]:
         """What `palpate fit --kind thesis` prints."""
-        return [table_1(self.entries), _forward_table(self), inverse_table(self.entries)]
+        out = [table_1(self.entries), forward_table(self.forward), inverse_table(self.entries)]
+        out += [one_factor_table(self.curves), strain_force_table(self.strain_force)]
+        out.append(transforms_table(self.transforms))
+        return [*out, luck_table(self.permutation)] if self.permutation else out
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
@@ -70,11 +80,13 @@ class ThesisFit:
             "one_factor": [{"equation": c.text(), "r2": c.r2} for c in self.curves],
             "strain_force": [{"runs": c.label, "A": c.A, "B": c.B, "r2": c.r2} for c in self.strain_force],
             "stiffness_transforms": self.transforms.to_dict("records"),
-            "permutation_P": self.permutation,
+            "permutation": [asdict(luck) for luck in self.permutation],
         }
 
 
-def fit_thesis(features_table: pd.DataFrame, permutations: int = 99, watch: Watch | None = None) -> ThesisFit:
+def fit_thesis(
+    features_table: pd.DataFrame, permutations: int = 199, watch: Watch | None = None
+) -> ThesisFit:
     """Fit forward and inverse models of the thesis to its runs.
 
     Parameters
@@ -82,7 +94,7 @@ def fit_thesis(features_table: pd.DataFrame, permutations: int = 99, watch: Watc
     features_table : DataFrame
         Of `runs.features_table`; the nonlinear run is left out of every equation, as in the thesis.
     permutations : int
-        Shuffles of the permutation test of each target with all features; 0 leaves the test out.
+        Shuffles of each target in the permutation tests; 0 leaves these out.
     watch : callable, optional
         See `watch.Watch`.
 
@@ -118,12 +130,11 @@ def fit_thesis(features_table: pd.DataFrame, permutations: int = 99, watch: Watc
                 )
             )
     say("rows of Table 1, each run left out", len(entries), 2 * len(TABLE_1))
-    luck: dict[str, float] = {}
-    for k, target in enumerate(TARGETS if permutations else ()):
-        say("targets shuffled", k, len(TARGETS))
-        luck[target] = permutation_test(table, target, False, permutations)[0]
-    if luck:
-        say("targets shuffled", len(TARGETS), len(TARGETS))
+    luck: list[Luck] = []
+    tests = [(target, displacement) for target in TARGETS for displacement in (False, True)]
+    for target, displacement in tests if permutations else ():
+        luck.append(permutation_test(table, target, displacement, permutations))
+        say("targets shuffled", len(luck), len(tests))
     return ThesisFit(
         table,
         entries,
@@ -134,15 +145,6 @@ def fit_thesis(features_table: pd.DataFrame, permutations: int = 99, watch: Watc
         stiffness_transforms(table),
         luck,
     )
-
-
-def _forward_table(fit: ThesisFit) -> Table:
-    out = Table(title="Forward model (Appendix B)", show_lines=True)
-    for name in ("equation", "R2", "adjusted"):
-        out.add_column(name, justify="left" if name == "equation" else "right")
-    for equation in fit.forward.values():
-        out.add_row(equation.text(), f"{equation.r2:.4f}", f"{equation.r2_adjusted:.4f}")
-    return out
 
 
 def _equation_dict(equation: ForwardEquation) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import pytest
 
 from host.regression import forward, inverted, strain, subsets
 from host.regression.direct import permutation_test
-from host.regression.table import PRESSURE, TableError, check_table, relative
+from host.regression.table import PRESSURE, TARGETS, TableError, check_table, r_squared, relative
 from host.regression.table_1 import NESTED_TARGETS, TABLE_1
 from host.regression.thesis import fit_thesis
 
@@ -77,13 +77,36 @@ def test_press_is_the_sum_of_squared_left_out_residuals():
     assert found.press == pytest.approx(np.sum(np.square(left)))
 
 
+def test_many_targets_at_once_get_the_subsets_that_each_gets_alone():
+    rng = np.random.default_rng(3)
+    X, Y = rng.normal(size=(20, 6)), rng.normal(size=(20, 8))
+    Y[:, 0] += 3 * X[:, 2]
+    alone = [r_squared(y, subsets.best_subset(X, y, 3).predict(X)) for y in Y.T]
+    assert subsets.best_r2(X, Y, 3) == pytest.approx(alone, abs=1e-12)
+    with pytest.raises(ValueError, match="too few"):
+        subsets.best_r2(X[:3], Y[:3], 3)
+
+
+def test_every_equation_and_test_is_printed(runs):
+    small = fit_thesis(runs, permutations=3)
+    texts = ["".join(str(c) for column in table.columns for c in column.cells) for table in small.tables()]
+    for equation in (*small.curves, *small.forward.values(), *small.strain_force):
+        assert any(equation.text() in text for text in texts)
+    assert all(entry.direct.text() in texts[2] for entry in small.entries)
+    assert {(luck.target, luck.displacement) for luck in small.permutation} == {
+        (target, displacement) for target in TARGETS for displacement in (False, True)
+    }
+    document = json.loads(json.dumps(small.to_dict(), allow_nan=False))
+    assert len(document["permutation"]) == 10 and len(document["one_factor"]) == len(small.curves)
+
+
 def test_r2_in_the_thesis_are_not_luck_but_shuffled_targets_are(runs):
     table = check_table(runs[runs["linear"]])
-    p_value, luck = permutation_test(table, "d", False, draws=19)
-    assert p_value == pytest.approx(1 / 20), "no shuffle comes near"
-    assert luck.max() < 0.9
+    luck = permutation_test(table, "d", False, draws=19)
+    assert pytest.approx(1 / 20) == luck.P, "no shuffle comes near"
+    assert luck.r2_by_luck < 0.9 < luck.r2
     shuffled = table.assign(d_mm=np.random.default_rng(1).permutation(table["d_mm"]))
-    assert permutation_test(shuffled, "d", False, draws=19)[0] > 0.05
+    assert permutation_test(shuffled, "d", False, draws=19).P > 0.05
 
 
 def test_diagnostics_are_those_of_the_textbook(fit):
