@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 @click.option("--studies", is_flag=True, help="field: all of palpate study too (an hour).")
 @click.option("--report", type=click.Path(path_type=Path, file_okay=False), help="Draw the figures there.")
 @click.option("--recording", type=click.Path(path_type=Path, dir_okay=False),
-              help="A real stroke for the report: .mcap, or .csv of place in mm and kPa.")  # fmt: skip
+              help="A real stroke beside it: .mcap, or .csv of place in mm and kPa.")  # fmt: skip
 @click.option("--weights", multiple=True, type=click.Path(path_type=Path, dir_okay=False),
-              help="For the report: .csv of force and displacement in mm; one for each lump.")  # fmt: skip
+              help="A real lump pressed: .csv of force, displacement in mm; one a lump.")  # fmt: skip
 @click.option("--thickness", default=30.0, show_default=True, type=click.FloatRange(min=0, min_open=True),
               help="mm of the model that --weights was measured on.")  # fmt: skip
 @json_option
@@ -64,10 +64,13 @@ def command(
       palpate fit out/thesis --kind thesis --out out/model.json
       palpate fit out/field --kind field --out out/field.json --report out/report
     """
+    from host.measured import Measured, measure
     from sim.probe.sensors import LEVELS
 
     if noise not in LEVELS:
         raise UsageError(f"there is no noise level {noise!r}; there are {', '.join(LEVELS)}")
+    # Read before the work: what is wrong with these files is said at once.
+    measured = measure(recording, weights, thickness) if recording or weights else Measured()
     if kind == "thesis":
         strokes, fit, spec = _thesis(directory, noise, seed)
         words: dict[str, Any] = {"strokes": strokes, "thesis": fit}
@@ -83,9 +86,11 @@ def command(
 
         page = write_report(report, recording=recording, weights=weights, thickness_mm=thickness, **words)
     if as_json:
-        print_json({"out": out, "kind": kind, "report": page, **fit.to_dict()})
+        print_json(
+            {"out": out, "kind": kind, "report": page, "measured": measured.to_dict(), **fit.to_dict()}
+        )
         return
-    for found in fit.tables():
+    for found in (*fit.tables(), *measured.tables()):
         console().print(found)
     note(f"wrote {out}" + (f" and {page}" if page else ""))
 

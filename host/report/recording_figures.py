@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from host.errors import UsageError
-from host.features import fit_gaussian
-from host.real_maps import RealMap, real_map
+from host.measured import recorded_map
+from host.real_maps import RealMap
 from host.report import style
 from host.report.items import Beside, Item
 
@@ -22,7 +21,7 @@ def items(recording: Path | None) -> list[Item]:
     if recording is None:
         why = "Needs a recording (.mcap) or a table (.csv: place in mm, pressure in kPa): --recording FILE."
         return [Item("Figure 20", TITLE, missing=why)]
-    found = _from_recording(recording) if recording.suffix == ".mcap" else real_map(recording)
+    found = recorded_map(recording)
     fit = found.fit
     return [
         Item(
@@ -42,19 +41,6 @@ def items(recording: Path | None) -> list[Item]:
             lambda: figure_20(found),
         )
     ]
-
-
-def _from_recording(path: Path) -> RealMap:
-    from host.view.read_strokes import load_strokes
-
-    maps = [stroke.probe_map for stroke in load_strokes(path) if stroke.probe_map is not None]
-    found = [
-        RealMap(x, p, fit_gaussian(x, p))
-        for x, p in ((np.asarray(m.x_mm), np.asarray(m.pressure_kPa)) for m in maps if m.fit is not None)
-    ]
-    if not found:
-        raise UsageError(f"{path} holds no stroke with a lump in its tactile map")
-    return max(found, key=lambda m: m.r2)
 
 
 def figure_20(found: RealMap) -> Figure:

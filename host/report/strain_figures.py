@@ -11,17 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from host.real_maps import real_strain_force
-from host.regression.strain import StrainForce, fit_strain_force, place_among, scale_from
+from host.measured import REFERENCE, measure, pressed, simulated_curves
+from host.regression.strain import StrainForce
 from host.report import style
 from host.report.items import Beside, Item
-from sim.tissue import Case, load_curve
-
-FORCES = (0.2, 0.4, 0.6, 0.8, 1.0)
-REFERENCE = Case.from_code("d10h08e10f10")
-LIKE_FAT = 1.0001
-"""A lump as stiff as fat; exactly 1 would be no lump at all, and the gland would go on in its place."""
-STIFFNESSES = (1.0, 2.0, 5.0, 10.0, 50.0, 1000.0)
+from sim.tissue import Case
 
 
 def items(weights: Sequence[Path] = (), thickness_mm: float = 30.0) -> list[Item]:
@@ -29,10 +23,10 @@ def items(weights: Sequence[Path] = (), thickness_mm: float = 30.0) -> list[Item
 
     Presses the probe on the lump at five forces for each curve: about ten seconds for all.
     """
-    by_E = {E: curve(replace(REFERENCE, E_ratio=max(E, LIKE_FAT)), f"E = {E:g}") for E in STIFFNESSES}
-    nonlinear = curve(Case.from_code("d10h08eNLf10"), "E = NL")
-    by_d = [curve(replace(REFERENCE, d_mm=d), f"d = {d:g} mm") for d in (5.0, 10.0, 15.0, 20.0)]
-    by_h = [curve(replace(REFERENCE, h=h), f"h = {h:g}") for h in (0.3, 0.5, 0.8, 1.2, 1.5)]
+    by_E = simulated_curves()
+    nonlinear = pressed(Case.from_code("d10h08eNLf10"), "E = NL")
+    by_d = [pressed(replace(REFERENCE, d_mm=d), f"d = {d:g} mm") for d in (5.0, 10.0, 15.0, 20.0)]
+    by_h = [pressed(replace(REFERENCE, h=h), f"h = {h:g}") for h in (0.3, 0.5, 0.8, 1.2, 1.5)]
     worst = min(c.r2 for c in by_E.values())
     forces = [float(c(0.15)) for c in by_E.values()]
     steeper = all(a < b for a, b in itertools.pairwise(forces))
@@ -59,14 +53,8 @@ def items(weights: Sequence[Path] = (), thickness_mm: float = 30.0) -> list[Item
             [Beside("effect of d and h", "less drastic than that of E", _spread(by_E, by_d, by_h))],
             lambda: figure_16(by_d, by_h),
         ),
-        _measured(weights, by_E, thickness_mm),
+        _measured(weights, thickness_mm),
     ]
-
-
-def curve(case: Case, label: str) -> StrainForce:
-    """Press at position 0 with all forces, and fit A S^B."""
-    strokes = load_curve(case, FORCES)
-    return fit_strain_force([float(s.strain[0]) for s in strokes], FORCES, label)
 
 
 def _acts_like(by_E: dict[float, StrainForce], measured: StrainForce, which: int) -> float:
@@ -88,7 +76,7 @@ def _spread(by_E: dict[float, StrainForce], by_d: list[StrainForce], by_h: list[
     )
 
 
-def _measured(weights: Sequence[Path], by_E: dict[float, StrainForce], thickness_mm: float) -> Item:
+def _measured(weights: Sequence[Path], thickness_mm: float) -> Item:
     title = "Strain-Force Curves Generated Using a Real Tactile Probe"
     if not weights:
         why = (
@@ -96,24 +84,21 @@ def _measured(weights: Sequence[Path], by_E: dict[float, StrainForce], thickness
             "FILE."
         )
         return Item("Figure 21", title, missing=why)
-    curves = [real_strain_force(path, thickness_mm) for path in weights]
-    scale = scale_from(min(curves, key=lambda c: c.A), by_E[1.0])
-    beside = []
-    for one in curves:
-        placed = place_among(one, by_E, scale)
-        beside.append(
-            Beside(
-                one.label,
-                "soft and hard lumps apart",
-                f"like E = {placed.E_ratio:.1f} ({one.text()}, R2 {one.r2:.3f})",
-            )
+    found = measure(weights=weights, thickness_mm=thickness_mm).curves
+    beside = [
+        Beside(
+            one.label,
+            "soft and hard lumps apart",
+            f"like E = {placed.E_ratio:.1f} ({one.text()}, R2 {one.r2:.3f})",
         )
+        for one, placed in found
+    ]
     caption = (
         f"Measured force against strain (displacement over {thickness_mm:g} mm), placed among the simulated "
         "curves; the "
         "softest of them sets the scale of the force."
     )
-    return Item("Figure 21", title, caption, beside, lambda: figure_21(curves))
+    return Item("Figure 21", title, caption, beside, lambda: figure_21([one for one, _ in found]))
 
 
 def figure_15(curves: Sequence[StrainForce], nonlinear: StrainForce) -> Figure:

@@ -3,12 +3,15 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from host import measured
 from host.cli import fit, study
 from host.errors import PalpateError, UsageError
 from model_export.schema import ModelSpec
+from tests.docs.test_reference import fields_in_the_page
 
 STROKES = Path(__file__).parent / "data"
 
@@ -40,6 +43,38 @@ def test_one_command_goes_from_strokes_to_a_model_and_its_held_out_table(tmp_pat
     assert all(0 <= row["flagged"] <= 1 and row["strokes"] > 0 for row in distances)
     assert said["excluded"] and said["detectability"] and said["coverage"]
     assert ModelSpec.load(out).training["noise"] == "good"
+    assert set(said) == fields_in_the_page("fit-field")
+    assert said["measured"] == {"map": None, "force_curves": []}
+
+
+def test_what_was_measured_is_fitted_placed_and_printed(tmp_path):
+    """Two lumps of the simulation's own kind, in other units: each is found where it was taken from."""
+    x = np.linspace(-25, 25, 41)
+    rows = zip(x, 4 + 1.5 * np.exp(-0.5 * ((x - 2) / 6) ** 2))
+    (tmp_path / "map.csv").write_text("x,p\n" + "".join(f"{a:.3f},{b:.5f}\n" for a, b in rows))
+    curves = measured.simulated_curves()
+    weights = []
+    for E in (1.0, 5.0):
+        lines = "".join(f"{30 * float(curves[E](s)):.5f},{25 * s:.4f}\n" for s in (0.05, 0.1, 0.15, 0.2))
+        weights.append(tmp_path / f"like-{E:g}.csv")
+        weights[-1].write_text("force,mm\n" + lines)
+    found = measured.measure(tmp_path / "map.csv", weights, thickness_mm=25.0)
+    said = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert said["map"]["centre_mm"] == pytest.approx(2.0, abs=0.01)
+    assert said["map"]["stdev_mm"] == pytest.approx(6.0, rel=0.01)
+    assert abs(said["map"]["skewness"]) < 0.01 and said["map"]["rms_kPa"] < 0.01
+    placed = {one["table"]: one for one in said["force_curves"]}
+    assert placed["like-5"]["E_ratio"] == pytest.approx(5.0, rel=0.05)
+    assert placed["like-5"]["misfit"] < 0.01 and placed["like-1"]["E_ratio"] < 1.1
+    text = "".join(str(c) for table in found.tables() for column in table.columns for c in column.cells)
+    assert "skewness" in text and "like-5" in text
+
+
+def test_a_measured_file_that_is_not_there_is_said_before_the_work(tmp_path):
+    words = ["--out", str(tmp_path / "m.json"), "--recording", str(tmp_path / "absent.csv")]
+    result = CliRunner().invoke(fit.command, [str(tmp_path), "--kind", "field", *words])
+    assert isinstance(result.exception, PalpateError) and "absent.csv" in str(result.exception)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from host.regression.direct import permutation_test
 from host.regression.table import PRESSURE, TARGETS, TableError, check_table, r_squared, relative
 from host.regression.table_1 import NESTED_TARGETS, TABLE_1
 from host.regression.thesis import fit_thesis
+from tests.docs.test_reference import fields_in_the_page
 
 RUNS = Path(__file__).parent / "data" / "thesis_runs.csv"
 
@@ -97,6 +98,7 @@ def test_every_equation_and_test_is_printed(runs):
         (target, displacement) for target in TARGETS for displacement in (False, True)
     }
     document = json.loads(json.dumps(small.to_dict(), allow_nan=False))
+    assert {*document, "out", "kind", "report", "measured"} == fields_in_the_page("fit-thesis")
     assert len(document["permutation"]) == 10 and len(document["one_factor"]) == len(small.curves)
 
 
