@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from host.errors import UsageError
-from host.features import fit_gaussian
+from host.gaussian import fit_gaussian
 from host.real_maps import RealMap, real_map, real_strain_force
 from host.regression.strain import Placed, StrainForce, fit_strain_force, place_among, scale_from
 from sim.tissue import Case, load_curve

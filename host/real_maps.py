@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from host.errors import NoSuchFile, UsageError
-from host.features import Floats, GaussianFit, fit_gaussian
+from host.gaussian import Floats, GaussianFit, fit_gaussian
 from host.regression.strain import StrainForce, fit_strain_force
 
 
