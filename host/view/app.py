@@ -39,6 +39,8 @@ AGE_EVERY_S = 0.25
 MAX_COMMAND_BYTES = 4096
 MAX_ASKED = 64
 """Commands that wait for the one before them; a page that asks more is not read until there is room."""
+SLOW = {"load-visit"}
+"""Commands that read a whole file; they wait for one another only."""
 
 
 def page_files() -> dict[str, bytes]:
@@ -120,8 +122,8 @@ def _download(body: bytes, media_type: str, name: str, *, inline: bool = False) 
 
 
 class _Page:
-    """One open page: a task that sends what is newest, one that reads what the page says, and one that does
-    its commands in turn (a long one must not hold up the acknowledgements of frames)."""
+    """One open page: a task that sends what is newest, one that reads what the page says, and two that do
+    its commands in turn, quick and slow ones (a long one must hold up neither frames nor a recording)."""
 
     def __init__(self, session: Session, commands: Commands, ws: WebSocket) -> None:
         self._session = session
@@ -132,10 +134,12 @@ class _Page:
         self._oldest_s = self._aged_at = 0.0
         self._sending = asyncio.Lock()
         self._asked: asyncio.Queue[object] = asyncio.Queue(MAX_ASKED)
+        self._asked_slow: asyncio.Queue[object] = asyncio.Queue(MAX_ASKED)
 
     async def run(self) -> None:
         """Serve the page until it goes away."""
-        tasks = [asyncio.create_task(work()) for work in (self._read, self._obey, self._write)]
+        work = (self._read(), self._obey(self._asked), self._obey(self._asked_slow), self._write())
+        tasks = [asyncio.create_task(part) for part in work]
         try:
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         finally:
@@ -187,11 +191,11 @@ class _Page:
             if isinstance(command, dict) and "drawn" in command:
                 self._drawn(command["drawn"])
             else:
-                await self._asked.put(command)
+                await (self._asked_slow if _is_slow(command) else self._asked).put(command)
 
-    async def _obey(self) -> None:
+    async def _obey(self, asked: asyncio.Queue[object]) -> None:
         while True:
-            answer = await run_in_threadpool(self._commands.run, await self._asked.get())
+            answer = await run_in_threadpool(self._commands.run, await asked.get())
             # What the command told (a recording runs) is there before its answer.
             await self._send_waiting(with_frame=False, then=[answer])
 
@@ -215,6 +219,10 @@ class _Page:
                 await self._ws.send_bytes(message)
             else:
                 await self._ws.send_text(to_json(message))
+
+
+def _is_slow(command: object) -> bool:
+    return isinstance(command, dict) and isinstance(do := command.get("do"), str) and do in SLOW
 
 
 def to_json(message: Any) -> str:

@@ -7,8 +7,10 @@ false}` with one sentence in `text`.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
+import threading
 import time
 from collections.abc import Callable, Sequence
 from datetime import datetime
@@ -44,6 +46,8 @@ class Commands:
         self._source = source
         self._recordings = recordings
         self._load_strokes = load_strokes
+        self._turning = threading.Lock()  # pages ask in threads of their own; one recording runs at a time
+        self._closed = False
         self.table: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
             "record": self._record,
             "stop-recording": self._stop_recording,
@@ -82,33 +86,56 @@ class Commands:
 
     def _record(self, message: dict[str, Any]) -> dict[str, Any]:
         source = self._recordable()
-        if self._session.recording is not None:
-            raise CommandError("A recording is already running.")
         stem = re.sub(r"[^A-Za-z0-9_-]+", "-", _text(message, "name", "visit")).strip("-")[:60] or "visit"
+        with self._turning:
+            if self._closed:
+                raise CommandError("The viewer is being closed.")
+            if self._session.recording is not None:
+                raise CommandError("A recording is already running.")
+            path = self._new_file(stem)
+            source.start_recording(path)
+            self._session.set_recording({"file": path.name, "since": time.time()})
+            if not source.recording:  # the disk was full at once, and that was told before the line above
+                self._session.set_recording(None)
+        return {"file": path.name}
+
+    def _new_file(self, stem: str) -> Path:
         self._recordings.mkdir(parents=True, exist_ok=True)
         path = self._recordings / f"{stem}-{datetime.now():%Y%m%d-%H%M%S}.mcap"
         for n in range(2, 1000):
             if not path.exists():
                 break
             path = path.with_name(f"{path.stem.rsplit('+', 1)[0]}+{n}.mcap")
-        source.start_recording(path)
-        self._session.set_recording({"file": path.name, "since": time.time()})
-        return {"file": path.name}
+        return path
 
     def _stop_recording(self, message: dict[str, Any]) -> dict[str, Any]:
         source = self._recordable()
-        if (running := self._session.recording) is None:
-            raise CommandError("No recording is running.")
-        try:
-            source.stop_recording()
-        finally:
-            self._session.set_recording(None)
+        with self._turning:
+            if (running := self._session.recording) is None:
+                raise CommandError("No recording is running.")
+            try:
+                source.stop_recording()
+            finally:
+                self._session.set_recording(None)
         return {"file": running["file"]}
 
     def _mark(self, message: dict[str, Any]) -> dict[str, Any]:
         source = self._recordable()
-        source.mark(_text(message, "text", "mark")[:200])
+        with self._turning:
+            if self._session.recording is None:
+                raise CommandError("No recording is running, so the mark has no place.")
+            source.mark(_text(message, "text", "mark")[:200])
         return {}
+
+    def close(self) -> None:
+        """End a running recording properly, and begin no other."""
+        with self._turning:
+            self._closed = True
+            if self._session.recording is None or not isinstance(self._source, Recordable):
+                return
+            with contextlib.suppress(OSError):
+                self._source.stop_recording()
+            self._session.set_recording(None)
 
     def _recordable(self) -> Recordable:
         if not isinstance(self._source, Recordable):
@@ -164,21 +191,17 @@ class Commands:
     # ---- replay
 
     def _play(self, message: dict[str, Any]) -> dict[str, Any]:
-        self._playable().play()
-        return {}
+        return {"obeyed": self._playable().play()}
 
     def _pause(self, message: dict[str, Any]) -> dict[str, Any]:
-        self._playable().pause()
-        return {}
+        return {"obeyed": self._playable().pause()}
 
     def _seek(self, message: dict[str, Any]) -> dict[str, Any]:
-        self._playable().seek(max(0.0, _number(message, "position_s", 0.0)))
-        self._session.restart_stroke()
-        return {}
+        return {"obeyed": self._playable().seek(max(0.0, _number(message, "position_s", 0.0)))}
 
     def _speed(self, message: dict[str, Any]) -> dict[str, Any]:
-        self._playable().set_speed(min(max(_number(message, "speed", 1.0), SPEEDS[0]), SPEEDS[1]))
-        return {}
+        speed = min(max(_number(message, "speed", 1.0), SPEEDS[0]), SPEEDS[1])
+        return {"obeyed": self._playable().set_speed(speed)}
 
     def _playable(self) -> Playable:
         if not isinstance(self._source, Playable):

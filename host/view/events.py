@@ -155,14 +155,32 @@ class RecordingStopped:
 
 @dataclass(frozen=True)
 class Playback:
-    """Where a replayed recording stands."""
+    """Where a replayed recording stands. `obeyed` counts the controls that it has followed: who asked for
+    the seventh knows that a state before it is out of date."""
 
     position_s: float
     length_s: float
     playing: bool
     speed: float
+    obeyed: int = 0
     strokes_s: tuple[float, ...] = field(default=())
     marks: tuple[Mark, ...] = field(default=())
 
 
-Event = LinkChanged | Frame | StrokeState | ProbeMap | Estimate | Health | Mark | Playback | RecordingStopped
+@dataclass(frozen=True)
+class Jumped:
+    """The replay goes on from another place: what was half told will not be finished."""
+
+
+Event = (
+    LinkChanged
+    | Frame
+    | StrokeState
+    | ProbeMap
+    | Estimate
+    | Health
+    | Mark
+    | Playback
+    | Jumped
+    | RecordingStopped
+)

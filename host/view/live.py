@@ -32,6 +32,15 @@ class Recorder:
 
     def __init__(self) -> None:
         self.writer: RecordingWriter | None = None
+        self._lock = threading.Lock()
+
+    def give_up(self, writer: RecordingWriter) -> bool:
+        """Hand nothing on to this recording any more; False if that is so already."""
+        with self._lock:
+            if self.writer is not writer:
+                return False
+            self.writer = None
+            return True
 
     def received(self, raw: bytes, event: LinkEvent | None, host_ns: int) -> None:
         """Bytes from the probe."""
@@ -68,6 +77,11 @@ class LiveSource:
 
     # ---- recording
 
+    @property
+    def recording(self) -> bool:
+        """Is a file being written?"""
+        return self._recorder.writer is not None
+
     def start_recording(self, path: Path) -> None:
         """Record from now on; the file begins with the probe's identity, model and calibration."""
         writer = RecordingWriter(path, metadata={"source": self._port, "by": "palpate view"})
@@ -83,8 +97,8 @@ class LiveSource:
 
     def stop_recording(self) -> None:
         """Close the file; raises OSError with the reason if it ended early (a full disk)."""
-        writer, self._recorder.writer = self._recorder.writer, None
-        if writer is None:
+        writer = self._recorder.writer
+        if writer is None or not self._recorder.give_up(writer):
             return
         writer.close()
         try:
@@ -105,7 +119,8 @@ class LiveSource:
         try:
             writer.check()
         except RecordingError as error:
-            self._recorder.writer = None
+            if not self._recorder.give_up(writer):
+                return  # somebody has just stopped it, and is told
             writer.close()
             emit(RecordingStopped(f"The recording has stopped: {error}."))
 

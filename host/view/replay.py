@@ -19,7 +19,7 @@ from host.link.scale import CellScale
 from host.record import channels
 from host.record.reader import Recording
 from host.view.assemble import Assembler
-from host.view.events import Device, Health, LinkChanged, LinkState, Mark, Playback
+from host.view.events import Device, Health, Jumped, LinkChanged, LinkState, Mark, Playback
 from host.view.live import describe
 from host.view.read_strokes import calibration, feed
 from host.view.source import Emit
@@ -61,31 +61,40 @@ class ReplaySource:
         self._speed = 1.0
         self._playing = True
         self._moved = False
+        self._obeyed = 0
 
     # ---- controls
 
-    def play(self) -> None:
+    def play(self) -> int:
         """Go on (from the beginning, at the end)."""
         with self._lock:
             if self._loaded and self._position_s >= self._length():
                 self._position_s, self._moved = 0.0, True
             self._playing = True
+            return self._obey()
 
-    def pause(self) -> None:
+    def pause(self) -> int:
         """Stand still."""
         with self._lock:
             self._playing = False
+            return self._obey()
 
-    def seek(self, position_s: float) -> None:
+    def seek(self, position_s: float) -> int:
         """Go to so many seconds after the beginning (as far as the file has been read)."""
         with self._lock:
             self._position_s = min(max(position_s, 0.0), self._length())
             self._moved = True
+            return self._obey()
 
-    def set_speed(self, speed: float) -> None:
+    def set_speed(self, speed: float) -> int:
         """So many times as fast as life."""
         with self._lock:
             self._speed = speed
+            return self._obey()
+
+    def _obey(self) -> int:
+        self._obeyed += 1
+        return self._obeyed
 
     # ---- the threads
 
@@ -160,6 +169,7 @@ class ReplaySource:
             before = now
             if moved:
                 translator.reset()
+                emit(Jumped())
             for event in due:
                 if isinstance(event, link.Gap):
                     translator.reset()
@@ -215,6 +225,7 @@ class ReplaySource:
                 length_s=self._length(),
                 playing=self._playing,
                 speed=self._speed,
+                obeyed=self._obeyed,
                 strokes_s=tuple(self._strokes_s),
                 marks=tuple(self._marks),
             )

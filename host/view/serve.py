@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import secrets
 import socket
 import threading
@@ -18,7 +17,7 @@ from host.view.commands import Commands, LoadStrokes
 from host.view.events import LinkChanged, LinkState
 from host.view.guard import is_loopback
 from host.view.session import Session
-from host.view.source import Recordable, Source
+from host.view.source import Source
 
 
 class Viewer:
@@ -119,12 +118,10 @@ class Viewer:
     def close(self) -> None:
         """Stop the source, close a running recording, give the port back."""
         self._stop.set()
-        if self.session.recording is not None and isinstance(self.source, Recordable):
-            with contextlib.suppress(OSError):
-                self.source.stop_recording()
-            self.session.set_recording(None)
+        self.commands.close()
         for thread in self._threads:
-            thread.join(5.0)
+            # The socket may be closed only when nobody serves it any more; a source may hang on its port.
+            thread.join(5.0 if thread.name == "source" else None)
         self._socket.close()
 
     def _serve(self) -> None:

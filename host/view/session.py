@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 import threading
 import time
+import uuid
 from dataclasses import asdict
 from typing import Any
 
@@ -21,6 +22,7 @@ from host.view.events import (
     Event,
     Frame,
     Health,
+    Jumped,
     LinkChanged,
     LinkState,
     Mark,
@@ -66,6 +68,8 @@ class Session:
     def __init__(self, *, mode: str, name: str) -> None:
         self.mode = mode
         self.name = name
+        self.id = uuid.uuid4().hex
+        """A page that finds another one behind the same address forgets what it knew."""
         self.visits = Visits(first="This visit" if mode == "live" else name)
         self.lock = threading.RLock()
         self.link = LinkChanged(LinkState.CONNECTING, "Looking for the probe.")
@@ -97,6 +101,7 @@ class Session:
         with self.lock:
             return {
                 "type": "hello",
+                "session": self.id,
                 "mode": self.mode,
                 "name": self.name,
                 "link": self._link_json(),
@@ -122,9 +127,9 @@ class Session:
 
     def set_recording(self, recording: dict[str, Any] | None) -> None:
         """What is being written, or None."""
-        with self.lock:
+        with self.lock:  # told in the order in which it was so, whichever thread says it
             self.recording = recording
-        self.tell({"type": "recording", "recording": recording})
+            self.tell({"type": "recording", "recording": recording})
 
     def _new_stroke(self, started_s: float) -> Stroke:
         if self.mode == "replay" and (known := self.visits.at(started_s)) is not None:
@@ -159,12 +164,15 @@ class Session:
                 case Playback():
                     self.playback = event
                     self.tell_slot("playback", {"type": "playback", "playback": asdict(event)})
+                case Jumped():
+                    self._forget_running()
 
-    def restart_stroke(self) -> None:
-        """Forget a half-seen stroke: somebody moved along the recording."""
-        with self.lock:
-            self._assembler.give_up()
-            self.tell_slot("progress", {"type": "progress", "number": None})
+    def _forget_running(self) -> None:
+        """A half-seen stroke will not go on: somebody moved along the recording."""
+        self._assembler.give_up()
+        self.state = StrokeState(self.state.time_s)
+        self.tell_slot("state", {"type": "state", "state": asdict(self.state)})
+        self.tell_slot("progress", {"type": "progress", "number": None})
 
     def _on_frame(self, frame: Frame) -> None:
         self._assembler.feed(frame)

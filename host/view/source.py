@@ -31,6 +31,10 @@ class Source(Protocol):
 class Recordable(Protocol):
     """A source whose stream can be written to a file."""
 
+    @property
+    def recording(self) -> bool:
+        """Is a file being written? False after a recording that ended by itself (a full disk)."""
+
     def start_recording(self, path: Path) -> None:
         """Write everything that comes from now on to `path` (which must not exist)."""
 
@@ -43,16 +47,17 @@ class Recordable(Protocol):
 
 @runtime_checkable
 class Playable(Protocol):
-    """A source with a beginning and an end."""
+    """A source with a beginning and an end. Each control returns how many it has obeyed, itself included,
+    as the `Playback` does that comes of it."""
 
-    def play(self) -> None:
+    def play(self) -> int:
         """Go on from where it stands (from the beginning, at the end)."""
 
-    def pause(self) -> None:
+    def pause(self) -> int:
         """Stand still."""
 
-    def seek(self, position_s: float) -> None:
+    def seek(self, position_s: float) -> int:
         """Go to that many seconds after the beginning."""
 
-    def set_speed(self, speed: float) -> None:
+    def set_speed(self, speed: float) -> int:
         """Run so many times as fast as life."""

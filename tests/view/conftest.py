@@ -6,7 +6,7 @@ import os
 import shutil
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
@@ -23,6 +23,7 @@ from tests.host.conftest import (  # noqa: F401  (fixtures: emulated probes and 
     specs,
     strokes,
 )
+from tests.view.waiting import PATIENCE_S, WATCH
 
 CHROMIUM_OPTIONS = (
     "--no-sandbox",
@@ -47,10 +48,12 @@ def chromium() -> str:
 def browser():
     from playwright.sync_api import expect, sync_playwright
 
-    expect.set_options(timeout=60_000)
+    expect.set_options(timeout=1000 * PATIENCE_S)
     with (
         sync_playwright() as playwright,
-        playwright.chromium.launch(executable_path=chromium(), args=CHROMIUM_OPTIONS) as opened,
+        playwright.chromium.launch(
+            executable_path=chromium(), args=CHROMIUM_OPTIONS, timeout=2000 * PATIENCE_S
+        ) as opened,
     ):
         yield opened
 
@@ -72,12 +75,15 @@ def open_page(browser):
     """Opens a viewer's page; at the end nothing may have gone wrong in it."""
     pages, wrong = [], []
 
-    def open_it(viewer: Viewer, width: int = 1280, height: int = 800, scheme: str = "dark"):
+    def open_it(viewer: Viewer, width: int = 1280, height: int = 800, scheme: str = "dark", script: str = ""):
         context = browser.new_context(
             viewport={"width": width, "height": height}, color_scheme=scheme, has_touch=width < 600
         )
         page = context.new_page()
-        page.set_default_timeout(60_000)
+        page.set_default_timeout(1000 * PATIENCE_S)
+        page.add_init_script(WATCH + script)
+        if slowdown := float(os.environ.get("PALPATE_TEST_SLOWDOWN", "1")):
+            context.new_cdp_session(page).send("Emulation.setCPUThrottlingRate", {"rate": slowdown})
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on(
             "console",
@@ -98,6 +104,10 @@ def open_page(browser):
 
 
 def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    """A TCP port that nobody gets by asking for any: it stays free until somebody names it."""
+    for port in range(20_000 + os.getpid() % 10_000, 32_000):
+        with socket.socket() as probe, suppress(OSError):
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(("127.0.0.1", port))
+            return port
+    raise AssertionError("no free port")

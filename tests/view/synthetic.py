@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,12 +22,14 @@ from host.view.events import (
     LinkChanged,
     LinkState,
     MapFit,
+    Playback,
     ProbeMap,
     StrokeState,
 )
 from host.view.source import Emit
 
 DEVICE = Device("Made-up probe", serial="TEST-1", firmware="0", runtime="python", model_id="0011223344556677")
+GONE = "The probe is gone. Plug it in again; this page goes on by itself."
 ACROSS_MM = (np.arange(COLUMNS) - (COLUMNS - 1) / 2) * 1.5
 
 
@@ -107,29 +109,52 @@ def stroke(bump: Bump, start_s: float, seq: int, rate: float, seconds: float, se
 
 
 class SyntheticSource:
-    """Strokes one after the other, paced, at `rate` frames/s; `unplug` and `replug` at will."""
+    """Strokes one after the other, paced, at `rate` frames/s; stops and goes on when a test says so.
+
+    Attributes
+    ----------
+    plugged : threading.Event
+        Cleared, the probe is gone; set, it is back.
+    limit : int or None
+        So many strokes, then the probe lies still.
+    halt_mm : float or None
+        Where every stroke stands still, at ten frames a second, until this is set anew.
+    told : list of str
+        What the page asked for, in order.
+    """
 
     def __init__(
-        self, bumps: list[Bump], *, rate: float = 100.0, seconds: float = 2.0, rest: float = 0.3
+        self,
+        bumps: list[Bump],
+        *,
+        rate: float = 100.0,
+        seconds: float = 2.0,
+        rest: float = 0.3,
+        limit: int | None = None,
     ) -> None:
         self.name = "Made-up probe"
         self.bumps = bumps
         self.rate = rate
         self.seconds = seconds
         self.rest = rest
+        self.limit = limit
+        self.halt_mm: float | None = None
         self.plugged = threading.Event()
         self.plugged.set()
+        self.recording = False
         self.recorded: list[Path] = []
         self.marks: list[str] = []
         self.told: list[str] = []
-        """What the page asked for, in order."""
+        self.seq = 0
 
     def start_recording(self, path: Path) -> None:
         path.write_bytes(b"")
+        self.recording = True
         self.recorded.append(path)
         self.told.append("start")
 
     def stop_recording(self) -> None:
+        self.recording = False
         self.told.append("stop")
 
     def mark(self, text: str) -> None:
@@ -138,35 +163,78 @@ class SyntheticSource:
 
     def run(self, emit: Emit, stop: threading.Event) -> None:
         emit(LinkChanged(LinkState.CONNECTED, "Connected.", DEVICE))
-        begin, seq, at = time.monotonic(), 0, 0.0
         number = 0
         while not stop.is_set():
-            bump = self.bumps[number % len(self.bumps)]
-            for event in stroke(bump, at, seq, self.rate, self.seconds, number):
-                if stop.is_set():
-                    return
-                if not self.plugged.is_set():
-                    emit(
-                        LinkChanged(
-                            LinkState.GONE,
-                            "The probe is gone. Plug it in again; this page goes on by itself.",
-                        )
-                    )
-                    while not self.plugged.wait(0.05):
-                        if stop.is_set():
-                            return
-                    emit(LinkChanged(LinkState.CONNECTED, "Connected.", DEVICE))
-                    begin = time.monotonic() - (event.time_s if not isinstance(event, ProbeMap) else at)
-                    break
-                if isinstance(event, Frame):
-                    wait = begin + event.time_s - time.monotonic()
-                    if wait > 0:
-                        time.sleep(wait)
-                    seq = event.seq + 1
-                    if seq % int(self.rate / 2) == 0:
-                        emit(Health(self.rate, seq, 0, 0, 0, 0, 0, 3.2))
+            if not self.plugged.is_set():
+                emit(LinkChanged(LinkState.GONE, GONE))
+                while not (self.plugged.wait(0.05) or stop.is_set()):
+                    pass
+                emit(LinkChanged(LinkState.CONNECTED, "Connected.", DEVICE))
+            elif self.limit is not None and number >= self.limit:
+                stop.wait(0.01)
+            elif self._stroke(number, emit, stop):
+                number += 1
+                stop.wait(self.rest)
+
+    def _stroke(self, number: int, emit: Emit, stop: threading.Event) -> bool:
+        """One stroke in its own time; False if it was cut off."""
+        begin = time.monotonic()
+        stood_s = 0.0
+        bump = self.bumps[number % len(self.bumps)]
+        for event in stroke(bump, begin, self.seq, self.rate, self.seconds, number):
+            if isinstance(event, Frame):
+                while self.halt_mm is not None and event.position_mm >= self.halt_mm:
+                    if stop.is_set() or not self.plugged.is_set():
+                        return False
+                    self._frame(event, stood_s, emit)
+                    stood_s += 0.1
+                    time.sleep(0.1)
+                wait = event.time_s + stood_s - time.monotonic()
+                if wait > 0:
+                    time.sleep(wait)
+                self._frame(event, stood_s, emit)
+            elif isinstance(event, ProbeMap):
                 emit(event)
-            number += 1
-            at = time.monotonic() - begin + self.rest
-            if stop.wait(self.rest):
-                return
+            else:
+                emit(replace(event, time_s=event.time_s + stood_s))
+            if stop.is_set() or not self.plugged.is_set():
+                return False
+        return True
+
+    def _frame(self, frame: Frame, later_s: float, emit: Emit) -> None:
+        emit(replace(frame, seq=self.seq, time_s=frame.time_s + later_s, host_time_s=time.time()))
+        self.seq += 1
+        if self.seq % int(self.rate / 2) == 0:
+            emit(Health(self.rate, self.seq, 0, 0, 0, 0, 0, 3.2))
+
+
+class SyntheticReplay:
+    """A recording of a minute without strokes that obeys like a real one and tells where it stands when a
+    test says so, early or late."""
+
+    def __init__(self) -> None:
+        self.name = "made-up.mcap"
+        self.now = Playback(0.0, 60.0, playing=False, speed=1.0)
+        self.emit: Emit = lambda event: None
+
+    def play(self) -> int:
+        return self._obey(playing=True)
+
+    def pause(self) -> int:
+        return self._obey(playing=False)
+
+    def seek(self, position_s: float) -> int:
+        return self._obey(position_s=position_s)
+
+    def set_speed(self, speed: float) -> int:
+        return self._obey(speed=speed)
+
+    def _obey(self, **changed: float) -> int:
+        self.now = replace(self.now, obeyed=self.now.obeyed + 1, **changed)
+        return self.now.obeyed
+
+    def run(self, emit: Emit, stop: threading.Event) -> None:
+        self.emit = emit
+        emit(LinkChanged(LinkState.CONNECTED, "", DEVICE))
+        emit(self.now)
+        stop.wait()

@@ -11,6 +11,7 @@ from playwright.sync_api import expect
 
 from host.report import write_report
 from tests.view.synthetic import Bump, SyntheticSource
+from tests.view.waiting import PATIENCE_S, settled
 
 pytestmark = pytest.mark.browser
 
@@ -26,9 +27,11 @@ def complaints(page) -> list[str]:
 @pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
 @pytest.mark.parametrize("scheme", ["dark", "light"])
 def test_axe_finds_nothing_wrong_live_picked_gone_or_with_a_dialog_open(viewer, open_page, scheme, size):
-    source = SyntheticSource([Bump(), Bump(kind="outside"), Bump(kind="none")], seconds=0.4)
+    bumps = [Bump(), Bump(kind="outside"), Bump(kind="none")]
+    source = SyntheticSource(bumps, seconds=0.3, rest=0.0, limit=len(bumps))
     page = open_page(viewer(source), *size, scheme)
-    expect(page.locator("#stroke-3")).to_be_visible()
+    expect(page.locator("#card .verdict")).to_have_text("No lump found")
+    settled(page)
     assert complaints(page) == []
     page.locator("#stroke-2").click()
     expect(page.locator("#card .verdict")).to_have_text("Outside what the model knows")
@@ -45,7 +48,7 @@ def test_axe_finds_nothing_wrong_live_picked_gone_or_with_a_dialog_open(viewer, 
 
 
 def test_the_focus_can_be_seen_on_every_control(viewer, open_page):
-    page = open_page(viewer(SyntheticSource([Bump()], seconds=0.5)))
+    page = open_page(viewer(SyntheticSource([Bump()], seconds=0.4, limit=1)))
     expect(page.locator("#stroke-1")).to_be_visible()
     unseen = set()
     for _ in range(25):
@@ -64,15 +67,16 @@ def test_nothing_moves_by_itself_for_who_wants_less_motion(viewer, open_page):
     page = open_page(viewer(SyntheticSource([Bump()], seconds=0.5)))
     page.keyboard.press("r")
     expect(page.locator("#record-text")).to_contain_text("Stop")
-    moving = "document.getAnimations().length"
-    assert page.evaluate(moving) > 0, "the red dot breathes, else this test could not fail"
+    # The red dot breathes, else this test could not fail.
+    page.wait_for_function("() => document.getAnimations().length > 0")
     page.emulate_media(reduced_motion="reduce")
-    assert page.evaluate(moving) == 0
+    page.wait_for_function("() => document.getAnimations().length === 0")
 
 
 def test_the_report_can_be_read_by_everybody(browser, tmp_path):
     path = write_report(tmp_path / "report", simulate=False)
     page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.set_default_timeout(1000 * PATIENCE_S)
     page.goto(path.as_uri())
     assert complaints(page) == []
     page.close()

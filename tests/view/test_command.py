@@ -10,6 +10,7 @@ import urllib.request
 import pytest
 
 from tests.host.conftest import palpate, start_palpate  # noqa: F401  (a fixture, and a helper)
+from tests.view.waiting import PATIENCE_S
 
 
 def test_help_shows_examples_that_name_both_uses(palpate):  # noqa: F811
@@ -58,10 +59,10 @@ def test_it_serves_until_interrupted_and_ends_cleanly(tmp_path):
     try:
         line = process.stdout.readline()
         url = re.search(r"http://localhost:\d+/", line)[0]
-        with urllib.request.urlopen(url, timeout=10) as answer:
+        with urllib.request.urlopen(url, timeout=PATIENCE_S) as answer:
             assert b"<title>Palpate</title>" in answer.read()
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=20)
+        _, err = process.communicate(timeout=PATIENCE_S)
     finally:
         process.kill()
     assert process.returncode in (0, 130) and "Traceback" not in err
@@ -76,12 +77,12 @@ def test_beyond_localhost_the_printed_link_holds_a_token(tmp_path):
         line = process.stdout.readline()
         port, token = re.search(r":(\d+)/\?token=([\w-]{20,})", line).groups()
         with pytest.raises(urllib.error.HTTPError) as refused:
-            urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=10)
+            urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=PATIENCE_S)
         assert refused.value.code == 401
         request = urllib.request.Request(
             f"http://127.0.0.1:{port}/", headers={"Authorization": f"Bearer {token}"}
         )
-        with urllib.request.urlopen(request, timeout=10) as answer:
+        with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
             assert answer.status == 200
     finally:
         process.kill()

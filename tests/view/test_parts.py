@@ -7,7 +7,6 @@ import json
 import math
 import resource
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -32,6 +31,7 @@ from host.view.stroke import MAX_FRAMES, MAX_IMAGES, Stroke
 from host.view.tactile_map import columns_over_lump, fit_gaussian, gaussian, method_2
 from host.view.words import card, depth_mm, stiffness
 from tests.view.synthetic import Bump, estimate, stroke
+from tests.view.waiting import eventually
 
 # ---- the newest wins
 
@@ -292,9 +292,11 @@ def test_events_and_snapshots_from_many_threads_do_not_meet():
     session = Session(mode="live", name="x")
     stop = threading.Event()
     seen = []
+    ready = threading.Barrier(4)
 
     def read():
         mailbox = session.join()
+        ready.wait()
         while not stop.is_set():
             seen.append(len(json.dumps(session.snapshot())))
             mailbox.take()
@@ -303,14 +305,16 @@ def test_events_and_snapshots_from_many_threads_do_not_meet():
     readers = [threading.Thread(target=read) for _ in range(3)]
     for reader in readers:
         reader.start()
+    ready.wait()
     for number in range(6):
         for event in stroke(Bump(), number * 2.0, number * 40, 20.0, 2.0, number):
             session.on_event(event)
-        time.sleep(0.01)
+        told = len(seen)
+        eventually(lambda told=told: len(seen) > told)
     stop.set()
     for reader in readers:
         reader.join()
-    assert seen and len(session.visits.strokes()) == 6
+    assert len(session.visits.strokes()) == 6
 
 
 def test_an_estimate_without_numbers_makes_a_card():

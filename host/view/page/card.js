@@ -62,6 +62,7 @@ function stiffness({ hardness, hardness_text: words, E_ratio: ratio }) {
 /** Fill `box` with the card of a stroke, or with what to do while there is none. */
 export function drawCard(box, card, gone) {
   box.replaceChildren();
+  box.className = "";
   if (!card) {
     const say = gone ? "No stroke yet." : "No stroke yet. Press the probe on the tissue and stroke over the place.";
     box.append(element("p", { class: "empty" }, say));

@@ -20,6 +20,12 @@ export class StrokeCharts {
     this.stroke = stroke;
   }
 
+  /** Another viewer program answers now. */
+  forget() {
+    this.stroke = null;
+    this.shadow = null;
+  }
+
   /** position_mm: where the probe is now, or where along a finished stroke the reader looks; or null. */
   draw(position_mm) {
     const stroke = this.stroke;

@@ -1,7 +1,7 @@
 // The web socket to the viewer program: comes back by itself, answers commands with promises.
 
 export class Connection {
-  /** handlers: {message(object), frame(ArrayBuffer), open(), closed()} */
+  /** handlers: {message(object), frame(ArrayBuffer), closed()} */
   constructor(handlers) {
     this.handlers = handlers;
     this.waiting = new Map();
@@ -14,17 +14,19 @@ export class Connection {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     this.socket = new WebSocket(`${scheme}://${location.host}/ws`);
     this.socket.binaryType = "arraybuffer";
+    this.greeted = new Promise((go) => (this.greet = go));
     this.socket.onopen = () => {
       this.delay = 250;
-      this.handlers.open();
     };
     this.socket.onmessage = ({ data }) => {
       if (data instanceof ArrayBuffer) return this.handlers.frame(data);
       const message = JSON.parse(data);
       if (message.type === "answer") return this.settle(message);
-      return this.handlers.message(message);
+      this.handlers.message(message);
+      if (message.type === "hello") this.greet();
     };
     this.socket.onclose = () => {
+      this.greet();
       for (const { reject } of this.waiting.values()) reject(new Error("The viewer program does not answer."));
       this.waiting.clear();
       this.handlers.closed();
@@ -46,15 +48,13 @@ export class Connection {
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(`{"drawn":${seq}}`);
   }
 
-  /** Run one command; resolves with the answer, rejects with a sentence. One asked while the page connects waits for that. */
+  /**
+   * Run one command; resolves with the answer, rejects with a sentence. One asked while the page connects waits until the
+   * server has said how things stand (`greeted` resolves then, or when there is no connection).
+   */
   async ask(command, options = {}) {
-    const { socket } = this;
-    if (socket.readyState === WebSocket.CONNECTING) {
-      await new Promise((go) => {
-        socket.addEventListener("open", go, { once: true });
-        socket.addEventListener("close", go, { once: true });
-      });
-    }
+    const { greeted, socket } = this;
+    await greeted;
     if (socket.readyState !== WebSocket.OPEN) throw new Error("The viewer program does not answer.");
     const id = this.nextId++;
     socket.send(JSON.stringify({ ...options, do: command, id }));

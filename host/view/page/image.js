@@ -22,7 +22,9 @@ export class TactileImage {
     this.pressure = null;
   }
 
+  /** Ask the server for the colour maps, unless they are here. */
   async loadColors() {
+    if (Object.keys(this.tables).length) return;
     const maps = await (await fetch("/api/colormaps.json")).json();
     for (const [name, text] of Object.entries(maps)) {
       this.tables[name] = Uint8Array.from(atob(text), (ch) => ch.charCodeAt(0));

@@ -2,12 +2,14 @@
 
 export function startKeys({ get, history, page, replay, selected, toggleTheme, tools }) {
   const hold = () => {
-    if (document.body.dataset.mode === "replay") return replay.toggle();
+    const { mode } = document.body.dataset;
+    if (mode === "replay") replay.toggle();
+    if (mode !== "live") return; // the page does not know yet what it shows
     page.held = !page.held;
     tools.toast(page.held ? "The picture is held. Space goes on." : "Live again.");
-    if (!page.held) selected.showLast();
-    return undefined;
+    selected.showLast();
   };
+  const once = new Set([" ", "r", "m", "v", "e", "t", "?"]); // a key held down does these once
   const keys = {
     " ": hold,
     ArrowUp: () => selected.pick(history.neighbour(1)),
@@ -31,13 +33,18 @@ export function startKeys({ get, history, page, replay, selected, toggleTheme, t
   };
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
+    if (!event.target.closest("dialog") && isForControl(event)) return;
     // A dialog that has just closed keeps the focus until the next picture; a key pressed meanwhile is for the page.
-    const inField = event.target.closest("input, select, textarea") && !event.target.closest("dialog:not([open])");
-    const onButton = event.target.closest("button, summary, a");
-    if (inField || (onButton && (event.key === " " || event.key === "Enter"))) return;
-    const action = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-    if (!action) return;
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    if (!keys[key]) return;
     event.preventDefault();
-    action(event);
+    if (!event.repeat || !once.has(key)) keys[key](event);
   });
+}
+
+/** Does the control that has the focus use this key itself? */
+function isForControl({ key, target }) {
+  if (target.closest("input[type=range]")) return key.startsWith("Arrow");
+  if (target.closest("input, select, textarea")) return true;
+  return Boolean(target.closest("button, summary, a")) && (key === " " || key === "Enter");
 }

@@ -21,13 +21,12 @@ const image = new TactileImage(get("image"));
 const charts = new StrokeCharts(get);
 const history = new History(get, { ask, pick: (number) => selected.pick(number), toast: (text) => tools.toast(text) });
 const replay = new Replay(get, quietly);
-const selected = new Selected(get, { image, charts, history, page, redraw });
+const selected = new Selected(get, { image, charts, history, page, redraw, toast: (text) => tools.toast(text) });
 const toggleTheme = startTheme(redraw);
-const connection = new Connection({ message: receive, frame: receiveFrame, open: () => {}, closed: offline });
-const tools = startTools(get, { ask, image, page });
+const connection = new Connection({ message: receive, frame: receiveFrame, closed: offline });
+const tools = startTools(get, { ask, greeted: () => connection.greeted, image, page });
 startKeys({ get, history, page, replay, selected, toggleTheme, tools });
 get("theme").addEventListener("click", toggleTheme);
-image.loadColors().then(redraw);
 new ResizeObserver(redraw).observe(document.querySelector("main"));
 
 // Frames come unevenly on a busy machine. Two may wait for a picture that would get none; where one has waited through a
@@ -52,6 +51,8 @@ function nextFrame() {
 function receive(message) {
   switch (message.type) {
     case "hello":
+      if (page.session !== message.session) begin(message.session);
+      image.loadColors().then(redraw, () => {}); // without an answer the next greeting asks again
       document.body.dataset.mode = message.mode;
       document.title = `Palpate: ${message.name}`;
       showLink(message.link);
@@ -101,6 +102,12 @@ function receive(message) {
       replay.set(message.playback);
       break;
   }
+}
+
+/** The first viewer program, or another one in its place. */
+function begin(session) {
+  for (const part of [history, replay, selected]) part.forget();
+  Object.assign(page, { session, running: null, frame: null, held: false });
 }
 
 function showLink({ state, text, device }) {

@@ -1,4 +1,5 @@
-// Play, pause, seek and speed of a recording.
+// Play, pause, seek and speed of a recording. What is asked for is shown at once; a state that the viewer program told before
+// it had obeyed (`obeyed` counts) does not undo it.
 
 const clock = (s) => `${Math.floor(s / 60)}:${(s % 60).toFixed(1).padStart(4, "0")}`;
 
@@ -8,36 +9,52 @@ export class Replay {
     this.ask = ask;
     this.state = null;
     this.dragging = false;
+    this.asked = 0; // counts what this page asked for
+    this.current = 0; // from this count of `obeyed` on, what is told is what this page asked for
     get("play").addEventListener("click", () => this.toggle());
-    get("speed").addEventListener("change", () => ask("speed", { speed: Number(get("speed").value) }));
+    get("speed").addEventListener("change", () => this.setSpeed());
     const seek = get("seek");
     seek.addEventListener("input", () => {
       this.dragging = true;
       get("play-time").textContent = clock(Number(seek.value));
     });
-    seek.addEventListener("change", () => {
-      this.dragging = false;
-      this.seek(Number(seek.value));
-    });
+    const drop = () => {
+      if (this.dragging) this.seek(Number(seek.value));
+    };
+    for (const end of ["change", "pointerup", "pointercancel", "blur"]) seek.addEventListener(end, drop);
   }
 
+  /** Another viewer program answers now: it has obeyed nothing yet. */
+  forget() {
+    this.asked += 1;
+    this.current = 0;
+  }
+
+  /** The viewer program tells where it stands; null: nothing is replayed. */
   set(playback) {
     this.get("transport").hidden = !playback;
     const before = this.state;
     this.state = playback;
     if (!playback) return;
-    const { get } = this;
-    get("play").textContent = playback.playing ? "❚❚" : "▶";
-    get("play").setAttribute("aria-label", playback.playing ? "Pause" : "Play");
-    get("play-length").textContent = clock(playback.length_s);
-    const options = [...get("speed").options].map((o) => Number(o.value));
-    if (options.includes(playback.speed)) get("speed").value = playback.speed;
-    if (!this.dragging) {
-      get("seek").max = playback.length_s;
-      get("seek").value = playback.position_s;
-      get("play-time").textContent = clock(playback.position_s);
+    if (before && playback.obeyed < this.current) {
+      const { position_s, playing, speed } = before;
+      this.state = { ...playback, position_s, playing, speed };
     }
+    this.show();
     if (before?.strokes_s.length !== playback.strokes_s.length || before?.marks.length !== playback.marks.length) this.ticks();
+  }
+
+  show() {
+    const { get, state } = this;
+    get("play").textContent = state.playing ? "❚❚" : "▶";
+    get("play").setAttribute("aria-label", state.playing ? "Pause" : "Play");
+    get("play-length").textContent = clock(state.length_s);
+    const options = [...get("speed").options].map((o) => Number(o.value));
+    if (options.includes(state.speed)) get("speed").value = state.speed;
+    if (this.dragging) return;
+    get("seek").max = state.length_s;
+    get("seek").value = state.position_s;
+    get("play-time").textContent = clock(state.position_s);
   }
 
   ticks() {
@@ -55,14 +72,26 @@ export class Replay {
     );
   }
 
+  /** Show what is asked for, and ask for it. */
+  async control(command, options, now) {
+    if (!this.state) return;
+    const mine = ++this.asked;
+    this.current = Infinity;
+    Object.assign(this.state, now);
+    this.show();
+    const answer = await this.ask(command, options);
+    if (mine === this.asked) this.current = answer?.obeyed ?? 0;
+  }
+
   toggle() {
-    if (this.state) this.ask(this.state.playing ? "pause" : "play");
+    const playing = !this.state?.playing;
+    this.control(playing ? "play" : "pause", {}, { playing });
   }
 
   seek(position_s) {
-    const target = Math.min(Math.max(position_s, 0), this.state.length_s);
-    this.state.position_s = target; // two quick steps add up, whenever the answer comes
-    this.ask("seek", { position_s: target });
+    this.dragging = false;
+    const target = Math.min(Math.max(position_s, 0), this.state?.length_s ?? 0);
+    this.control("seek", { position_s: target }, { position_s: target });
   }
 
   step(seconds) {
@@ -71,8 +100,12 @@ export class Replay {
 
   faster(by) {
     const select = this.get("speed");
-    const next = Math.min(Math.max(select.selectedIndex + by, 0), select.options.length - 1);
-    select.selectedIndex = next;
-    this.ask("speed", { speed: Number(select.value) });
+    select.selectedIndex = Math.min(Math.max(select.selectedIndex + by, 0), select.options.length - 1);
+    this.setSpeed();
+  }
+
+  setSpeed() {
+    const speed = Number(this.get("speed").value);
+    this.control("speed", { speed }, { speed });
   }
 }

@@ -3,11 +3,13 @@
 import { drawCard } from "./card.js";
 
 export class Selected {
-  constructor(get, { image, charts, history, page, redraw }) {
-    Object.assign(this, { get, image, charts, history, page, redraw });
+  constructor(get, { image, charts, history, page, redraw, toast }) {
+    Object.assign(this, { get, image, charts, history, page, redraw, toast });
     this.picked = null;
     this.last = null;
     this.place = null;
+    this.choice = 0; // counts what was picked: of several strokes on their way the last one counts
+    this.news = 0; // counts what was told of the last stroke
     get("back-live").addEventListener("click", () => this.back());
     get("scrub-range").addEventListener("input", () => this.scrub(Number(get("scrub-range").value)));
     const map = get("map");
@@ -15,20 +17,36 @@ export class Selected {
     map.addEventListener("pointerdown", (event) => this.hover(event.offsetX));
   }
 
+  /** The page has just been told everything; `number` is the last stroke, or null. */
   async start(number) {
-    if (number !== null && !this.picked) {
-      this.last = await this.fetch(number);
-      if (this.last && !this.picked) this.showLast();
-    }
+    const news = ++this.news;
+    const stroke = number === null ? null : await this.fetch(number);
+    if (news !== this.news || !stroke) return; // a stroke that has ended meanwhile is newer
+    this.last = stroke;
+    this.showLast();
+  }
+
+  /** Another viewer program answers now: its strokes are others. */
+  forget() {
+    this.back();
+    this.last = null;
+    this.news += 1;
+    this.charts.forget();
+    drawCard(this.get("card"), null, false);
+    this.get("estimate-which").textContent = "";
+    this.exports(null);
   }
 
   /** A stroke has just ended. */
   finished(stroke) {
+    this.news += 1;
     this.last = stroke;
-    if (!this.picked && !this.page.held) this.showLast();
+    this.showLast();
   }
 
+  /** The last stroke, unless there is none, another is picked, or the picture is held still. */
   showLast() {
+    if (!this.last || this.picked || this.page.held) return;
     if (!this.page.running) this.charts.show(this.last);
     this.card(this.last);
     this.redraw();
@@ -36,12 +54,16 @@ export class Selected {
 
   async pick(number) {
     if (number === null) return;
+    const choice = ++this.choice;
+    this.markPicked(number);
     const stroke = await this.fetch(number);
-    if (!stroke) return;
+    if (choice !== this.choice) return;
+    if (!stroke) {
+      this.markPicked(this.picked?.number ?? null);
+      this.toast(`Stroke ${number} cannot be had now.`);
+      return;
+    }
     this.picked = stroke;
-    this.history.mark(number);
-    this.get("back-live").hidden = false;
-    this.get("back-live").textContent = document.body.dataset.mode === "live" ? "Back to live (Esc)" : "Back (Esc)";
     this.charts.show(stroke);
     this.card(stroke);
     this.images = unpackImages(stroke.images);
@@ -54,19 +76,25 @@ export class Selected {
   }
 
   back() {
-    if (!this.picked) return false;
+    this.choice += 1; // also one that is still on its way
+    this.markPicked(null);
+    if (!this.picked) return;
     this.picked = null;
     this.place = null;
-    this.get("back-live").hidden = true;
     this.get("scrub").hidden = true;
     this.get("image-note").textContent = "";
     delete document.body.dataset.picked;
-    this.history.mark(null);
     this.charts.show(this.page.running ?? this.last);
     if (this.last) this.card(this.last);
     if (this.page.frame) this.image.draw(this.page.frame.pressure);
     this.redraw();
-    return true;
+  }
+
+  /** In the list, at once; the stroke itself may take a moment. */
+  markPicked(number) {
+    this.history.mark(number);
+    this.get("back-live").hidden = number === null;
+    this.get("back-live").textContent = document.body.dataset.mode === "live" ? "Back to live (Esc)" : "Back (Esc)";
   }
 
   scrub(index) {
@@ -111,10 +139,15 @@ export class Selected {
     this.get("estimate-which").textContent = `stroke ${stroke.number}, ${time}${lost}`;
   }
 
-  /** The export menu takes the stroke that is shown. */
+  /** The export menu takes the stroke that is shown; null: there is none. */
   exports(number) {
     for (const kind of ["png", "svg", "csv", "json"]) {
       const link = this.get(`export-${kind}`);
+      if (number === null) {
+        link.removeAttribute("href");
+        link.setAttribute("aria-disabled", true);
+        continue;
+      }
       link.href = `/api/stroke-${number}.${kind}`;
       link.download = `stroke-${number}.${kind}`;
       link.removeAttribute("aria-disabled");

@@ -1,8 +1,10 @@
 // Record, mark, new visit, export, and short notices.
 
-export function startTools(get, { ask, image, page }) {
-  let recording = null;
-  let turning = Promise.resolve(); // the start or stop that has been asked for; a second press waits for it
+export function startTools(get, { ask, greeted, image, page }) {
+  let recording = null; // as the server told it last
+  let wanted = null; // what recording will be when every press is answered; null: nothing is on its way
+  let pressed = 0; // presses on their way
+  let turning = Promise.resolve(); // starts, stops and marks go to the server one after the other
 
   function toast(text) {
     const note = document.createElement("p");
@@ -27,51 +29,65 @@ export function startTools(get, { ask, image, page }) {
   }
 
   function record() {
-    if (document.body.dataset.mode === "live") turning = turning.then(turn);
-    return turning;
-  }
-
-  async function turn() {
-    const was = recording;
-    const answer = await run(was ? "stop-recording" : "record");
-    if (answer) toast(was ? `Saved as ${answer.file}.` : `Recording to ${answer.file}.`);
-  }
-
-  function text(title, value) {
-    const dialog = get("dialog-text");
-    get("text-title").textContent = title;
-    get("text-value").value = value;
-    dialog.returnValue = "cancel";
-    dialog.showModal();
-    get("text-value").select();
-    return new Promise((resolve) => {
-      dialog.addEventListener("close", () => resolve(dialog.returnValue === "ok" ? get("text-value").value : null), { once: true });
+    if (document.body.dataset.mode === "replay") return;
+    const wish = !(wanted ?? Boolean(recording));
+    wanted = wish;
+    pressed += 1;
+    turning = turning.then(async () => {
+      await turn(wish);
+      pressed -= 1;
+      if (!pressed) wanted = null;
     });
   }
 
-  async function mark() {
-    if (document.body.dataset.mode !== "live") return;
-    await turning;
-    if (!recording) return toast("Marks go into a recording. Press R to record.");
-    const note = text("Mark this moment", "");
+  async function turn(wish) {
+    await greeted();
+    if (Boolean(recording) === wish) return;
+    const answer = await run(wish ? "record" : "stop-recording");
+    if (answer) toast(wish ? `Recording to ${answer.file}.` : `Saved as ${answer.file}.`);
+  }
+
+  // The dialog's answer is taken when it is given: "close" comes later, when keys may have opened the next one.
+  let answered = () => {};
+
+  /** Ask for a line of text; the dialog is open when this returns. Resolves with the text, or null. */
+  function text(title) {
+    answered(null);
+    get("text-title").textContent = title;
+    get("text-value").value = "";
+    get("dialog-text").showModal();
+    return new Promise((resolve) => (answered = resolve));
+  }
+
+  get("dialog-text").addEventListener("submit", ({ submitter }) => {
+    answered(submitter.value === "ok" ? get("text-value").value : null);
+  });
+  get("dialog-text").addEventListener("close", () => {
+    if (!get("dialog-text").open) answered(null); // by Esc
+  });
+
+  function mark() {
+    if (document.body.dataset.mode === "replay") return;
+    if (!(wanted ?? recording)) return toast("Marks go into a recording. Press R to record.");
+    const note = text("Mark this moment");
     turning = turning.then(async () => {
       if ((await note) !== null) await run("mark", { text: await note });
-    }); // a stop that is asked for right after it comes after it
+    }); // after the start that was asked for before it, and before the stop that is asked for after it
   }
 
   async function visit() {
-    const name = await text("Name of the new visit", "");
+    const name = await text("Name of the new visit");
     if (name === null) return;
     if (await run("new-visit", name.trim() ? { name } : {})) toast("A new visit has begun; strokes go there from now on.");
   }
 
   function saveImage() {
+    const link = document.createElement("a");
+    link.download = `tactile-image-${page.frame?.seq ?? 0}.png`;
     image.canvas.toBlob((blob) => {
-      const link = document.createElement("a");
       link.href = URL.createObjectURL(blob);
-      link.download = `tactile-image-${page.frame?.seq ?? 0}.png`;
       link.click();
-      URL.revokeObjectURL(link.href);
+      setTimeout(() => URL.revokeObjectURL(link.href), 60_000); // when the browser has surely read it
     });
     get("export").open = false;
   }

@@ -14,16 +14,23 @@ export class History {
     this.visits = [];
     this.current = 1;
     this.picked = null;
-    this.pair = null;
+    this.pair = null; // the visits that the reader chose to compare
+    this.choices = 0; // counts those choices
+    this.items = new Map(); // the list's nodes: what stands there stays, also under a finger that is just pressing it
+    this.pressed = null;
     this.plot = new Plot(get("repeat"), { xLabel: "", yLabel: "mm" });
-    get("strokes").addEventListener("click", (event) => {
-      const item = event.target.closest("[data-number]");
+    // A new stroke may move the list while a finger is down: the one that was pressed is meant.
+    get("strokes").addEventListener("pointerdown", ({ target }) => {
+      this.pressed = target.closest("[data-number]");
+    });
+    get("strokes").addEventListener("click", ({ detail, target }) => {
+      const item = (detail && this.pressed) || target.closest("[data-number]"); // a screen reader's click has no detail
       if (item) hooks.pick(Number(item.dataset.number));
     });
     for (const name of ["quantity", "last"]) get(name).addEventListener("change", () => this.refresh());
     for (const name of ["visit-a", "visit-b"]) {
       get(name).addEventListener("change", () => {
-        this.pair = [get("visit-a").value, get("visit-b").value];
+        this.choose(get("visit-a").value, get("visit-b").value);
         this.compare();
       });
     }
@@ -37,15 +44,29 @@ export class History {
     this.refresh();
   }
 
+  /** Another viewer program answers now: its strokes and visits are others. */
+  forget() {
+    this.items.clear();
+    this.pair = null;
+    this.choices += 1;
+  }
+
+  choose(earlier, later) {
+    this.pair = [Number(earlier), Number(later)];
+    this.choices += 1;
+  }
+
   mark(number) {
+    if (number === this.picked) return;
     this.picked = number;
-    for (const item of this.get("strokes").querySelectorAll("[data-number]")) {
+    const box = this.get("strokes");
+    box.removeAttribute("aria-activedescendant");
+    for (const item of box.querySelectorAll("[data-number]")) {
       const on = Number(item.dataset.number) === number;
       item.setAttribute("aria-selected", on);
-      if (on) {
-        item.scrollIntoView({ block: "nearest" });
-        this.get("strokes").setAttribute("aria-activedescendant", item.id);
-      }
+      if (!on) continue;
+      item.scrollIntoView({ block: "nearest" });
+      box.setAttribute("aria-activedescendant", item.id);
     }
     this.draw();
   }
@@ -59,26 +80,30 @@ export class History {
     return order[at + step] ?? null;
   }
 
+  /** Newest first, a head over each visit's. */
   list() {
-    const box = this.get("strokes");
-    const items = [];
-    let visit = null;
-    for (const stroke of [...this.strokes].reverse()) {
-      if (stroke.visit !== visit) {
-        visit = stroke.visit;
-        const head = document.createElement("li");
-        head.className = "visit";
-        head.setAttribute("role", "presentation");
-        head.textContent = this.visits.find((v) => v.number === visit)?.name ?? "";
-        items.push(head);
-      }
-      items.push(this.item(stroke));
+    const nodes = new Map();
+    const add = (key, make) => nodes.set(key, this.items.get(key) ?? make());
+    const visits = new Map(this.visits.map((v) => [v.number, v.name]));
+    for (let n = this.strokes.length - 1, first = n; n >= 0; n = first - 1) {
+      const { visit } = this.strokes[n];
+      for (first = n; this.strokes[first - 1]?.visit === visit; first--);
+      add(`visit ${visit} from ${this.strokes[first].number}`, () => this.head(visits.get(visit) ?? ""));
+      for (let i = n; i >= first; i--) add(this.strokes[i].number, () => this.item(this.strokes[i]));
     }
-    box.replaceChildren(...items);
-    if (!items.length) box.innerHTML = '<li class="visit" role="presentation">Strokes are listed here as they end.</li>';
+    if (!nodes.size) add("none", () => this.head("Strokes are listed here as they end."));
+    this.items = nodes;
+    arrange(this.get("strokes"), [...nodes.values()]);
     const n = this.strokes.length;
     this.get("history-note").textContent = n ? `${n} so far; pick one to see it again` : "";
-    if (this.picked !== null) this.mark(this.picked);
+  }
+
+  head(text) {
+    const head = document.createElement("li");
+    head.className = "visit";
+    head.setAttribute("role", "presentation");
+    head.textContent = text;
+    return head;
   }
 
   item(stroke) {
@@ -87,7 +112,7 @@ export class History {
     item.id = `stroke-${stroke.number}`;
     item.dataset.number = stroke.number;
     item.setAttribute("role", "option");
-    item.setAttribute("aria-selected", "false");
+    item.setAttribute("aria-selected", stroke.number === this.picked);
     const row = card.rows.find((r) => r.key === "d_mm");
     const parts = [
       ["n", `${stroke.number}`],
@@ -108,7 +133,8 @@ export class History {
   fillVisits() {
     const [a, b] = [this.get("visit-a"), this.get("visit-b")];
     for (const select of [a, b]) {
-      select.replaceChildren(...this.visits.map((v) => new Option(v.name, v.number)));
+      const same = this.visits.length === select.length && this.visits.every((v, i) => v.name === select[i].text);
+      if (!same) select.replaceChildren(...this.visits.map((v) => new Option(v.name, v.number))); // one may be open
     }
     const earlier = this.visits.filter((v) => v.number !== this.current).at(-1)?.number ?? this.current;
     [a.value, b.value] = this.pair ?? [earlier, this.current];
@@ -119,7 +145,7 @@ export class History {
     try {
       this.spread = await this.hooks.ask("repeatability", { visit: this.current, last });
     } catch {
-      return;
+      return; // the connection is gone, which the page says; this is asked again when it is back
     }
     this.draw();
     await this.compare();
@@ -134,7 +160,7 @@ export class History {
       const used = this.spread?.used.includes(stroke.number);
       return row && { x: i, ...row, key: stroke.number, paint: used ? "points" : "ghost" };
     });
-    const found = this.spread?.[key];
+    const found = this.spread?.visit === this.current ? this.spread[key] : null;
     const y = extent([items.flatMap((i) => (i ? [i.low, i.high] : []))], key === "F_N_per_m" ? [0, 120] : [0, 20], 0.12, 1);
     this.plot.yLabel = unit;
     this.plot.draw(
@@ -149,30 +175,35 @@ export class History {
     this.get("repeat-text").textContent = sentence(found, unit);
   }
 
+  shownPair() {
+    return [Number(this.get("visit-a").value), Number(this.get("visit-b").value)];
+  }
+
   async compare() {
-    const [a, b] = [Number(this.get("visit-a").value), Number(this.get("visit-b").value)];
+    const [a, b] = this.shownPair();
     const box = this.get("comparison");
     if (!a || !b || a === b) {
       box.innerHTML = `<p class="say">Begin a new visit, or load an earlier recording, to see whether the lump has grown by more than strokes differ among themselves.</p>`;
       return;
     }
-    let found;
+    let shown;
     try {
-      found = await this.hooks.ask("compare", { a, b });
+      shown = comparison(await this.hooks.ask("compare", { a, b }));
     } catch (error) {
-      box.textContent = error.message;
-      return;
+      shown = [error.message];
     }
-    box.replaceChildren(...comparison(found));
+    if (this.shownPair().join() === [a, b].join()) box.replaceChildren(...shown); // else others have been chosen
   }
 
   async openLoad() {
     const list = this.get("load-list");
+    list.textContent = "Looking into the recordings folder.";
+    this.get("dialog-load").showModal();
     let files;
     try {
       ({ files } = await this.hooks.ask("recordings"));
     } catch (error) {
-      this.hooks.toast(error.message);
+      list.textContent = error.message;
       return;
     }
     list.replaceChildren(
@@ -186,21 +217,32 @@ export class History {
       }),
     );
     if (!files.length) list.textContent = "The recordings folder is empty. Record a visit first (R).";
-    this.get("dialog-load").showModal();
   }
 
   async load(file) {
     this.get("dialog-load").close();
+    const choices = ++this.choices;
+    this.hooks.toast(`Reading ${file}.`);
     try {
       const { visit, strokes } = await this.hooks.ask("load-visit", { file });
-      this.pair = [visit, this.current]; // the list of visits may come before this answer or after it
-      this.fillVisits();
-      await this.compare();
+      if (choices === this.choices) {
+        this.choose(visit, this.current); // the list of visits may come before this answer or after it
+        this.fillVisits();
+        await this.compare();
+      }
       this.hooks.toast(`${file}: ${strokes} ${strokes === 1 ? "stroke" : "strokes"} loaded.`);
     } catch (error) {
       this.hooks.toast(error.message);
     }
   }
+}
+
+/** Make the box hold these nodes in this order; those that stand right are not touched. */
+function arrange(box, nodes) {
+  nodes.forEach((node, i) => {
+    if (box.children[i] !== node) box.insertBefore(node, box.children[i] ?? null);
+  });
+  while (box.children.length > nodes.length) box.lastElementChild.remove();
 }
 
 function sentence(found, unit) {
