@@ -24,6 +24,8 @@ def whole_file(path: Path) -> Iterator[Path]:
     DiskFull, PalpateError
         The file cannot be written; what stood at `path` is untouched.
     """
+    if path.exists() and not path.is_file():  # what is put in its place would replace /dev/full itself
+        raise PalpateError(f"{path} cannot be written: it is a device or a directory; name a file")
     # The suffix stays last: libraries choose the format by it.
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from firmware_py import messages, status
+from firmware_py.image import MAGIC
 from host.errors import CommandRefused, FlashError, ImageRefused, ImageUnreadable, LinkGone
 from host.link.probe import Probe
 
@@ -29,6 +30,9 @@ REFUSALS = {
     status.BAD_MAGIC: "it is not a model image",
     status.BAD_CRC: "it is damaged; export it again",
 }
+
+_BODY_AT = 8
+"""Where an image says how long it is, without its signature (docs/model-image.md)."""
 
 MIXED = (status.BAD_SIGNATURE, status.BAD_CRC, status.BAD_MAGIC)
 """What an image that is put together of two looks like."""
@@ -111,6 +115,8 @@ def check_image(image: bytes) -> str:
     from model_export.image import inspect
 
     try:
+        if image.startswith(MAGIC) and (body := struct.unpack_from("<I", image, _BODY_AT)[0]) > len(image):
+            raise ImageError(f"the model image is cut short: {len(image)} bytes of more than {body}")
         return inspect(image).model_id
     except ImageError as error:
         raise ImageUnreadable(f"{error}; nothing was sent to the probe") from error

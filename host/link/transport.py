@@ -209,7 +209,8 @@ def _open_serial(port: str, baud: int):  # type: ignore[no-untyped-def]
     import serial
 
     # Most programs take no lock on a port: who has it open is seen only by looking.
-    if os.path.realpath(port).startswith("/dev/") and (pids := holders.open_by(os.path.realpath(port))):
+    path = os.path.realpath(port)
+    if path.startswith("/dev/") and (pids := holders.open_by(path)) and _is_terminal(path):
         raise _busy(port, holders.program(pids[0]))
     try:
         return serial.serial_for_url(port, baudrate=baud, timeout=0, exclusive=True)
@@ -229,6 +230,18 @@ def _open_serial(port: str, baud: int):  # type: ignore[no-untyped-def]
                 port, f"{port} is not a serial port; `palpate devices` lists the ports"
             ) from error
         raise PortError(port, f"{port} cannot be opened: {error}") from error
+
+
+def _is_terminal(path: str) -> bool:
+    """False for /dev/null and the like, which many programs hold; True where nobody may look."""
+    try:
+        fd = os.open(path, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError:
+        return True
+    try:
+        return os.isatty(fd)
+    finally:
+        os.close(fd)
 
 
 def _busy(port: str, holder: str | None) -> PortBusy:

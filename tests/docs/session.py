@@ -165,6 +165,7 @@ class Session:
                 stdout=stream,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
+                preexec_fn=_hears_ctrl_c,
             )
         self._left.append((block, process, log))
         deadline = time.monotonic() + SAYS_SOMETHING_S
@@ -189,6 +190,11 @@ class Session:
         self._left.clear()
         if complaints:
             raise BlockFailed("\n".join(complaints))
+
+
+def _hears_ctrl_c() -> None:
+    """The tests themselves may run where it is ignored (`nohup`, a script's background)."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def copy_files(source: Path, target: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -157,9 +158,23 @@ def palpate(capsys):
     return run
 
 
-def start_palpate(*args, **words):
-    """The command line as a process of its own."""
+class Started(subprocess.Popen):
+    """A program that a test which fails does not wait for."""
+
+    def __exit__(self, *error):
+        if error[0] is not None:
+            self.kill()
+        super().__exit__(*error)
+
+
+def start_palpate(*args, prepare=lambda: None, **words):
+    """The command line as a process of its own; `prepare` is called in it before it begins."""
+
+    def begin():
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # the tests themselves may run where Ctrl-C is ignored
+        prepare()
+
     command = [sys.executable, "-m", "host.cli", *(str(arg) for arg in args)]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     environment = {**os.environ, "PYTHONUNBUFFERED": "1", **words.pop("env", {})}
-    return subprocess.Popen(command, env=environment, **{**pipes, **words})
+    return Started(command, env=environment, preexec_fn=begin, **{**pipes, **words})

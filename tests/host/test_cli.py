@@ -1,6 +1,7 @@
 """The command line as a user or a script meets it: exit statuses, sentences, JSON, help."""
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -66,6 +67,25 @@ def test_wrong_words_and_missing_things_get_one_sentence(palpate, tmp_path, word
     assert one_sentence(err) and out == ""
 
 
+def test_files_of_the_wrong_kind_get_one_sentence(palpate, tmp_path, images):
+    pipe, noise, table, cut = (tmp_path / name for name in ("pipe.json", "noise", "table.csv", "cut.palp"))
+    os.mkfifo(pipe)
+    noise.write_bytes(b"\xff\xfe\0")
+    table.write_text("d_mm,h\n12,0.7\n")
+    cut.write_bytes(images[0][:500])
+    sweep = ("sweep", "--out", tmp_path / "s", "--design")
+    for words, status, says in (
+        (("simulate", "d10h08e10f10", "--out", pipe), 1, "it is a device or a directory"),
+        ((*sweep, noise), 2, "cannot be read as text"),
+        ((*sweep, table), 2, "lacks the columns E_ratio"),
+        (("flash", cut), 2, "is cut short: 500 bytes of more than"),
+    ):
+        got, _, err = palpate(*words)
+        assert says in err and one_sentence(err)
+        assert got == status
+    assert pipe.is_fifo(), "a device is not replaced by a file"
+
+
 def test_every_command_has_help_with_an_example(palpate):
     status, out, _ = palpate("--help")
     assert status == 0 and all(re.search(rf"^  {name} ", out, re.M) for name in COMMANDS)
@@ -122,8 +142,6 @@ def test_simulate_prints_a_stroke_as_the_design_says(palpate, tmp_path):
 @pytest.fixture
 def flashed(emulated, images, tmp_path, palpate):
     """A probe with a model, found by `auto`."""
-    import os
-
     device = emulated("micropython")
     notes.leave(notes.Note(device.port, os.getpid(), LUMP, "micropython"))
     image = tmp_path / "model.palp"
@@ -242,7 +260,7 @@ def test_a_full_disk_ends_the_stream_at_once_with_a_sentence(emulated, tmp_path)
     def small_disk():
         resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
 
-    with start_palpate(*words, preexec_fn=small_disk) as run:
+    with start_palpate(*words, prepare=small_disk) as run:
         out, err = run.communicate(timeout=PATIENCE_S)
     assert run.returncode == 1 and out == "" and "the disk is full" in err and one_sentence(err)
     assert 50_000 < path.stat().st_size <= 60_000

@@ -9,7 +9,7 @@ import tty
 
 import pytest
 
-from host.errors import PortAmbiguous, PortBusy, PortForbidden, PortMissing, UsageError
+from host.errors import PortAmbiguous, PortBusy, PortError, PortForbidden, PortMissing, UsageError
 from host.link import devices
 from host.link import emulated as notes
 from host.link.transport import open_transport
@@ -59,6 +59,11 @@ def test_a_port_that_a_program_has_open_without_a_lock_is_busy_too(terminal, tmp
         holder.communicate("\n")
     assert re.search(rf"python[\w.]* \(process {holder.pid}\) holds it", str(caught.value))
     open_transport(port).close()
+
+
+def test_a_device_that_is_no_terminal_is_not_called_busy():
+    with open(os.devnull) as _held, pytest.raises(PortError, match="not a serial port"):
+        open_transport(os.devnull)
 
 
 def test_an_emulated_probe_in_another_process_does_not_hold_its_own_port():

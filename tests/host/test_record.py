@@ -211,7 +211,7 @@ def test_a_disk_that_fills_while_converting_is_said_and_leaves_nothing(tmp_path,
     record(path, wires.identified() + b"".join(wires.frame(k, rng=rng) for k in range(2100)))
     small = (300_000, 300_000)
     with start_palpate(
-        "convert", path, out, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, small)
+        "convert", path, out, prepare=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, small)
     ) as run:
         _, err = run.communicate(timeout=PATIENCE_S)
     assert run.returncode == 1
