@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -89,7 +89,11 @@ def one_factor_cases() -> list[Case]:
 
 
 def _read_file(path: Path) -> list[Case]:
-    lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError):
+        raise CaseError(f"{path} cannot be read as text; give a file of cases") from None
+    lines = [line for line in text.splitlines() if line.strip()]
     if not lines:
         raise CaseError(f"{path} holds no cases")
     known = {f.name for f in fields(Case)}
@@ -98,6 +102,9 @@ def _read_file(path: Path) -> list[Case]:
         return [Case.from_code(line) for line in lines if not line.lstrip().startswith("#")]
     if unknown := set(header) - known:
         raise CaseError(f"{path} has unknown columns: {', '.join(sorted(unknown))}")
+    needed = [f.name for f in fields(Case) if f.default is MISSING and f.default_factory is MISSING]
+    if lacking := [name for name in needed if name not in header]:
+        raise CaseError(f"{path} lacks the columns {', '.join(lacking)}")
     cases = []
     for number, row in enumerate(csv.DictReader(lines), start=2):
         try:

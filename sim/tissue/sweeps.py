@@ -85,7 +85,8 @@ def sweep(
     try:
         store = StrokeStore(Path(out_dir))
     except OSError as error:
-        raise CaseError(f"cannot keep strokes in {out_dir}: {error}") from None
+        why = (error.strerror or str(error)).lower()
+        raise CaseError(f"cannot keep strokes in {out_dir}: {why}") from None
     todo = {key: case for key, case in zip(keys, cases) if key not in store}
     reporter = _Reporter(len(set(keys)), len(set(keys)) - len(todo), progress)
     try:
