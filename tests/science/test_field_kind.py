@@ -5,10 +5,11 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from host.regression import ridge
-from host.regression.field import data, design, fit, model, recipe, score, seeing
+from host.regression.field import data, design, fit, model, recipe, score, seeing, tissues
 from host.regression.field.study import STUDIES, study_table
 from host.regression.seen import Seen, look
 from host.regression.table import TableError
@@ -187,6 +188,28 @@ def test_averaging_strokes_needs_the_lump_in_all_of_them():
     mean_seen, mean, lost = score.averaged(seen, y, found, strokes=3)
     assert lost == 1 and mean_seen.group.tolist() == [0]
     assert mean[0] == pytest.approx(y[:3].mean(0))
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_study_runs_and_says_how_good_its_first_setting_is(bench, name):
+    row = next(STUDIES[name].run(bench))
+    assert row["setting"] and 0 < row["d_error"] < 0.2 and row["n"] > 0
+
+
+def test_strokes_over_another_tissue_are_simulated_once_and_scored(bench, fitted, tmp_path):
+    changes = {"gland_ratio": 8.0}
+    pairs = tissues.other_tissue(tmp_path, changes, lumps=4, workers=1)
+    assert {pair.case.gland_ratio for pair in pairs} == {8.0}
+    (written,) = tmp_path.glob("*/strokes.parquet")
+    before = written.stat().st_mtime_ns
+    assert len(tissues.other_tissue(tmp_path, changes, lumps=4, workers=1)) == len(pairs)
+    assert written.stat().st_mtime_ns == before
+    seen = look(data.stroke_fields(pairs), "typical", 1, force_map=bench.blob)
+    row = tissues.tissue_row("gland 8 times the fat", fitted, seen)
+    assert -0.5 < row["d_bias"] < 0.5 and 0 <= row["flagged"] <= 1 and 0 <= row["covered_d"] <= 1
+    result = pd.DataFrame([row])
+    heads, rows = study_table(tissues.TISSUE_STUDY, result)
+    assert "flagged" in heads and len(rows[0]) == len(heads)
 
 
 def test_a_study_retrains_for_each_setting_and_draws_one_figure(bench, tmp_path):

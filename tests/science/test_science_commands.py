@@ -91,6 +91,15 @@ def test_wrong_words_to_fit_are_refused(tmp_path, words, sentence):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_study_is_printed_and_drawn_by_one_command(tmp_path):
+    figure = tmp_path / "pitch.svg"
+    result = CliRunner().invoke(study.command, ["pitch", str(STROKES), "--figure", str(figure), "--json"])
+    assert result.exception is None, result.output
+    said = json.loads(result.stdout)
+    assert [row["setting"] for row in said["rows"]] == ["1.5 mm (16 rows)", "3 mm (8 rows)"]
+    assert figure.read_text(encoding="utf-8").startswith("<?xml")
+
+
 def test_a_study_that_does_not_exist_and_a_directory_without_strokes_are_refused(tmp_path):
     result = CliRunner().invoke(study.command, ["colour", str(tmp_path)])
     assert isinstance(result.exception, UsageError) and "no study 'colour'" in str(result.exception)

@@ -140,7 +140,7 @@ _CHANGES = ("ln_force", "asinh_amp", "ln_d_far", "dip_6_10", "asinh_rise")
 
 
 def _forces(bench: Bench) -> Iterator[Row]:
-    """One stroke; two at one force, averaged; two at forces 27 % apart, averaged, and as one larger model."""
+    """One stroke; two at one force, averaged; two at forces 18 % apart, averaged, and as one larger model."""
     s = bench.split
 
     def at(shift: float, first_draw: int) -> tuple[Seen, ...]:
@@ -156,7 +156,7 @@ def _forces(bench: Bench) -> Iterator[Row]:
     yield row_of("one stroke", model, middle[2])
     yield _mean_row("two strokes at one force", model, middle[2], again[2])
     both = fit_field_model(FIELD, join([low[0], high[0]]), join([low[1], high[1]]))
-    yield _mean_row("two strokes, forces 19 % apart", both, low[2], high[2])
+    yield _mean_row("two strokes, forces 18 % apart", both, low[2], high[2])
     yield _joint_row("the same as one model of both", low, high)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from host.regression.field.model import FieldModel, fit_field_model
 from host.regression.field.recipe import FIELD
 from host.regression.field.score import coverage
 from host.regression.field.study import DRAWS, TYPICAL, Row, Study, row_of
-from host.regression.seen import look
+from host.regression.seen import Seen, look
 from host.regression.table import TARGETS
 from host.regression.watch import Watch
 from sim.tissue import sweep
@@ -52,15 +51,16 @@ def other_tissue(
 def _run(bench: Bench) -> Iterator[Row]:
     train, calibration, test, rim = bench.parts(TYPICAL, True, DRAWS)
     model = fit_field_model(FIELD, train, calibration, rim)
-    yield _row("as trained", model, test)
+    yield tissue_row("as trained", model, test)
     for words, changes in TISSUES.items():
         pairs = other_tissue(bench.directory, changes, workers=bench.workers, watch=bench.watch)
         fields = stroke_fields(pairs)
         seen = look(fields, TYPICAL, 900, force_map=bench.blob)
-        yield _row(words, model, seen)
+        yield tissue_row(words, model, seen)
 
 
-def _row(words: str, model: FieldModel, seen: Any) -> Row:
+def tissue_row(words: str, model: FieldModel, seen: Seen) -> Row:
+    """Scores of a model on strokes over some tissue, with the bias of its estimates and the share flagged."""
     answers = model.answer(seen)
     row = row_of(words, model, seen, answers)
     found = answers.lump
