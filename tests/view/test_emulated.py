@@ -38,7 +38,8 @@ def recording(strokes, public_key, images, tmp_path_factory):
     from sim.probe.emulated import EmulatedProbe
 
     path = tmp_path_factory.mktemp("recording") / "monday.mcap"
-    with EmulatedProbe("micropython", strokes=strokes, public_key=public_key, repeat=True) as made:
+    three = [*strokes, strokes[0]]  # and no more, however long the recording goes on after the third
+    with EmulatedProbe("micropython", strokes=three, public_key=public_key) as made:
         with Probe.open(made.port) as client:
             flash(client, images[0])
         with recorded(made.port, path) as client:
