@@ -145,8 +145,11 @@ def check_words(code: str, noise: str, listen: str) -> None:
         raise UsageError(f"there is no noise level {noise!r}; use {', '.join(LEVELS)}")
     try:
         endpoint(listen).close()
-    except (ValueError, OSError) as error:
-        raise UsageError(f"cannot listen on {listen!r} ({error}); use pty or tcp:HOST:PORT") from error
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    except OSError as error:
+        why = (error.strerror or str(error)).lower()
+        raise UsageError(f"cannot listen on {listen!r}: {why}; use pty or tcp:HOST:PORT") from error
 
 
 def _announce(port: str, code: str, runtime: str, as_json: bool) -> None:

@@ -6,11 +6,14 @@ Exit status: 0 done, 1 the work failed, 2 the words were wrong, 130 stopped by C
 from __future__ import annotations
 
 import contextlib
+import errno
 import importlib
 import os
 import signal
 import sys
+import threading
 import traceback
+import warnings
 from typing import Any
 
 import click
@@ -48,8 +51,18 @@ CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
 """Chapter of `palpate --help` -> (command, its module, its one line); the module holds `command`."""
 
 
+class ReaderGone(Exception):
+    """Who read our output (head, less) wants no more of it."""
+
+
 class Commands(click.Group):
     """The command group; a command's module is imported only when that command is called."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError as error:  # click would end with 1, as if the work had failed
+            raise ReaderGone from error
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return [name for chapter in CHAPTERS.values() for name, _, _ in chapter]
@@ -114,6 +127,8 @@ def sentence(error: BaseException) -> str:
             text = f"{text.rstrip('.')}; see `{context.command_path} --help`"
     elif is_expected(error):
         text = str(error)
+    elif isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        text = "the disk is full; make room and try again: what was finished is kept"
     elif isinstance(error, OSError) and error.strerror:
         where = f"{error.filename}: " if error.filename else ""
         text = f"{where}{error.strerror.lower()}"
@@ -133,6 +148,18 @@ def _on_sigterm(signum: int, _frame: Any) -> None:
     raise SystemExit(128 + signum)
 
 
+def _on_ctrl_c(_signum: int, _frame: Any) -> None:
+    """From here on only the sentence is said.
+
+    Where Ctrl-C meets something half built (an event loop, a pool of workers), the threads and finalisers of
+    what is left would complain with tracebacks of their own.
+    """
+    sys.unraisablehook = lambda _unraisable: None
+    threading.excepthook = lambda _args: None
+    warnings.simplefilter("ignore")
+    raise KeyboardInterrupt
+
+
 def run(cli: click.Command, args: list[str] | None = None) -> int:
     """Run the command line and turn every ending into an exit status.
 
@@ -141,6 +168,8 @@ def run(cli: click.Command, args: list[str] | None = None) -> int:
     debug = os.environ.get("PALPATE_DEBUG", "") not in ("", "0")
     with contextlib.suppress(ValueError):  # not the main thread: a test or a notebook
         signal.signal(signal.SIGTERM, _on_sigterm)  # so that files are closed as on Ctrl-C
+        if not debug and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, _on_ctrl_c)
     try:
         result = cli.main(args=args, prog_name="palpate", standalone_mode=False)
         sys.stdout.flush()
@@ -150,8 +179,7 @@ def run(cli: click.Command, args: list[str] | None = None) -> int:
     except (KeyboardInterrupt, click.Abort):
         click.echo("palpate: stopped; everything finished so far is kept.", err=True)
         return 130
-    except BrokenPipeError:
-        # The reader of our output (head, less) has gone: not an error, but Python must not complain at exit.
+    except (ReaderGone, BrokenPipeError):  # not an error, but Python must not complain at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
