@@ -10,15 +10,15 @@ See hot_viper.py, its fellow for the frames. Viper reads 16-bit words without th
 # ruff: noqa: F821 - ptr8, ptr16 and ptr32 are viper's own
 import micropython
 
-from firmware_py import evaluator
+from firmware_py import polynomial
 
 
 @micropython.viper
 def sums(
-    c: ptr16, d: ptr16, at: int, part: ptr32, high: ptr16, rest: ptr16, first: int, last: int, cut: int,
-    fine: int, down: int, work: ptr32,
+    c: ptr16, d: ptr16, at: int, part: ptr32, high: ptr32, steps: ptr8, first: int, last: int, cut: int,
+    downs: int, work: ptr32, to: int,
 ):  # fmt: skip
-    """See evaluator.sums; one output after the other, since registers are few."""
+    """See polynomial.sums; one output after the other, since registers are few."""
     j = 0
     while j < 5:
         a = 0
@@ -26,72 +26,44 @@ def sums(
         i = at + j
         k = first
         while k < last:
-            x = (c[i] ^ 0x8000) - 0x8000
-            h = (high[k] ^ 0x8000) - 0x8000
-            b += ((d[i] ^ 0x8000) - 0x8000) * h
-            if fine:
-                a += x * h
-                b += x * rest[k]
-            else:
-                a += x * part[k]
+            a += ((c[i] ^ 0x8000) - 0x8000) * part[steps[k]]
+            b += ((d[i] ^ 0x8000) - 0x8000) * high[steps[k]]
             i += 5
             k += 1
-        work[j] += (a + (b >> cut)) >> down
+        work[to + j] += (a + (b >> cut)) >> (downs & 15)
+        downs >>= 4
         j += 1
 
 
 @micropython.viper
-def dot_high(c: ptr16, at: int, high: ptr16, first: int, n: int) -> int:
-    """See evaluator.dot_high."""
+def carry(own: ptr32, at: int, u: int, base: int, work: ptr32):
+    """See polynomial.carry."""
+    a = u >> 14
+    b = u & 16383
+    j = base
+    while j < base + 5:
+        v = work[j] + own[at]
+        work[j] = 0
+        w = v >> 14
+        work[j - 5] += a * w + ((a * (v & 16383) + b * w) >> 14)
+        at += 1
+        j += 1
+
+
+@micropython.viper
+def dot_high(c: ptr16, at: int, high: ptr32, first: int, n: int) -> int:
+    """See polynomial.dot_high."""
     a = 0
     n += at
     while at < n:
-        a += ((c[at] ^ 0x8000) - 0x8000) * ((high[first] ^ 0x8000) - 0x8000)
+        a += ((c[at] ^ 0x8000) - 0x8000) * high[first]
         at += 1
         first += 1
     return a
 
 
-@micropython.viper
-def multiply(steps: ptr8, first: int, last: int, cut: int, part: ptr32, high: ptr16):
-    """See evaluator.multiply."""
-    at = 0
-    k = first
-    while k < last:
-        v = part[steps[at] + 5]
-        w = part[steps[at + 1] + 5]
-        v = (v * (w >> 10) + (v * (w & 1023) >> 10)) >> (cut + 3)
-        part[k] = v
-        high[k] = v >> cut
-        at += 2
-        k += 1
-
-
-@micropython.viper
-def multiply_fine(steps: ptr8, n: int, terms: int, bits: int, u: ptr32, high: ptr16, rest: ptr16):
-    """See evaluator.multiply_fine."""
-    at = 0
-    k = 5 + n
-    mask = (1 << bits) - 1
-    down = 15 - bits
-    i = n
-    while i < terms:
-        v = u[steps[at]]
-        w = u[steps[at + 1]]
-        a = v >> 14
-        b = w >> 14
-        v = a * b + ((a * (w & 16383) + b * (v & 16383)) >> 14)
-        u[i] = v
-        high[k] = v >> 15
-        rest[k] = (v >> down) & mask
-        at += 2
-        k += 1
-        i += 1
-
-
 def install():
     """Put them in the place of the plain loops."""
-    evaluator.sums = sums
-    evaluator.dot_high = dot_high
-    evaluator.multiply = multiply
-    evaluator.multiply_fine = multiply_fine
+    polynomial.sums = sums
+    polynomial.carry = carry
+    polynomial.dot_high = dot_high

@@ -8,11 +8,11 @@ signature first (lms.py).
 
 from array import array
 
-from firmware_py import evaluator, status
+from firmware_py import evaluator, status, unpack
 
 PROBE = b"palpate-16x26"
 MAGIC = b"PALP"
-VERSION = 3
+VERSION = 4
 HEAD_SIZE = 104
 ROLLBACK = 1
 
@@ -20,16 +20,15 @@ ROLLBACK = 1
 NUMBERS = 1  # evaluator's head
 IDS = 2
 FEATURES = 3
-STEPS = 4  # without the first ones where these are all pairs of features in order
+STEPS = 4  # the polynomials' program (polynomial.py), then ln sigma's runs, at depth 3
 WORDS = 5  # coefficients, high and low word in one; then the distance's
-GROUPS = 6  # of terms, each group's end
-ROWS = 7
-OUTPUTS = 8
-LIMITS = 9
-INFO = 10  # text: names of the features, of the outputs, unit of the integers
-FORCE_MAP = 11
-SELF_TEST = 12
-LAST = 12
+ROWS = 6
+OUTPUTS = 7
+LIMITS = 8
+INFO = 9  # text: names of the features, of the outputs, unit of the integers
+FORCE_MAP = 10
+SELF_TEST = 11
+LAST = 11
 
 TESTED = 17  # integers of an estimate that a self-test vector fixes
 DISTANCE_BITS = 12
@@ -93,127 +92,17 @@ class Model:
         self.evaluate = tables.evaluate
 
 
-def all_pairs(n):
-    """The steps of all products of two out of n features, in order."""
-    steps = bytearray(n * (n + 1))
-    at = 0
-    for i in range(n):
-        for j in range(i, n):
-            steps[at] = i
-            steps[at + 1] = j
-            at += 2
-    return bytes(steps)
-
-
-def _words(c, d, at, raw, n, bits, low):
-    """Unpack n signed numbers of `bits` bits each, lowest bit first, into c and d from `at`."""
-    held = 0
-    have = 0
-    k = 0
-    sign = 1 << bits - 1
-    half = 1 << low >> 1
-    for _ in range(n):
-        while have < bits:
-            held |= raw[k] << have
-            have += 8
-            k += 1
-        v = ((held & (2 * sign - 1)) ^ sign) - sign
-        c[at] = v + half >> low
-        if low:
-            d[at] = v - (c[at] << low)
-        held >>= bits
-        have -= bits
-        at += 1
-
-
-def _head(raw, groups):
-    """The evaluator's head; how many limits there are is seen from their section."""
-    head = array("i", bytearray(4 * evaluator.HEAD))
-    numbers = array("i", raw[:12])
-    for i in range(3):
-        head[5 + i] = numbers[i]
-    head[1] = raw[12] | raw[13] << 8
-    head[2] = raw[14] | raw[15] << 8
-    head[8] = raw[16] | raw[17] << 8
-    head[10] = raw[18] | raw[19] << 8
-    head[0] = raw[20]
-    head[3] = raw[21]
-    head[9] = raw[22]
-    head[11] = raw[23]
-    head[12] = 1 if raw[23] == 13 else 0
-    head[13] = raw[24]
-    head[14] = len(groups) // 2
-    for i in range(0, len(groups), 2):
-        head.append(5 + (groups[i] | groups[i + 1] << 8))
-    return head
-
-
-def _feats(raw):
-    """The feature table from what the image keeps of it: clip, centre and box."""
-    kept = array("i", raw)
-    n = len(kept) // 5
-    feats = array("i", bytearray(28 * n))
-    for i in range(n):
-        lo, hi, centre = kept[5 * i], kept[5 * i + 1], kept[5 * i + 2]
-        feats[7 * i] = lo
-        feats[7 * i + 1] = hi
-        feats[7 * i + 2] = centre
-        feats[7 * i + 3], feats[7 * i + 4] = evaluator.scaling(lo, hi, centre)
-        feats[7 * i + 5] = kept[5 * i + 3]
-        feats[7 * i + 6] = kept[5 * i + 4]
-    return feats
-
-
-def _rows(raw):
-    """Intercepts and shifts, kept apart in the image, in turns."""
-    n = len(raw) // 5
-    rows = array("i", bytearray(8 * n))
-    intercepts = array("i", raw[: 4 * n])
-    shifts = array("b", raw[4 * n :])
-    for i in range(n):
-        rows[2 * i] = intercepts[i]
-        rows[2 * i + 1] = shifts[i]
-    return rows
-
-
-def _outs(raw, links):
-    """The output table from what the image keeps of it: its ends, the quantiles' logarithms, the range."""
-    kept = array("i", raw)
-    outs = array("i", bytearray(4 * evaluator.OUTPUT_ROW * evaluator.OUTPUTS))
-    for j in range(evaluator.OUTPUTS):
-        at = 9 * j
-        lo, hi = kept[6 * j], kept[6 * j + 1]
-        outs[at] = links >> j & 1
-        outs[at + 1] = lo
-        outs[at + 2] = hi
-        outs[at + 3], outs[at + 4] = evaluator.middle(lo, hi)
-        for k in range(4):
-            outs[at + 5 + k] = kept[6 * j + 2 + k]
-    return outs
-
-
 def _fits(tables, feature_count):
     """Do the tables' lengths agree with each other, and do the features exist? A status."""
     n = tables.head[0]
-    terms = tables.head[1]
-    sigma = tables.head[2]
-    fine = 5 * terms + 5 * (5 + sigma)
     if (
-        not 0 < n <= terms
-        or not 0 <= sigma <= terms
+        not 0 < n <= 24
         or len(tables.ids) != n
         or len(tables.feats) != 7 * n
-        or len(tables.steps) != 2 * (terms - n)
-        or len(tables.c) != fine + n * (n + 1) // 2
-        or len(tables.d) != fine
         or len(tables.rows) != 2 * (10 + n)
         or len(tables.limits) != 3 * tables.head[4]
-        or tables.head[len(tables.head) - 1] != 5 + terms
     ):
         return status.BAD_LENGTH
-    for i in range(0, len(tables.steps), 2):
-        if tables.steps[i] >= n + i // 2 or tables.steps[i + 1] >= n:
-            return status.BAD_VALUE
     for i in tables.ids:
         if i >= feature_count:
             return status.MISSING_FEATURE
@@ -234,47 +123,53 @@ def load(read, body, features_version, feature_count, probe=PROBE):
     if h.features_version != features_version:
         return status.BAD_VERSION, None
     head = h.section(read, NUMBERS)
-    groups = h.section(read, GROUPS)
-    if len(head) != 27 or not groups or len(groups) % 2:
+    if len(head) != 35:
         return status.BAD_LENGTH, None
     sizes = head[25:]
-    head = _head(head, groups)
+    head = unpack.head(head)
     limits = array("i", h.section(read, LIMITS))
     head[4] = len(limits) // 3
     outs = h.section(read, OUTPUTS)
     rows = h.section(read, ROWS)
-    if not 0 < head[1] < 1000 or len(outs) != 24 * evaluator.OUTPUTS or len(rows) % 5:
-        return status.BAD_LENGTH, None
     n = head[0]
-    fine = 5 * (head[1] + 5 + head[2])
-    coarse = n * (n + 1) // 2
-    words = h.section(read, WORDS)
-    first = 5 * head[1]
-    sigma = (first * sizes[0] + 7) // 8
-    start = sigma + ((fine - first) * sizes[1] + 7) // 8
     steps = h.section(read, STEPS)
+    counts = unpack.program(steps, n)
+    if counts is None:
+        return status.BAD_LENGTH, None
+    head[1], branches, head[13] = counts
+    low = head[3]
+    words = h.section(read, WORDS)
+    terms = head[1] + branches
+    two = 5 * (head[1] + 5 + n)
+    coarse = n * (n + 1) // 2
+    sigma = (terms * sum(sizes[:5]) + 7) // 8
+    start = sigma + ((5 + n) * sum(sizes[5:]) + 7) // 8
     if (
-        not 1 <= head[3] <= 12
-        or not 13 <= head[11] <= min(20, 13 + head[3])
-        or not head[3] < min(sizes) <= max(sizes) <= head[3] + 16
+        len(outs) != 24 * evaluator.OUTPUTS
+        or len(rows) % 5
+        or not 13 <= head[12] <= 15
+        or not 1 <= low <= 14
+        or not 18 <= head[11] <= low + head[12]
+        or not 1 < min(sizes) <= max(sizes) <= min(low + 16, 30)
         or len(words) != start + (coarse * DISTANCE_BITS + 7) // 8
     ):
         return status.BAD_LENGTH, None
-    c = array("h", bytearray(2 * (fine + coarse)))
-    d = array("h", bytearray(2 * fine))
-    _words(c, d, 0, words, first, sizes[0], head[3])
-    _words(c, d, first, words[sigma:], fine - first, sizes[1], head[3])
-    _words(c, d, fine, words[start:], coarse, DISTANCE_BITS, 0)
-    if len(steps) < 2 * (head[1] - n):
-        steps = all_pairs(n) + steps
+    c = array("h", bytearray(2 * (two + coarse)))
+    d = array("h", bytearray(2 * two))
+    own = array("i", bytearray(20 * branches))
+    unpack.share(steps, head[13], unpack.numbers(words, 5 * terms, sizes[:5]), head, c, d, own)
+    unpack.pieces(unpack.numbers(words[sigma:], 5 * (5 + n), sizes[5:]), low, c, d, 5 * head[1])
+    for k, v in enumerate(unpack.numbers(words[start:], coarse, (DISTANCE_BITS,))):
+        c[two + k] = v
     tables = evaluator.Tables(
         h.section(read, IDS),
-        _feats(h.section(read, FEATURES)),
+        unpack.feats(h.section(read, FEATURES)),
         steps,
         c,
         d,
-        _rows(rows),
-        _outs(outs, head[9]),
+        own,
+        unpack.rows(rows),
+        unpack.outs(outs, head[9]),
         limits,
         head,
     )

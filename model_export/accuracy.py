@@ -44,8 +44,8 @@ def run(spec: ModelSpec, tables: evaluator.Tables, features: np.ndarray) -> np.n
         for ident, value in zip(ids, row):
             x[ident] = value
         evaluator.compute(
-            x, tables.ids, tables.feats, tables.steps, tables.c, tables.d, tables.rows, tables.outs,
-            tables.head, tables.u, tables.part, tables.high, tables.rest, tables.work, out,
+            x, tables.ids, tables.feats, tables.steps, tables.c, tables.d, tables.own, tables.rows,
+            tables.outs, tables.head, tables.u, tables.part, tables.high, tables.work, out,
         )  # fmt: skip
         evaluator.verdict(x, tables.ids, tables.feats, tables.limits, head, tables.work, out)
         rows.append(out.tolist())

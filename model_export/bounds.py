@@ -13,11 +13,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from firmware_py import evaluator, fixed
+from firmware_py import evaluator, fixed, polynomial, scales
 from model_export.errors import ProofError
 
 LIMIT = 1 << 30
-EXP_STEP = 181704  # of evaluator.exp's table
+EXP_STEP = 181704  # of scales.exp's table
 
 
 class Ambiguous(Exception):
@@ -159,11 +159,11 @@ _exp_known: dict[tuple[int, int, int], tuple[int, int]] = {}
 
 
 def _exp(v: Any, s: int) -> Interval:
-    """`evaluator.exp` over an interval; what it looks up changes at the multiples of its step."""
+    """`scales.exp` over an interval; what it looks up changes at the multiples of its step."""
     lo, hi = _ends(v)
     if (lo, hi, s) not in _exp_known:
         edges = [EXP_STEP * k for k in range(lo // EXP_STEP, hi // EXP_STEP + 1)]
-        result = over_pieces(evaluator.exp, Interval(lo, hi), edges, s)
+        result = over_pieces(scales.exp, Interval(lo, hi), edges, s)
         _exp_known[lo, hi, s] = (result.lo, result.hi)
     return Interval(*_exp_known[lo, hi, s])
 
@@ -195,38 +195,33 @@ def prove(tables: evaluator.Tables) -> Proof:
     The features are taken to be anything a Q24 feature can be (+-(2^29 - 1)); the model's own clip
     box narrows them, so the proof covers its declared domain and everything outside it.
     """
-    namespace = dict(vars(evaluator))
+    namespace = vars(scales) | vars(polynomial) | vars(evaluator)
     namespace.update(clip=_clip, pick=_pick, exp=_exp)
-    for name, item in vars(evaluator).items():
-        if isinstance(item, types.FunctionType) and namespace[name] is item:
+    for name, item in namespace.items():
+        if isinstance(item, types.FunctionType) and name not in ("clip", "pick", "exp"):
             namespace[name] = types.FunctionType(item.__code__, namespace, name)
     words = {"b": 7, "h": 15, "i": 31}
     for part in ("c", "d"):
         table = getattr(tables, part)
         if any(abs(v) > 1 << words[table.typecode] for v in table):
             raise ProofError(f"a coefficient does not fit the word of table {part}")
-    for part in ("feats", "rows", "outs", "limits", "head"):
+    for part in ("feats", "own", "rows", "outs", "limits", "head"):
         if any(not -LIMIT <= v < LIMIT for v in getattr(tables, part)):
             raise ProofError(f"an entry of table {part} is beyond 2^30")
     Interval.operations = 0
     Interval.largest = 0
     _exp_known.clear()
-    n_terms = tables.head[evaluator.N_TERMS]
+    n = tables.head[evaluator.N_FEATURES]
     ids = list(tables.ids)
     feature = Interval(-fixed.LIMIT, fixed.LIMIT)
     x: list[Any] = [feature] * (max(ids) + 1)
-    u: list[Any] = [0] * n_terms
-    first_bits: list[Any] = [0] * (n_terms + evaluator.OUTPUTS)
-    high, rest = first_bits.copy(), first_bits.copy()
-    work: list[Any] = [0] * (2 * evaluator.OUTPUTS)
+    u: list[Any] = [0] * n
+    first_bits: list[Any] = [0] * (n + evaluator.OUTPUTS)
+    high = first_bits.copy()
+    work: list[Any] = [0] * evaluator.WORK
     out: list[Any] = [0] * evaluator.OUT_SIZE
     namespace["compute"](
-        x, ids, list(tables.feats), tables.steps, list(tables.c), list(tables.d), list(tables.rows),
-        list(tables.outs), list(tables.head), u, first_bits, high, rest, work, out,
+        x, ids, list(tables.feats), tables.steps, list(tables.c), list(tables.d), list(tables.own),
+        list(tables.rows), list(tables.outs), list(tables.head), u, first_bits, high, work, out,
     )  # fmt: skip
-    # these parts of Q28 numbers are kept in 16-bit words
-    for v in high + rest:
-        lo, hi = _ends(v)
-        if lo < -32768 or hi > 32767:
-            raise ProofError("a part of a monomial does not fit 16 bits")
     return Proof(Interval.largest, Interval.operations)

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from model_export.errors import ModelError
+from model_export.vocabulary import KINDS, LINKS, OUTPUTS
 
 if TYPE_CHECKING:
     from model_export.schema import ModelSpec
@@ -61,8 +62,6 @@ def spec(model: ModelSpec) -> None:
 
 
 def _head(model: ModelSpec) -> None:
-    from model_export.schema import KINDS
-
     _need(model.kind in KINDS, f"kind must be one of {', '.join(KINDS)}, not {model.kind!r}")
     ok = isinstance(model.probe, str) and model.probe.isascii() and 0 < len(model.probe) <= 16
     _need(ok, f"probe must be 1 to 16 ASCII characters, not {model.probe!r}")
@@ -111,8 +110,6 @@ def _features(model: ModelSpec, n: int) -> None:
 
 
 def _outputs(model: ModelSpec) -> None:
-    from model_export.schema import LINKS, OUTPUTS
-
     names = tuple(getattr(o, "name", None) for o in model.outputs)
     wanted = tuple(name for name, _ in OUTPUTS)
     _need(names == wanted, f"outputs must be {', '.join(wanted)} in this order, not {names}")
@@ -136,6 +133,8 @@ def _interval(model: ModelSpec, n: int) -> None:
     level = _number(interval.level, "interval.level")
     _need(0 < level < 1, f"interval.level must lie between 0 and 1, not {level}")
     _terms(interval.terms, n, "interval.terms")
+    linear = all(len(term) <= 1 for term in interval.terms)
+    _need(linear, "interval.terms must be features: ln sigma has no products of them")
     m = len(model.outputs)
     _need(len(interval.coefficients) == m, f"interval.coefficients must have a row for each of {m} outputs")
     _need(len(interval.quantiles) == m, f"interval.quantiles must have a pair for each of {m} outputs")

@@ -1,7 +1,8 @@
 """ModelSpec to the integer tables of `firmware_py.evaluator`.
 
 Features become u in +-1 over the clip box, so that every monomial stays in +-1 (Q28); coefficients
-are rescaled accordingly; quantise.py splits them into words.
+are rescaled accordingly; nested.py puts the terms in the order in which they are evaluated, quantise.py
+splits the coefficients into words.
 """
 
 from __future__ import annotations
@@ -13,14 +14,15 @@ import numpy as np
 
 from firmware_py import evaluator as ev
 from firmware_py import features as firmware_features
-from model_export import quantise, sampling
+from firmware_py import unpack
+from model_export import nested, quantise, reference, sampling, words
 from model_export.errors import ModelError
-from model_export.quantise import Row, to_word
 from model_export.schema import ModelSpec, Term
+from model_export.words import Row, to_word
 
 Q24 = 1 << 24
 LN_MILLION = math.log(1e6)
-TRIED = 1000  # vectors of the domain on which the words' precision is chosen
+TRIED = 2000  # vectors of the domain on which the words' precision is chosen
 NO_LIMIT = 1 << 29
 MARGIN_ONE = 256  # the domain's margin of one half-width
 
@@ -32,30 +34,6 @@ def feature_ids(names: tuple[str, ...] | list[str]) -> list[int]:
         if name not in known:
             raise ModelError(f"the firmware computes no feature called {name!r}; it knows {', '.join(known)}")
     return [known.index(name) for name in names]
-
-
-def term_order(spec: ModelSpec) -> tuple[list[Term], int]:
-    """Terms as evaluated (without the constant), and how many leading ones ln sigma needs.
-
-    Features come first, then products in an order in which each has its parent before it; parents that no
-    sum uses are added.
-    """
-    sigma = _closed(spec.interval.terms)
-    products = sigma | _closed(spec.terms)
-    order: list[Term] = [(i,) for i in range(len(spec.features))]
-    order += sorted((t for t in products if len(t) > 1), key=lambda t: (t not in sigma, len(t), t))
-    if not any(t for t in spec.interval.terms):
-        return order, 0
-    return order, len(spec.features) + sum(len(t) > 1 for t in sigma)
-
-
-def _closed(terms: tuple[Term, ...]) -> set[Term]:
-    out: set[Term] = set()
-    for term in terms:
-        while term:
-            out.add(term)
-            term = term[:-1]
-    return out
 
 
 def compile_model(spec: ModelSpec) -> ev.Tables:
@@ -76,28 +54,39 @@ def compile_model(spec: ModelSpec) -> ev.Tables:
         )
     ids = feature_ids(spec.features)
     feats, radius = _features(spec)
-    order, n_sigma = term_order(spec)
-    index = {t: k for k, t in enumerate(order)}
-    steps = bytearray()
-    for term in order[len(ids) :]:
-        parent = index[term[:-1]]
-        if parent > 255:
-            raise ModelError("the model has too many products: a parent's index does not fit a byte")
-        steps += bytes((parent, term[-1]))
+    steps = nested.program(spec.terms)
+    index = {t: k for k, t in enumerate(nested.order(steps))}
     outs, y_radius, y_mid = _outputs(spec)
     gain = radius / np.array(spec.scale)
-    coarse = [quantise.coarse(row) for row in _distance_rows(spec, gain)]
     rows = _output_rows(spec, index, gain)
     floors = [0.0 if o.link == "ln" else (o.hi - o.lo) / 10 for o in spec.outputs]
-    form, words = quantise.choose(rows, _some_inputs(spec, bytes(steps), gain), floors)
-    words += [quantise.single(row, form) for row in _sigma_rows(spec, index, n_sigma, gain, y_radius, y_mid)]
-    c, d, heads = array("h"), array("h"), array("i")
-    for part in (words[: ev.OUTPUTS], words[ev.OUTPUTS :]):
-        c.extend(np.array([w.high for w in part]).T.ravel().tolist())
-        d.extend(np.array([w.low for w in part]).T.ravel().tolist())
+    distance = _distance_rows(spec, gain)
+    features = _some_features(spec)
+    z = (np.clip(features, spec.clip_lo, spec.clip_hi) - np.array(spec.centre)) / spec.scale
+    form, summed = quantise.choose(rows, quantise.Inputs(z / gain, steps), floors)
+    said = reference.evaluate(spec, features)
+    y = (said["y"] - y_mid) / y_radius
+    widths = said["sigma"] * np.array(spec.interval.quantiles).max(axis=1)
+    sigma, runs, down = quantise.choose_few(
+        _sigma_rows(spec, gain, y_radius, y_mid), form, np.c_[y, z / gain], widths
+    )
+    summed += sigma
+    coarse = [words.coarse(row, form.high) for row in distance]
+    c, d, own, heads = array("h"), array("h"), array("i"), array("i")
+    at = 0
+    for step in form.steps:
+        for _ in step.terms:
+            if isinstance(step, nested.Run):
+                c.extend(int(w.high[at]) for w in summed[: ev.OUTPUTS])
+                d.extend(int(w.low[at]) for w in summed[: ev.OUTPUTS])
+            else:
+                own.extend(form.own(j, w, at) for j, w in enumerate(summed[: ev.OUTPUTS]))
+            at += 1
+    c.extend(np.array([w.high for w in sigma]).T.ravel().tolist())
+    d.extend(np.array([w.low for w in sigma]).T.ravel().tolist())
     for row in coarse:
         c.extend(row.high.tolist())
-    for row in words + coarse:
+    for row in summed + coarse:
         heads.extend((row.intercept, row.shift))
     limits = array("i")
     for ident, limit in zip(feature_ids([r.feature for r in spec.lump]), spec.lump):
@@ -105,15 +94,13 @@ def compile_model(spec: ModelSpec) -> ev.Tables:
         hi = NO_LIMIT if limit.hi is None else to_word(limit.hi * Q24, limit.feature)
         limits.extend((ident, lo, hi))
     head = array("i", [0] * ev.HEAD)
-    head.extend(5 + end for end in form.ends)
     head[ev.N_FEATURES] = len(ids)
-    head[ev.N_TERMS] = len(order)
-    head[ev.N_SIGMA] = n_sigma
+    head[ev.LEAVES] = len(index) - len(own) // ev.OUTPUTS
     head[ev.LOW_BITS] = form.low
     head[ev.PART_BITS] = form.part
-    head[ev.FINE] = int(form.fine)
-    head[ev.GROUP_SHIFT] = form.group_shift
-    head[ev.GROUPS] = len(form.ends)
+    head[ev.HIGH_BITS] = form.high
+    head[ev.STEPS] = len(nested.to_bytes(form.steps))
+    head[ev.DOWNS] = sum(down << 4 * j for j, down in enumerate((*form.downs, down)))
     head[ev.N_LIMITS] = len(spec.lump)
     head[ev.HARD_BELOW] = to_word(spec.hard_below * 1e6, "hard_below")
     head[ev.FORCE_LO] = to_word(spec.force_range[0] * 1e6, "force_range")
@@ -121,17 +108,17 @@ def compile_model(spec: ModelSpec) -> ev.Tables:
     head[ev.LINKS] = sum(1 << j for j, output in enumerate(spec.outputs) if output.link == "ln")
     head[ev.LEVEL_PERMILLE] = round(spec.interval.level * 1000)
     head[ev.MARGIN] = round(spec.domain.margin * MARGIN_ONE)
-    return ev.Tables(bytes(ids), feats, bytes(steps), c, d, heads, outs, limits, head)
+    return ev.Tables(
+        bytes(ids), feats, nested.to_bytes((*form.steps, *runs)), c, d, own, heads, outs, limits, head
+    )
 
 
-def _some_inputs(spec: ModelSpec, steps: bytes, gain: np.ndarray) -> quantise.Inputs:
-    """The terms at some vectors of the domain."""
+def _some_features(spec: ModelSpec) -> np.ndarray:
+    """Some vectors of the domain."""
     try:
-        features = sampling.in_domain(spec, TRIED)
-    except ModelError:  # nothing lies in it: any vector will do
-        features = np.array([spec.centre])
-    z = (np.clip(features, spec.clip_lo, spec.clip_hi) - np.array(spec.centre)) / spec.scale
-    return quantise.Inputs(z / gain, steps)
+        return sampling.in_domain(spec, TRIED)
+    except ModelError:  # nothing lies in it: any vectors will do
+        return np.array([spec.centre] * 2)
 
 
 def _features(spec: ModelSpec) -> tuple[array[int], np.ndarray]:
@@ -142,7 +129,7 @@ def _features(spec: ModelSpec) -> tuple[array[int], np.ndarray]:
         lo, hi = math.floor(spec.clip_lo[i] * Q24), math.ceil(spec.clip_hi[i] * Q24)
         lo, hi = max(lo, 1 - NO_LIMIT), min(hi, NO_LIMIT - 1)
         centre = round(spec.centre[i] * Q24)
-        shift, factor = ev.scaling(lo, hi, centre)
+        shift, factor = unpack.scaling(lo, hi, centre)
         box = (math.floor(spec.domain.lo[i] * Q24), math.ceil(spec.domain.hi[i] * Q24))
         table.extend((lo, hi, centre, shift, factor, *box))
         radius.append(2.0**42 / factor * 2.0**shift / Q24)
@@ -158,7 +145,7 @@ def _outputs(spec: ModelSpec) -> tuple[array[int], np.ndarray, np.ndarray]:
         offset = LN_MILLION if is_ln else 0.0
         lo, hi = ((math.log(v) if is_ln else v) + offset for v in (output.lo, output.hi))
         y_lo, y_hi = math.ceil(lo * Q24), math.floor(hi * Q24)
-        mid, shift = ev.middle(y_lo, y_hi)
+        mid, shift = unpack.middle(y_lo, y_hi)
         ln_q = [ev.NO_WIDTH if q <= 1e-6 else round(math.log(q) * Q24) for q in quantiles]
         if max(ln_q) >= 1 << 28:
             raise ModelError(f"the interval's quantile of {output.name} is absurdly large")
@@ -188,23 +175,16 @@ def _output_rows(spec: ModelSpec, index: dict[Term, int], gain: np.ndarray) -> l
     return rows
 
 
-def _sigma_rows(
-    spec: ModelSpec,
-    index: dict[Term, int],
-    n_sigma: int,
-    gain: np.ndarray,
-    y_radius: np.ndarray,
-    y_mid: np.ndarray,
-) -> list[Row]:
+def _sigma_rows(spec: ModelSpec, gain: np.ndarray, y_radius: np.ndarray, y_mid: np.ndarray) -> list[Row]:
     rows = []
     n_terms = len(spec.interval.terms)
     for output, values in zip(spec.outputs, spec.interval.coefficients):
         on_y = np.array(values[n_terms:])
-        row = Row(np.zeros(5 + n_sigma), float(on_y @ y_mid), 24, f"ln sigma of {output.name}")
+        row = Row(np.zeros(5 + len(gain)), float(on_y @ y_mid), 24, f"ln sigma of {output.name}")
         row.coefficients[:5] = on_y * y_radius
         for term, value in zip(spec.interval.terms, values):
             if term:
-                row.coefficients[5 + index[term]] = value * _gain(term, gain)
+                row.coefficients[5 + term[0]] = value * gain[term[0]]
             else:
                 row.intercept += value
         rows.append(row)

@@ -11,7 +11,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from firmware_py import evaluator
+from firmware_py import evaluator, scales
 from model_export import compiler, straight
 from model_export.errors import ExportError, ModelError
 from model_export.exporter import prepare
@@ -52,6 +52,7 @@ _POWERS = {powers}
 
 _ESTIMATE = '''def estimate(features, out):
     """Estimate into `out` (SIZE integers) from `features` (integers, Q24, in the order of FEATURES)."""
+    powers = _POWERS
 {body}
 
 def as_dict(out):
@@ -63,6 +64,7 @@ def as_dict(out):
 
 _VALUES = '''def values(features, out):
     """The five OUTPUTS into out[0..4] from `features` (integers, Q24, in the order of FEATURES)."""
+    powers = _POWERS
 {body}'''
 
 
@@ -97,7 +99,7 @@ def emit_py(spec: ModelSpec, whole: bool = True) -> str:
         outputs=tuple(outputs),
         units=tuple(unit for _, unit in OUTPUTS),
         size=evaluator.OUT_SIZE,
-        powers=_tuple(evaluator._POWERS),
+        powers=_tuple(scales.POWERS),
     )
     return head + (_ESTIMATE if whole else _VALUES).format(body=code)
 

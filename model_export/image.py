@@ -4,86 +4,45 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from array import array
 from dataclasses import dataclass
-
-import numpy as np
 
 from firmware_py import evaluator, lms, status
 from firmware_py import features as firmware_features
 from firmware_py import image as fw
-from model_export import compiler, sampling
+from model_export import nested, self_test
 from model_export.errors import ImageError, ModelError, ProofError
 from model_export.schema import KINDS, OUTPUTS, ModelSpec
 
 MAX_COUNTER = (1 << 30) - 1
 
 
-SELF_TESTS = 2
+def packed(words: list[int], sizes: list[int]) -> bytes:
+    """Signed numbers of sizes[0], sizes[1], .. bits in turns, lowest bit first."""
+    whole = at = 0
+    for k, word in enumerate(words):
+        bits = sizes[k % len(sizes)]
+        if not -1 << bits - 1 <= word < 1 << bits - 1:
+            raise ProofError(f"a coefficient does not fit {bits} bits")
+        whole |= (word & (1 << bits) - 1) << at
+        at += bits
+    return whole.to_bytes((at + 7) // 8, "little")
 
 
-def self_test_vectors(spec: ModelSpec, tables: evaluator.Tables) -> tuple[dict[int, int], list[list[int]]]:
-    """Inputs of the self-test: values of features that only the lump rule looks at, and vectors.
-
-    The vectors lie inside the domain and pass the lump rule; each is a byte a feature (`image.place`).
-
-    Raises
-    ------
-    ModelError
-        If the lump rule and the domain leave nothing in common.
-    """
-    extra = {}
-    for ident, limit in zip(compiler.feature_ids([r.feature for r in spec.lump]), spec.lump):
-        if limit.feature not in spec.features:
-            lo = -31.0 if limit.lo is None else limit.lo
-            hi = 31.0 if limit.hi is None else limit.hi
-            extra[ident] = round((lo + hi) / 2 * compiler.Q24)
-    found: list[list[int]] = []
-    for row in np.round(sampling.in_domain(spec, 2000, seed=7) * compiler.Q24).astype(int).tolist():
-        feats = tables.feats
-        vector = []
-        for i, value in enumerate(row):
-            lo, hi = feats[7 * i], feats[7 * i + 1]
-            vector.append(min(max(256 * (value - lo) // max(hi - lo, 1), 0), 255))
-        out = estimate(tables, extra, vector)
-        if out[evaluator.FLAGS] & 3 == 3:
-            found.append(vector)
-        if len(found) == SELF_TESTS:
-            return extra, found
-    raise ModelError("the model's lump rule and its domain leave nothing in common")
-
-
-def estimate(tables: evaluator.Tables, extra: dict[int, int], vector: list[int]) -> list[int]:
-    """What the probe makes of a self-test vector."""
-    x = array("i", [0] * firmware_features.COUNT)
-    for ident, value in extra.items():
-        x[ident] = value
-    for i, ident in enumerate(tables.ids):
-        x[ident] = fw.place(tables.feats, i, vector[i])
-    out = array("i", [0] * evaluator.OUT_SIZE)
-    tables.evaluate(x, out)
-    return out.tolist()
-
-
-def _padded(raw: bytes) -> bytes:
-    return raw + bytes(-len(raw) % 4)
-
-
-def _self_test(tables: evaluator.Tables, extra: dict[int, int], vectors: list[list[int]]) -> bytes:
-    raw = _padded(bytes((len(vectors), len(extra), *extra)))
-    raw += struct.pack(f"<{len(extra)}i", *extra.values())
-    raw = _padded(raw + bytes(v for vector in vectors for v in vector))
-    for vector in vectors:
-        raw += struct.pack(f"<{fw.TESTED}i", *estimate(tables, extra, vector)[: fw.TESTED])
-    return raw
-
-
-def packed(words: list[int], bits: int) -> bytes:
-    """Signed numbers of `bits` bits each, lowest bit first."""
-    if any(not -1 << bits - 1 <= w < 1 << bits - 1 for w in words):
-        raise ProofError(f"a coefficient does not fit {bits} bits")
-    whole = sum((w & (1 << bits) - 1) << bits * k for k, w in enumerate(words))
-    return whole.to_bytes((bits * len(words) + 7) // 8, "little")
+def _in_order(tables: evaluator.Tables, leaves: list[int]) -> list[int]:
+    """The outputs' coefficients, of leaves and branches, in the program's order."""
+    head = tables.head
+    ups = [
+        head[evaluator.PART_BITS] - head[evaluator.LOW_BITS] - (head[evaluator.DOWNS] >> 4 * j & 15)
+        for j in range(5)
+    ]
+    words, own = iter(leaves), iter(tables.own)
+    out = []
+    for step in nested.from_bytes(tables.steps[: head[evaluator.STEPS]]):
+        if isinstance(step, nested.Run):
+            out += [next(words) for _ in range(5 * len(step.terms))]
+        else:
+            out += [next(own) >> up for up in ups]
+    return out
 
 
 def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None) -> dict[int, bytes]:
@@ -91,9 +50,12 @@ def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None
     low = tables.head[evaluator.LOW_BITS]
     words = [(c << low) + d for c, d in zip(tables.c, tables.d)]
     coarse = tables.c[len(words) :].tolist()
-    parts = (words[: 5 * tables.head[evaluator.N_TERMS]], words[5 * tables.head[evaluator.N_TERMS] :])
-    sizes = [max((w ^ (w >> 31)).bit_length() for w in part) + 1 for part in parts]
-    ends = [end - evaluator.OUTPUTS for end in tables.head[evaluator.HEAD :]]
+    first = 5 * tables.head[evaluator.LEAVES]
+    parts = (_in_order(tables, words[:first]), words[first:])
+    sizes = [
+        [max(2, max((w ^ (w >> 31)).bit_length() for w in part[j::5]) + 1) for j in range(5)]
+        for part in parts
+    ]
     info = ",".join(spec.features) + "\n1e-6 " + ",".join(unit for _, unit in OUTPUTS)
     feats = [tables.feats[7 * i + k] for i in range(n) for k in (0, 1, 2, 5, 6)]
     row = evaluator.OUTPUT_ROW
@@ -101,19 +63,20 @@ def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None
     rows = tables.rows.tolist()
     return {
         fw.NUMBERS: struct.pack(
-            "<3i4H7B", *(tables.head[k] for k in (5, 6, 7, 1, 2, 8, 10, 0, 3, 9, 11, 13)), *sizes
+            "<4i2H15B", *(tables.head[k] for k in (5, 6, 7, 2, 8, 10, 0, 3, 9, 11, 12)), *sizes[0], *sizes[1]
         ),
         fw.IDS: bytes(tables.ids),
         fw.FEATURES: struct.pack(f"<{len(feats)}i", *feats),
-        fw.STEPS: bytes(tables.steps).removeprefix(fw.all_pairs(n)),
-        fw.WORDS: packed(parts[0], sizes[0]) + packed(parts[1], sizes[1]) + packed(coarse, fw.DISTANCE_BITS),
-        fw.GROUPS: struct.pack(f"<{len(ends)}H", *ends),
+        fw.STEPS: bytes(tables.steps),
+        fw.WORDS: packed(parts[0], sizes[0])
+        + packed(parts[1], sizes[1])
+        + packed(coarse, [fw.DISTANCE_BITS]),
         fw.ROWS: struct.pack(f"<{len(rows) // 2}i{len(rows) // 2}b", *rows[::2], *rows[1::2]),
         fw.OUTPUTS: struct.pack(f"<{len(outs)}i", *outs),
         fw.LIMITS: tables.limits.tobytes(),
         fw.INFO: info.encode("ascii"),
         fw.FORCE_MAP: force_map or b"",
-        fw.SELF_TEST: _self_test(tables, *self_test_vectors(spec, tables)),
+        fw.SELF_TEST: self_test.section(tables, *self_test.vectors(spec, tables)),
     }
 
 
@@ -141,14 +104,14 @@ def build(
     if replaces and replaces < counter:
         raise ModelError("a rollback replaces newer images: its limit must not be below its own counter")
     sections = _sections(spec, tables, force_map)
-    content = b"".join(_padded(sections[tag]) for tag in range(1, fw.LAST + 1))
+    content = b"".join(self_test.padded(sections[tag]) for tag in range(1, fw.LAST + 1))
     lengths = [len(sections[tag]) for tag in range(1, fw.LAST + 1)]
     if max(lengths) > 0xFFFF:
         raise ModelError(f"a section of the image would have {max(lengths)} bytes; 65535 fit")
 
     def head(model_id: bytes) -> bytes:
         return struct.pack(
-            f"<4sBBBBIII4x16s8s32s{fw.LAST}H", fw.MAGIC, fw.VERSION, KINDS.index(spec.kind),
+            f"<4sBBBBIII4x16s8s32s{fw.LAST}H2x", fw.MAGIC, fw.VERSION, KINDS.index(spec.kind),
             spec.features_version, fw.ROLLBACK if replaces else 0, fw.HEAD_SIZE + len(content), counter,
             replaces, spec.probe.encode("ascii"), model_id, bytes.fromhex(spec.training["hash"]), *lengths,
         )  # fmt: skip

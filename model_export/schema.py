@@ -22,15 +22,12 @@ from typing import Any
 
 from model_export import check
 from model_export.errors import ModelError
+from model_export.vocabulary import KINDS, LINKS, OUTPUTS, Term
+
+__all__ = ["KINDS", "LINKS", "OUTPUTS", "Domain", "Interval", "Limit", "ModelSpec", "Output", "Term"]
 
 FORMAT = "palpate-model"
 VERSION = 2
-KINDS = ("thesis", "field")
-# Name and unit of the five outputs in the order of the wire; an image holds millionths of these units.
-OUTPUTS = (("F_N_per_m", "N/m"), ("t_mm", "mm"), ("d_mm", "mm"), ("h", "1"), ("E_inv23", "1"))
-LINKS = ("ln", "identity")
-
-Term = tuple[int, ...]
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,19 @@ All contenders evaluate the same model in one run of the same interpreter, in tu
 microseconds of CPU. The heap holds what it holds on a probe (the pipeline's arrays), and whoever allocates
 has its garbage collected in its own time, once in 64 kB: about what a board with 264 kB of RAM has left.
 The field model has eleven features and 78 terms, the thesis model six and 12 (tests.image.synthetic).
+Models as fitted are raced when their files are given:
+
+    python -m tests.benchmarks.bench_evaluator out/field/model.json
 """
 
 from __future__ import annotations
 
 import json
 import subprocess
+import sys
 import tempfile
 from array import array
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +31,7 @@ from model_export.schema import ModelSpec
 from sim.probe import node
 from sim.probe.on_microbit import Loaded
 from sim.probe.scripts import FIRMWARE, run_micropython, stage
+from tests.benchmarks.evaluator_script import CHECK, SETUP
 from tests.benchmarks.peers import regressions
 from tests.image import synthetic
 from tests.probe.stages import recorded
@@ -35,118 +41,6 @@ TURNS = 40
 HEAP = 1 << 18
 SIGNATURE = 900  # the default key's
 FORCE_MAP = 392
-
-SETUP = """
-import gc, json, micropython, sys
-from array import array
-from firmware_py import calib, evaluator, features, image, lms, pipeline
-import plain, palpate_model, palpate_values
-try:
-    import generated
-except ImportError:
-    generated = None
-
-data = open('model.palp', 'rb').read()
-read = lambda at, n: data[at:at + n]
-key = open('public.key', 'rb').read()
-code, model = image.load(read, len(data) - lms.signature_size(key), features.FEATURES_VERSION, features.COUNT)
-assert code == 0
-rows = json.loads(open('vectors.json').read())
-full = []
-for row in rows:
-    x = array('i', [0] * features.COUNT)
-    for i, v in zip(model.tables.ids, row):
-        x[i] = v
-    full.append(x)
-short = [array('i', row) for row in rows]
-out = array('i', [0] * 18)
-probe = pipeline.Pipeline(calib.Calibration())
-
-def nothing():
-    pass
-
-def ours():
-    for x in full:
-        model.evaluate(x, out)
-
-def ours_values():
-    t = model.tables
-    h = t.head
-    n = 5 + h[0]
-    terms = 5 + h[1]
-    for x in full:
-        evaluator.standardise(x, t.ids, t.feats, h, t.u, t.part, t.high, t.rest)
-        if h[12]:
-            evaluator.multiply_fine(t.steps, n - 5, terms - 5, h[3], t.u, t.high, t.rest)
-        else:
-            evaluator.multiply(t.steps, n, terms, h[11] - 13, t.part, t.high)
-        evaluator.predict(t.c, t.d, t.rows, t.outs, h, t.part, t.high, t.rest, t.work, out)
-
-def emitted():
-    for x in short:
-        palpate_model.estimate(x, out)
-
-def emitted_values():
-    for x in short:
-        palpate_values.values(x, out)
-
-def plain_whole():
-    for x in short:
-        plain.whole(x)
-
-def m2cgen_values():
-    for x in short:
-        generated.values(x)
-
-def m2cgen_whole():
-    for x in short:
-        generated.estimate(x)
-
-def verify():
-    assert lms.verify(key, read, len(data)) == 0
-
-runs = {'ours': ours, 'values': ours_values, 'emitted': emitted, 'emitted values': emitted_values}
-runs['float'] = plain_whole
-runs['nothing'] = nothing
-runs['verify'] = verify
-if generated:
-    runs['m2cgen'] = m2cgen_whole
-    runs['m2cgen values'] = m2cgen_values
-NAMES = ' '.join(name.replace(' ', '_') for name in runs)
-left = 0
-
-def turn(name):
-    global left
-    before = gc.mem_alloc()
-    runs[name.replace('_', ' ')]()
-    left += gc.mem_alloc() - before
-    if left > 65536:
-        left = 0
-        gc.collect()
-"""
-
-CHECK = (
-    SETUP
-    + """
-allocated = {}
-for name in runs:
-    runs[name]()
-    before = gc.mem_alloc()
-    runs[name]()
-    allocated[name] = (gc.mem_alloc() - before) // len(rows)
-for x in full:
-    micropython.heap_lock()
-    model.evaluate(x, out)
-    micropython.heap_unlock()
-apart = 0.0
-if generated:
-    for x, y in zip(short, full):
-        code = model.evaluate(y, out)
-        for j, v in enumerate(generated.estimate(x)[: 0 if code else 15]):  # no lump: zeros
-            apart = max(apart, abs(out[j] / 1e6 - v) / max(abs(v), .1))
-print(json.dumps([allocated, apart]))
-"""
-)
 
 
 def timed(files: dict[str, bytes]) -> dict[str, float]:
@@ -260,7 +154,7 @@ def microbit_left(spec: ModelSpec) -> int:
     x = array("i", [0] * firmware_features.COUNT)
     with recorded(*names, most=1) as calls:
         tables.evaluate(x, array("i", [0] * evaluator.OUT_SIZE))
-    constants = frozenset(("ids", "feats", "steps", "c", "d", "rows", "outs", "limits", "head"))
+    constants = frozenset(("ids", "feats", "steps", "c", "d", "own", "rows", "outs", "limits", "head"))
     with Loaded({name: calls[name][0].before for name in names}, constants) as loaded:
         return loaded.bit.free_bytes()
 
@@ -270,16 +164,25 @@ def arrays(tables: Any) -> tuple[int, int]:
     size = [
         sum(len(part) * getattr(part, "itemsize", 1) for part in (getattr(tables, n) for n in names))
         for names in (
-            ("ids", "feats", "steps", "c", "d", "rows", "outs", "limits", "head"),
-            ("u", "part", "high", "rest", "work"),
+            ("ids", "feats", "steps", "c", "d", "own", "rows", "outs", "limits", "head"),
+            ("u", "part", "high", "work"),
         )
     ]
     return size[0], size[1]
 
 
-def main() -> None:
-    """Print the tables."""
+def main(paths: Sequence[str] = ()) -> None:
+    """Print the tables; of the models in these files, where there are any, the race and the errors alone."""
     console = Console(width=110)
+    for path in paths:
+        spec = ModelSpec.load(path)
+        race(console, spec, f"{spec.kind} model of {len(spec.terms)} terms, {path}")
+        found = accuracy.measure(spec, compiler.compile_model(spec), sampling.in_domain(spec, 10000))
+        figures = (found.median, found.worst, found.worst_interval)
+        median, worst, ends = (f"{max(e.values()):.1e}" for e in figures)
+        console.print(f"errors over 10,000 vectors: median {median}, worst {worst}, ends of intervals {ends}")
+    if paths:
+        return
     field, thesis = synthetic.model("field"), synthetic.model("thesis")
     race(console, field, "field model")
     race(console, thesis, "thesis model")
@@ -304,11 +207,11 @@ def main() -> None:
         figures = (errors.median, errors.worst, errors.worst_interval)
         constants, work = arrays(tables)
         words = [f"{max(e.values()):.1e}" for e in figures] + [f"{constants} B", f"{work} B"]
-        table.add_row(f"{title}, {tables.head[1] + 1} terms", *words, f"{microbit_left(spec)} B")
+        table.add_row(f"{title}, {len(spec.terms)} terms", *words, f"{microbit_left(spec)} B")
     console.print(table)
     sizes = {
-        "evaluator": size_of_mpy("evaluator"),
-        "image": size_of_mpy("image"),
+        "evaluator, polynomial, scales, verdict": size_of_mpy("evaluator", "polynomial", "scales", "verdict"),
+        "image, unpack": size_of_mpy("image", "unpack"),
         "lms": size_of_mpy("lms"),
         "slots, record, store": size_of_mpy("slots", "record", "store"),
     }
@@ -316,4 +219,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

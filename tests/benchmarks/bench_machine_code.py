@@ -81,7 +81,7 @@ def estimates(architecture: str) -> dict[str, tuple[float, float]]:
         with twins.installed(twins.EVALUATOR, code):
             for row in rows(spec, ESTIMATES):
                 tables.evaluate(array("i", row), out)
-        what = f"an estimate: {kind} model, {tables.head[evaluator.N_TERMS]} terms"
+        what = f"an estimate: {kind} model, {len(spec.terms) - 1} terms"
         found[what] = (code.instructions / ESTIMATES, code.divisions / ESTIMATES)
     return found
 

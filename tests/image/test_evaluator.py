@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware_py import evaluator, status
+from firmware_py import evaluator, scales, status
 from firmware_py import features as firmware_features
 from model_export import accuracy, bounds, compiler, reference, sampling
 from model_export.errors import ProofError
@@ -43,12 +43,12 @@ def test_a_cubic_model_of_364_terms_is_proved_and_within_the_same_limits(seed):
 
 def test_the_evaluators_own_exponential_is_within_a_millionth():
     v = np.arange(-(2**28), 29 * 11629080, 9973)
-    got = np.array([evaluator.exp(x, 24) for x in v.tolist()])
+    got = np.array([scales.exp(x, 24) for x in v.tolist()])
     exact = np.exp(v / 2**24)
     held = exact > 2**30 - 1
     assert np.all(np.abs(got - exact)[~held] <= 1e-6 * exact[~held] + 1)
     assert np.all(got[held] <= 2**30 - 1)
-    got = np.array([evaluator.exp(x, 0) for x in range(-(2**28), 34887240, 9973)])
+    got = np.array([scales.exp(x, 0) for x in range(-(2**28), 34887240, 9973)])
     exact = np.exp(np.arange(-(2**28), 34887240, 9973) / 2**24) * 2**24
     assert np.all(np.abs(got - exact) <= 1e-6 * exact + 1)
 
@@ -56,21 +56,22 @@ def test_the_evaluators_own_exponential_is_within_a_millionth():
 def test_every_intermediate_of_random_vectors_stays_within_2_30(field, field_tables):
     tables = field_tables
     parts = [
-        [Checked(v) for v in getattr(tables, name)] for name in ("feats", "c", "d", "rows", "outs", "head")
+        [Checked(v) for v in getattr(tables, name)]
+        for name in ("feats", "c", "d", "own", "rows", "outs", "head")
     ]
-    feats, c, d, rows, outs, head = parts
-    n = tables.head[evaluator.N_TERMS]
+    feats, c, d, own, rows, outs, head = parts
+    n = tables.head[evaluator.N_FEATURES]
     rng = np.random.default_rng(3)
     wild = rng.integers(-(2**29) + 1, 2**29, (20, firmware_features.COUNT)).tolist()
     for row in wild + accuracy_inputs(field, 20):
         x = [Checked(v) for v in row]
-        work = [[Checked(0)] * k for k in (n, n + 5, n + 5, n + 5, 10)]
+        work = [[Checked(0)] * k for k in (n, n + 5, n + 5, evaluator.WORK)]
         out = [Checked(0)] * evaluator.OUT_SIZE
-        evaluator.compute(x, tables.ids, feats, tables.steps, c, d, rows, outs, head, *work, out)
+        evaluator.compute(x, tables.ids, feats, tables.steps, c, d, own, rows, outs, head, *work, out)
         plain = array("i", [0] * evaluator.OUT_SIZE)
         evaluator.compute(
-            array("i", row), tables.ids, tables.feats, tables.steps, tables.c, tables.d, tables.rows,
-            tables.outs, tables.head, tables.u, tables.part, tables.high, tables.rest, tables.work, plain,
+            array("i", row), tables.ids, tables.feats, tables.steps, tables.c, tables.d, tables.own,
+            tables.rows, tables.outs, tables.head, tables.u, tables.part, tables.high, tables.work, plain,
         )  # fmt: skip
         assert [int(v) for v in out] == list(plain)
 

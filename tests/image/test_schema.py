@@ -72,6 +72,7 @@ WRONG = [
     (set_("domain", "ranges", 3, value=["0.3", None]), "domain.ranges of h"),
     (set_("domain", "margin", value=-0.1), "domain.margin"),
     (set_("domain", "margin", value=4.0), "domain.margin"),
+    (set_("interval", "terms", 1, value=[0, 1]), "interval.terms"),
     (lambda d: d["domain"].pop("ranges"), "lacks 'ranges'"),
     (set_("hard_below", value=0), "hard_below"),
     (set_("force_range", value=[3, 2]), "force_range"),

@@ -1,4 +1,4 @@
-"""The viper twin of the evaluator's loops, read as plain Python: it agrees, with third products and without.
+"""The viper twin of the evaluator's loops, read as plain Python: it agrees.
 
 tests/probe/test_machine_code.py runs it as what it is, machine code.
 """
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from firmware_py import evaluator
+from firmware_py import evaluator, polynomial
 from firmware_py import features as firmware_features
 from model_export import compiler
 from tests.image import synthetic
@@ -73,9 +73,9 @@ def twin():
     return found
 
 
-def test_the_twin_names_functions_of_the_evaluator(twin):
-    assert set(twin) == {"sums", "dot_high", "multiply", "multiply_fine"}
-    assert all(hasattr(evaluator, name) for name in twin)
+def test_the_twin_names_functions_of_the_polynomials(twin):
+    assert set(twin) == {"sums", "carry", "dot_high"}
+    assert all(hasattr(polynomial, name) for name in twin)
 
 
 @pytest.mark.parametrize(("kind", "degree"), [("thesis", 2), ("field", 2), ("field", 3)])
@@ -86,13 +86,6 @@ def test_the_same_integers_as_the_plain_loops(twin, monkeypatch, kind, degree):
     out = array("i", [0] * evaluator.OUT_SIZE)
     plain = [[tables.evaluate(array("i", row), out), *out] for row in vectors]
     for name, function in twin.items():
-        monkeypatch.setattr(evaluator, name, function)
+        monkeypatch.setattr(polynomial, name, function)
     assert [[tables.evaluate(array("i", row), out), *out] for row in vectors] == plain
     assert all(len(row) == firmware_features.COUNT for row in vectors)
-
-
-def test_models_with_and_without_third_products_were_tried():
-    fine = {
-        compiler.compile_model(synthetic.model("field", degree)).head[evaluator.FINE] for degree in (2, 3)
-    }
-    assert fine == {0, 1}

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from firmware_py import bins, calib, cobs, crc, evaluator, pipeline, traces
+from firmware_py import bins, calib, cobs, crc, pipeline, polynomial, traces
 from sim.probe import pico
 from sim.probe.machine_code import MachineCode
 from sim.probe.scripts import run_micropython
@@ -26,7 +26,7 @@ LOOPS = {name for source in MODULES.values() for name in twins.places(source)}
 def loops():
     """The loops that are in use."""
     places = [place for source in (twins.HOT, twins.EVALUATOR) for place in twins.places(source).values()]
-    modules = {"bins": bins, "calib": calib, "evaluator": evaluator, "pipeline": pipeline, "traces": traces}
+    modules = {"bins": bins, "calib": calib, "pipeline": pipeline, "polynomial": polynomial, "traces": traces}
     return [getattr(modules[module], name) for module, name in places] + [crc.append, cobs.encode]
 
 
@@ -81,11 +81,11 @@ def test_a_port_without_one_keeps_the_plain_loops(clean):
     assert said.startswith("machine code: none; the rest in plain loops (ModuleNotFoundError")
     assert loops() == before
     script = """
-from firmware_py import bins, evaluator, cobs
+from firmware_py import bins, polynomial, cobs
 from firmware_py.boards import machine_code
-before = bins.put_cells, evaluator.sums, cobs.encode
+before = bins.put_cells, polynomial.sums, cobs.encode
 print(machine_code.install())
-print(before == (bins.put_cells, evaluator.sums, cobs.encode))
+print(before == (bins.put_cells, polynomial.sums, cobs.encode))
 """
     said = run_micropython(script).splitlines()
     assert said[0].startswith("machine code: none; the rest in plain loops (SyntaxError")
@@ -100,8 +100,8 @@ print(before == (bins.put_cells, evaluator.sums, cobs.encode))
         ("firmware_py.hot_viper", "s = (s << 2)", "s = (s << 1)", "link, model"),
         ("firmware_py.hot_viper", "(4096 - v) * level[k]", "(4095 - v) * level[k]", "link, model"),
         ("firmware_py.evaluator_viper", "((d[i] ^ 0x8000) - 0x8000)", "d[i]", "link, frames"),
-        ("firmware_py.evaluator_viper", "(w & 1023) >> 10", "(w & 1023) >> 9", "link, frames"),
-        ("firmware_py.evaluator_viper", "b * (v & 16383)", "b * (v & 16382)", "link, frames"),
+        ("firmware_py.evaluator_viper", "(downs & 15)", "(downs & 14)", "link, frames"),
+        ("firmware_py.evaluator_viper", "a * (v & 16383)", "a * (v & 16382)", "link, frames"),
         ("firmware_py.boards.fast_link", "code == 255", "code == 254", "frames, model"),
     ],
 )

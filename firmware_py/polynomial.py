@@ -1,0 +1,111 @@
+"""Five polynomials of the same features at once, nested, in integers.
+
+A polynomial is a tree: y = sum over i of u_i * (c_i + sum over j >= i of c_ij * u_j), and so on inwards for
+degree 3. Where a term goes no further it is a *leaf*; the terms behind a common factor are a *branch*. Only
+a branch's value needs the full product with its feature: a leaf's two words meet two parts of its feature.
+
+A coefficient is a high word c and a low word d. Of an input, +-1 in Q28, there are `part`, its first 18 to 22
+bits, and `high`, its first 14 or 15, both rounded. A leaf is c * part and, shifted to the same scale,
+d * high. The program, `steps`, is bytes, innermost branches first:
+
+    n + 32 * depth, n inputs         add a run of n leaves to the branch at `depth`
+    128 + 32 * depth, feature        close that branch: times the feature, into the one at depth - 1
+
+Words of coefficients stand in the program's order, five (one an output) for each leaf; a branch's own
+coefficients, which come in as it is closed, are whole numbers at the scale of its sum. The sums of a depth
+are kept in work[5 * depth..].
+"""
+
+
+def sums(c, d, at, part, high, steps, first, last, cut, downs, work, to):
+    """Add five sums over the inputs steps[first..last-1] to work[to..to+4]; their words begin at `at`.
+
+    Each is shifted down by its four bits of `downs`, and low words' products by `cut` before.
+
+    All five at once: an input is read once, and a look-up costs as much as a product.
+    """
+    a0 = a1 = a2 = a3 = a4 = 0
+    b0 = b1 = b2 = b3 = b4 = 0
+    i = at
+    for k in range(first, last):
+        h = steps[k]
+        v = part[h]
+        h = high[h]
+        a0 += c[i] * v
+        b0 += d[i] * h
+        i += 1
+        a1 += c[i] * v
+        b1 += d[i] * h
+        i += 1
+        a2 += c[i] * v
+        b2 += d[i] * h
+        i += 1
+        a3 += c[i] * v
+        b3 += d[i] * h
+        i += 1
+        a4 += c[i] * v
+        b4 += d[i] * h
+        i += 1
+    a0 += b0 >> cut
+    a1 += b1 >> cut
+    a2 += b2 >> cut
+    a3 += b3 >> cut
+    a4 += b4 >> cut
+    if downs:
+        a0 >>= downs & 15
+        a1 >>= downs >> 4 & 15
+        a2 >>= downs >> 8 & 15
+        a3 >>= downs >> 12 & 15
+        a4 >>= downs >> 16 & 15
+    work[to] += a0
+    work[to + 1] += a1
+    work[to + 2] += a2
+    work[to + 3] += a3
+    work[to + 4] += a4
+
+
+def carry(own, at, u, base, work):
+    """Five branches, whose sums are work[base..base+4], times u into the five before them; empties them."""
+    a = u >> 14
+    b = u & 16383
+    for j in range(base, base + 5):
+        v = work[j] + own[at]
+        work[j] = 0
+        w = v >> 14
+        # the product of the two low halves is below what is kept
+        work[j - 5] += a * w + (a * (v & 16383) + b * w >> 14)
+        at += 1
+
+
+def nested(c, d, own, steps, u, part, high, head, work):
+    """All of it: the five sums come to stand in work[0..4]. The features are the inputs from 5 on."""
+    for i in range(15):
+        work[i] = 0
+    at = 0
+    branch = 0
+    cut = head[3] + head[12] - head[11]
+    downs = head[2] & 0xFFFFF
+    last = head[13]
+    i = 0
+    while i < last:
+        n = steps[i]
+        base = 5 * (n >> 5 & 3)
+        i += 1
+        if n & 128:
+            carry(own, branch, u[steps[i]], base, work)
+            branch += 5
+            i += 1
+        else:
+            n &= 31
+            sums(c, d, at, part, high, steps, i, i + n, cut, downs, work, base)
+            i += n
+            at += 5 * n
+
+
+def dot_high(c, at, high, first, n):
+    """One sum with high words alone, good to 1e-3 of the largest coefficient."""
+    a = 0
+    for k in range(first, first + n):
+        a += c[at] * high[k]
+        at += 1
+    return a

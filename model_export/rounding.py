@@ -1,0 +1,45 @@
+"""Rounding a row's coefficients together: each one's error is made good, as far as can be, by those after it.
+
+Features of a stroke go together, so that many changes of the coefficients hardly change a prediction: the
+lattice's points near such a valley are better than the one nearest to the coefficients. (The greedy search
+is Babai's nearest plane.)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model_export.words import Floats, Integers
+
+DAMPING = 1e-9  # of the mean square of an input
+
+
+class Rounding:
+    """For rows over the same inputs.
+
+    Parameters
+    ----------
+    inputs : array (n, k)
+        The inputs of the sums at n vectors of the domain; the last column is the intercept's, which is not
+        rounded.
+    order : array of int
+        In which order the columns are rounded, the last column last.
+    """
+
+    def __init__(self, inputs: Floats, order: Integers) -> None:
+        self.order = order
+        ordered = inputs[:, order]
+        square = ordered.T @ ordered / len(inputs)
+        square += DAMPING * np.trace(square) / len(square) * np.eye(len(square))
+        self.upper = np.linalg.cholesky(np.linalg.inv(square)).T
+
+    def whole(self, coefficients: Floats, fraction: int) -> Floats:
+        """The coefficients in whole numbers of 2^-fraction; the intercept's change likewise, not rounded."""
+        left = coefficients[self.order] * 2.0**fraction
+        for k in range(len(left) - 1):
+            error = left[k] - np.round(left[k])
+            left[k] -= error
+            left[k + 1 :] -= error / self.upper[k, k] * self.upper[k, k + 1 :]
+        out = np.empty(len(left))
+        out[self.order] = left
+        return out
