@@ -12,24 +12,26 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.tissue import contact_kernels as kernels
 from sim.tissue.mesh import TissueMesh
 from sim.tissue.probe_shape import SENSOR_PITCH_MM, SENSORS_MM, ProbeShape
 
 Floats = NDArray[np.float64]
 
-_SWITCH = 50.0
-"""kPa/mm: weighs penetration against multiplier when the active set is chosen."""
-
 
 @dataclass(frozen=True)
 class ContactState:
-    """What the active set saw: indices into the surface's nodes, and the values there."""
+    """What the active set saw: indices into the surface's nodes, and the values there.
+
+    `lift` is the vertical part of `force`.
+    """
 
     active: NDArray[np.int64]
     gap: Floats
     slope: Floats
     curvature: Floats
     force: Floats
+    lift: Floats
 
 
 class Contact:
@@ -52,30 +54,40 @@ class Contact:
         self.weight[1::2] += 4 * side / 6
 
     def evaluate(self, u: Floats, multiplier: Floats, height: float, position: float) -> ContactState:
-        """Choose the active set (primal-dual) and evaluate it."""
-        x = self.x0 + u[self.x_dof]
-        f, slope, curvature = self.shape.height(x - position)
-        gap = self.y0 + u[self.x_dof + 1] - height - f
-        active = np.nonzero(multiplier + _SWITCH * gap > 0.0)[0]
-        force = self.weight[active] * multiplier[active]
-        return ContactState(active, gap[active], slope[active], curvature[active], force)
+        """Choose the active set (primal-dual) and evaluate it; all other multipliers (S,) are set to 0."""
+        f, slope, curvature = self.shape.height(kernels.places(self.x0, self.x_dof, u, position))
+        return ContactState(
+            *kernels.choose(
+                self.y0, self.x_dof, u, multiplier, self.weight, height, f, slope, curvature, self.friction
+            )
+        )
 
-    def add_residual(self, state: ContactState, residual: Floats) -> None:
-        """Add minus the forces on the tissue: normal, and the drag of a probe sliding to the right."""
-        x = self.x_dof[state.active]
-        residual[x] -= state.force * (state.slope + self.friction)
-        residual[x + 1] += state.force * (1.0 - self.friction * state.slope)
+    def balance(self, state: ContactState, held: NDArray[np.int64], forces: Floats) -> float:
+        """Add minus the forces on the tissue to `forces` (2N,), clear what is held; the largest that is left.
+
+        The forces are normal ones, and the drag of a probe sliding to the right.
+        """
+        return kernels.balance(
+            forces, self.x_dof, state.active, state.force, state.slope, state.lift, self.friction, held
+        )
 
     def vertical_force(self, state: ContactState) -> float:
         """What the tissue bears, N/m."""
-        return float(np.sum(state.force * (1.0 - self.friction * state.slope)))
+        return float(np.add.reduce(state.lift))
 
     def stiffness(self, state: ContactState, curved: bool = True) -> Floats:
         """Blocks (S, 3) of xx, xy, yy that the contact adds to the tangent."""
         blocks = np.zeros((len(self.x0), 3))
-        k, g = self.augmentation * self.weight[state.active], -state.slope
-        bend = np.maximum(state.force, 0.0) * state.curvature if curved else 0.0
-        blocks[state.active] = np.stack([k * g * g - bend, k * g, k], -1)
+        kernels.stiffness(
+            state.active,
+            self.weight,
+            state.slope,
+            state.curvature,
+            state.force,
+            self.augmentation,
+            curved,
+            blocks,
+        )
         return blocks
 
     def pressure(self, u: Floats, multiplier: Floats) -> tuple[Floats, Floats, float]:
@@ -83,21 +95,15 @@ class Contact:
 
         A node's pressure is its force over the deformed integral of its shape function.
         """
-        x = self.x0 + u[self.x_dof]
-        a, b, c = x[:-2:2], x[1::2], x[2::2]
-        area = np.zeros(len(x))
-        area[:-2:2] += (-3 * a + 4 * b - c) / 6
-        area[1::2] += 4 * (c - a) / 6
-        area[2::2] += (a - 4 * b + 3 * c) / 6
-        pressure = np.where(multiplier > 0, multiplier * self.weight / area, 0.0)
+        x, pressure, area = kernels.pressures(self.x0, self.x_dof, u, multiplier, self.weight)
         return x, pressure, float(pressure @ area)
 
 
 _SAMPLES = np.linspace(-SENSOR_PITCH_MM / 2, SENSOR_PITCH_MM / 2, 9)
+_PLACES = SENSORS_MM[:, None] + _SAMPLES
 _SAMPLE_WEIGHTS = np.array([0.5, *[1.0] * 7, 0.5]) / 8
 
 
 def read_sensors(s_mm: Floats, pressure_kPa: Floats) -> Floats:
     """Mean pressure over each of the sixteen sensors, kPa, from a profile in the probe's frame."""
-    places = SENSORS_MM[:, None] + _SAMPLES
-    return np.interp(places.ravel(), s_mm, pressure_kPa).reshape(places.shape) @ _SAMPLE_WEIGHTS
+    return np.interp(_PLACES.ravel(), s_mm, pressure_kPa).reshape(_PLACES.shape) @ _SAMPLE_WEIGHTS

@@ -18,6 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from sim.tissue.lanes import pack
 from sim.tissue.mesh import TissueMesh
 
 Floats = NDArray[np.float64]
@@ -41,6 +42,8 @@ class ElementIntegrals:
         Gradients of the shape functions at the nine Gauss points.
     dx : ndarray (M, 9)
         The Gauss points' areas.
+    packed : ndarray (groups, 459, 8)
+        g, C, L and C0 once more, for eight elements at once (`lanes.pack`).
     """
 
     g: Floats
@@ -49,6 +52,7 @@ class ElementIntegrals:
     C0: Floats
     dN: Floats
     dx: Floats
+    packed: Floats
 
 
 @cache
@@ -78,7 +82,7 @@ def integrate(mesh: TissueMesh) -> ElementIntegrals:
     dN, dx = np.empty((M, 9, 2, 9)), np.empty((M, 9))
     if not _integrate(mesh.nodes_mm[mesh.elements], values, gradients, weights, g, C, L, C0, dN, dx):
         raise ValueError("an element of the mesh is folded over")
-    return ElementIntegrals(g, C, L, C0, dN, dx)
+    return ElementIntegrals(g, C, L, C0, dN, dx, pack(g, C, L, C0))
 
 
 @njit(cache=True, nogil=True)

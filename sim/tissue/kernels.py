@@ -6,94 +6,83 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from sim.tissue.lanes import LANES, ROWS, eight_elements, fma
+
 _EXPONENT_CAP = 4.0
 """Beyond b I = 4 (e^4 = 55 times stiffer) the exponential law goes on linearly, so nothing overflows."""
 
 
-@njit(cache=True, fastmath=True, nogil=True)
-def residual(u, pressures, frozen, elements, g, C, L, C0, mu, bulk, R, mixed, theta, G, excesses):
+@njit(cache=True, nogil=True)
+def residual(u, pressures, frozen, elements, packed, mu, bulk, R, mixed, theta, G, excesses):
     """Add the internal forces of all elements to R (2N,) and those of the mixed method to `mixed` (2N,).
 
-    `frozen` (M, 3, 18) holds the volume gradients G of the tangent that is in use; `theta` (M, 3) is filled
-    with the volume change, `G` (M, 3, 18) with its gradients at `u`, `excesses` (M, 3) with what `pressures`
-    have more than the volume change says; `mixed` takes these up.
+    `packed` are the integrals as `lanes.pack` gives them, `frozen` (M, 3, 18) the volume gradients of the
+    tangent that is in use; `theta` (M, 3) is filled with the volume change, `G` (M, 3, 18) with its gradients
+    at `u`, `excesses` (M, 3) with what `pressures` have more than the volume change says; `mixed` takes these
+    up.
     """
-    ux = np.empty(9)
-    uy = np.empty(9)
-    fx = np.empty(9)
-    fy = np.empty(9)
-    dx = np.zeros(9)
-    dy = np.zeros(9)
-    Gx = np.empty(9)
-    Gy = np.empty(9)
-    for e in range(elements.shape[0]):
-        for a in range(9):
-            ux[a] = u[2 * elements[e, a]]
-            uy[a] = u[2 * elements[e, a] + 1]
-            dx[a] = 0.0
-            dy[a] = 0.0
-        m = mu[e]
-        for a in range(9):
-            x = 0.0
-            y = 0.0
-            for b in range(9):
-                x += L[e, a, b] * ux[b] + C0[e, a, b] * uy[b]
-                y += L[e, a, b] * uy[b] - C0[e, a, b] * ux[b]
-            fx[a] = m * x
-            fy[a] = m * y
-        for k in range(3):
-            t = 0.0
+    count = elements.shape[0]
+    local = np.zeros((18, LANES))
+    mus = np.zeros(LANES)
+    bulks = np.zeros(LANES)
+    given = np.zeros((3, LANES))
+    forces = np.empty((18, LANES))
+    gradients = np.empty((54, LANES))
+    changes = np.empty((3, LANES))
+    rest = np.empty((3, LANES))
+    for group in range(packed.shape[0]):
+        first = LANES * group
+        here = min(LANES, count - first)
+        for i in range(here):
+            e = first + i
+            mus[i] = mu[e]
+            bulks[i] = bulk[e]
+            for k in range(3):
+                given[k, i] = pressures[e, k]
             for a in range(9):
-                x = g[e, 0, k, a]
-                y = g[e, 1, k, a]
-                t += y * uy[a]
-                for b in range(9):
-                    c = C[e, k, a, b]
-                    x += c * uy[b]
-                    y -= c * ux[b]
-                t += x * ux[a]
-                Gx[a] = x
-                Gy[a] = y
-            theta[e, k] = t
-            q = bulk[e] * t
-            excess = pressures[e, k] - q
-            excesses[e, k] = excess
+                n = 2 * elements[e, a]
+                local[a, i] = u[n]
+                local[9 + a, i] = u[n + 1]
+        eight_elements(
+            packed.ctypes.data + 8 * ROWS * LANES * group,
+            local.ctypes.data, mus.ctypes.data, bulks.ctypes.data, given.ctypes.data, forces.ctypes.data,
+            gradients.ctypes.data, changes.ctypes.data, rest.ctypes.data,
+        )  # fmt: skip
+        for i in range(here):
+            e = first + i
+            now = G[e]
+            for k in range(3):
+                theta[e, k] = changes[k, i]
+                excesses[e, k] = rest[k, i]
+                for a in range(18):
+                    now[k, a] = gradients[18 * k + a, i]
             for a in range(9):
-                G[e, k, a] = Gx[a]
-                G[e, k, 9 + a] = Gy[a]
-            for a in range(9):
-                fx[a] += q * Gx[a]
-                fy[a] += q * Gy[a]
-                dx[a] += excess * (Gx[a] - frozen[e, k, a])
-                dy[a] += excess * (Gy[a] - frozen[e, k, 9 + a])
-        for a in range(9):
-            n = 2 * elements[e, a]
-            R[n] += fx[a]
-            R[n + 1] += fy[a]
-            mixed[n] += dx[a]
-            mixed[n + 1] += dy[a]
+                n = 2 * elements[e, a]
+                R[n] += forces[a, i]
+                R[n + 1] += forces[9 + a, i]
+            _add_excess(excesses[e], now, frozen[e], elements[e], mixed)
 
 
-@njit(cache=True, fastmath={"contract"}, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
+def _add_excess(excess, G, frozen, nodes, out):
+    """Add to `out` (2N,) what the mixed method's forces on one element have more than the true ones."""
+    p = excess[0]
+    q = excess[1]
+    r = excess[2]
+    for a in range(9):
+        x = p * (G[0, a] - frozen[0, a])
+        y = p * (G[0, 9 + a] - frozen[0, 9 + a])
+        x = fma(q, G[1, a] - frozen[1, a], x)
+        y = fma(q, G[1, 9 + a] - frozen[1, 9 + a], y)
+        out[2 * nodes[a]] += fma(r, G[2, a] - frozen[2, a], x)
+        out[2 * nodes[a] + 1] += fma(r, G[2, 9 + a] - frozen[2, 9 + a], y)
+
+
+@njit(cache=True, nogil=True)
 def mixed(excess, G, frozen, elements, out):
-    """Add to `out` (2N,) what the mixed method's forces have more than the true ones, from `residual`.
-
-    The one contraction that is allowed is the one `residual` makes, so that both give the same bits.
-    """
-    dx = np.empty(9)
-    dy = np.empty(9)
+    """Add to `out` (2N,) what the mixed method's forces have more than the true ones, from `residual`."""
     for e in range(elements.shape[0]):
-        for a in range(9):
-            dx[a] = 0.0
-            dy[a] = 0.0
-        for k in range(3):
-            for a in range(9):
-                dx[a] += excess[e, k] * (G[e, k, a] - frozen[e, k, a])
-                dy[a] += excess[e, k] * (G[e, k, 9 + a] - frozen[e, k, 9 + a])
-        for a in range(9):
-            n = 2 * elements[e, a]
-            out[n] += dx[a]
-            out[n + 1] += dy[a]
+        _add_excess(excess[e], G[e], frozen[e], elements[e], out)
 
 
 @njit(cache=True, fastmath=True, nogil=True)

@@ -90,22 +90,9 @@ class Tissue:
         I, c, elements = self.integrals, self.constants, self.mesh.elements
         true, excess, theta = np.zeros_like(u), np.zeros_like(u), np.empty_like(q)
         kernels.residual(
-            u,
-            q,
-            frozen,
-            elements,
-            I.g,
-            I.C,
-            I.L,
-            I.C0,
-            self.mu_linear,
-            c.bulk,
-            true,
-            excess,
-            theta,
-            self._gradients,
-            self._excess,
-        )
+            u, q, frozen, elements, I.packed, self.mu_linear, c.bulk,
+            true, excess, theta, self._gradients, self._excess,
+        )  # fmt: skip
         if len(self.stiffening_elements):
             kernels.stiffening_residual(
                 u, elements, self.stiffening_elements, I.dN, I.dx, c.mu, c.stiffening, true

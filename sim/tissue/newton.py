@@ -7,11 +7,12 @@ has changed, round the probe, and only when the iteration asks for it. Units: mm
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.tissue import contact_kernels as kernels
 from sim.tissue.contact import Contact, ContactState
 from sim.tissue.linear import LinearSolver, NotPositiveDefinite
 from sim.tissue.material import Tissue
@@ -92,19 +93,19 @@ class Newton:
         error = np.inf
         for _ in range(limit):
             seen = self.contact.evaluate(state.u, state.multiplier, state.height, position)
-            self._release(state, seen)
             internal, mixed, theta = self.tissue.residual(state.u, state.pressure, self._frozen)
-            true = self._balance(internal.copy(), seen)
-            mixed = self._balance(mixed, seen)
+            true = self.contact.balance(seen, self._held, internal.copy())
+            largest = self.contact.balance(seen, self._held, mixed)
             lack = force - self.contact.vertical_force(seen)
-            error_before, error = error, max(np.abs(mixed).max(), abs(lack)) / force
+            error_before, error = error, max(largest, abs(lack)) / force
             gap = np.abs(seen.gap).max() if len(seen.active) else 1.0
             if (
                 error < self.tolerance
-                and np.abs(true).max() < _VOLUME_SLACK * self.tolerance * force
+                and true < _VOLUME_SLACK * self.tolerance * force
                 and abs(lack) < _FORCE_TOLERANCE * force
                 and gap < _GAP_TOLERANCE_MM
             ):
+                state.smallest_jacobian = self.tissue.smallest_jacobian(state.u)
                 return state
             if not error < 1e6:
                 raise NoConvergence("the iteration diverged")
@@ -118,30 +119,18 @@ class Newton:
             elif not np.array_equal(seen.active, seen_before.active):
                 self._factor(state, seen, position, self._all[:0])
             else:
-                seen = ContactState(seen.active, seen.gap, seen_before.slope, seen.curvature, seen.force)
+                seen = replace(seen, slope=seen_before.slope)
             fresh = seen_before is None or seen.slope is not seen_before.slope
             if fresh:  # the tangent may have changed, and with it the mixed method's right-hand side
-                mixed = self._balance(self.tissue.mixed(internal, self._frozen), seen)
+                mixed = self.tissue.mixed(internal, self._frozen)
+                self.contact.balance(seen, self._held, mixed)
             self._step(state, seen, mixed, theta, lack, fresh)
             seen_before = seen
             self.counts.iterations += 1
         raise NoConvergence(f"no equilibrium within {limit} iterations (still {error:.1e} of the force out)")
 
-    def _balance(self, forces: Floats, seen: ContactState) -> Floats:
-        """Add the contact to internal forces (2N,); what is held needs no balance."""
-        self.contact.add_residual(seen, forces)
-        forces[self._held] = 0.0
-        return forces
-
     def _near(self, position: float) -> NDArray[np.int64]:
         return np.nonzero(np.abs(self._middle_mm - position) < _WINDOW_MM)[0]
-
-    @staticmethod
-    def _release(state: State, seen: ContactState) -> None:
-        """Nodes out of contact carry nothing."""
-        active = state.multiplier[seen.active]
-        state.multiplier[:] = 0.0
-        state.multiplier[seen.active] = active
 
     def _factor(self, state: State, seen: ContactState, position: float, which: NDArray[np.int64]) -> None:
         self.counts.factorisations += 1
@@ -165,30 +154,24 @@ class Newton:
     def _step(
         self, state: State, seen: ContactState, residual: Floats, theta: Floats, lack: float, fresh: bool
     ) -> None:
-        x = self.contact.x_dof[seen.active]
-        weight = self.contact.weight[seen.active]
-        pull = self.contact.augmentation * seen.gap
-        right, border = self._sides
-        np.negative(residual, out=right)
-        right[x] += weight * pull * seen.slope
-        right[x + 1] -= weight * pull
+        contact, border = self.contact, self._sides[1]
+        pull, weight = kernels.sides(
+            residual, contact.x_dof, seen.active, contact.weight, seen.gap, seen.slope, contact.augmentation,
+            fresh, self._sides,
+        )  # fmt: skip
         if fresh:
-            border[:] = 0.0
-            border[x] = weight * self.contact.augmentation * seen.slope
-            border[x + 1] = -weight * self.contact.augmentation
             change, self._border_change = self.solver.solve(self._sides)
-            self._pivot = self.contact.augmentation * weight.sum() - border @ self._border_change
+            self._pivot = contact.augmentation * weight.sum() - border @ self._border_change
         else:
             change = self.solver.solve(self._sides[:1])[0]
-        if len(x):
+        if len(weight):
             rise = (float(weight @ pull) - lack - border @ change) / self._pivot
         else:
             rise = -0.2  # not touching yet: let the probe sink
-        change -= self._border_change * rise
         scale = min(1.0, _LARGEST_RISE_MM / max(abs(rise), 1e-12))
-        moved = change[x + 1] - seen.slope * change[x] - rise
-        state.multiplier[seen.active] += scale * (pull + self.contact.augmentation * moved)
-        change *= scale
+        kernels.advance(
+            change, self._border_change, rise, scale, contact.x_dof, seen.active, seen.slope, pull,
+            contact.augmentation, state.multiplier, state.u,
+        )  # fmt: skip
         state.pressure = self.tissue.pressure(change, theta, self._frozen)
-        state.u += change
         state.height += scale * rise

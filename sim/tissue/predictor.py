@@ -8,12 +8,14 @@ Without this Newton needs three times the work.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.tissue import predictor_kernels as kernels
 from sim.tissue.mesh import TissueMesh
 
 Floats = NDArray[np.float64]
@@ -33,12 +35,15 @@ class State:
         Contact multipliers of the surface's nodes, kPa.
     pressure : ndarray (M, 3)
         Coefficients of the elements' pressure.
+    smallest_jacobian : float
+        Of an equilibrium that `Newton.solve` returns: least det F at any Gauss point; below 0 is inverted.
     """
 
     u: Floats
     height: float
     multiplier: Floats
     pressure: Floats
+    smallest_jacobian: float = math.nan
 
     def copy(self) -> State:
         """A state that can be changed without changing this one."""
@@ -60,39 +65,37 @@ class Predictor:
         self._rows, self._cells = mesh.node_rows, mesh.element_rows
         self._x = mesh.nodes_mm[self._rows[0], 0]
         self._centre = self._x[1::2]
-        self._root_area = np.sqrt(areas[self._cells])[:, :, None]
+        self._root_area = np.sqrt(areas[self._cells])
         self._held = np.nonzero(mesh.fixed.ravel())[0]
         row_y = mesh.nodes_mm[self._rows[:, 0], 1]
-        self._node_share = _share_of_probe(row_y, row_y[-1], mesh.grid.radius)[:, None, None]
+        self._node_share = _share_of_probe(row_y, row_y[-1], mesh.grid.radius)
         cell_y = row_y[1::2]
-        self._cell_share = _share_of_probe(cell_y, row_y[-1], mesh.grid.radius)[:, None, None]
+        self._cell_share = _share_of_probe(cell_y, row_y[-1], mesh.grid.radius)
 
     def __call__(self, history: Sequence[tuple[float, State]], position: float) -> State:
         """Guess the state at `position` from the last few, (position, state), the newest last."""
         places = [place for place, _ in history]
         weights = [
-            float(np.prod([(position - other) / (place - other) for other in places if other != place]))
+            math.prod(((position - other) / (place - other) for other in places if other != place), start=1.0)
             for place in places
         ]
         states = [state for _, state in history]
         moved_u = _combine(weights, [state.u for state in states])
-        u = moved_u.reshape(-1, 2)
         pressure = _combine(weights, [state.pressure for state in states])
         shifts = [position - place for place in places]
         near = _share_near(self._x - position)
         inside = np.nonzero(near)[0]
         first, last = int(inside[0]) // 2 * 2, int(inside[-1]) // 2 * 2 + 2  # from a corner to a mid-side
-        near = near[None, first:last, None]
-        nodes, elements = self._rows[:, first:last], self._cells[:, first // 2 : last // 2]
-        rows = _combine(
-            weights, [self._shifted_rows(state.u, by, first, last) for state, by in zip(states, shifts)]
-        )
-        u[nodes] += self._node_share * near * (rows - u[nodes])
-        cells = _combine(
-            weights,
-            [self._shifted_cells(state.pressure, by, first, last) for state, by in zip(states, shifts)],
-        )
-        pressure[elements] += self._cell_share * near[:, 1::2] * (cells - pressure[elements])
+        rows = np.zeros((len(self._rows), last - first, 2))
+        cells = np.zeros((len(self._cells), (last - first) // 2, 3))
+        for weight, state, by in zip(weights, states, shifts):
+            kernels.add_rows(rows, weight, state.u, by, self._rows, self._x, first)
+            kernels.add_cells(
+                cells, weight, state.pressure, by, self._cells, self._centre, self._root_area, first // 2
+            )
+        near = near[first:last]
+        kernels.blend_rows(moved_u, rows, self._rows, self._node_share, near, first)
+        kernels.blend_cells(pressure, cells, self._cells, self._cell_share, near[1::2], first // 2)
         moved_u[self._held] = 0.0
         moved = [
             np.interp(self._x, self._x + by, np.maximum(state.multiplier, 0.0), left=0.0, right=0.0)
@@ -101,24 +104,6 @@ class Predictor:
         multiplier = np.where(moved[-1] > 0.0, np.maximum(_combine(weights, moved), 0.0), 0.0)
         height = float(np.dot(weights, [state.height for state in states]))
         return State(moved_u, height, multiplier, pressure)
-
-    def _shifted_rows(self, u: Floats, distance: float, first: int, last: int) -> Floats:
-        """Displacements (R, last - first, 2) of a part of the rows, moved to the right."""
-        x, v = self._x, u.reshape(-1, 2)
-        wanted = np.clip(x[first:last] - distance, x[0], x[-1])
-        source = np.clip(np.searchsorted(x, wanted, side="right") - 1, 0, len(x) - 2)
-        share = ((wanted - x[source]) / (x[source + 1] - x[source]))[None, :, None]
-        out: Floats = v[self._rows[:, source]] * (1 - share) + v[self._rows[:, source + 1]] * share
-        return out
-
-    def _shifted_cells(self, pressure: Floats, distance: float, first: int, last: int) -> Floats:
-        """Pressure coefficients (Q, (last - first) // 2, 3) of these rows' elements, moved to the right."""
-        borders = (self._centre[1:] + self._centre[:-1]) / 2
-        here = slice(first // 2, last // 2)
-        source = np.searchsorted(borders, self._centre[here] - distance)
-        size = self._root_area[:, here] / self._root_area[:, source]
-        out: Floats = pressure[self._cells[:, source]] * size
-        return out
 
 
 def _combine(weights: Sequence[float], arrays: Sequence[Floats]) -> Floats:

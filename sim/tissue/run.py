@@ -43,7 +43,7 @@ class Run:
     def press(self, position: float, pressed: State | None) -> State:
         """The state at the first position, reached from `pressed` or from nothing by raising the force."""
         state = self._press(position, pressed)
-        if self.tissue.smallest_jacobian(state.u) <= 0.0:  # a balance, but not one that tissue gets into
+        if state.smallest_jacobian <= 0.0:  # a balance, but not one that tissue gets into
             state = self._creep(self._unloaded(0.1), position, 0.0)
         return state
 
@@ -103,9 +103,8 @@ class Run:
         for recent, careful in ((history[-3:], False), (history[-1:], True)):
             try:
                 state = self.newton.solve(self.predictor(recent, new), new, force, careful=careful)
-                worst = self.tissue.smallest_jacobian(state.u)
-                if worst <= 0.0:  # a balance, but not one that tissue gets into
-                    raise NoConvergence(f"an element is turned inside out (det F = {worst:.2g})")
+                if state.smallest_jacobian <= 0.0:
+                    raise NoConvergence(_inside_out(state))
                 history.append((new, state))
                 return
             except NoConvergence as error:
@@ -155,13 +154,13 @@ class Run:
             "peak_kPa": pressure[peak],
             "contact_mm": s[touching[[0, -1]]],
             "force_error": balance,
-            "smallest_jacobian": self.tissue.smallest_jacobian(state.u),
+            "smallest_jacobian": state.smallest_jacobian,
         }
         trouble = None
         if not all(np.isfinite(value).all() for value in row.values()):
             trouble = "the result is not a number"
-        elif row["smallest_jacobian"] <= 0.0:
-            trouble = f"an element is turned inside out (det F = {row['smallest_jacobian']:.2g})"
+        elif state.smallest_jacobian <= 0.0:
+            trouble = _inside_out(state)
         elif abs(balance) > 1e-6:
             trouble = f"the contact forces miss the force on the probe by {balance:.1e} of it"
         elif row["displacement_mm"] >= self.case.t_mm:
@@ -169,3 +168,8 @@ class Run:
         if trouble:
             raise StrokeError(self.case.code, position, trouble)
         return row
+
+
+def _inside_out(state: State) -> str:
+    """Why a state of balance is refused: tissue does not get into it."""
+    return f"an element is turned inside out (det F = {state.smallest_jacobian:.2g})"

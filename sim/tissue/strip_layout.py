@@ -14,7 +14,6 @@ Ints = NDArray[np.int64]
 
 CORNERS_AND_SIDES = np.array([0, 1, 2, 3, 5, 6, 7, 8])
 MIDDLE = 4
-_BOTH = np.array([0, 1])
 
 
 @dataclass(frozen=True)
@@ -115,51 +114,25 @@ def lay_out_chain(mesh: TissueMesh, columns: Columns, flipped: bool) -> Chain:
     first, last = columns.first, columns.last
     if flipped:
         first, last = count - 1 - last, count - 1 - first
-    free = ~mesh.fixed.ravel()
-    place = np.full(free.size, -1, np.int32)  # of the unknowns, in the step that is being laid out
     outer = mesh.elements[:, CORNERS_AND_SIDES]
-    outer = np.concatenate([2 * outer, 2 * outer + 1], 1)
-    surface = np.stack([2 * mesh.surface, 2 * mesh.surface + 1], 1)
-    element_place, surface_place = np.empty(outer.shape, np.int32), np.empty(surface.shape, np.int64)
-    lists, incoming = [], []
-    interior, pivots = np.zeros(count, np.int64), np.zeros(count, np.int64)
-    front = np.zeros(0, np.int64)
     by_first = np.argsort(first, kind="stable")
     starts = np.searchsorted(first[by_first], np.arange(count + 1))
-    open_nodes = np.zeros(0, np.int64)  # places in columns.nodes, up or down
-    for g in range(count):
-        # Up and down in turn: the interior is then eliminated along one growing range of the others,
-        # the end of those that leave and the beginning of those that stay.
-        turn = 1 if g % 2 else -1
-        new = np.sort(by_first[starts[g] : starts[g + 1]])
-        inner = _dofs(columns.nodes[new[last[new] == g][::-turn]], free)
-        leaving = _dofs(columns.nodes[open_nodes[last[open_nodes] == g]], free)
-        stay = np.sort(np.concatenate([open_nodes[last[open_nodes] > g], new[last[new] > g]]))
-        open_nodes = stay[::-turn]
-        staying = _dofs(columns.nodes[open_nodes], free)
-        these = np.concatenate([inner, leaving, staying])
-        place[these] = np.arange(len(these))
-        incoming.append(place[front].astype(np.int64))
-        column = count - 1 - g if flipped else g
-        some = columns.elements[columns.element_starts[column] : columns.element_starts[column + 1]]
-        element_place[some] = place[outer[some]]
-        some = columns.surface[columns.surface_starts[column] : columns.surface_starts[column + 1]]
-        surface_place[some] = place[surface[some]]
-        lists.append(these)
-        interior[g], pivots[g] = len(inner), len(inner) + len(leaving)
-        front = staying
-    size = np.array([len(these) for these in lists])
+    dofs, interior, pivots, size, incoming, incoming_size, element_place, surface_place = symbolic.order(
+        columns.nodes, first, last, by_first, starts, mesh.fixed.ravel(), columns.elements,
+        columns.element_starts, np.concatenate([2 * outer, 2 * outer + 1], 1), columns.surface,
+        columns.surface_starts, np.stack([2 * mesh.surface, 2 * mesh.surface + 1], 1), flipped,
+    )  # fmt: skip
     stride = (int(size.max()) // 8 + 1) * 8
     spans = symbolic.reach(interior, size, columns.elements, columns.element_starts, element_place, flipped)
     lengths = symbolic.row_lengths(interior, pivots, size, spans)
     return Chain(
-        dofs=_padded(lists),
+        dofs=dofs,
         interior=interior,
         pivots=pivots,
         size=size,
-        incoming=_padded(incoming),
-        incoming_size=np.array([len(these) for these in incoming]),
-        together=np.array([bool((these[1:] - these[:-1] == 1).all()) for these in incoming]),
+        incoming=incoming,
+        incoming_size=incoming_size,
+        together=np.array([_consecutive(row[:n]) for row, n in zip(incoming, incoming_size)]),
         spans=spans,
         row_starts=np.concatenate([[0], np.cumsum(lengths)]),
         targets=symbolic.targets(element_place, stride),
@@ -168,13 +141,5 @@ def lay_out_chain(mesh: TissueMesh, columns: Columns, flipped: bool) -> Chain:
     )
 
 
-def _dofs(nodes: Ints, free: NDArray[np.bool_]) -> Ints:
-    both = (2 * nodes[:, None] + _BOTH).ravel()
-    return both[free[both]]
-
-
-def _padded(lists: list[Ints]) -> Ints:
-    out = np.full((len(lists), max(1, *map(len, lists))), -1, np.int64)
-    for row, these in zip(out, lists):
-        row[: len(these)] = these
-    return out
+def _consecutive(places: Ints) -> bool:
+    return bool((places[1:] - places[:-1] == 1).all())

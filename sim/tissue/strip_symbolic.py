@@ -8,6 +8,92 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
+def order(
+    nodes, first, last, by_first, starts, fixed, elements, element_starts, outer, surface, surface_starts,
+    surface_dofs, flipped,
+):  # fmt: skip
+    """Order the unknowns of every step of a chain: interior, leaving the front, staying in it.
+
+    Returns, as `strip_layout.Chain` has them, dofs, interior, pivots, size, incoming and incoming_size; and
+    the places of the elements' (M, 16) and surface's (S, 2) unknowns in their steps, below 0 where held.
+    """
+    steps = len(starts) - 1
+    widest = 1
+    for g in range(steps):
+        n = 0
+        for k in range(len(nodes)):
+            if first[k] <= g <= last[k]:
+                n += 2
+        widest = max(widest, n)
+    dofs = np.full((steps, widest), -1, np.int64)
+    incoming = np.full((steps, widest), -1, np.int64)
+    interior = np.zeros(steps, np.int64)
+    pivots = np.zeros(steps, np.int64)
+    size = np.zeros(steps, np.int64)
+    incoming_size = np.zeros(steps, np.int64)
+    place = np.full(len(fixed), -1, np.int32)  # of the unknowns, in the step that is being laid out
+    element_place = np.empty(outer.shape, np.int32)
+    surface_place = np.empty(surface_dofs.shape, np.int64)
+    staying = np.empty(len(nodes), np.int64)  # places in `nodes`, up or down
+    count = 0
+    for g in range(steps):
+        # Up and down in turn: the interior is then eliminated along one growing range of the others,
+        # the end of those that leave and the beginning of those that stay.
+        up = g % 2 == 0
+        new = by_first[starts[g] : starts[g + 1]]
+        these = dofs[g]
+        n = 0
+        for i in range(len(new)):
+            k = new[i] if up else new[len(new) - 1 - i]
+            if last[k] == g:
+                n = _append(these, n, nodes[k], fixed)
+        interior[g] = n
+        stay = np.empty(count + len(new), np.int64)
+        m = 0
+        for k in staying[:count]:
+            if last[k] == g:
+                n = _append(these, n, nodes[k], fixed)
+            elif last[k] > g:
+                stay[m] = k
+                m += 1
+        pivots[g] = n
+        for k in new:
+            if last[k] > g:
+                stay[m] = k
+                m += 1
+        stay = np.sort(stay[:m])
+        count = m
+        for i in range(m):
+            staying[i] = stay[i] if up else stay[m - 1 - i]
+            n = _append(these, n, nodes[staying[i]], fixed)
+        size[g] = n
+        for i in range(n):
+            place[these[i]] = i
+        if g > 0:
+            incoming_size[g] = size[g - 1] - pivots[g - 1]
+            for i in range(incoming_size[g]):
+                incoming[g, i] = place[dofs[g - 1, pivots[g - 1] + i]]
+        column = steps - 1 - g if flipped else g
+        for e in elements[element_starts[column] : element_starts[column + 1]]:
+            for i in range(16):
+                element_place[e, i] = place[outer[e, i]]
+        for s in surface[surface_starts[column] : surface_starts[column + 1]]:
+            surface_place[s, 0] = place[surface_dofs[s, 0]]
+            surface_place[s, 1] = place[surface_dofs[s, 1]]
+    return dofs, interior, pivots, size, incoming, incoming_size, element_place, surface_place
+
+
+@njit(cache=True, nogil=True)
+def _append(these, n, node, fixed):
+    """Put a node's free unknowns at the end of the first `n`; returns how many there are now."""
+    for dof in range(2 * node, 2 * node + 2):
+        if not fixed[dof]:
+            these[n] = dof
+            n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
 def reach(interior, size, elements, starts, place, flipped):
     """Symbolic elimination of every step's interior: how far the rows of four at a time reach.
 
