@@ -103,8 +103,15 @@ def flash(probe: Probe, image: bytes, progress: Callable[[int, int], None] | Non
     return Flashed(live.model_id, len(image), start)
 
 
-def check_image(image: bytes) -> str:
+def check_image(image: bytes, outcome: str = "nothing was sent to the probe") -> str:
     """The id of a model image that can be read; nothing is sent to a probe for it.
+
+    Parameters
+    ----------
+    image : bytes
+        As `palpate export` writes it.
+    outcome : str
+        What the error says in the end.
 
     Raises
     ------
@@ -119,7 +126,7 @@ def check_image(image: bytes) -> str:
             raise ImageError(f"the model image is cut short: {len(image)} bytes of more than {body}")
         return inspect(image).model_id
     except ImageError as error:
-        raise ImageUnreadable(f"{error}; nothing was sent to the probe") from error
+        raise ImageUnreadable(f"{error}; {outcome}") from error
     except (IndexError, ValueError, KeyError, struct.error, MemoryError, OverflowError) as error:
         message = "the model image is damaged (it cannot be read to its end); export it again"
         raise ImageUnreadable(message) from error

@@ -81,7 +81,7 @@ class Replayer:
         from host.link.flash import check_image
         from model_export.image import inspect
 
-        check_image(model)
+        check_image(model, "the recording's own estimates stay as they are")
         self.model = inspect(model).model
         own = calib.Calibration()
         if calibration and own.load(calibration) != status.OK:

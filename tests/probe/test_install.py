@@ -3,6 +3,7 @@
 import json
 import os
 import pty
+import shlex
 import shutil
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import tty
 import pytest
 
 from sim.probe import node
+from tests.docs.blocks import DOCS, blocks_of
 from tests.probe import install_files
 
 FEW = ("__init__.py", "cobs.py", "crc.py")
@@ -52,17 +54,31 @@ def mpremote(port, *words):
 
 
 @pytest.mark.long
-def test_the_package_installs_and_what_is_installed_runs(board):
-    """By the command that docs/firmware.md gives. A minute: mpremote sends 256 bytes at a time."""
+def test_the_package_installs_and_what_is_installed_runs(board, tmp_path):
+    """By the lines that docs/firmware.md gives. A minute: mpremote sends 256 bytes at a time."""
     port, switch_off = board
-    said = mpremote(port, "mip", "install", "./firmware_py/package.json")
-    assert "Done" in said
+    key = tmp_path / "public.key"
+    key.write_bytes(bytes(range(48)))
+    (block,) = [b for b in blocks_of(DOCS / "firmware.md") if "mip install" in b.text]
+    (again,) = [b for b in blocks_of(DOCS / "tutorial" / "board.md") if "mip install" in b.text]
+    assert again.text == block.text.replace("KEYDIR", "out/key")
+    mpremote(port, "exec", "open('key.pub', 'w').close()")  # a missing file has an errno of its own here
+    said = []
+    for line in block.text.splitlines():
+        tool, *words = shlex.split(line.replace("KEYDIR", str(tmp_path)))
+        assert tool == "mpremote"
+        if words != ["reset"]:  # this port of MicroPython has none: the prompt's end switches it off
+            said.append(mpremote(port, *words))
+    assert "Done" in said[0]
     used = mpremote(port, "exec", USE)
     from firmware_py import messages
 
     assert used.split()[:2] == [str(messages.SCHEMA), "Probe"]
     assert "/flash/lib/firmware_py/" in used
-    installed = switch_off() / "lib" / "firmware_py"
+    kept = switch_off()
+    assert (kept / "key.pub").read_bytes() == key.read_bytes()
+    assert "rp2_reference.main()" in (kept / "main.py").read_text()
+    installed = kept / "lib" / "firmware_py"
     names = sorted(p.relative_to(installed).as_posix() for p in installed.rglob("*.py"))
     assert names == install_files.modules()
     for name in names:
