@@ -72,7 +72,10 @@ def viewer(tmp_path) -> Iterator[Callable[..., Viewer]]:
 
 @pytest.fixture
 def open_page(browser):
-    """Opens a viewer's page; at the end nothing may have gone wrong in it."""
+    """Opens a viewer's page; at the end nothing may have gone wrong in it.
+
+    PALPATE_TEST_SLOWDOWN=6 gives every page a sixth of the processor: no test may mind.
+    """
     pages, wrong = [], []
 
     def open_it(viewer: Viewer, width: int = 1280, height: int = 800, scheme: str = "dark", script: str = ""):
@@ -82,8 +85,9 @@ def open_page(browser):
         page = context.new_page()
         page.set_default_timeout(1000 * PATIENCE_S)
         page.add_init_script(WATCH + script)
-        if slowdown := float(os.environ.get("PALPATE_TEST_SLOWDOWN", "1")):
-            context.new_cdp_session(page).send("Emulation.setCPUThrottlingRate", {"rate": slowdown})
+        if slowdown := os.environ.get("PALPATE_TEST_SLOWDOWN"):
+            throttle = {"rate": float(slowdown)}
+            context.new_cdp_session(page).send("Emulation.setCPUThrottlingRate", throttle)
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on(
             "console",
