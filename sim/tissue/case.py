@@ -15,9 +15,9 @@ from sim.tissue.errors import CaseError
 FORCE_UNIT_N_PER_M = 100.0
 """F = 1.0 of a code, in N per metre of probe width (strain 19.7 % in the reference case)."""
 
-NONLINEAR_E_RATIO = 2.0
-NONLINEAR_STIFFENING = 300.0
-"""The nonlinear lump of `eNL`: soft at rest like E = 2, nearly E = 10 under the probe."""
+NONLINEAR_E_RATIO = 1.0
+NONLINEAR_STIFFENING = 900.0
+"""The nonlinear lump of `eNL`: at rest as soft as fat, over E = 10 under the probe (docs/physics.md)."""
 
 _CODE = re.compile(r"d([^dhef_]+)h([^dhef_]+)e([^dhef_]+)f([^dhef_]+)((?:_[A-Za-z]+[^_]+)*)")
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
