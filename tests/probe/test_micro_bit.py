@@ -144,7 +144,7 @@ def rack(monkeypatch):
         yield Rack(stack, monkeypatch)
 
 
-@pytest.mark.timeout(900)
+@pytest.mark.timeout(3600)
 def test_a_hundred_whole_strokes_from_frames_to_estimates(rack):
     force_map = forcemap.load(any_force_map())
     model = compiler.compile_model(synthetic.model("field"))
