@@ -174,8 +174,22 @@ def _run_in_pool(
         _run(_groups(todo), settings, pool, 4 * workers, store, reporter)
 
 
-def _pool(workers: int, context: Any) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(workers, mp_context=context, initializer=_die_with_parent)
+@contextmanager
+def _pool(workers: int, context: Any) -> Iterator[ProcessPoolExecutor]:
+    """A pool that an interrupt ends cleanly, even one that comes while the pool starts."""
+    others = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_die_with_parent)
+    try:
+        yield pool
+    except BaseException:
+        try:
+            pool.shutdown(cancel_futures=True)
+        except RuntimeError:  # its thread never ran, so nobody but us ends the workers
+            for worker in set(multiprocessing.active_children()) - others:
+                worker.terminate()
+                worker.join()
+        raise
+    pool.shutdown()
 
 
 def _die_with_parent() -> None:

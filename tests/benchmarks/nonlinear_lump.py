@@ -33,6 +33,9 @@ def main() -> None:
         share = (soft[-1] - depth[-1]) / (soft[-1] - hard[-1])
         cells = [f"{E:g}", f"{b:g}", *felt, f"{share:.2f}", f"{100 * (depth[0] / soft[0] - 1):+.2f} %"]
         print("| " + " | ".join(cells) + " |", flush=True)
+    for E in (10.0, 1000.0):
+        far = simulate(replace(REFERENCE, E_ratio=E), positions_mm=[-28.0]).displacement_mm[0]
+        print(f"far, of E = 2, the linear lump of E = {E:g}: {100 * (far / soft[0] - 1):+.2f} %")
 
 
 if __name__ == "__main__":

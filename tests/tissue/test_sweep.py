@@ -1,6 +1,8 @@
 """A sweep loses nothing, repeats nothing, and gives the same table however it was interrupted."""
 
+import concurrent.futures.process
 import hashlib
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -63,6 +65,19 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_table(tmp_path):
     sweep(sobol_cases(24, 9), QUICK, whole, executor=ThreadPoolExecutor(1))
     assert digest(killed) == digest(whole)
     assert not (killed / "finished.journal").exists()
+
+
+def test_an_interrupt_while_the_pool_starts_is_an_interrupt(tmp_path, monkeypatch):
+    def interrupted(thread):
+        raise KeyboardInterrupt
+
+    before = set(multiprocessing.active_children())
+    with monkeypatch.context() as patch:
+        patch.setattr(concurrent.futures.process._ExecutorManagerThread, "start", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            sweep(sobol_cases(2, 9), QUICK, tmp_path, workers=1)
+    assert set(multiprocessing.active_children()) <= before  # no worker is left behind
+    assert len(sweep(sobol_cases(2, 9), QUICK, tmp_path, executor=ThreadPoolExecutor(1))) == 2
 
 
 def test_a_second_sweep_computes_only_what_is_new(tmp_path):
