@@ -31,7 +31,10 @@ class Rounding:
         ordered = inputs[:, order]
         square = ordered.T @ ordered / len(inputs)
         square += DAMPING * np.trace(square) / len(square) * np.eye(len(square))
-        self.upper = np.linalg.cholesky(np.linalg.inv(square)).T
+        # U of inv(square) = U^T U, by the factor of the square turned about: the inverse of a nearly singular
+        # square need not be positive definite to the last bit, and then has no factor of its own.
+        turned = np.linalg.cholesky(square[::-1, ::-1])
+        self.upper = np.linalg.inv(turned)[::-1, ::-1]
 
     def whole(self, coefficients: Floats, fraction: int) -> Floats:
         """The coefficients in whole numbers of 2^-fraction; the intercept's change likewise, not rounded."""

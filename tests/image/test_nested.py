@@ -96,3 +96,15 @@ def test_coefficients_rounded_together_err_less_than_each_for_itself():
     apart = np.round(coefficients * 256) / 256
     errors = [np.std(inputs[250:] @ (rounded - coefficients)) for rounded in (together, apart)]
     assert errors[0] < 0.6 * errors[1]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_inputs_that_repeat_one_another_are_rounded_too(seed):
+    """A fitted field model's did not: the inverse of their square was not positive definite."""
+    rng = np.random.default_rng(seed)
+    inputs = np.c_[np.vander(rng.uniform(0.9, 1.1, 400), 24)[:, :-1] * 10, np.zeros(400), np.ones(400)]
+    coefficients = np.append(rng.normal(size=24), 0.0)
+    whole = Rounding(inputs, np.arange(25)).whole(coefficients, 10)
+    assert np.array_equal(whole[:-1], np.round(whole[:-1])) and np.isfinite(whole).all()
+    together, apart = whole / 1024, np.round(coefficients * 1024) / 1024
+    assert np.std(inputs @ (together - coefficients)) < np.std(inputs @ (apart - coefficients))
