@@ -22,6 +22,7 @@ from host.link.events import Estimate, Features, Frame, Gap, StrokeState, Tactil
 from host.link.flash import flash
 from host.link.probe import Probe
 from host.link.transport import FdTransport, open_transport
+from model_export.exporter import export
 from sim.probe.faults import Faults
 from tests.host.conftest import FRAMES, PATIENCE_S, connect, settled, wait_until
 
@@ -246,7 +247,9 @@ def test_a_port_that_vanishes_while_flashing_and_stays_away_is_an_error_and_noth
         assert probe.identity.model_id == done.model_id != live
 
 
-def test_another_image_of_the_same_size_is_not_mixed_with_one_that_was_broken_off(emulated, images):
+def test_another_image_of_the_same_size_is_not_mixed_with_one_that_was_broken_off(
+    emulated, specs, images, key_dir
+):
     class Enough(Exception):
         pass
 
@@ -254,13 +257,14 @@ def test_another_image_of_the_same_size_is_not_mixed_with_one_that_was_broken_of
         if done > size // 2:
             raise Enough
 
-    assert len(images[0]) == len(images[1])
+    other = export(specs[0], key_dir, counter=500)[0]  # the same model once more, signed anew
+    assert len(other) == len(images[0]) and other != images[0]
     with connect(emulated()) as probe:
         with pytest.raises(Enough):
             flash(probe, images[0], enough)
-        done = flash(probe, images[1])
+        done = flash(probe, other)
         assert done.resumed_at == 0
-        assert probe.read_back(messages.READ_MODEL) == images[1]
+        assert probe.read_back(messages.READ_MODEL) == other
 
 
 def test_flashing_goes_on_through_a_cut_at_every_message(emulated, images, monkeypatch):
