@@ -118,7 +118,8 @@ class StrokeStore:
 
     def add(self, record: Record) -> None:
         """Put a finished stroke into the journal; it survives the end of this process at once."""
-        body = zlib.compress(json.dumps(record, allow_nan=False, separators=(",", ":")).encode(), 1)
+        # A flat probe's radius is infinite, which Python's JSON reads back; results were checked before.
+        body = zlib.compress(json.dumps(record, separators=(",", ":")).encode(), 1)
         place = self._journal.seek(0, os.SEEK_END)
         self._journal.write(_HEAD.pack(_MAGIC, len(body), zlib.crc32(body)) + body)
         self._journal.flush()

@@ -93,6 +93,13 @@ def test_a_second_sweep_computes_only_what_is_new(tmp_path):
     assert digest(tmp_path) == before
 
 
+def test_a_flat_probe_is_kept_like_any_other(tmp_path):
+    flat = Case(10, 0.8, 10, probe_radius_mm=float("inf"))
+    table = sweep([flat], QUICK, tmp_path, executor=ThreadPoolExecutor(1))
+    assert list(table.status) == ["ok"]
+    assert load_strokes(tmp_path)[0].case == flat
+
+
 def test_a_case_that_fails_is_recorded_and_the_sweep_goes_on(tmp_path):
     cases = [Case(10, 0.8, 10), Case(10, 0.8, 10, F_rel=100), Case(10, 0.8, 5)]
     table = sweep(cases, QUICK, tmp_path, executor=ThreadPoolExecutor(1))
