@@ -1,9 +1,9 @@
 """How long a stroke takes, beside its peers and its floor: python -m tests.benchmarks.bench_tissue [--alone]
 
 One process, one thread, CPU seconds. Ours at hx = 2 and 1, set-up of a fresh geometry included; the floor,
-which is as many bare factorisations of the same tangent as the stroke has positions; unless --alone, felupe
-(PyPI) and CalculiX (Debian calculix-ccx) on the same mesh, material and load; and the thirty thesis strokes
-and a projection for many on a process pool. The tables are those of docs/performance.md.
+which is as many bare factorisations of the same tangent as the stroke has positions, by turns with it;
+unless --alone, felupe (PyPI) and CalculiX (Debian calculix-ccx) on the same mesh, material and load; and the
+thirty thesis strokes and a projection for many on a process pool. docs/performance.md has the tables.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from sim.tissue.stroke import one_blas_thread
 from tests.benchmarks.peers import Peer
 
 CODE = "d10h08e10f10"
+ROUNDS = 15
 
 
 def fresh(case: Case, settings: Settings) -> Stroke:
@@ -33,18 +35,8 @@ def fresh(case: Case, settings: Settings) -> Stroke:
     return simulate(case, settings)
 
 
-def best(action: Callable[[], object], times: int) -> float:
-    """Least CPU seconds of `times` runs."""
-    least = np.inf
-    for _ in range(times):
-        began = time.process_time()
-        action()
-        least = min(least, time.process_time() - began)
-    return float(least)
-
-
-def floor_s(case: Case, settings: Settings, solver: str) -> float:
-    """Least CPU seconds of one bare factorisation of the tangent at rest."""
+def floor(case: Case, settings: Settings, solver: str) -> Callable[[], object]:
+    """As many bare factorisations of the tangent at rest as the stroke has positions, and nothing else."""
     positions = settings.positions_mm()
     mesh = build_mesh(case, settings, positions[0], positions[-1])
     tissue = Tissue(mesh, integrate(mesh), elasticity(case, mesh))
@@ -57,17 +49,25 @@ def floor_s(case: Case, settings: Settings, solver: str) -> float:
     contact[np.abs(x) < 12] = [0.0, 0.0, 1e6]
 
     def work() -> None:
-        backend.change(K, every)
-        backend.factor(contact, 0.0)
+        with one_blas_thread():
+            for _ in positions:
+                backend.change(K, every)
+                backend.factor(contact, 0.0)
 
-    with one_blas_thread():
-        work()
-        return best(work, 15)
+    return work
+
+
+def cpu_s(action: Callable[[], object]) -> float:
+    """CPU seconds of `action`."""
+    began = time.process_time()
+    action()
+    return time.process_time() - began
 
 
 def ours() -> dict[float, Stroke]:
+    """Stroke and floors by turns, so that a machine that slows down slows all; medians of the rounds."""
     case, strokes = Case.from_code(CODE), {}
-    print(f"{CODE}, 15 positions, CPU s on one thread (least of 12)\n")
+    print(f"{CODE}, 15 positions, CPU s on one thread (medians of {ROUNDS} rounds by turns)\n")
     print(
         "| hx | nodes | stroke | floor: 15 factorisations, ours | CHOLMOD | SuperLU | stroke / floor |",
         end="",
@@ -75,10 +75,21 @@ def ours() -> dict[float, Stroke]:
     print(" factorisations | iterations |\n|---|---|---|---|---|---|---|---|---|", flush=True)
     for hx in (2.0, 1.0):
         settings = Settings(hx_mm=hx)
-        strokes[hx] = s = min((fresh(case, settings) for _ in range(12)), key=lambda s: s.cpu_s)
-        floors = [15 * floor_s(case, settings, name) for name in ("strip", "cholmod", "superlu")]
-        cells = [f"{hx:g}", f"{s.nodes:,}", f"{s.cpu_s:.3f} s", *(f"{floor:.3f} s" for floor in floors)]
-        cells += [f"{s.cpu_s / floors[0]:.2f}", str(s.factorisations), str(s.iterations.sum())]
+        floors = [floor(case, settings, name) for name in ("strip", "cholmod", "superlu")]
+        for warm in floors:
+            warm()
+        runs, times = [fresh(case, settings)], []
+        for _ in range(ROUNDS):
+            runs.append(fresh(case, settings))
+            times.append([runs[-1].cpu_s, *map(cpu_s, floors)])
+        table = np.array(times)
+        strokes[hx] = s = replace(runs[-1], cpu_s=float(np.median(table[:, 0])))
+        cells = [f"{hx:g}", f"{s.nodes:,}", *(f"{t:.3f} s" for t in np.median(table, axis=0))]
+        cells += [
+            f"{np.median(table[:, 0] / table[:, 1]):.2f}",
+            str(s.factorisations),
+            str(s.iterations.sum()),
+        ]
         print("| " + " | ".join(cells) + " |", flush=True)
     return strokes
 
