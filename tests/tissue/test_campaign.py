@@ -34,11 +34,18 @@ def shaped_cases(n: int, seed: int) -> list[Case]:
 def test_random_strokes_all_converge_and_none_is_wrong(tmp_path, cases):
     table = sweep(cases, out_dir=tmp_path)
     assert list(table.code[table.status != "ok"]) == []
-    for stroke in load_strokes(tmp_path):
+    strokes = load_strokes(tmp_path)
+    for stroke in strokes:
         assert np.abs(stroke.force_error).max() < 1e-6, stroke.code
         assert (stroke.images_kPa >= 0).all(), stroke.code
         assert (stroke.smallest_jacobian > 0).all(), stroke.code
         assert (np.abs(np.diff(stroke.displacement_mm)) < 1.5).all(), stroke.code
+    force_error = max(np.abs(stroke.force_error).max() for stroke in strokes)
+    least = min(stroke.smallest_jacobian.min() for stroke in strokes)
+    steps = np.concatenate([stroke.iterations for stroke in strokes])
+    print(f"{len(strokes)} strokes, {len(steps)} positions, none failed")
+    print(f"largest force error {force_error:.1e}, least det F {least:.2g}")
+    print(f"iterations a position: {steps.mean():.1f}, {steps.max()} at worst")
 
 
 def test_a_slide_that_turns_an_element_inside_out_is_done_again_in_smaller_steps():
