@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -21,11 +20,10 @@ from model_export import keys
 from model_export.exporter import export
 from sim.probe.emulated import EmulatedProbe
 from tests.image import synthetic
+from tests.waiting import wait_until
 
 LUMP = "d12h07e20f09"
 FRAMES = 40
-PATIENCE_S = 120.0
-"""For whatever must come in the end, on a machine of any speed; what comes in order never waits so long."""
 SERIALS = itertools.count(1000 * os.getpid() % 100_000_000)
 
 
@@ -120,14 +118,6 @@ def emulated(bench, public_key):
 def connect(probe: EmulatedProbe, recorder=None) -> Probe:
     """A client that finds the probe again under whatever name its port has."""
     return Probe(open_transport(probe.port), recorder, lambda: open_transport(probe.port))
-
-
-def wait_until(true, what: str) -> None:
-    """Wait for a condition, however busy the machine is."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not true():
-        assert time.monotonic() < deadline, f"never came: {what}"
-        time.sleep(0.02)
 
 
 def settled(probe: Probe) -> dict[str, int]:

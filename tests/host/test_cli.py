@@ -13,7 +13,8 @@ from host.cli import cli
 from host.cli.frame import CHAPTERS
 from host.link import emulated as notes
 from host.record.reader import Recording
-from tests.host.conftest import LUMP, PATIENCE_S, start_palpate, wait_until
+from tests.host.conftest import LUMP, start_palpate
+from tests.waiting import PATIENCE_S, wait_until
 
 COMMANDS = [name for chapter in CHAPTERS.values() for name, _, _ in chapter]
 

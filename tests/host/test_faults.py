@@ -10,7 +10,8 @@ from host.link.flash import flash
 from sim.probe.faults import Faults
 from sim.probe.frames import pack
 from sim.probe.source import lifted_record
-from tests.host.conftest import FRAMES, PATIENCE_S, connect, settled, wait_until
+from tests.host.conftest import FRAMES, connect, settled
+from tests.waiting import PATIENCE_S, wait_until
 
 RARE = 1 / 5_000
 """Per byte: one frame in eight is hit."""

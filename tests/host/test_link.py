@@ -24,7 +24,8 @@ from host.link.probe import Probe
 from host.link.transport import FdTransport, open_transport
 from model_export.exporter import export
 from sim.probe.faults import Faults
-from tests.host.conftest import FRAMES, PATIENCE_S, connect, settled, wait_until
+from tests.host.conftest import FRAMES, connect, settled
+from tests.waiting import PATIENCE_S, wait_until
 
 RUNTIMES = [("cpython", "pty"), ("micropython", "pty"), ("micropython", "tcp:127.0.0.1:0")]
 

@@ -20,7 +20,8 @@ from host.record.session import recorded
 from host.record.writer import RecordingWriter
 from sim.probe import frames
 from tests.host import wires
-from tests.host.conftest import PATIENCE_S, connect
+from tests.host.conftest import connect
+from tests.waiting import PATIENCE_S
 
 NOISE_COUNTS = 3.0
 COUNT_KPA = 25 / 4095

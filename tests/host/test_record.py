@@ -21,7 +21,8 @@ from host.record.convert import convert
 from host.record.reader import Recording
 from host.record.writer import RecordingWriter
 from tests.host import wires
-from tests.host.conftest import PATIENCE_S, connect, settled, start_palpate
+from tests.host.conftest import connect, settled, start_palpate
+from tests.waiting import PATIENCE_S
 
 WRITER = """
 import sys, time

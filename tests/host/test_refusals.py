@@ -11,7 +11,8 @@ from host.link.events import Estimate, Frame
 from host.link.flash import flash
 from model_export import keys
 from model_export.exporter import export
-from tests.host.conftest import FRAMES, PATIENCE_S, connect
+from tests.host.conftest import FRAMES, connect
+from tests.waiting import PATIENCE_S
 
 BAD = "its signature does not fit"
 UNWANTED = {

@@ -11,7 +11,7 @@ from playwright.sync_api import expect
 
 from host.report import write_report
 from tests.view.synthetic import Bump, SyntheticSource
-from tests.view.waiting import PATIENCE_S, settled
+from tests.view.waiting import PATIENCE_S, recording_begun, settled
 
 pytestmark = pytest.mark.browser
 
@@ -65,8 +65,7 @@ def test_the_focus_can_be_seen_on_every_control(viewer, open_page):
 
 def test_nothing_moves_by_itself_for_who_wants_less_motion(viewer, open_page):
     page = open_page(viewer(SyntheticSource([Bump()], seconds=0.5)))
-    page.keyboard.press("r")
-    expect(page.locator("#record-text")).to_contain_text("Stop")
+    recording_begun(page)
     # The red dot breathes, else this test could not fail.
     page.wait_for_function("() => document.getAnimations().length > 0")
     page.emulate_media(reduced_motion="reduce")

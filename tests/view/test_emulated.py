@@ -15,7 +15,7 @@ from host.view.read_strokes import load_strokes
 from host.view.replay import ReplaySource
 from host.view.translate import estimate as as_shown
 from host.view.words import depth_mm
-from tests.view.waiting import PATIENCE_S, eventually, noticed, see
+from tests.view.waiting import PATIENCE_S, eventually, noticed, recording_begun, see
 
 pytestmark = pytest.mark.browser
 
@@ -73,8 +73,7 @@ def test_a_stroke_appears_and_the_card_says_what_the_probe_said(probe, viewer, o
     page = open_page(running)
     expect(page.locator("#link-text")).to_have_text("Connected")
     expect(page.locator("#device")).to_contain_text("LEFTHAND")
-    page.keyboard.press("r")
-    expect(page.locator("#record-text")).to_contain_text("Stop")
+    recording_begun(page)
     see(page, '[data-step="stroke"].on')  # these strokes know no rest
     see(page, "#map-legend", "fit by the probe")
     expect(page.locator("#stroke-3")).to_be_visible()
@@ -112,8 +111,7 @@ def test_health_is_shown_and_nothing_is_lost(probe, viewer, open_page):
 def test_unplugged_it_says_so_and_plugged_in_again_it_goes_on(probe, viewer, open_page, tmp_path):
     page = open_page(viewer(LiveSource(probe.port)))
     expect(page.locator("#stroke-1")).to_be_visible()
-    page.keyboard.press("r")
-    expect(page.locator("#record-text")).to_contain_text("Stop")
+    recording_begun(page)
     begun = page.locator("#strokes [data-number]").count()
     expect(page.locator(f"#stroke-{begun + 1}")).to_be_visible()
     probe.cut_power()

@@ -12,7 +12,7 @@ from playwright.sync_api import expect
 from host.view.app import MAX_UNDRAWN
 from tests.view.conftest import free_port
 from tests.view.synthetic import Bump, SyntheticSource
-from tests.view.waiting import eventually, noticed, settled
+from tests.view.waiting import eventually, noticed, recording_begun, settled
 
 pytestmark = pytest.mark.browser
 
@@ -132,8 +132,7 @@ def test_record_and_mark_from_the_keyboard(viewer, open_page, tmp_path):
     expect(page.locator("#link-text")).to_have_text("Connected")
     page.keyboard.press("m")
     noticed(page, "Press R to record")
-    page.keyboard.press("r")
-    expect(page.locator("#record-text")).to_contain_text("Stop")
+    recording_begun(page)
     page.keyboard.press("m")
     page.locator("#text-value").fill("left side")
     page.keyboard.press("Enter")

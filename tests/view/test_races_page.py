@@ -15,7 +15,7 @@ from playwright.sync_api import expect
 from host.view.events import LinkChanged, LinkState, RecordingStopped
 from tests.view.conftest import free_port
 from tests.view.synthetic import Bump, SyntheticReplay, SyntheticSource
-from tests.view.waiting import eventually, held, noticed, settled
+from tests.view.waiting import eventually, held, noticed, recording_begun, settled
 
 pytestmark = pytest.mark.browser
 
@@ -60,8 +60,7 @@ def test_a_mark_is_asked_for_at_once_while_the_start_is_still_on_its_way(viewer,
 def test_a_mark_after_a_stop_that_is_still_on_its_way_has_no_place(viewer, open_page):
     source = SyntheticSource([LUMP], limit=0)
     running, page = opened(viewer, open_page, source)
-    page.keyboard.press("r")
-    expect(page.locator("#record-text")).to_contain_text("Stop")
+    recording_begun(page)
     with held(running, "stop-recording", done=False):
         page.keyboard.press("r")
         page.keyboard.press("m")
@@ -125,8 +124,7 @@ def test_a_start_that_failed_is_tried_again_by_the_next_press(viewer, open_page)
 def test_a_recording_that_ended_by_itself_while_a_mark_was_written_can_be_begun_again(viewer, open_page):
     source = SyntheticSource([LUMP], limit=0)
     running, page = opened(viewer, open_page, source)
-    page.keyboard.press("r")
-    expect(page.locator("#record-text")).to_contain_text("Stop")
+    recording_begun(page)
     page.keyboard.press("m")
     source.recording = False
     running.session.on_event(RecordingStopped("The recording has stopped: the disk is full."))
@@ -142,8 +140,7 @@ def test_two_marks_in_one_breath_keep_their_texts(viewer, open_page):
     """The second dialog opens before the browser has told that the first was closed."""
     source = SyntheticSource([LUMP], limit=0)
     _, page = opened(viewer, open_page, source)
-    page.keyboard.press("r")
-    expect(page.locator("#record-text")).to_contain_text("Stop")
+    recording_begun(page)
     page.keyboard.press("m")
     page.keyboard.type("one")
     page.evaluate("""() => {

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 
 from host.view.serve import Viewer
+from tests.waiting import wait_until
 
 PATIENCE_S = 60.0
 
@@ -36,12 +37,14 @@ _SEE = """([selector, text, patience_ms]) => new Promise((found, late) => {
 })"""
 
 
-def eventually(holds: Callable[[], bool], what: Callable[[], object] = lambda: "") -> None:
-    """Wait until something holds outside the page; `what` says how it stands if it never does."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not holds():
-        assert time.monotonic() < deadline, what()
-        time.sleep(0.02)
+eventually = partial(wait_until, patience_s=PATIENCE_S)
+"""Wait until something holds outside the page."""
+
+
+def recording_begun(page: Page) -> None:
+    """Press R; the page says that it records."""
+    page.keyboard.press("r")
+    expect(page.locator("#record-text")).to_contain_text("Stop")
 
 
 def see(page: Page, selector: str, text: str = "") -> None:
