@@ -17,7 +17,7 @@ from host.errors import UsageError
 from host.gaussian import fit_gaussian
 from host.real_maps import RealMap, real_map, real_strain_force
 from host.regression.strain import Placed, StrainForce, fit_strain_force, place_among, scale_from
-from sim.tissue import Case, load_curve
+from sim.tissue import LIKE_FAT, Case, load_curve
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 FORCES = (0.2, 0.4, 0.6, 0.8, 1.0)
 REFERENCE = Case.from_code("d10h08e10f10")
 STIFFNESSES = (1.0, 2.0, 5.0, 10.0, 50.0, 1000.0)
-_LIKE_FAT = 1.0001
-"""A lump as stiff as fat; exactly 1 would be no lump at all, and the gland would go on in its place."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +120,7 @@ def placed_curves(curves: Sequence[StrainForce]) -> list[tuple[StrainForce, Plac
 @lru_cache(maxsize=1)
 def simulated_curves() -> dict[float, StrainForce]:
     """E -> curve of the reference lump with that stiffness; some seconds, once."""
-    return {E: pressed(replace(REFERENCE, E_ratio=max(E, _LIKE_FAT)), f"E = {E:g}") for E in STIFFNESSES}
+    return {E: pressed(replace(REFERENCE, E_ratio=max(E, LIKE_FAT)), f"E = {E:g}") for E in STIFFNESSES}
 
 
 def pressed(case: Case, label: str) -> StrainForce:

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from model_export.nested import Run, Step, order
+from model_export.nested import Close, Run, Step, order
 from model_export.rounding import Rounding
 from model_export.schema import Term
 from model_export.words import ROOM, Floats, Row, Words
@@ -133,10 +133,8 @@ def _sizes(steps: list[Step], row: Row) -> dict[Term, float]:
         terms = step.terms
         size = np.abs(row.coefficients[at : at + len(terms)]).sum()
         at += len(terms)
-        if isinstance(step, Run):
-            sizes[step.branch] = sizes.get(step.branch, 0.0) + size
-        else:
-            sizes[step.branch] = sizes.get(step.branch, 0.0) + size
+        sizes[step.branch] = sizes.get(step.branch, 0.0) + size
+        if isinstance(step, Close):
             outer = step.branch[:-1]
             sizes[outer] = sizes.get(outer, 0.0) + sizes[step.branch]
     return sizes

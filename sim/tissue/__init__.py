@@ -12,7 +12,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from sim.tissue.case import FORCE_UNIT_N_PER_M, THESIS_CODES, Case
+from sim.tissue.case import FORCE_UNIT_N_PER_M, LIKE_FAT, THESIS_CODES, Case
 from sim.tissue.errors import CaseError, StrokeError, TissueError
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ _HOMES = {
 
 __all__ = [
     "FORCE_UNIT_N_PER_M",
+    "LIKE_FAT",
     "SENSORS_MM",
     "SOLVER_VERSION",
     "THESIS_CODES",

@@ -19,6 +19,9 @@ NONLINEAR_E_RATIO = 1.0
 NONLINEAR_STIFFENING = 900.0
 """The nonlinear lump of `eNL`: at rest as soft as fat, over E = 10 under the probe (docs/physics.md)."""
 
+LIKE_FAT = 1.0001
+"""E of a lump as stiff as fat; exactly 1 would be no lump at all, and the gland would go on in its place."""
+
 _CODE = re.compile(r"d([^dhef_]+)h([^dhef_]+)e([^dhef_]+)f([^dhef_]+)((?:_[A-Za-z]+[^_]+)*)")
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 _TENTHS = {"h", "f"}

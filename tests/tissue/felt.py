@@ -8,10 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.tissue import Case, load_curve
+from sim.tissue import LIKE_FAT, Case, load_curve
 
-LIKE_FAT = 1.0001
-"""A lump as stiff as fat; exactly 1 would be no lump at all, and the gland would go on in its place."""
 STIFFNESSES = (LIKE_FAT, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 14.0, 20.0, 50.0, 1000.0)
 
 
