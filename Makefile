@@ -5,10 +5,16 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 export PYTHONUNBUFFERED = 1
 
-.PHONY: setup demo test test-long lint format bench docs clean
+.PHONY: setup dev wheel demo test test-long lint format bench docs clean
 
 setup: ## the environment in .venv/
 	@.ci/setup
+
+dev: ## and what developing takes
+	@.ci/setup dev
+
+wheel: setup ## a wheel in dist/ that is whole: firmware, runtime, page, font and model inside
+	$(PY) -m pip wheel -q --no-build-isolation --no-deps -w dist .
 
 demo: setup ## tissue, fit, export, flash, stroke, estimate: the whole chain
 	@.venv/bin/palpate demo
@@ -22,13 +28,14 @@ test-long: ## the campaigns: 2000 random strokes, fuzzing, power cuts
 	@.ci/setup bench
 	$(PY) -m pytest -n 2 --dist loadfile -m long -rP --timeout 7200
 
-lint: setup ## format, style and types
+lint: dev ## format, style, types, declared dependencies
 	$(PY) -m ruff format --check .
 	$(PY) -m ruff check .
-	$(PY) -m mypy
+	@.ci/lint-types
 	@.ci/lint-firmware
+	$(PY) -m deptry host sim model_export firmware_py tests docs
 
-format: setup
+format: dev
 	$(PY) -m ruff check --fix .
 	$(PY) -m ruff format .
 
@@ -37,8 +44,9 @@ bench: ## speed and memory, beside the tools people would pick instead
 	@.ci/setup bench
 	$(PY) -m tests.benchmarks
 
-docs: setup ## the documentation as a site, in site/
+docs: dev ## the documentation as a site, in site/
+	@.ci/links
 	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --strict -q
 
 clean:
-	rm -rf .venv build dist site out sim/probe/wasm/node_modules *.egg-info
+	rm -rf .venv .links build dist site out sim/probe/wasm/node_modules host/view/fonts/node_modules *.egg-info

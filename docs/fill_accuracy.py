@@ -1,4 +1,4 @@
-"""Write the tables and figures of docs/accuracy.md anew: `python docs/fill_accuracy.py THESIS_DIR FIELD_DIR`.
+"""Rewrite the tables and figures of docs/accuracy.md: `python docs/fill_accuracy.py THESIS_DIR FIELD_DIR`.
 
 Every block between `<!-- begin NAME -->` and `<!-- end NAME -->` is replaced by what the command named in
 the text above it prints; the words round the blocks are written by hand. Names after the two directories
@@ -15,16 +15,16 @@ from pathlib import Path
 
 from rich.table import Table
 
-from host.regression.field.bench import Bench
-from host.regression.field.data import of_the_command, prepare
-from host.regression.field.fit import fit_field
-from host.regression.field.result import FieldFit
-from host.regression.field.study import STUDIES, study_table
-from host.regression.field.tissues import TISSUE_STUDY
-from host.regression.runs import features_table, read_strokes
-from host.regression.thesis import ThesisFit, fit_thesis
-from host.regression.watch import Lines, Watch
-from host.report.study_figures import save_study_figure
+from palpate.regression.field.bench import Bench
+from palpate.regression.field.data import of_the_command, prepare
+from palpate.regression.field.fit import fit_field
+from palpate.regression.field.result import FieldFit
+from palpate.regression.field.study import STUDIES, study_table
+from palpate.regression.field.tissues import TISSUE_STUDY
+from palpate.regression.progress import ProgressCallback, ProgressLines
+from palpate.regression.runs import features_table, read_strokes
+from palpate.regression.thesis.fit import ThesisFit, fit_thesis
+from palpate.report.study_figures import save_study_figure
 
 DOCS = Path(__file__).parent
 PAGE = DOCS / "accuracy.md"
@@ -50,7 +50,7 @@ def _on_one_line(what: str, done: int, total: int) -> None:
     print(f"\r{what}: {done} of {total}".ljust(60), end="\n" if done == total else "", flush=True)
 
 
-tell: Watch = _on_one_line if sys.stdout.isatty() else Lines(partial(print, flush=True))
+tell: ProgressCallback = _on_one_line if sys.stdout.isatty() else ProgressLines(partial(print, flush=True))
 """Progress: on one line of a terminal, in a file or pipe a line now and then."""
 
 
@@ -60,15 +60,15 @@ class Numbers:
     def __init__(self, thesis_dir: str, field_dir: str) -> None:
         self.thesis_dir, self.field_dir = thesis_dir, Path(field_dir)
         self.thesis = lru_cache(self._thesis)
-        self.strokes = lru_cache(lambda: prepare(self.field_dir, watch=tell))
+        self.strokes = lru_cache(lambda: prepare(self.field_dir, progress=tell))
         self.field = lru_cache(self._field)
-        self.bench = lru_cache(lambda: Bench(self.strokes(), directory=self.field_dir, watch=tell))
+        self.bench = lru_cache(lambda: Bench(self.strokes(), directory=self.field_dir, progress=tell))
 
     def _thesis(self) -> ThesisFit:
         return fit_thesis(features_table(read_strokes(self.thesis_dir)))
 
     def _field(self) -> FieldFit:
-        return fit_field(self.strokes(), watch=tell)
+        return fit_field(self.strokes(), progress=tell)
 
     def blocks(self) -> dict[str, Callable[[], str]]:
         """Name of a block -> what writes it."""
@@ -97,8 +97,8 @@ class Numbers:
         return "**The tables below are not of these lumps** but of other seeds."
 
     def _tissue_fit(self) -> str:
-        strokes = prepare(self.field_dir / "soft-fat", 512, tissue={"fat_kPa": 7.0}, watch=tell)
-        return of_rich(fit_field(strokes, levels=(), recipes=(), watch=tell).tables()[0])
+        strokes = prepare(self.field_dir / "soft-fat", 512, tissue={"fat_kPa": 7.0}, progress=tell)
+        return of_rich(fit_field(strokes, levels=(), recipes=(), progress=tell).tables()[0])
 
     def _study(self, name: str) -> str:
         study = STUDIES.get(name, TISSUE_STUDY)

@@ -7,21 +7,23 @@ may move either way from wherever it starts. Lengths in micrometres.
 
 from array import array
 
-from firmware_py import calib, status
+from firmware_py import geometry, memory, status
 
-BINS = 64
+BINS = memory.BINS
 WIDTH_UM = 1500
-LONGEST_UM = 250000  # a longer way times 2^12 would leave the integer range
-IGNORED = 1  # the frame's bin is full (the probe stands still): nothing is lost by leaving it out
+LONGEST_UM = 250000  # a longer distance times 2^12 would leave the integer range
+IGNORED = 1  # the frame's bin is full (the probe stands still): leaving it out loses nothing
 BEYOND = 2  # the frame lies further from the others than the ring reaches
 
+_CELLS = geometry.CELLS
+_FRAME_BYTES = geometry.FRAME_BYTES
 _FAR = 0x20000000
 _DEEP = 0x20000
 
 
 def put_cells(packed, at, cells, base):
-    """Unpack 416 counts of 12 bits from `packed[at:]` into `cells[base:]`."""
-    end = at + 624
+    """Unpack a frame's counts of 12 bits from `packed[at:]` into `cells[base:]`."""
+    end = at + _FRAME_BYTES
     while at < end:
         b = packed[at + 1]
         cells[base] = packed[at] | (b & 15) << 8
@@ -31,8 +33,8 @@ def put_cells(packed, at, cells, base):
 
 
 def add_cells(packed, at, cells, base):
-    """Unpack 416 counts of 12 bits from `packed[at:]` and add them to `cells[base:]`."""
-    end = at + 624
+    """Unpack a frame's counts of 12 bits from `packed[at:]` and add them to `cells[base:]`."""
+    end = at + _FRAME_BYTES
     while at < end:
         b = packed[at + 1]
         cells[base] += packed[at] | (b & 15) << 8
@@ -122,9 +124,7 @@ class Bins(Places):
 
     def __init__(self, bins=BINS, width_um=WIDTH_UM):
         Places.__init__(self, bins, width_um)
-        n = calib.CELLS * bins
-        # from a range, the array is the only thing allocated; what is in it is written over before it is read
-        self.cells = array("H", range(n)) if n < 65536 else array("H", bytes(2 * n))
+        self.cells = memory.cells(_CELLS * bins)
 
     def add(self, packed, at, position_um, displacement_um):
         """Add one frame; OK, IGNORED, BEYOND or BAD_VALUE. Allocates nothing."""
@@ -132,7 +132,7 @@ class Bins(Places):
         if k < 0:
             return self.why
         if self.count[k] == 1:
-            put_cells(packed, at, self.cells, k * 416)
+            put_cells(packed, at, self.cells, k * _CELLS)
         else:
-            add_cells(packed, at, self.cells, k * 416)
+            add_cells(packed, at, self.cells, k * _CELLS)
         return status.OK

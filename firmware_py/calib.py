@@ -6,18 +6,17 @@ count) turns it into a pressure at the very end.
 
 from array import array
 
-from firmware_py import status
+from firmware_py import geometry, status
 
-ROWS = 16  # along the stroke
-COLS = 26  # across it
-CELLS = ROWS * COLS
-FRAME_BYTES = CELLS * 3 // 2
-PITCH_UM = 1500
+ROWS = geometry.ROWS
+COLS = geometry.COLUMNS
+CELLS = geometry.CELLS
+FRAME_BYTES = geometry.FRAME_BYTES
 UNIT_GAIN = 8192  # gain 1 in Q13
 BIAS = 4096  # added to a calibrated cell, so that noise below zero survives in 16 bits
-COUNT_MPA = 6105  # 25 kPa over 4095 counts
-PEDESTAL = 655  # .5 kPa in eighths of a count
-BLOB_BYTES = 8 + 4 * CELLS + CELLS // 8
+COUNT_MPA = geometry.COUNT_MPA
+PEDESTAL = geometry.PEDESTAL_PA * 8 * geometry.FULL_COUNT // geometry.FULL_SCALE_PA  # eighths of a count
+BLOB_BYTES = 8 + 4 * CELLS + geometry.MASK_BYTES
 
 _VERSION = 1
 
@@ -25,18 +24,20 @@ _VERSION = 1
 def calibrate_bins(cells, slot, n, counts, offset, gain, fill, fills, rows, total):
     """Turn the raw sums of n bins into calibrated means, in place, and fill their dead cells.
 
-    A cell becomes its pressure in 1/8 count, BIAS added, held in 16 bits. rows[16 k + i] becomes the mean
+    A cell becomes its pressure in 1/8 count, BIAS added, held in 16 bits. rows[ROWS k + i] becomes the mean
     over all columns of row i in the k-th bin, Q5 counts, before that rounding; total[k] their sum.
     """
+    rows_ = ROWS
+    columns = COLS
     for k in range(n):
-        base = slot[k] * 416
+        base = slot[k] * CELLS
         count = counts[slot[k]]
         i = 0
-        at = 16 * k
-        end = at + 16
+        at = rows_ * k
+        end = at + rows_
         while at < end:
             s = 0
-            e = i + 26
+            e = i + columns
             while i < e:
                 # times 8, not shifted: an unsigned number shifted would stay unsigned once compiled
                 v = (cells[base + i] * 8 // count - offset[i]) * gain[i] >> 9
@@ -55,11 +56,11 @@ def calibrate_bins(cells, slot, n, counts, offset, gain, fill, fills, rows, tota
         while i < fills:
             v = (cells[base + fill[i + 1]] + cells[base + fill[i + 2]]) >> 1
             cells[base + fill[i]] = v
-            rows[16 * k + fill[i] // 26] += (v - 4096) << 4
+            rows[rows_ * k + fill[i] // columns] += (v - 4096) << 4
             i += 3
         s = 0
-        for at in range(16 * k, end):
-            v = rows[at] // 104
+        for at in range(rows_ * k, end):
+            v = rows[at] // (4 * columns)
             if v > 131071:
                 v = 131071
             elif v < -131071:
@@ -75,26 +76,26 @@ def plan_fill(dead, fill):
     The sources are the nearest live cells of the same row on either side, else of the same column.
     """
     n = 0
-    for i in range(416):
+    for i in range(CELLS):
         if not (dead[i >> 3] >> (i & 7)) & 1:
             continue
-        col = i % 26
+        col = i % COLS
         a = -1
         b = -1
         k = 1
-        while k < 26 and (a < 0 or b < 0):
+        while k < COLS and (a < 0 or b < 0):
             if a < 0 and col - k >= 0 and not (dead[(i - k) >> 3] >> ((i - k) & 7)) & 1:
                 a = i - k
-            if b < 0 and col + k < 26 and not (dead[(i + k) >> 3] >> ((i + k) & 7)) & 1:
+            if b < 0 and col + k < COLS and not (dead[(i + k) >> 3] >> ((i + k) & 7)) & 1:
                 b = i + k
             k += 1
-        k = 26
-        while k < 416 and a < 0 and b < 0:
+        k = COLS
+        while k < CELLS and a < 0 and b < 0:
             if i - k >= 0 and not (dead[(i - k) >> 3] >> ((i - k) & 7)) & 1:
                 a = i - k
-            if i + k < 416 and not (dead[(i + k) >> 3] >> ((i + k) & 7)) & 1:
+            if i + k < CELLS and not (dead[(i + k) >> 3] >> ((i + k) & 7)) & 1:
                 b = i + k
-            k += 26
+            k += COLS
         if a < 0:
             a = b
         if b < 0:
@@ -108,7 +109,7 @@ def plan_fill(dead, fill):
 
 
 class Calibration:
-    """What turns counts into pressure: `offset` (1/8 count), `gain` (Q13), `dead` (one bit a cell)."""
+    """Turns counts into pressure: `offset` (1/8 count), `gain` (Q13), `dead` (one bit a cell)."""
 
     def __init__(self, count_mpa=COUNT_MPA):
         self.count_mpa = count_mpa
@@ -117,12 +118,12 @@ class Calibration:
         for i in range(CELLS):
             self.offset[i] = PEDESTAL
             self.gain[i] = UNIT_GAIN
-        self.dead = bytearray(CELLS // 8)
+        self.dead = bytearray(geometry.MASK_BYTES)
         self.fill = array("H", bytes(6))
         self.fills = 0
 
     def set_dead(self, cells):
-        """Name dead cells (an iterable of cell indices) and plan their filling; it cannot be taken back."""
+        """Mark dead cells (an iterable of cell indices) and plan their filling; this cannot be undone."""
         for i in cells:
             self.dead[i >> 3] |= 1 << (i & 7)
         self._plan()
@@ -137,7 +138,7 @@ class Calibration:
         self.fills = plan_fill(self.dead, self.fill)
 
     def zero(self, total, count):
-        """Take offsets from `count` unloaded frames whose raw sums are in `total`; dead is what never moves.
+        """Take offsets from `count` unloaded frames whose raw sums are in `total`; what never moves is dead.
 
         A cell at either rail has no offset and is marked dead.
         """
@@ -168,7 +169,7 @@ class Calibration:
         return bytes(out)
 
     def load(self, blob):
-        """Take over a calibration written by `to_bytes`; returns a status and changes nothing on failure."""
+        """Load a calibration written by `to_bytes`; returns a status and changes nothing on failure."""
         if len(blob) != BLOB_BYTES:
             return status.BAD_LENGTH
         if blob[0] != 0x43 or blob[1] != _VERSION:
@@ -188,7 +189,7 @@ class Calibration:
             for i in range(CELLS):
                 values[i] = blob[p] | blob[p + 1] << 8
                 p += 2
-        for i in range(CELLS // 8):
+        for i in range(geometry.MASK_BYTES):
             self.dead[i] = blob[p + i]
         self._plan()
         return status.OK

@@ -2,9 +2,11 @@
 
 from array import array
 
-from firmware_py import calib, messages, status
+from firmware_py import calib, geometry, messages, status
 
-_CELLS = calib.CELLS
+_CELLS = geometry.CELLS
+_FULL_SCALE = geometry.FULL_COUNT * 8
+_MOST_DEAD = _CELLS // 4  # so many at once are no broken cells: nothing presses, or no cable is plugged in
 _MOST_DIFFERENCE = 1000  # counts between two frames; more is a blow to the probe, not noise
 
 
@@ -26,7 +28,7 @@ def add_frame(packed, total, before, first):
     """
     squares = 0
     at = 0
-    for i in range(0, 416, 2):
+    for i in range(0, _CELLS, 2):
         b = packed[at + 1]
         v = packed[at] | (b & 15) << 8
         w = b >> 4 | packed[at + 2] << 4
@@ -63,7 +65,7 @@ class Calibrator:
         self._squares = 0
 
     def take(self, packed):
-        """Take one frame (624 bytes); True when there are enough."""
+        """Take one frame (geometry.FRAME_BYTES); True when there are enough."""
         squares = add_frame(packed, self._total, self._before, self.taken == 0)
         self._squares += squares // _CELLS
         self.taken += 1
@@ -83,26 +85,28 @@ class Calibrator:
         return square_root(mean) * 31623 // 1000
 
     def finish(self):
-        """Change the calibration by what was taken; return a status."""
+        """Update the calibration from the frames taken; return a status."""
         c = self.calibration
         if self.kind == messages.CALIBRATE_ZERO:
+            before = dead_cells(c)
             c.set_dead(())
             c.zero(self._total, self.taken)
-            return status.OK
+            return status.OK if dead_cells(c) - before < _MOST_DEAD else status.BAD_CALIBRATION
         dead = [i for i in range(_CELLS) if c.dead[i >> 3] >> (i & 7) & 1]
         expected = self.pressure_pa * 1000 // c.count_mpa * 8
-        if expected < 800:
+        if expected < 800 or expected > _FULL_SCALE:
             return status.BAD_VALUE
+        before = len(dead)
         for i in range(_CELLS):
             felt = (self._total[i] << 3) // self.taken - c.offset[i]
-            # a cell that feels under a quarter, or over four times, of what presses on it is broken
+            # a cell that reads under a quarter, or over four times, of the applied pressure is broken
             if felt * 4 <= expected or felt >= expected * 4:
                 if i not in dead:
                     dead.append(i)
             else:
                 c.gain[i] = min(expected * calib.UNIT_GAIN // felt, 32767)
         c.set_dead(dead)
-        return status.OK
+        return status.OK if len(dead) - before < _MOST_DEAD else status.BAD_CALIBRATION
 
 
 def dead_cells(calibration):

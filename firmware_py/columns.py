@@ -1,23 +1,23 @@
-"""Which columns see the lump: all of them for one that runs right across, about six for a ball.
+"""Which columns see the lump: all of them if it runs right across, about six for a ball.
 
 Each column's tactile map is compared with the bump found in their mean. Columns are used from the
 best one outwards for as long as they show at least half of it; unless the bump stands out from the
 columns' own scatter, and is clearly smaller elsewhere, all are used.
 """
 
-from firmware_py import fixed
+from firmware_py import fixed, geometry
 
 _exp = fixed.exp
 
-COLS = 26
-CLEAR = 6  # the best column must stand this many times the scatter above the columns that see nothing
-NEARLY_ALL = 22
+COLS = geometry.COLUMNS
+CLEAR = 6  # the best column must rise this many times the scatter above the columns that see nothing
+NEARLY_ALL = COLS * 11 // 13
 
 
 def respond(maps, points, centre, stdev, answer, bump):
     """Each column's amplitude of the bump (centre and stdev in Q16 mm): answer[c] in Q3 counts.
 
-    maps: points x 26, Q7 counts; bump: working space for `points` numbers. Returns 0 if the bump is flat.
+    maps: points x COLS, Q7 counts; bump: working space for `points` numbers. Returns 0 if the bump is flat.
     """
     wide = stdev >> 4
     s = 0
@@ -33,21 +33,21 @@ def respond(maps, points, centre, stdev, answer, bump):
     if norm < 4096:
         return 0
     norm >>= 10
-    for c in range(26):
+    for c in range(COLS):
         s = 0
         j = c
         for i in range(points):
             s += bump[i] * (maps[j] >> 4)
-            j += 26
+            j += COLS
         answer[c] = s // norm
     return 1
 
 
 def smooth(answer, half, out):
     """Running mean of 2 half + 1 columns, fewer at the edges."""
-    for c in range(26):
+    for c in range(COLS):
         a = c - half if c > half else 0
-        b = c + half + 1 if c + half < 26 else 26
+        b = c + half + 1 if c + half < COLS else COLS
         s = 0
         for k in range(a, b):
             s += answer[k]
@@ -61,11 +61,11 @@ def scatter(answer):
     while high - low > 1:
         mid = (low + high) >> 1
         n = 0
-        for c in range(1, 25):
+        for c in range(1, COLS - 1):
             v = answer[c - 1] + answer[c + 1] - 2 * answer[c]
             if -mid < v < mid:
                 n += 1
-        if n >= 12:
+        if n >= COLS // 2 - 1:
             high = mid
         else:
             low = mid
@@ -76,10 +76,10 @@ def scatter(answer):
 def choose(answer, out, span):
     """Set span[0], span[1] to the first column used and the one after the last; returns the best column."""
     span[0] = 0
-    span[1] = 26
+    span[1] = COLS
     smooth(answer, 1, out)
     best = 0
-    for c in range(26):
+    for c in range(COLS):
         if out[c] > out[best]:
             best = c
     peak = out[best]
@@ -92,14 +92,14 @@ def choose(answer, out, span):
     while a > 0 and out[a - 1] >= half:
         a -= 1
     b = best + 1
-    while b < 26 and out[b] >= half:
+    while b < COLS and out[b] >= half:
         b += 1
     if b - a >= NEARLY_ALL:
         return best
     # elsewhere, the mean must be clearly below half of the peak too
     s = 0
     n = 0
-    for c in range(26):
+    for c in range(COLS):
         if c < a - 2 or c >= b + 2:
             s += answer[c]
             n += 1

@@ -6,6 +6,14 @@ REMEMBERED = 4
 UNKNOWN = 0xFF
 
 
+def _small(fields):
+    """True if every number stays within the wire's +-2**30."""
+    for value in fields:
+        if isinstance(value, int) and not -messages.WRAP < value < messages.WRAP:
+            return False
+    return True
+
+
 class Commands:
     """Dispatches commands to `handlers`: type -> function(fields) -> (status, values, tail) or None.
 
@@ -23,7 +31,7 @@ class Commands:
         self._pending = None  # (type, id, key) of the command that will be answered later
 
     def forget(self):
-        """Empty the memory of answers (a new host has come); what was pending is answered to nobody."""
+        """Forget all answers (a new host has come); a pending command is left unanswered."""
         for i in range(REMEMBERED):
             self._keys[i] = b""
         self._pending = None
@@ -37,7 +45,7 @@ class Commands:
         if length < 3:
             self._send(UNKNOWN, 0, status.BAD_LENGTH, (), b"")
             return
-        # type, id, last and first bytes, and CRC tell a repetition from an id that came round again
+        # type, id, last and first bytes, and CRC tell a repetition from an id that is used again
         key = bytes(packet[: length + 4])
         for i in range(REMEMBERED):
             if self._keys[i] == key:
@@ -59,6 +67,10 @@ class Commands:
             return
         if kind == messages.TYPE["identify"]:
             self.forget()
+        elif not _small(fields):
+            # a number that a 32-bit interpreter cannot hold in a word says nothing that we could do
+            self._answer(kind, number, key, (status.BAD_VALUE, (), b""))
+            return
         answer = handler(fields)
         if answer is None:
             self._pending = (kind, number, key)

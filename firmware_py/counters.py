@@ -12,7 +12,7 @@ FRAMES_SENT = 2
 FRAMES_DROPPED = 3
 FRAMES_OVERRUN = 4
 MESSAGES_SENT = 5
-EVENTS_RESENT = 6
+RESULTS_RESENT = 6
 COMMANDS = 7
 COMMANDS_DUPLICATE = 8
 COMMANDS_REFUSED = 9
@@ -25,7 +25,11 @@ STROKES = 15
 ESTIMATES = 16
 FREE_BYTES = 17
 EVENTS_DROPPED = 18
-RESULTS_REPLACED = 19
+ESTIMATES_ACKNOWLEDGED = 19
+ESTIMATES_GIVEN_UP = 20
+ESTIMATES_WAITING = 21
+MAPS_GIVEN_UP = 22
+LEASES_EXPIRED = 23
 
 
 def fresh():
@@ -34,7 +38,7 @@ def fresh():
 
 
 def add(counters, which, n):
-    """Count n more, without allocating."""
+    """Add n, without allocating."""
     counters[which] = (counters[which] + n) & MASK
 
 

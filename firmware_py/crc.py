@@ -1,6 +1,6 @@
 """CRC-32 (IEEE 802.3, the one of zlib) over caller-owned buffers, without a single 32-bit number.
 
-A 32-bit integer is an allocation on a 32-bit MicroPython, so the register is kept as two halves of 16 bits
+A 32-bit integer is a heap allocation on a 32-bit MicroPython, so the register is two halves of 16 bits
 and the checksum is written as four bytes, least significant first. `binascii.crc32` gives the same bytes
 but returns a number that a locked heap refuses three times in four; only CPython uses it.
 """
@@ -52,7 +52,7 @@ def append_plain(buffer, n):
 
 
 def check_plain(buffer, n):
-    """True if the last four of buffer[:n] are the CRC-32 of what stands before them."""
+    """True if the last four bytes of buffer[:n] are the CRC-32 of the rest."""
     if n < SIZE:
         return False
     lo = 0xFFFF

@@ -2,9 +2,20 @@
 
 from array import array
 
-from firmware_py import calib, calibrate, evaluator, features, forcemap, messages, pipeline, record, status
+from firmware_py import (
+    calib,
+    calibrate,
+    evaluator,
+    features,
+    forcemap,
+    messages,
+    outputs,
+    pipeline,
+    safe_record,
+    status,
+)
 
-_VALUES = 3 * evaluator.OUTPUTS
+_VALUES = outputs.VALUES
 _FIRST_MM = -(pipeline.HALF_UM // 1000)
 
 
@@ -20,8 +31,21 @@ def _pipeline(calibration, columns):
     return rowpipeline.RowPipeline(calibration, columns[0], columns[1])
 
 
+def answer(code, model, found, out):
+    """What the probe says of a stroke, and a replay must: status, flags, level, distance (permille), values.
+
+    code: the pipeline's status, or why there is no model; model: model_image.Model, or None; found: the
+    features; out: working space of evaluator.OUT_SIZE numbers.
+    """
+    if model is None or code != status.OK and code != status.NO_FIT:
+        return code, outputs.INVALID, 0, 0, out[:0]
+    code = model.evaluate(found, out)
+    distance = min(out[evaluator.DISTANCE], 0xFFFF)
+    return code, out[evaluator.FLAGS], out[evaluator.LEVEL], distance, out[:_VALUES]
+
+
 class Estimator:
-    """What the probe knows: its calibration and its models.
+    """Calibration and models of the probe.
 
     Parameters
     store: see firmware_py/store.py
@@ -31,9 +55,14 @@ class Estimator:
 
     def __init__(self, store, flash=None, columns=None):
         self.calibration = calib.Calibration()
-        self._record = record.Record(store, "cal")
-        stored = self._record.load()
-        self.calibration_status = self.calibration.load(stored) if stored else status.OK
+        self._record = safe_record.Record(store, "cal")
+        stored = self._record.restore()
+        # OK, REPAIRED, or why the cells' nominal values stand in for what was calibrated
+        self.calibration_status = self._record.state
+        if stored:
+            code = self.calibration.load(stored)
+            if code != status.OK:
+                self.calibration_status = code
         self._fixed = columns is not None
         self.pipeline = _pipeline(self.calibration, columns)
         self.flash = flash
@@ -56,12 +85,37 @@ class Estimator:
         """The live model's 8 bytes, or zeros."""
         return self.model.model_id if self.model else bytes(8)
 
+    def damage(self):
+        """What was found damaged in the store, as bits messages.DAMAGED_...; in every answer and estimate."""
+        bits = 0
+        found = self.flash.slots.health if self.flash else status.OK
+        if self.calibration_lost():
+            bits |= messages.DAMAGED_CALIBRATION
+        if found == status.ROTTEN:
+            bits |= messages.DAMAGED_MODEL
+        if found == status.TRIAL_HUNG:
+            bits |= messages.TRIAL_HUNG
+        if status.REPAIRED in (found, self.calibration_status):
+            bits |= messages.DAMAGE_REPAIRED
+        return bits
+
     def describe(self):
         """For identify: capabilities, version of the features, the model's status and id."""
         can = messages.CAN_CALIBRATE | (messages.CAN_FLASH if self.flash else 0)
         if self._fixed:
             can |= messages.FIXED_COLUMNS
         return can, features.FEATURES_VERSION, self.model_status, self.model_id()
+
+    def calibration_lost(self):
+        """True where a calibration was kept and cannot be read any more."""
+        return self.calibration_status not in (status.OK, status.REPAIRED)
+
+    def health(self):
+        """OK, or the worst that was found in the store at the start (status.py)."""
+        found = self.flash.slots.health if self.flash else status.OK
+        if self.calibration_lost():
+            return self.calibration_status
+        return found if found != status.OK else self.calibration_status
 
     def zero_counts(self):
         """Sum of all cells' zeros, in counts."""
@@ -80,8 +134,8 @@ class Estimator:
         """Add one frame of the stroke. Allocates nothing."""
         return self.pipeline.add_frame(counts, position_um, displacement_um)
 
-    def finish(self, results, result, place):
-        """Work out the stroke and put its map, features and estimate into `result`.
+    def finish(self, results, place):
+        """Evaluate the stroke: put its map, features and estimate into `results`.
 
         place: frames, first_seq, last_seq, overrun, time_us of the stroke.
         """
@@ -89,23 +143,16 @@ class Estimator:
         code = p.finish(self._force_map)
         fit = p.fit
         results.put(
-            result,
             0,
-            (result.stroke, code, p.span[0], p.span[1], pipeline.POINTS, _FIRST_MM, p.place_um)
+            (code, p.span[0], p.span[1], pipeline.POINTS, _FIRST_MM, p.place_um)
             + (self.calibration.count_mpa, fit[0], fit[1], fit[2], fit[3]),
             p.map,
         )
-        results.put(result, 1, (result.stroke, code, features.FEATURES_VERSION), p.features)
-        out = self._out
-        head = (messages.FLAG_INVALID, 0, 0)
-        values = out[:0]
+        results.put(1, (code, features.FEATURES_VERSION), p.features)
         if self.model is None:
             code = self.model_status
-        elif code == status.OK or code == status.NO_FIT:
-            code = self.model.evaluate(p.features, out)
-            head = (out[evaluator.FLAGS], out[evaluator.LEVEL], min(out[evaluator.DISTANCE], 0xFFFF))
-            values = out[:_VALUES]
-        results.put(result, 2, (result.stroke, code) + head + (self.model_id(),) + place, values)
+        code, flags, level, distance, values = answer(code, self.model, p.features, self._out)
+        results.put(2, (code, flags, self.damage(), level, distance, self.model_id()) + place, values)
 
     # ---- commands
 
@@ -135,13 +182,18 @@ class Estimator:
         self._calibrator = calibrate.Calibrator(fresh, kind, frames, pressure_pa)
         return None
 
-    def measure(self, counts):
-        """Take a frame for the calibration that is under way.
+    def measure(self, counts, in_contact):
+        """Take a frame for the calibration that is under way; the zero is taken in the air only.
 
         The command's answer when it is done, or None.
         """
         c = self._calibrator
-        if c is None or not c.take(counts):
+        if c is None:
+            return None
+        if in_contact and c.kind == messages.CALIBRATE_ZERO:
+            self._calibrator = None
+            return status.IN_CONTACT, (), b""
+        if not c.take(counts):
             return None
         self._calibrator = None
         code = c.finish()
@@ -155,12 +207,14 @@ class Estimator:
         if code != status.OK:
             return code, (), b""
         self.calibration.load(blob)
+        self.calibration_status = status.OK
         return status.OK, (kind, frames, calibrate.dead_cells(calibration), noise), b""
 
     def _read_back(self, fields):
         what, offset = fields
         if what == messages.READ_CALIBRATION:
             blob = self.calibration.to_bytes()
+            offset = min(offset, len(blob))
             piece = blob[offset : offset + messages.READ_PIECE]
             return status.OK, (what, offset, len(blob)), piece
         if what == messages.READ_MODEL and self.flash:

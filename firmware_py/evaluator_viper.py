@@ -15,8 +15,8 @@ from firmware_py import polynomial
 
 @micropython.viper
 def sums(
-    c: ptr16, d: ptr16, at: int, part: ptr32, high: ptr32, steps: ptr8, first: int, last: int, cut: int,
-    downs: int, work: ptr32, to: int,
+    c: ptr16, d: ptr16, at: int, part: ptr32, high: ptr32, steps: ptr8, first: int, last: int,
+    low_sum_shift: int, downs: int, work: ptr32, to: int,
 ):  # fmt: skip
     """See polynomial.sums; one output after the other, since registers are few."""
     j = 0
@@ -30,7 +30,7 @@ def sums(
             b += ((d[i] ^ 0x8000) - 0x8000) * high[steps[k]]
             i += 5
             k += 1
-        work[to + j] += (a + (b >> cut)) >> (downs & 15)
+        work[to + j] += (a + (b >> low_sum_shift)) >> (downs & 15)
         downs >>= 4
         j += 1
 

@@ -3,7 +3,7 @@
 The first six are the thesis' (as logarithms or ratios); docs/features.md gives every formula.
 """
 
-from firmware_py import fixed, profile
+from firmware_py import fixed, geometry, profile
 
 _ln = fixed.ln
 _ratio = fixed.ratio
@@ -46,9 +46,16 @@ NAMES = (
 COUNT = 30
 
 LN_COUNT_TO_KPA = -359705684  # ln(1 / (2^11 1e6)): Q11 counts of 1 mPa to kPa
-LN_SUM_TO_N_PER_M = -283128629  # ln(.0015 / (2^5 1e3)): sum of Q5 counts of 1 mPa to N/m
+_LN_PITCH = fixed.ln(geometry.PITCH_UM)
+LN_SUM_TO_N_PER_M = _LN_PITCH - 405824108  # ln(pitch / (2^5 1e9)): sum of Q5 counts of 1 mPa to N/m
 LN_DEPTH_TO_MM = -162409222  # ln(1 / 16e3)
-LN_HALF_PITCH = -4826504  # ln .75
+LN_HALF_PITCH = _LN_PITCH - 127521983  # ln(pitch / 2000)
+LESS_THAN_PITCH = 0x1000000 - ((geometry.PITCH_UM << 16) // 1000 << 7)  # 1 - half a pitch in mm
+_LN_SHARE = _ln(geometry.ROWS) - _ln(profile.MIDDLE)
+_LN_SPREAD = profile.SPREAD_SHIFT * 11629080
+_HALF = geometry.HALF_ROWS
+_OUTERMOST = profile.OUTERMOST
+_AT_8_MM, _OUTER, _WEIGHTS = geometry.between(8000)
 TENTH_PERMILLE = 1678  # 1e-4
 FLOOR = 16384  # the least base, Q11: 8 counts
 
@@ -97,7 +104,7 @@ def from_profile(q, out):
     far = far if far > 2560 else 2560
     total = _window(q, profile.TOTAL, 24, 33)
     total = total if total > 10240 else 10240
-    out[10] = _ln(far) - _ln(total) + 2 * 11629080
+    out[10] = _ln(far) - _ln(total) + _LN_SHARE
     out[12] = asinh_of(trace(q, far, 0, 2), 32)
     out[19] = trace(q, far, 3, 5)
     out[13] = trace(q, far, 7, 9)
@@ -110,21 +117,27 @@ def from_profile(q, out):
     out[29] = tilt(q, 20, 24)
 
     s = profile.AT_28
-    v = q[s + 7] if q[s + 7] > 512 else 512
-    out[3] = _ratio((5 * q[s + 2] + q[s + 3]) // 6, v)
+    v = q[s + _HALF - 1]
+    if v < 512:
+        v = 512
+    s += _AT_8_MM
+    out[3] = _ratio((_OUTER * q[s] + (_WEIGHTS - _OUTER) * q[s + 1]) // _WEIGHTS, v)
     out[24] = spread(q, 24, 33, total)
     out[25] = spread(q, 0, 2, _window(q, profile.TOTAL, 0, 2)) - out[24]
     s = profile.FAR
-    out[26] = _ratio((q[s] + q[s + 1]) << 2, total)
+    v = 0
+    for i in range(_OUTERMOST):
+        v += q[s + i]
+    out[26] = _ratio(v * _HALF // _OUTERMOST, total)
     s = profile.NEAR
     v = 1
-    for i in range(8):
+    for i in range(_HALF):
         if q[s + i] > v:
             v = q[s + i]
     total = 0
-    for i in range(8):
+    for i in range(_HALF):
         total += q[s + i]
-    out[27] = _ln(v << 3) - _ln(total if total > 1 else 1)
+    out[27] = _ln(v * _HALF) - _ln(total if total > 1 else 1)
 
 
 def dip(q, far, low, high):
@@ -143,7 +156,7 @@ def tilt(q, low, high):
     """Centre of pressure in mm over low..high mm, positive away from the lump."""
     total = _window(q, profile.TOTAL, low, high)
     r = _ratio(_window(q, profile.TILT, low, high), total if total > 1024 else 1024)
-    return r - (r >> 2)
+    return r - _mul(r, LESS_THAN_PITCH)
 
 
 def spread(q, low, high, total):
@@ -151,7 +164,7 @@ def spread(q, low, high, total):
     s = 0
     for j in range(low, high + 1):
         s += q[profile.SPREAD + j] >> 4
-    return ((_ln(s) - _ln((total if total > 1024 else 1024) >> 4)) >> 1) + LN_HALF_PITCH
+    return ((_ln(s) - _ln((total if total > 1024 else 1024) >> 4) + _LN_SPREAD) >> 1) + LN_HALF_PITCH
 
 
 def finish(force, count_mpa, out):

@@ -1,20 +1,23 @@
 """The commands that bring a new model: begin, data, verify, confirm, abort; the work is done in slots.py."""
 
-from firmware_py import features, messages, slots, status
+from firmware_py import features, keyring, messages, slots, status
 
 
 class Flash:
     """A probe's model slots and their commands.
 
-    Parameters: store (store.py), key: the public key (56 bytes) whose signature makes a model believable.
+    Parameters: store (store.py), key: the public key (slh_dsa.py) whose signature makes a model believable.
     """
 
     def __init__(self, store, key):
         self.slots = slots.Slots(store, key, features.FEATURES_VERSION, features.COUNT)
         self.status = self.slots.boot()
+        self.slots.settle()
+        self._name = b""  # what the host calls the image that is on its way, or that came last
+        self._refused = status.BAD_STATE  # why that one was dropped
 
     def live(self):
-        """The live model or None, and OK or why there is none."""
+        """The live model or None, and OK or the reason why there is none."""
         model = self.slots.live()
         return model, status.OK if model else self.status
 
@@ -28,8 +31,8 @@ class Flash:
     def add_handlers(self, table, take_model):
         """Add the commands to the probe's table; `take_model` is called when another model went live."""
 
-        def confirm(_fields):
-            code = self.slots.confirm()
+        def confirm(fields):
+            code = self._confirm(fields[0])
             if code == status.OK:
                 take_model()
             return code, (self.slots.live_id(),), b""
@@ -41,7 +44,12 @@ class Flash:
         table[messages.TYPE["flash_abort"]] = self._abort
 
     def _begin(self, fields):
-        return self.slots.begin(fields[0]), (self.slots.received,), b""
+        size, name = fields
+        if name != self._name:
+            self.slots.abort()  # what is on its way is another image, though it may have the same size
+            self._name = name
+        self._refused = status.BAD_STATE
+        return self.slots.begin(size), (self.slots.received,), b""
 
     def _data(self, fields):
         offset, data = fields
@@ -49,14 +57,32 @@ class Flash:
             return status.BAD_LENGTH, (), b""
         return self.slots.write(offset, data), (self.slots.received,), b""
 
-    def _verify(self, _fields):
+    def _verify(self, fields):
+        if fields[0] != self._name:
+            return status.BAD_VALUE, (), b""
+        if self.slots.state == slots.IDLE:
+            return self._refused, (), b""  # asked again, after an answer that was lost
         code = self.slots.verify()
         if code == status.OK:
             code = self.slots.try_()
         trial = self.slots.trial
-        if code != status.OK or trial is None:
+        if code != status.OK:
+            if self.slots.state == slots.IDLE:
+                self._refused = code
             return code, (), b""
-        return code, (trial.model_id,), b""
+        return code, (trial.model_id if trial else keyring.name(self.slots.successor),), b""
+
+    def _confirm(self, model_id):
+        """Make the model with this id the live one; done where it is, so that it may be asked again."""
+        trial = self.slots.trial
+        if self.slots.successor and keyring.name(self.slots.successor) == model_id:
+            return self.slots.confirm()
+        if self.slots.state == slots.IDLE and keyring.name(self.slots.keys.current) == model_id:
+            return status.OK
+        if trial is None or trial.model_id != model_id:
+            live = self.slots.model is not None and self.slots.live_id() == model_id
+            return status.OK if live and self.slots.state == slots.IDLE else status.BAD_STATE
+        return self.slots.confirm()
 
     def _abort(self, _fields):
         return self.slots.abort(), (self.slots.live_id(),), b""

@@ -1,31 +1,38 @@
-"""The force map: moves each frame to the stroke's mean force, as if the hand had pressed evenly.
+"""The force map: moves each frame to the stroke's mean force, as if the hand had pressed steadily.
 
-The map gives d p_s / d ln F (16 values, in units of the image's mean) and d ln D / d ln F from the
-image itself: linear in the 16 relative pressures p / mean(p) - 1, quadratic in ln F and ln D. Layers and
+The map gives d p_s / d ln F (a value a row, in units of the image's mean) and d ln D / d ln F from the
+image itself: linear in the relative pressures p / mean(p) - 1, quadratic in ln F and ln D. Layers and
 probe are symmetric, so it works on the image's even and odd halves apart, with half of the numbers. A frame
 takes two steps, the second with the map evaluated half way (midpoint rule). Learned from
-finite-element strokes at two forces by `model_export.force_map`.
+finite-element strokes at two forces by `palpate.model_export.fixed_point.force_map`.
 
 Blob, little endian: "F", version, shift of the coefficients' Q format, 0; ln F centre and ln D
 centre (int32, Q24, of the image sum in Q5 counts and of the displacement in 1/16 um);
-then int16: 14 x 9 even coefficients and 8 x 8 odd ones, input by input.
+then int16, input by input (for 16 rows, 14 x 9 even coefficients and 8 x 8 odd ones).
 """
 
 from array import array
 
-from firmware_py import fixed
+from firmware_py import fixed, geometry
 
 _ln = fixed.ln
 _mul = fixed.mul
 _exp = fixed.exp
 
 VERSION = 2
-EVEN_IN = 14  # 1, lnF, lnD, lnF^2, lnF lnD, lnD^2, eight even pressures
-EVEN_OUT = 9  # eight even pressures, ln D
-COEFS = EVEN_IN * EVEN_OUT + 64
+_ROWS = geometry.ROWS
+_HALF = geometry.HALF_ROWS
+EVEN_IN = 6 + _HALF  # 1, lnF, lnD, lnF^2, lnF lnD, lnD^2, the even pressures
+EVEN_OUT = _HALF + 1  # even pressures, ln D
+COEFS = EVEN_IN * EVEN_OUT + _HALF * _HALF
 HEAD = 3  # numbers of the unpacked map before the coefficients
 BLOB_BYTES = 12 + 2 * COEFS
-WORK = 48  # inputs 14, odd pressures 8, even outputs 9, the image from 32 to 47
+# working space: even inputs, odd pressures, even outputs, the image
+_ODD = EVEN_IN
+_OUT = _ODD + _HALF
+_IMAGE = _OUT + EVEN_OUT
+WORK = _IMAGE + _ROWS
+_FIRST_ODD = HEAD + EVEN_IN * EVEN_OUT
 _TWO = 0x2000000
 MOST = 0x1FFFF  # a row, Q5 counts: full scale
 DEEPEST = 0x1FFFFF  # a depth, 1/16 um
@@ -65,12 +72,13 @@ def limit(v, most):
 
 
 def slopes(f, w, lf, ld, total):
-    """Evaluate the map f for the image in w[32..47] with sum `total`; outputs in w[0..16], Q18.
+    """Evaluate the map f for the image at w[_IMAGE] with sum `total`; outputs from w[0] on, Q18.
 
     lf, ld: ln F and ln D less their centres, Q12 (held within +-4); relative pressures go in as Q13, within
-    +-2. Image sensor s gets w[s], displacement w[16].
+    +-2. Image sensor s gets w[s], displacement w[ROWS].
     """
-    mean = (total + 8) >> 4
+    last = _ROWS - 1
+    mean = (total + _HALF) // _ROWS
     half = mean >> 1
     w[0] = 4096
     w[1] = limit(lf, 16383)
@@ -78,47 +86,47 @@ def slopes(f, w, lf, ld, total):
     w[3] = limit((w[1] * w[1] + 2048) >> 12, 16383)
     w[4] = limit((w[1] * w[2] + 2048) >> 12, 16383)
     w[5] = limit((w[2] * w[2] + 2048) >> 12, 16383)
-    for i in range(8):
-        a = w[32 + i]
-        b = w[47 - i]
+    for i in range(_HALF):
+        a = w[_IMAGE + i]
+        b = w[_IMAGE + last - i]
         w[6 + i] = limit(((limit(a + b - 2 * mean, 250000) << 12) + half) // mean, 16383)
-        w[14 + i] = limit(((limit(a - b, 250000) << 12) + half) // mean, 16383)
+        w[_ODD + i] = limit(((limit(a - b, 250000) << 12) + half) // mean, 16383)
     down = f[0] - 12
-    for j in range(9):
+    for j in range(EVEN_OUT):
         s = 0
         k = 3 + j
         for i in range(6):
             s += w[i] * f[k] >> 6
-            k += 9
-        for i in range(6, 14):
+            k += EVEN_OUT
+        for i in range(6, EVEN_IN):
             s += w[i] * f[k] >> 7
-            k += 9
-        w[22 + j] = limit(s >> down, STEEPEST)
+            k += EVEN_OUT
+        w[_OUT + j] = limit(s >> down, STEEPEST)
     # the inputs are no longer needed: outputs take their places
-    for j in range(8):
+    for j in range(_HALF):
         s = 0
-        k = 129 + j
-        for i in range(8):
-            s += w[14 + i] * f[k] >> 7
-            k += 8
+        k = _FIRST_ODD + j
+        for i in range(_HALF):
+            s += w[_ODD + i] * f[k] >> 7
+            k += _HALF
         w[j] = s >> down
-    for j in range(8):
-        a = w[22 + j]
+    for j in range(_HALF):
+        a = w[_OUT + j]
         b = w[j]
         w[j] = limit(a + b, STEEPEST)
-        w[15 - j] = limit(a - b, STEEPEST)
-    w[16] = w[30]
+        w[last - j] = limit(a - b, STEEPEST)
+    w[_ROWS] = w[_OUT + _HALF]
 
 
 def move(f, rows, at, depth, u, w):
-    """Move the image rows[at..at+16) (Q5 counts) and depth (1/16 um) by u = ln(force wanted / force), Q24.
+    """Move the image rows[at..at+ROWS) (Q5 counts) and depth (1/16 um) by u = ln(force wanted / force), Q24.
 
     Returns the new depth.
     """
     total = 0
-    for i in range(16):
+    for i in range(_ROWS):
         v = rows[at + i]
-        w[32 + i] = v
+        w[_IMAGE + i] = v
         total += v
     if total < 2048 or depth < 16:
         return depth
@@ -132,15 +140,15 @@ def move(f, rows, at, depth, u, w):
     # half a step
     step = _mul(u >> 1, total)
     total = 0
-    for i in range(16):
-        v = limit(rows[at + i] + ((_mul(step, w[i] << 6) + 8) >> 4), MOST)
-        w[32 + i] = v
+    for i in range(_ROWS):
+        v = limit(rows[at + i] + ((_mul(step, w[i] << 6) + _HALF) // _ROWS), MOST)
+        w[_IMAGE + i] = v
         total += v
     if total < 2048:
         return depth
-    slopes(f, w, lf + (u >> 13), ld + (_mul(u >> 1, w[16] << 6) >> 12), total)
+    slopes(f, w, lf + (u >> 13), ld + (_mul(u >> 1, w[_ROWS] << 6) >> 12), total)
     step = _mul(u, total)
-    for i in range(16):
-        rows[at + i] = limit(rows[at + i] + ((_mul(step, w[i] << 6) + 8) >> 4), MOST)
-    u = limit(_mul(u, w[16] << 6), _TWO)
+    for i in range(_ROWS):
+        rows[at + i] = limit(rows[at + i] + ((_mul(step, w[i] << 6) + _HALF) // _ROWS), MOST)
+    u = limit(_mul(u, w[_ROWS] << 6), _TWO)
     return limit(_mul(depth << 4, _exp(u, 4)), DEEPEST)

@@ -4,8 +4,8 @@ y(x) = base + amp exp(-(x - centre)^2 / 2 stdev^2) on a 1 mm grid. Map, base and
 and stdev in Q16 mm. The base is eliminated; the other three steps are relative: dA/A, dc/S, dS/S.
 
 The residual is scaled to fill 12 bits before it is multiplied, so the gradient is exact to a few parts in
-ten thousand of itself however small the noise is: the fit ends where the gradient vanishes, and the
-coarser Hessian only says how fast.
+ten thousand of itself however small the noise is: the fit ends where the gradient vanishes, and the coarser
+Hessian only determines how fast.
 """
 
 from firmware_py import fixed

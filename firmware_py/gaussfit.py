@@ -1,4 +1,4 @@
-"""The fit of firmware_py.gauss: where it starts, how it descends, and what it tries when the bump is weak."""
+"""The fit of firmware_py.gauss: where it starts, how it descends, and what it tries for a weak bump."""
 
 from firmware_py import fixed, gauss
 
@@ -130,7 +130,7 @@ def descend(n, p, best, work, s, d):
 def fit(y, n, p, best, work, s, d):
     """Least squares from the start in p (amp, centre, stdev); leaves the best parameters in p.
 
-    best, d: space for PARAMS numbers. Returns how many turns it took, or 0 if p holds no bump to start from.
+    best, d: space for PARAMS numbers. Returns the iterations, or 0 if p holds no bump to start from.
     """
     if p[1] < 1:
         return 0
@@ -147,12 +147,12 @@ def fit(y, n, p, best, work, s, d):
 def fit_from(y, n, p, best, work, s, d, place, width_um, keep):
     """The fit from a bump of width_um at the grid's point `place`; tried from other widths too if it is weak.
 
-    keep: space for PARAMS numbers. Returns the turns of all fits together, 0 if there is no bump.
+    keep: space for PARAMS numbers. Returns the iterations of all fits together, 0 if there is no bump.
     """
     p[2] = place << 16
     start(y, n, p, width_um)
     turns = fit(y, n, p, best, work, s, d)
-    # where the bump is over six times the rms residual the valley has one floor
+    # where the bump is over six times the rms residual the cost has one minimum
     if turns == 0 or 2 * _ln(p[1]) - p[4] + _ln(n) > WEAK:
         return turns
     for width in (3000, 13000):

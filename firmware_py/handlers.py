@@ -1,11 +1,9 @@
-"""What the commands do that every probe knows; an estimator adds its own (estimator.add_handlers)."""
+"""The commands that every probe knows; an estimator adds its own (estimator.add_handlers)."""
 
 import gc
 
-from firmware_py import counters, messages, status, tables
+from firmware_py import counters, geometry, messages, status, tables
 
-_PITCH_UM = 1500
-_BITS = 12
 _MASK = counters.MASK
 
 
@@ -28,6 +26,8 @@ def table(probe):
         ("statistics", mine.statistics),
         ("time_sync", mine.time_sync),
         ("stroke_ack", mine.stroke_ack),
+        ("stream_renew", mine.stream_renew),
+        ("results", mine.results),
     ):
         known[messages.TYPE[name]] = handler
     if probe.estimator:
@@ -43,50 +43,72 @@ class Handlers:
 
     def identify(self, fields):
         probe = self._probe
-        capabilities = 0
+        probe.results.quiet()
+        capabilities = damage = 0
         model = (0, status.NO_MODEL, bytes(8))
         if probe.estimator:
             capabilities, features_version, model_status, model_id = probe.estimator.describe()
             model = (features_version, model_status, model_id)
+            damage = probe.estimator.damage()
         values = (
             fields[0],
             tables.PROTOCOL,
             tables.SCHEMA,
             tables.FIRMWARE,
             probe.board.serial,
-            messages.ROWS,
-            messages.COLUMNS,
-            _PITCH_UM,
-            _BITS,
+            geometry.ROWS,
+            geometry.COLUMNS,
+            geometry.PITCH_UM,
+            geometry.BITS,
             capabilities,
         )
-        return status.OK, values + model + (probe.board.boots, probe.board.ticks_us()), b""
+        now = (probe.board.boots, probe.board.ticks_us(), damage, probe.stream.number)
+        return status.OK, values + model + now, b""
 
     def get_setting(self, fields):
         key = fields[0]
         values = self._probe.settings.values
         if key >= len(values):
             return status.BAD_VALUE, (), b""
-        definition = messages.SETTINGS[key]
-        return status.OK, (key, values[key], definition[3], definition[4]), b""
+        return status.OK, (key, values[key]) + self._probe.settings.limits(key), b""
 
     def set_setting(self, fields):
         key, value = fields
         return self._probe.settings.set(key, value), (key, value), b""
 
     def stream_start(self, fields):
-        content, every, strokes = fields
+        content, every, strokes, lease_ms = fields
         probe = self._probe
-        if not content & (messages.CONTENT_FRAMES | messages.CONTENT_STROKES):
+        if not content or content & ~(messages.CONTENT_FRAMES | messages.CONTENT_STROKES):
             return status.BAD_VALUE, (), b""
-        if not probe.start_stream(content, every, strokes):
+        if lease_ms and not messages.LEASE_LEAST_MS <= lease_ms <= messages.LEASE_MOST_MS:
+            return status.BAD_VALUE, (), b""
+        if not probe.start_stream(content, every, strokes, lease_ms):
             return status.BUSY, (), b""
-        return status.OK, (probe.acquire.seq, probe.board.ticks_us()), b""
+        return status.OK, self._where(probe.stream.number) + (probe.stream.lease_ms,), b""
 
     def stream_stop(self, _fields):
+        number = self._probe.stream.number
+        self._probe.stop_stream()
+        return status.OK, self._where(number), b""
+
+    def stream_renew(self, fields):
+        """The asking alone says that the host is still there; it is told where the stream is."""
         probe = self._probe
-        probe.stop_stream()
-        return status.OK, (probe.acquire.seq, probe.board.ticks_us()), b""
+        if not fields[0] or fields[0] != probe.stream.number:
+            return status.NOT_KNOWN, (), b""
+        probe.results.wake(fields[0], False)
+        return status.OK, self._where(fields[0]) + (probe.stream.lease_ms,), b""
+
+    def _where(self, number):
+        probe = self._probe
+        return number, probe.acquire.seq, probe.next_stroke, probe.board.ticks_us()
+
+    def results(self, fields):
+        results = self._probe.results
+        if fields[0]:
+            results.wake(fields[0], True)
+        return status.OK, (results.waiting(),), results.listed()
 
     def statistics(self, _fields):
         counts = self._probe.counts
@@ -94,6 +116,7 @@ class Handlers:
         counts[counters.PACKETS_BAD_CRC] = receiver.bad_crc & _MASK
         counts[counters.PACKETS_BAD_FRAME] = receiver.bad_frame & _MASK
         counts[counters.PACKETS_OVERSIZE] = receiver.oversize & _MASK
+        counts[counters.ESTIMATES_WAITING] = self._probe.results.waiting()
         counts[counters.FREE_BYTES] = min(gc.mem_free(), _MASK) if hasattr(gc, "mem_free") else 0
         return status.OK, (), counts
 
@@ -101,5 +124,10 @@ class Handlers:
         return status.OK, (self._probe.received_us, self._probe.board.ticks_us()), b""
 
     def stroke_ack(self, fields):
-        self._probe.results.acknowledge(fields[0], fields[1])
-        return status.OK, fields, b""
+        stream, stroke, have = fields
+        if not have or have & ~messages.HAVE_ALL:
+            return status.BAD_VALUE, (), b""
+        missing = self._probe.results.acknowledge(stream, stroke, have)
+        if missing < 0:
+            return status.NOT_KNOWN, (), b""
+        return status.OK, (stream, stroke, missing), b""

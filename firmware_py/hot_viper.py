@@ -3,21 +3,33 @@
     from firmware_py import hot_viper
     hot_viper.install()
 
-puts them in the place of the plain ones. Viper's integers are 32 bits and wrap without a word; nothing here
-leaves +-2^30: tests/pipeline checks it on the plain loops and, viper's types read as plain Python, on these.
+puts them in the place of the plain ones. Viper's integers are 32 bits and wrap silently; nothing here
+leaves +-2^30: tests/firmware_py checks it on the plain loops and, with viper's types read as plain Python, on
+these.
 Ports without viper (the micro:bit, WebAssembly) do not import this file.
+
+No number here needs more than 16 bits, zeros at its end not counted. On a Cortex-M0 such a number would lie
+between the instructions and be loaded from an address that is a multiple of four, and MicroPython's build
+aligns frozen machine code to two bytes only: half of the number would be the instruction in front of it.
 """
 
 # ruff: noqa: F821 - ptr8, ptr16 and ptr32 are viper's own
 import micropython
 
-from firmware_py import bins, calib, pipeline, traces
+from firmware_py import bins, calib, geometry, pipeline, traces
+
+_ROWS = geometry.ROWS
+_COLUMNS = geometry.COLUMNS
+_CELLS = geometry.CELLS
+_FRAME_BYTES = geometry.FRAME_BYTES
+_PITCH_UM = geometry.PITCH_UM
+_FIRST_ROW_UM = geometry.FIRST_ROW_UM
 
 
 @micropython.viper
 def put_cells(packed: ptr8, at: int, cells: ptr16, base: int):
     """See bins.put_cells."""
-    end = at + 624
+    end = at + int(_FRAME_BYTES)
     while at < end:
         b = packed[at + 1]
         cells[base] = packed[at] | (b & 15) << 8
@@ -29,7 +41,7 @@ def put_cells(packed: ptr8, at: int, cells: ptr16, base: int):
 @micropython.viper
 def add_cells(packed: ptr8, at: int, cells: ptr16, base: int):
     """See bins.add_cells."""
-    end = at + 624
+    end = at + int(_FRAME_BYTES)
     while at < end:
         b = packed[at + 1]
         cells[base] = cells[base] + (packed[at] | (b & 15) << 8)
@@ -52,16 +64,20 @@ def calibrate_bins(
     total: ptr32,
 ):
     """See calib.calibrate_bins."""
+    top = 131072
+    rows_ = int(_ROWS)
+    columns = int(_COLUMNS)
+    size = int(_CELLS)
     k = 0
     while k < n:
-        base = slot[k] * 416
+        base = slot[k] * size
         count = counts[slot[k]]
         i = 0
-        at = 16 * k
-        end = at + 16
+        at = rows_ * k
+        end = at + rows_
         while at < end:
             s = 0
-            e = i + 26
+            e = i + columns
             while i < e:
                 v = (cells[base + i] * 8 // count - offset[i]) * gain[i] >> 9
                 s += v
@@ -78,17 +94,17 @@ def calibrate_bins(
         while i < fills:
             v = (cells[base + fill[i + 1]] + cells[base + fill[i + 2]]) >> 1
             cells[base + fill[i]] = v
-            at = 16 * k + fill[i] // 26
+            at = rows_ * k + fill[i] // columns
             rows[at] = rows[at] + ((v - 4096) << 4)
             i += 3
         s = 0
-        at = 16 * k
+        at = rows_ * k
         while at < end:
-            v = rows[at] // 104
-            if v > 131071:
-                v = 131071
-            elif v < -131071:
-                v = -131071
+            v = rows[at] // (4 * columns)
+            if v >= top:
+                v = top - 1
+            elif v <= -top:
+                v = 1 - top
             rows[at] = v
             s += v
             at += 1
@@ -99,14 +115,18 @@ def calibrate_bins(
 @micropython.viper
 def sum_rows(cells: ptr16, slot: ptr8, n: int, first: int, last: int, rows: ptr32, total: ptr32):
     """See pipeline.sum_rows."""
+    top = 131072
     width = last - first
+    rows_ = int(_ROWS)
+    columns = int(_COLUMNS)
+    size = int(_CELLS)
     at = 0
     k = 0
     while k < n:
-        base = slot[k] * 416 + first
+        base = slot[k] * size + first
         t = 0
         i = 0
-        while i < 16:
+        while i < rows_:
             s = -4096 * width
             j = base
             e = base + width
@@ -114,12 +134,12 @@ def sum_rows(cells: ptr16, slot: ptr8, n: int, first: int, last: int, rows: ptr3
                 s += cells[j]
                 j += 1
             s = (s << 2) // width
-            if s > 131071:
-                s = 131071
+            if s >= top:
+                s = top - 1
             rows[at] = s
             t += s
             at += 1
-            base += 26
+            base += columns
             i += 1
         total[k] = t
         k += 1
@@ -130,13 +150,18 @@ def map_columns(
     x_um: ptr32, n: int, cells: ptr16, slot: ptr8, level: ptr32, start_um: int, out: ptr32, points: int
 ):
     """See traces.map_columns."""
+    rows_ = int(_ROWS)
+    columns = int(_COLUMNS)
+    size = int(_CELLS)
+    pitch = int(_PITCH_UM)
+    end = points * columns
     j = 0
-    while j < points * 26:
+    while j < end:
         out[j] = 0
         j += 1
-    s = -11250
+    s = int(_FIRST_ROW_UM)
     row = 0
-    while row < 16:
+    while row < rows_:
         k = 0
         x = start_um - s
         i = 0
@@ -152,10 +177,10 @@ def map_columns(
             v = (t << 12) // h
             u = (4096 - v) * level[k] >> 12
             v = v * level[k + 1] >> 12
-            a = slot[k] * 416 + row * 26
-            b = slot[k + 1] * 416 + row * 26
-            j = i * 26
-            e = j + 26
+            a = slot[k] * size + row * columns
+            b = slot[k + 1] * size + row * columns
+            j = i * columns
+            e = j + columns
             while j < e:
                 out[j] = out[j] + ((u * (cells[a] - 4096) + v * (cells[b] - 4096)) >> 12)
                 a += 1
@@ -163,8 +188,13 @@ def map_columns(
                 j += 1
             x += 1000
             i += 1
-        s += 1500
+        s += pitch
         row += 1
+    if rows_ != 16:
+        j = 0
+        while j < end:
+            out[j] = out[j] * 16 // rows_
+            j += 1
 
 
 def install():

@@ -3,15 +3,15 @@
 A body is  type (1 byte)                               for what the probe sends unasked,
            type, id (2)                                for a command,
            type | 0x80, id (2), status (1, signed)     for its answer,
-followed by the fields of `tables`, little-endian, without padding. Numbers that grow for ever (sequence,
+followed by the fields of `tables`, little-endian, without padding. Numbers that grow forever (sequence,
 time_us, counters) count modulo 2**30, so that a 32-bit MicroPython holds them without allocating.
 """
 
 import struct
 
-from firmware_py import tables
+from firmware_py import geometry, tables
 
-# who speaks of messages finds all their tables here
+# users of this module find all tables here
 COMMANDS = tables.COMMANDS
 ANSWERS = tables.ANSWERS
 EVENTS = tables.EVENTS
@@ -20,21 +20,35 @@ COUNTERS = tables.COUNTERS
 PROTOCOL = tables.PROTOCOL
 SCHEMA = tables.SCHEMA
 
+ORDERED = tables.ORDERED
+
 WRAP = 1 << 30  # modulus of sequence numbers, device time and counters
 COMMAND_WIRE = 64  # a command's longest wire form, its zeros before and behind included
 COMMAND_BODY = COMMAND_WIRE - 7  # what CRC (4), COBS (1) and two zeros leave for type, id and fields
 FLASH_PIECE = 48  # bytes of a model image in one flash_data
-
-ROWS = 16  # along the stroke
-COLUMNS = 26  # across it
-CELLS = ROWS * COLUMNS
-PACKED = CELLS * 3 // 2
 
 ANSWER = 0x80
 
 # what a stream carries (stream_start.content, bits)
 CONTENT_FRAMES = 1
 CONTENT_STROKES = 2  # stroke states, maps and estimates
+
+# a stream ends by itself when no command has come for so long (stream_start.lease_ms, 0: the usual)
+LEASE_MS = 10000
+LEASE_LEAST_MS = 500
+LEASE_MOST_MS = 300000
+
+# stream_end.reason
+END_STROKES = 1  # as many strokes as were asked for
+END_LEASE = 2  # nobody renewed it
+ENDS = {END_STROKES: "strokes", END_LEASE: "lease"}
+
+# what the probe found damaged in its store (identify.damage, estimate.damage, bits)
+DAMAGED_CALIBRATION = 1
+DAMAGED_MODEL = 2
+DAMAGED_SETTINGS = 4
+DAMAGE_REPAIRED = 8  # a copy of something was damaged, the other whole: nothing is lost
+TRIAL_HUNG = 16  # the probe restarted while it tried a model; the one that it had stays
 
 # capabilities (identify, bits)
 CAN_FLASH = 1
@@ -64,15 +78,6 @@ STATES = {
     STATE_TOO_FAST: "too_fast",
     STATE_LIFTED: "lifted",
 }
-
-# estimate.flags (bits); hardness in bits 2 and 3
-FLAG_LUMP = 1
-FLAG_IN_DOMAIN = 2
-HARDNESS_SHIFT = 2
-FLAG_FORCE = 16
-FLAG_INVALID = 32
-# of each value, low and high, in millionths of its unit (N/m, mm, mm, 1, 1)
-OUTPUTS = ("F_N_per_m", "t_mm", "d_mm", "h", "E_inv23")
 
 HAVE_MAP = 1  # stroke_ack.have (bits)
 HAVE_FEATURES = 2
@@ -157,7 +162,8 @@ def unpack(body, length):
     """The fields of body[:length] as a tuple (its tail, bytes or a tuple of ints, last), or None.
 
     None means: not a message of this table, or not of its length. The fields of a refused command
-    (an answer with a negative status) are ().
+    (an answer with a negative status) are (). What a newer end has added behind the fields of an answer or
+    event is passed over; what an older one does not have yet is 0.
     """
     if length < 1:
         return None
@@ -173,7 +179,9 @@ def unpack(body, length):
     fields = "<" + fields
     n = struct.calcsize(fields)
     left = length - at - n
-    if left < 0 or (left and not tail) or (tail == "i" and left % 4):
+    if left < 0 and not tail and -left <= tables.ADDED.get(kind, 0):
+        body = bytes(body[:length]) + bytes(-left)
+    elif left < 0 or (left and not tail and not kind & 0xC0) or (tail == "i" and left % 4):
         return None
     values = struct.unpack_from(fields, body, at)
     if tail == "B":
@@ -184,7 +192,7 @@ def unpack(body, length):
 
 
 FRAME_HEAD = 17  # bytes before the packed counts of a frame
-FRAME_BODY = FRAME_HEAD + PACKED
+FRAME_BODY = FRAME_HEAD + geometry.FRAME_BYTES
 
 
 def put_int(body, at, value):

@@ -35,7 +35,7 @@ class Outbox:
         self._lengths = array("H", [0] * messages_)
         self._head = 0
         self.messages_waiting = 0
-        self._wire = bytearray(wire.wire_size(messages.FRAME_BODY))
+        self._wire = bytearray(wire.wire_size(max(messages.FRAME_BODY, MESSAGE_BODY)))
         self._wire[0] = 0
         self._at = 0
         self._end = 0

@@ -9,20 +9,24 @@
 
 from array import array
 
-from firmware_py import bins, calib, chain, columns, status, stuck, traces
+from firmware_py import bins, calib, columns, feature_chain, geometry, status, stuck, traces
 
-POINTS = chain.POINTS
-HALF_UM = chain.HALF_UM
+POINTS = feature_chain.POINTS
+HALF_UM = feature_chain.HALF_UM
+_ROWS = geometry.ROWS
+_COLUMNS = geometry.COLUMNS
+_CELLS = geometry.CELLS
+_SUM_SHIFT = feature_chain.SUM_SHIFT
 
 
 def sum_rows(cells, slot, n, first, last, rows, total):
-    """Mean over the columns first..last-1 of the n calibrated bins: 16 rows each and their sum, Q5 counts."""
+    """Mean over the columns first..last-1 of the n calibrated bins: the rows and their sum, Q5 counts."""
     width = last - first
     at = 0
     for k in range(n):
-        base = slot[k] * 416 + first
+        base = slot[k] * _CELLS + first
         t = 0
-        for i in range(16):
+        for i in range(_ROWS):
             s = -4096 * width
             for j in range(base, base + width):
                 s += cells[j]
@@ -31,7 +35,7 @@ def sum_rows(cells, slot, n, first, last, rows, total):
             rows[at] = s
             t += s
             at += 1
-            base += 26
+            base += _COLUMNS
         total[k] = t
 
 
@@ -40,7 +44,7 @@ def levels(force, mean, n, level):
     for k in range(n):
         v = 4096
         if force[k] > 2048:
-            v = (mean << 9) // (force[k] >> 3)
+            v = (mean << 9 - _SUM_SHIFT) // (force[k] >> 3 + _SUM_SHIFT)
         if v > 8191:
             v = 8191
         elif v < 0:
@@ -48,27 +52,29 @@ def levels(force, mean, n, level):
         level[k] = v
 
 
-class Pipeline(chain.Chain):
-    """A stroke's frames in, its features out; see chain.Chain for the results.
+class Pipeline(feature_chain.Chain):
+    """A stroke's frames in, its features out; see feature_chain.Chain for the results.
 
     Parameters
     ----------
     calibration : calib.Calibration
     n_bins, width_um : int
-        How many position bins, and how wide; memory is 832 bytes a bin.
+        How many position bins, and how wide; memory is two bytes a cell and bin.
     fixed_columns : (first, one after the last) to look at these only; None to find those that see the lump
     """
 
     def __init__(self, calibration, n_bins=bins.BINS, width_um=bins.WIDTH_UM, fixed_columns=None):
-        chain.Chain.__init__(self, calibration, n_bins)
+        feature_chain.Chain.__init__(self, calibration, n_bins)
         self.bins = bins.Bins(n_bins, width_um)
         self.fixed_columns = fixed_columns
-        self.columns = array("i", bytes(4 * calib.COLS))  # how much of the bump each column sees, Q3 counts
+        self.columns = array("i", bytes(4 * _COLUMNS))  # how much of the bump each column sees, Q3 counts
         self.stuck = 0  # how many cells stood at a rail all along, and were mended
-        self._found = bytearray(calib.CELLS // 8)
+        self._found = bytearray(geometry.MASK_BYTES)
         self._slot = bytearray(n_bins)
-        self._maps = array("i", bytes(4 * chain.POINTS * calib.COLS))
-        self._exact = array("i", bytes(64 * n_bins))  # rows over all columns, before cells were rounded
+        self._maps = array("i", bytes(4 * feature_chain.POINTS * _COLUMNS))
+        self._exact = array(
+            "i", bytes(4 * _ROWS * n_bins)
+        )  # rows over all columns, before cells were rounded
         self.reset()
 
     def reset(self):
@@ -81,7 +87,7 @@ class Pipeline(chain.Chain):
         """Add the packed frame at packed[at:]; returns OK, bins.IGNORED, bins.BEYOND or an error."""
         if self.done:
             return status.BAD_STATE
-        if len(packed) - at < calib.FRAME_BYTES:
+        if len(packed) - at < geometry.FRAME_BYTES:
             return status.BAD_LENGTH
         return self.bins.add(packed, at, position_um, displacement_um)
 
@@ -93,7 +99,7 @@ class Pipeline(chain.Chain):
         b = self.bins
         span = self.span
         span[0] = 0
-        span[1] = calib.COLS
+        span[1] = _COLUMNS
         if self.fixed_columns:
             span[0] = self.fixed_columns[0]
             span[1] = self.fixed_columns[1]
@@ -101,7 +107,7 @@ class Pipeline(chain.Chain):
             self.done = True
             self.n = b.order(self._x, self._raw_depth, self._slot)
             self.stuck = 0
-            if self.n >= chain.FEWEST:
+            if self.n >= feature_chain.FEWEST:
                 self.stuck = stuck.mend(b.cells, self._slot, self.n, b.count, c.offset, c.dead, self._found)
             calib.calibrate_bins(
                 b.cells,
@@ -118,7 +124,7 @@ class Pipeline(chain.Chain):
         if self.fixed_columns:
             sum_rows(b.cells, self._slot, self.n, span[0], span[1], self._rows, self._force)
         else:
-            for i in range(16 * self.n):
+            for i in range(_ROWS * self.n):
                 self._rows[i] = self._exact[i]
 
     def _choose(self):
@@ -129,12 +135,14 @@ class Pipeline(chain.Chain):
         cells = self.bins.cells
         level = self._work
         levels(self._force, self.force, self.n, level)
-        x = self._place - chain.HALF_UM
-        traces.map_columns(self._x, self.n, cells, self._slot, level, x, self._maps, chain.POINTS)
-        if not columns.respond(self._maps, chain.POINTS, self.fit[2], self.fit[3], self.columns, self._work):
+        x = self._place - feature_chain.HALF_UM
+        traces.map_columns(self._x, self.n, cells, self._slot, level, x, self._maps, feature_chain.POINTS)
+        if not columns.respond(
+            self._maps, feature_chain.POINTS, self.fit[2], self.fit[3], self.columns, self._work
+        ):
             return False
         columns.choose(self.columns, self._small, span)
-        if span[1] - span[0] == calib.COLS:
+        if span[1] - span[0] == _COLUMNS:
             return False
         # the force stays that of all columns: a hand presses on the whole face
         sum_rows(cells, self._slot, self.n, span[0], span[1], self._rows, self._work)

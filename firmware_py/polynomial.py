@@ -16,11 +16,23 @@ coefficients, which come in as it is closed, are whole numbers at the scale of i
 are kept in work[5 * depth..].
 """
 
+from firmware_py import constant
 
-def sums(c, d, at, part, high, steps, first, last, cut, downs, work, to):
-    """Add five sums over the inputs steps[first..last-1] to work[to..to+4]; their words begin at `at`.
+const = constant.const
 
-    Each is shifted down by its four bits of `downs`, and low words' products by `cut` before.
+OUTPUTS = const(5)  # `sums` takes them one by one
+# entries of the head
+DOWNS = const(2)
+LOW_BITS = const(3)
+PART_BITS = const(11)
+HIGH_BITS = const(12)
+STEPS = const(13)
+
+
+def sums(c, d, at, part, high, steps, first, last, low_sum_shift, downs, work, to):
+    """Add five sums over the inputs steps[first..last-1] to work[to..]; their words begin at `at`.
+
+    Each is shifted down by its four bits of `downs`, and low words' products by `low_sum_shift` before.
 
     All five at once: an input is read once, and a look-up costs as much as a product.
     """
@@ -46,11 +58,11 @@ def sums(c, d, at, part, high, steps, first, last, cut, downs, work, to):
         a4 += c[i] * v
         b4 += d[i] * h
         i += 1
-    a0 += b0 >> cut
-    a1 += b1 >> cut
-    a2 += b2 >> cut
-    a3 += b3 >> cut
-    a4 += b4 >> cut
+    a0 += b0 >> low_sum_shift
+    a1 += b1 >> low_sum_shift
+    a2 += b2 >> low_sum_shift
+    a3 += b3 >> low_sum_shift
+    a4 += b4 >> low_sum_shift
     if downs:
         a0 >>= downs & 15
         a1 >>= downs >> 4 & 15
@@ -68,38 +80,38 @@ def carry(own, at, u, base, work):
     """Five branches, whose sums are work[base..base+4], times u into the five before them; empties them."""
     a = u >> 14
     b = u & 16383
-    for j in range(base, base + 5):
+    for j in range(base, base + OUTPUTS):
         v = work[j] + own[at]
         work[j] = 0
         w = v >> 14
         # the product of the two low halves is below what is kept
-        work[j - 5] += a * w + (a * (v & 16383) + b * w >> 14)
+        work[j - OUTPUTS] += a * w + (a * (v & 16383) + b * w >> 14)
         at += 1
 
 
 def nested(c, d, own, steps, u, part, high, head, work):
     """All of it: the five sums come to stand in work[0..4]. The features are the inputs from 5 on."""
-    for i in range(15):
+    for i in range(3 * OUTPUTS):
         work[i] = 0
     at = 0
     branch = 0
-    cut = head[3] + head[12] - head[11]
-    downs = head[2] & 0xFFFFF
-    last = head[13]
+    low_sum_shift = head[LOW_BITS] + head[HIGH_BITS] - head[PART_BITS]
+    downs = head[DOWNS] & 0xFFFFF
+    last = head[STEPS]
     i = 0
     while i < last:
         n = steps[i]
-        base = 5 * (n >> 5 & 3)
+        base = OUTPUTS * (n >> 5 & 3)
         i += 1
         if n & 128:
             carry(own, branch, u[steps[i]], base, work)
-            branch += 5
+            branch += OUTPUTS
             i += 1
         else:
             n &= 31
-            sums(c, d, at, part, high, steps, i, i + n, cut, downs, work, base)
+            sums(c, d, at, part, high, steps, i, i + n, low_sum_shift, downs, work, base)
             i += n
-            at += 5 * n
+            at += OUTPUTS * n
 
 
 def dot_high(c, at, high, first, n):

@@ -13,6 +13,7 @@ from firmware_py import (
     results,
     settings,
     status,
+    stream,
     stroke_state,
     wire,
 )
@@ -20,6 +21,7 @@ from firmware_py import (
 _CHUNK = 64  # bytes taken from the link at a time
 _IDLE_US = 50000  # longest wait between two looks at what is due
 _BUSY_US = 1000  # the same while the link has not taken everything
+_SCAN_US = 200  # between two looks at a scan under way
 _MASK = counters.MASK
 
 
@@ -52,18 +54,16 @@ class Probe:
         self._input_end = 0
         self._event = bytearray(outbox.MESSAGE_BODY)
         self._event_seq = 0
-        self._stroke = 0
+        self.stream = stream.Stream(board.boots)
+        self._stroke = 0  # the last that was begun
+        self.next_stroke = 1  # the number of the next that is not broken off
         self._first_seq = 0
         self._overrun_before = 0
-        self._content = 0
         self._measuring = False
-        self._every = 1
-        self._skipped = 0
-        self._strokes_left = 0
         self.received_us = 0
         self._ms_rest_us = 0
         self._last_us = board.ticks_us()
-        self._post(messages.TYPE["boot"], (board.boots, status.OK))
+        self._post(messages.TYPE["boot"], (board.boots, estimator.health() if estimator else status.OK))
 
     # ---- the loop
 
@@ -74,11 +74,10 @@ class Probe:
         self._uptime(now_us)
         self._listen()
         wait_us = _IDLE_US
-        if self._content or self._measuring:
-            wait_us = self.acquire.wait_us(now_us)
-            if wait_us <= 0:
-                self._frame(now_us)
-                wait_us = 0
+        if self.stream.content or self._measuring:
+            if self.stream.silent(now_us):
+                self._give_up(now_us)
+            wait_us = self._acquire(now_us)
         self.results.step(now_us)
         self.box.pump(board)
         if wait_us > _BUSY_US and not self.box.idle():
@@ -106,52 +105,85 @@ class Probe:
             self._input_at = receiver.feed(data, self._input_at, self._input_end)
             if receiver.length:
                 self.received_us = self.board.ticks_us()
+                self.stream.heard(self.received_us)
                 self.commands.take(receiver.packet, receiver.length)
 
-    def _frame(self, now_us):
-        """Acquire one frame, watch it, queue it. Allocates nothing unless something happens."""
+    def _acquire(self, now_us):
+        """Begin the frame that is due, take the one that is measured; how long nothing will be."""
+        take = self.acquire
+        if not take.under_way:
+            wait_us = take.wait_us(now_us)
+            if wait_us > 0:
+                return wait_us
+            take.begin(now_us)
+        if not self.board.scanned():
+            return _SCAN_US
+        self._frame()
+        return 0
+
+    def _frame(self):
+        """Read one frame, watch it, queue it. Allocates nothing unless something happens."""
         box = self.box
         counts = box.counts()
         body = box.frame()
         take = self.acquire
         seq = take.seq
-        take.read(body, counts, now_us)
+        take.read(body, counts)
+        time_us = take.time_us
+        position_um = take.position_um
+        # the sensors are free: a frame that is due is measured while this one is worked on
+        now_us = self.board.ticks_us()
+        if take.wait_us(now_us) <= 0 and not self._measuring:
+            take.begin(now_us)
         if self._measuring:
             self._measure(counts)
             return
-        if self._content & messages.CONTENT_FRAMES:
-            self._skipped += 1
-            if self._skipped >= self._every:
-                self._skipped = 0
-                box.commit_frame(messages.FRAME_BODY)
-        if self._content & messages.CONTENT_STROKES:
-            events = self.strokes.update(counts, take.position_um, take.time_us)
-            if self.estimator and self.strokes.state == stroke_state.STROKE:
+        stream = self.stream
+        if stream.sends_frame():
+            box.commit_frame(messages.FRAME_BODY)
+        if stream.watches_strokes():
+            events = self.strokes.update(counts, position_um, time_us)
+            tells = stream.content & messages.CONTENT_STROKES
+            if self.estimator and tells and self.strokes.state == stroke_state.STROKE:
                 if events & 1 << messages.STATE_STARTED:
                     self.estimator.begin()
-                self.estimator.add_frame(counts, take.position_um, take.displacement_um)
-            if events:
+                self.estimator.add_frame(counts, position_um, take.displacement_um)
+            if events and tells:
                 self._tell(events, seq)
+            if events & 1 << messages.STATE_ENDED:
+                self._count_down()
 
     def begin_measuring(self):
         """Acquire frames for `estimator.measure` (a calibration).
 
         False while a stream runs or it is at it.
         """
-        if self._content or self._measuring:
+        if self.stream.content or self._measuring:
             return False
         self._measuring = True
+        self.stream.lease_ms = messages.LEASE_MS
         self.board.begin()
         self.acquire.start(self.board.ticks_us())
         return True
 
     def _measure(self, counts):
-        answer = self.estimator.measure(counts)
+        answer = self.estimator.measure(counts, self.strokes.in_contact(counts))
         if answer:
-            self._measuring = False
-            self.board.end()
-            self.strokes.zero_counts = self.estimator.zero_counts()
-            self.commands.finish(answer)
+            self._end_measuring(answer)
+
+    def _end_measuring(self, answer):
+        self._measuring = False
+        self.board.end()
+        self.strokes.zero_counts = self.estimator.zero_counts()
+        self.commands.finish(answer)
+
+    def _give_up(self, now_us):
+        """Nobody has said a word for the whole lease: there is no host any more."""
+        counters.add(self.counts, counters.LEASES_EXPIRED, 1)
+        if self._measuring:
+            self._end_measuring((status.BAD_STATE, (), b""))
+        else:
+            self._end_stream(messages.END_LEASE)
 
     # ---- strokes
 
@@ -165,10 +197,9 @@ class Probe:
     def _tell_one(self, state, seq):
         strokes = self.strokes
         if state == messages.STATE_STARTED:
-            self._stroke = (self._stroke + 1) & _MASK
+            self._stroke = self.next_stroke
             self._first_seq = seq
             self._overrun_before = self.counts[counters.FRAMES_OVERRUN]
-            counters.add(self.counts, counters.STROKES, 1)
         if state == messages.STATE_LUMP_PASSED:
             value = strokes.lump_um
         elif state == messages.STATE_ENDED:
@@ -182,48 +213,61 @@ class Probe:
         self._event_seq = (self._event_seq + 1) & 0xFFFF
         self._post(
             messages.TYPE["stroke_state"],
-            (self._event_seq, self._stroke, state, self.acquire.time_us, seq, value),
+            (self._event_seq, self.stream.last, self._stroke, state, self.acquire.time_us, seq, value),
         )
         if state == messages.STATE_ENDED:
             self._end_stroke(seq)
 
     def _end_stroke(self, seq):
+        self.next_stroke = (self._stroke + 1) & _MASK
+        counters.add(self.counts, counters.STROKES, 1)
         if self.estimator:
-            result = self.results.new(self._stroke)
+            self.results.begin(self.stream.last, self._stroke)
             overrun = counters.elapsed(self.counts[counters.FRAMES_OVERRUN], self._overrun_before)
             self.estimator.finish(
                 self.results,
-                result,
                 (self.strokes.frames, self._first_seq, seq, overrun, self.acquire.time_us),
             )
             counters.add(self.counts, counters.ESTIMATES, 1)
             self.acquire.start(self.board.ticks_us())  # the time it took is no overrun
-        if self._strokes_left:
-            self._strokes_left -= 1
-            if not self._strokes_left:
-                self.stop_stream()
+
+    def _count_down(self):
+        """One stroke less to go, where so many were asked for."""
+        if self.stream.strokes_left:
+            self.stream.strokes_left -= 1
+            if not self.stream.strokes_left:
+                self._end_stream(messages.END_STROKES)
 
     # ---- what the commands change
 
-    def start_stream(self, content, every, strokes):
-        """Send what `content` (messages.CONTENT_...) says; False while a calibration is under way."""
+    def start_stream(self, content, every=1, strokes=0, lease_ms=0):
+        """Begin a stream of `content` (messages.CONTENT_...); False while a calibration is under way."""
         if self._measuring:
             return False
         self.box.drop_frames()
+        self.results.quiet()
         self.strokes.reset()
-        self._content = content
-        self._every = every or 1
-        self._skipped = self._every - 1
-        self._strokes_left = strokes
+        self.stream.start(content, every, strokes, lease_ms, self.board.ticks_us())
         self.board.begin()
         self.acquire.start(self.board.ticks_us())
         return True
 
     def stop_stream(self):
-        """Send no more frames or strokes."""
-        self._content = 0
+        """Send no more frames or strokes; a calibration under way is given up."""
+        if self._measuring:
+            self._end_measuring((status.BAD_STATE, (), b""))
+        self.stream.end()
         self.strokes.reset()
         self.board.end()
+
+    def _end_stream(self, reason):
+        """The stream ends without having been told to; the host is told."""
+        number = self.stream.number
+        self.stop_stream()
+        self._post(
+            messages.TYPE["stream_end"],
+            (number, reason, self.acquire.seq, self.next_stroke, self.board.ticks_us()),
+        )
 
     def log(self, level, text):
         """Tell the host something in words (at most 200 bytes)."""
@@ -236,11 +280,14 @@ class Probe:
             counters.add(self.counts, counters.EVENTS_DROPPED, 1)
 
 
-def run(board, estimator=None, note=""):
-    """Serve for ever; tell the host the note. An error of the firmware's own is told to it and survived."""
+def run(board, estimator=None, notes=()):
+    """Serve for ever; tell the host the notes (level, text).
+
+    An error of the firmware's own is told too, and survived.
+    """
     probe = Probe(board, estimator)
-    if note:
-        probe.log(messages.LOG_INFO, note)
+    for level, text in notes:
+        probe.log(level, text)
     while True:
         try:
             board.idle(probe.step())

@@ -1,30 +1,36 @@
-"""The stroke seen from the lump: images and depth at every millimetre from its middle, both sides folded.
+"""The stroke relative to the lump: images and depth at every millimetre from its middle, both sides folded.
 
 Beyond the lump the probe's image is mirrored, so that "towards the lump" is one direction. All sums
 are over both sides. One array holds them; the constants say where.
 """
 
-from firmware_py import traces
+from firmware_py import geometry, traces
 
 _weigh = traces.weigh
 _at = traces.at
 
+_ROWS = geometry.ROWS
+_HALF = geometry.HALF_ROWS
+_MIDDLE_UM = 3000  # the middle sensors are those less than so far from the middle
+MIDDLE = geometry.rows_within(_MIDDLE_UM)
+OUTERMOST = max(1, 3000 // geometry.PITCH_UM)  # sensors at either end: 3 mm of the face
+SPREAD_SHIFT = 3 * ((_ROWS - 1) // 16)  # what keeps SPREAD in range where there are more than 16 rows
 REACH = 34
 LENGTH = 35  # places 0..34 mm from the middle
-CENTRE = 0  # the four middle sensors, Q5 counts
+CENTRE = 0  # the MIDDLE sensors, Q5 counts
 DEPTH = 35  # 1/16 um
 TOTAL = 70  # the whole image, Q5 counts
-TILT = 105  # sum of pressure times (2 i - 15): positive away from the lump
-SPREAD = 140  # sum of pressure times (2 i - 15)^2
-FAR = 175  # image 24..33 mm away, folded about its own middle: outermost first, 8 values
-NEAR = 183  # image within 2 mm
-AT_28 = 191  # image 26..30 mm away
-SIZE = 199
+TILT = 105  # sum of pressure times the place in half pitches: positive away from the lump
+SPREAD = 140  # sum of pressure times the square of that, less SPREAD_SHIFT bits
+FAR = 175  # image 24..33 mm away, folded about its own middle: outermost first
+NEAR = FAR + _HALF  # image within 2 mm
+AT_28 = NEAR + _HALF  # image 26..30 mm away
+SIZE = AT_28 + _HALF
 
 
 def measure(x_um, n, rows, depth, centre_um, out, w):
-    """Fill `out` (SIZE numbers) from the n bins; w: working space of 20 numbers."""
-    for i in range(199):
+    """Fill `out` (SIZE numbers) from the n bins; w: working space of 4 numbers and the rows."""
+    for i in range(SIZE):
         out[i] = 0
     k = 0
     for j in range(-34, 35):
@@ -39,17 +45,19 @@ def measure(x_um, n, rows, depth, centre_um, out, w):
         total = 0
         tilt = 0
         spread = 0
-        a = -15
-        for i in range(16):
-            v = _at(rows, 16, i, k, n, w)
-            w[4 + i] = v
+        for i in range(_ROWS):
+            w[4 + i] = _at(rows, _ROWS, i, k, n, w)
+        a = _ROWS - 1
+        for i in range(_HALF):
+            v = w[4 + i]
+            u = w[3 + _ROWS - i]
+            tilt += (u - v) * a
+            v += u
             total += v
-            v *= a
-            tilt += v
-            spread += v * a
-            if -4 < a < 4:
-                centre += w[4 + i]
-            a += 2
+            if a < MIDDLE:
+                centre += v
+            spread += v * a * a >> SPREAD_SHIFT
+            a -= 2
         out[m] += both * centre
         out[70 + m] += both * total
         if j:
@@ -57,17 +65,17 @@ def measure(x_um, n, rows, depth, centre_um, out, w):
             out[105 + m] += tilt if j > 0 else -tilt
         out[140 + m] += both * spread
         if 24 <= m <= 33:
-            _fold(w, out, 175, 1)
+            _fold(w, out, FAR, 1)
         if m <= 2:
-            _fold(w, out, 183, both)
+            _fold(w, out, NEAR, both)
         if 26 <= m <= 30:
-            _fold(w, out, 191, 1)
+            _fold(w, out, AT_28, 1)
 
 
 def _fold(w, out, at, times):
-    """Add the image in w[4..19], folded, to out[at..at+7]."""
-    for i in range(8):
-        out[at + i] += times * (w[4 + i] + w[19 - i])
+    """Add the image in w[4..], folded, to out[at..]."""
+    for i in range(_HALF):
+        out[at + i] += times * (w[4 + i] + w[3 + _ROWS - i])
 
 
 def window(out, start, low, high):

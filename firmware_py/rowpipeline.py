@@ -6,17 +6,19 @@ left to look for the lump across the stroke: a ball must be stroked with those c
 
 from array import array
 
-from firmware_py import bins, calib, chain, status
+from firmware_py import bins, feature_chain, geometry, status
 
 FIXED_COLUMNS = True
+_ROWS = geometry.ROWS
+_COLUMNS = geometry.COLUMNS
 
 
 def add_rows(packed, at, first, last, offset, gain, rows, base):
-    """Add each row's calibrated counts (1/128) in the columns first..last-1 to rows[base..base+16)."""
-    for r in range(16):
+    """Add each row's calibrated counts (1/128) in the columns first..last-1 to rows[base..base+ROWS)."""
+    for r in range(_ROWS):
         s = 0
-        cell = 26 * r + first
-        end = 26 * r + last
+        cell = _COLUMNS * r + first
+        end = _COLUMNS * r + last
         while cell < end:
             p = at + (cell >> 1) * 3
             if cell & 1:
@@ -32,19 +34,19 @@ def mean_rows(sums, counts, slot, n, live, rows, total):
     """Means of the sums over frames and live columns, Q5 counts, in the bins' order, and each image's sum."""
     for k in range(n):
         t = 0
-        for r in range(16):
-            v = sums[16 * slot[k] + r] // (counts[slot[k]] * live[r] * 4)
+        for r in range(_ROWS):
+            v = sums[_ROWS * slot[k] + r] // (counts[slot[k]] * live[r] * 4)
             if v > 131071:
                 v = 131071
             elif v < -131071:
                 v = -131071
-            rows[16 * k + r] = v
+            rows[_ROWS * k + r] = v
             t += v
         total[k] = t
 
 
-class RowPipeline(chain.Chain):
-    """A stroke's frames in, its features out, from fixed columns; see chain.Chain for the results.
+class RowPipeline(feature_chain.Chain):
+    """A stroke's frames in, its features out, from fixed columns; see feature_chain.Chain for the results.
 
     Parameters
     ----------
@@ -55,14 +57,14 @@ class RowPipeline(chain.Chain):
         How many position bins, and how wide.
     """
 
-    def __init__(self, calibration, first=0, last=calib.COLS, n_bins=bins.BINS, width_um=bins.WIDTH_UM):
-        chain.Chain.__init__(self, calibration, n_bins)
+    def __init__(self, calibration, first=0, last=_COLUMNS, n_bins=bins.BINS, width_um=bins.WIDTH_UM):
+        feature_chain.Chain.__init__(self, calibration, n_bins)
         self.span[0] = first
         self.span[1] = last
         self._places = bins.Places(n_bins, width_um)
-        self._sums = array("i", bytes(64 * n_bins))
+        self._sums = array("i", bytes(4 * _ROWS * n_bins))
         self._slot = bytearray(n_bins)
-        self._live = bytearray(calib.ROWS)
+        self._live = bytearray(_ROWS)
         self.reset()
 
     def reset(self):
@@ -75,14 +77,14 @@ class RowPipeline(chain.Chain):
         """Add the packed frame at packed[at:]; returns OK, bins.IGNORED, bins.BEYOND or an error."""
         if self.done:
             return status.BAD_STATE
-        if len(packed) - at < calib.FRAME_BYTES:
+        if len(packed) - at < geometry.FRAME_BYTES:
             return status.BAD_LENGTH
         k = self._places.enter(position_um, displacement_um)
         if k < 0:
             return self._places.why
-        base = 16 * k
+        base = _ROWS * k
         if self._places.count[k] == 1:
-            for i in range(base, base + 16):
+            for i in range(base, base + _ROWS):
                 self._sums[i] = 0
         c = self.calibration
         add_rows(packed, at, self.span[0], self.span[1], c.offset, c.gain, self._sums, base)
@@ -94,9 +96,9 @@ class RowPipeline(chain.Chain):
     def _take(self):
         self.done = True
         dead = self.calibration.dead
-        for r in range(16):
+        for r in range(_ROWS):
             n = 0
-            for cell in range(26 * r + self.span[0], 26 * r + self.span[1]):
+            for cell in range(_COLUMNS * r + self.span[0], _COLUMNS * r + self.span[1]):
                 if not dead[cell >> 3] >> (cell & 7) & 1:
                     n += 1
             self._live[r] = n if n else 1

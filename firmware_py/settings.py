@@ -29,15 +29,29 @@ class Settings:
         """Take what an earlier run kept; a key that is gone or out of limits falls back to its default."""
         for i in range(len(stored) // 5):
             key, value = struct.unpack_from("<Bi", stored, 5 * i)
-            if self.check(key, value) == status.OK:
+            if key < len(self.values) and messages.SETTINGS[key][3] <= value <= messages.SETTINGS[key][4]:
                 self.values[key] = value
+        for low, high in messages.ORDERED:
+            if self.values[low] >= self.values[high]:
+                self.values[low] = messages.SETTINGS[low][5]
+                self.values[high] = messages.SETTINGS[high][5]
+
+    def limits(self, key):
+        """Lowest and highest value that a setting takes now: force_low stays below force_high."""
+        lowest, highest = messages.SETTINGS[key][3:5]
+        for low, high in messages.ORDERED:
+            if key == low:
+                highest = min(highest, self.values[high] - 1)
+            if key == high:
+                lowest = max(lowest, self.values[low] + 1)
+        return lowest, highest
 
     def check(self, key, value):
         """OK, or BAD_VALUE if there is no such key or the value is outside its limits."""
         if key >= len(self.values):
             return status.BAD_VALUE
-        definition = messages.SETTINGS[key]
-        return status.OK if definition[3] <= value <= definition[4] else status.BAD_VALUE
+        lowest, highest = self.limits(key)
+        return status.OK if lowest <= value <= highest else status.BAD_VALUE
 
     def set(self, key, value):
         """Change and keep a value; return a status. A value that could not be kept is not changed."""

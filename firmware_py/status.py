@@ -24,6 +24,14 @@ STORE_ERROR = -20  # the store could not be read or written
 OVERFLOW = -21  # an intermediate left +-2^30
 NOT_SUPPORTED = -22  # this build leaves the function out (for example flashing without SHA-256)
 FULL = -23  # a buffer or queue is full; nothing was stored
+NOT_KNOWN = -24  # a stream or stroke that the probe does not know, or no longer
+IN_CONTACT = -25  # zeroing while something presses on the cells
+BAD_CALIBRATION = -26  # a quarter of the cells or more do not read what the calibration needs
+REPAIRED = -27  # a stored copy was damaged; the other one was whole
+ROTTEN = -28  # what was stored is damaged beyond repair
+BAD_MODEL = -29  # a model image with a number that no model can have
+TRIAL_HUNG = -30  # the probe restarted while it tried a model
+NO_KEY = -31  # the probe was given no public key: there is no model that it would believe
 
 # One clear sentence for each, for the host's errors and the probe's log; kept beside the numbers.
 TEXT = {
@@ -51,4 +59,12 @@ TEXT = {
     OVERFLOW: "a number left the integer range",
     NOT_SUPPORTED: "this firmware is built without that function",
     FULL: "the buffer is full",
+    NOT_KNOWN: "the probe does not know this stream or stroke, or no longer",
+    IN_CONTACT: "the probe is in contact: lift it off, or raise contact_threshold above the cells' zero",
+    BAD_CALIBRATION: "too many cells do not read what the calibration needs: check pressure and cable",
+    REPAIRED: "what the probe had stored was damaged and could be repaired",
+    ROTTEN: "what the probe had stored is damaged beyond repair",
+    BAD_MODEL: "the model image holds a number that no model can have",
+    TRIAL_HUNG: "the probe restarted while it tried a model; the one it had stays",
+    NO_KEY: "no public key: the probe holds no key.pub, so it takes no model",
 }

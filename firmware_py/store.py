@@ -1,8 +1,8 @@
 """Where the probe keeps what must outlive its power: named byte strings, files in a directory.
 
 Any object with the same six methods serves (sim/probe/flash_sim.py has one that loses its power).
-Writes may be lost until `sync` returns; nothing here is atomic. What must be is built on top:
-record.py and slots.py.
+Writes may be lost until `sync` returns; nothing here is atomic. safe_record.py and slots.py build atomic
+records on top of it.
 """
 
 import os

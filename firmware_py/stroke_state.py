@@ -1,22 +1,27 @@
 """Watches the frames go by: contact, start, lump passed, end of a stroke; force and speed out of range.
 
-Integers only, and nothing is allocated. Pressures are means over the cells at the nominal scale (25 kPa over
-4095 counts above the zero), which is enough to tell events; estimates use the calibrated pipeline.
+Integers only, and nothing is allocated. Pressures are means over the cells at the nominal scale
+(geometry.FULL_SCALE_PA), which is enough to tell events; estimates use the calibrated pipeline.
 """
 
-from firmware_py import counters, messages, settings
+from firmware_py import counters, geometry, messages, settings
 
 IDLE = 0
 CONTACT = 1
 STROKE = 2
 
 _MASK = counters.MASK
-_PAIRS_A_ROW = messages.COLUMNS // 2
-_EDGE_FIRST = (
-    2  # rows 2 to 4 at either end see the lump before the middle does and are well inside the contact
+_ROWS = geometry.ROWS
+_PAIRS_A_ROW = geometry.COLUMNS // 2
+# rows from 4.5 to 9 mm to either side of the middle see the lump before it does, well inside the contact
+_EDGE_FIRST = (_ROWS - geometry.rows_within(9000)) // 2
+_EDGE_ROWS = max(1, (geometry.rows_within(9000) - geometry.rows_within(4501)) // 2)
+_EDGE_UM = (
+    -geometry.FIRST_ROW_UM - _EDGE_FIRST * geometry.PITCH_UM - (_EDGE_ROWS - 1) * geometry.PITCH_UM // 2
 )
-_EDGE_ROWS = 3
-_EDGE_UM = 6750  # from the probe's centre to the middle one of these rows
+_COUNTS_A_100_PA = geometry.COUNTS_A_100_PA
+_COUNTS_A_PA = _COUNTS_A_100_PA // 100
+_FACE_10_UM = geometry.LENGTH_UM // 10
 _RISE = 33  # share of an edge's pressure, over 1024: rise that tells a lump, about 3 %
 _SPEED_MS = 100  # the encoder's noise would drown a speed taken from frame to frame
 
@@ -65,7 +70,7 @@ class StrokeState:
     Parameters: values, the list Settings.values (read at each frame); zero_counts, sum of all cells' zeros.
     """
 
-    def __init__(self, values, zero_counts=34070):
+    def __init__(self, values, zero_counts=geometry.COUNTS_A_100_PA * geometry.PEDESTAL_PA // 100):
         self.values = values
         self.zero_counts = zero_counts
         self.head = Edge()
@@ -92,12 +97,12 @@ class StrokeState:
         self._moved_um = 0
 
     def _sum(self, packed):
-        """Sum of the 416 counts, and of those of the edges' rows."""
+        """Sum of a frame's counts, and of those of the edges' rows."""
         total = 0
         head = 0
         tail = 0
         at = 0
-        for row in range(messages.ROWS):
+        for row in range(_ROWS):
             line = 0
             for _ in range(_PAIRS_A_ROW):
                 b = packed[at + 1]
@@ -106,11 +111,19 @@ class StrokeState:
             total += line
             if _EDGE_FIRST <= row < _EDGE_FIRST + _EDGE_ROWS:
                 head += line
-            elif _EDGE_FIRST <= messages.ROWS - 1 - row < _EDGE_FIRST + _EDGE_ROWS:
+            elif _EDGE_FIRST <= _ROWS - 1 - row < _EDGE_FIRST + _EDGE_ROWS:
                 tail += line
         self._head_sum = head
         self._tail_sum = tail
         return total
+
+    def _pressure(self, packed):
+        """Mean over the cells, Pa."""
+        return (self._sum(packed) - self.zero_counts) * 100 // _COUNTS_A_100_PA
+
+    def in_contact(self, packed):
+        """True where a frame alone would begin a contact."""
+        return self._pressure(packed) >= self.values[settings.CONTACT_THRESHOLD]
 
     def _warn(self, which, stands):
         """The event's bit, once when the condition begins to hold."""
@@ -123,12 +136,11 @@ class StrokeState:
         return which
 
     def update(self, packed, position_um, time_us):
-        """Take one frame (624 bytes); return the events as bits `1 << messages.STATE_...`."""
+        """Take one packed frame; return the events as bits `1 << messages.STATE_...`."""
         values = self.values
-        total = self._sum(packed)
-        pressure = (total - self.zero_counts) * 100 // 6814  # 25000 Pa / (4095 counts * 416 cells)
+        pressure = self._pressure(packed)
         self.pressure_pa = pressure
-        self.force_mN_per_m = pressure * 24  # 16 rows of 1.5 mm
+        self.force_mN_per_m = pressure * _FACE_10_UM // 100
         events = 0
         threshold = values[settings.CONTACT_THRESHOLD]
         if self.state == IDLE:
@@ -191,8 +203,10 @@ class StrokeState:
         return events
 
     def _look_for_lump(self, position_um):
-        zero = self.zero_counts * _EDGE_ROWS // messages.ROWS
-        total = self.pressure_pa * 68 // 16 + 1  # back in counts of three rows, times 16/3 / 16
+        zero = self.zero_counts * _EDGE_ROWS // _ROWS
+        total = (
+            self.pressure_pa * _COUNTS_A_PA // 16 + 1
+        )  # a sixteenth of all counts: 64 / total is 1024 / all
         found = 0
         if self.head.update((self._head_sum - zero) * 64 // total, position_um):
             self.lump_um = self.head.peak_um - _EDGE_UM

@@ -4,7 +4,11 @@ A live cell never reads 0, since its unloaded reading is some counts above it, a
 both beside the lump and over it.
 """
 
+from firmware_py import geometry
+
 LOOKS = 5  # bins looked at, evenly spread over the stroke
+_CELLS = geometry.CELLS
+_COLUMNS = geometry.COLUMNS
 CLEAR = 64  # a cell whose zero lies under 8 counts may well read 0
 
 
@@ -14,10 +18,10 @@ def stands(cells, slot, n, counts, offset, i):
     high = 1
     for j in range(LOOKS):
         s = slot[j * (n - 1) // (LOOKS - 1)]
-        v = cells[s * 416 + i]
+        v = cells[s * _CELLS + i]
         if v:
             low = 0
-        if v != 4095 * counts[s]:
+        if v != geometry.FULL_COUNT * counts[s]:
             high = 0
         if not low and not high:
             return 0
@@ -30,26 +34,26 @@ def mend(cells, slot, n, counts, offset, dead, found):
     dead: mask of the known dead cells, which are left alone; found: gets the others. Returns how many.
     """
     total = 0
-    for i in range(52):
+    for i in range(geometry.MASK_BYTES):
         found[i] = 0
-    for i in range(416):
+    for i in range(_CELLS):
         if not (dead[i >> 3] >> (i & 7)) & 1 and stands(cells, slot, n, counts, offset, i):
             found[i >> 3] |= 1 << (i & 7)
             total += 1
     if not total:
         return 0
-    for i in range(416):
+    for i in range(_CELLS):
         if not (found[i >> 3] >> (i & 7)) & 1:
             continue
-        col = i % 26
+        col = i % _COLUMNS
         a = -1
         b = -1
-        for k in range(1, 26):
+        for k in range(1, _COLUMNS):
             c = i - k
             if a < 0 and col >= k and not ((dead[c >> 3] | found[c >> 3]) >> (c & 7)) & 1:
                 a = c
             c = i + k
-            if b < 0 and col + k < 26 and not ((dead[c >> 3] | found[c >> 3]) >> (c & 7)) & 1:
+            if b < 0 and col + k < _COLUMNS and not ((dead[c >> 3] | found[c >> 3]) >> (c & 7)) & 1:
                 b = c
         if a < 0:
             a = b
@@ -57,6 +61,6 @@ def mend(cells, slot, n, counts, offset, dead, found):
             b = a
         if a >= 0:
             for k in range(n):
-                base = slot[k] * 416
+                base = slot[k] * _CELLS
                 cells[base + i] = (cells[base + a] + cells[base + b]) >> 1
     return total

@@ -5,6 +5,14 @@ the uneven encoder positions; beyond the ends a trace keeps its last value. Leng
 weights in Q12, adding up to 1 exactly; rows in Q5 counts; maps in Q11 counts.
 """
 
+from firmware_py import geometry
+
+_ROWS = geometry.ROWS
+_COLUMNS = geometry.COLUMNS
+_CELLS = geometry.CELLS
+_PITCH_UM = geometry.PITCH_UM
+_FIRST_ROW_UM = geometry.FIRST_ROW_UM
+
 
 def weigh(x_um, n, k, x, w):
     """Weights of the bins k - 1 to k + 2 at x, in w[0..3]; those of absent neighbours are 0."""
@@ -47,39 +55,49 @@ def at(rows, stride, i, k, n, w):
     return v >> 12
 
 
+def rescale(out, n):
+    """Make sums over all rows into means of 16, which is what the maps' units count on."""
+    if _ROWS != 16:
+        for i in range(n):
+            out[i] = out[i] * 16 // _ROWS
+
+
 def map_rows(x_um, n, rows, start_um, out, points, w):
-    """Tactile map on `points` places 1 mm apart from start_um: the mean of the 16 rows' traces, Q11."""
+    """Tactile map on `points` places 1 mm apart from start_um: the mean of the rows' traces, Q11."""
     for i in range(points):
         out[i] = 0
-    s = -11250
-    for row in range(16):
+    s = _FIRST_ROW_UM
+    stride = _ROWS
+    for row in range(stride):
         k = 0
         x = start_um - s
         for i in range(points):
             while k < n - 2 and x_um[k + 1] <= x:
                 k += 1
             weigh(x_um, n, k, x, w)
-            j = k * 16 + row
-            v = w[1] * rows[j] + w[2] * rows[j + 16]
+            j = k * stride + row
+            v = w[1] * rows[j] + w[2] * rows[j + stride]
             if w[0]:
-                v += w[0] * rows[j - 16]
+                v += w[0] * rows[j - stride]
             if w[3]:
-                v += w[3] * rows[j + 32]
+                v += w[3] * rows[j + 2 * stride]
             out[i] += v >> 10
             x += 1000
-        s += 1500
+        s += _PITCH_UM
+    rescale(out, points)
 
 
 def map_columns(x_um, n, cells, slot, level, start_um, out, points):
-    """The same map for each of the 26 columns, from calibrated cells: out[point * 26 + column], Q7 counts.
+    """The same map for each column, from calibrated cells: out[point * COLUMNS + column], Q7 counts.
 
     `level[k]` (Q12, below 2) multiplies bin k, which takes out most of a wandering force. Between two
     bins the trace is straight: these maps only have to tell the columns apart.
     """
-    for i in range(points * 26):
+    columns = _COLUMNS
+    for i in range(points * columns):
         out[i] = 0
-    s = -11250
-    for row in range(16):
+    s = _FIRST_ROW_UM
+    for row in range(_ROWS):
         k = 0
         x = start_um - s
         for i in range(points):
@@ -94,14 +112,15 @@ def map_columns(x_um, n, cells, slot, level, start_um, out, points):
             v = (t << 12) // h
             u = (4096 - v) * level[k] >> 12
             v = v * level[k + 1] >> 12
-            a = slot[k] * 416 + row * 26
-            b = slot[k + 1] * 416 + row * 26
-            j = i * 26
-            e = j + 26
+            a = slot[k] * _CELLS + row * columns
+            b = slot[k + 1] * _CELLS + row * columns
+            j = i * columns
+            e = j + columns
             while j < e:
                 out[j] += (u * (cells[a] - 4096) + v * (cells[b] - 4096)) >> 12
                 a += 1
                 b += 1
                 j += 1
             x += 1000
-        s += 1500
+        s += _PITCH_UM
+    rescale(out, points * columns)

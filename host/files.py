@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
 
-from host.errors import DiskFull, NoSuchFile, PalpateError, UnknownFormat
+from palpate.errors import DiskFull, NoSuchFile, PalpateError, UnknownFormat
 
 T = TypeVar("T")
 
@@ -31,12 +31,38 @@ def whole_file(path: Path) -> Iterator[Path]:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
+        _sync(temporary)
         os.replace(temporary, path)
+        _sync(path.parent)
     except OSError as error:
         raise cannot_write(path, error) from error
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def check_writable(path: Path) -> None:
+    """Raise what `whole_file` would, before the work that a file is for; nothing is left behind."""
+    if path.exists() and not path.is_file():
+        raise PalpateError(f"{path} cannot be written: it is a device or a directory; name a file")
+    probe = path.with_name(f".{path.stem}.{os.getpid()}.try")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise cannot_write(path, error) from error
+
+
+def _sync(path: Path) -> None:
+    """Return once a file's content, or a directory's names, are on disk."""
+    if os.name == "nt" and path.is_dir():
+        return
+    handle = os.open(path, os.O_RDONLY if os.name != "nt" else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def cannot_write(path: Path, error: OSError) -> PalpateError:

@@ -1,20 +1,27 @@
-"""The checks of a ModelSpec; every failure is a ModelError of one sentence."""
+"""The checks of a model; every failure is a ModelError of one sentence."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+import sys
+from typing import Any
 
-from model_export.errors import ModelError
-from model_export.vocabulary import KINDS, LINKS, OUTPUTS
-
-if TYPE_CHECKING:
-    from model_export.schema import ModelSpec
+from palpate.model_export.errors import ModelError
+from palpate.model_export.model_data import ModelData
+from palpate.model_export.vocabulary import KINDS, LINKS, OUTPUTS
 
 MAX_FEATURES = 24
 MAX_TERMS = 400
 MAX_DEGREE = 3
 MAX_MARGIN = 4  # half-widths
+
+
+def _short(value: Any) -> str:
+    """A value in an error's sentence, however long it is."""
+    if isinstance(value, int) and abs(value) >= 1 << 64:
+        return f"an integer of {value.bit_length()} bits"
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:80]}..."
 
 
 def _need(condition: bool, sentence: str) -> None:
@@ -23,8 +30,9 @@ def _need(condition: bool, sentence: str) -> None:
 
 
 def _number(value: Any, where: str) -> float:
-    ok = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    _need(ok, f"{where} must be a finite number, not {value!r}")
+    ok = isinstance(value, int | float) and not isinstance(value, bool)
+    ok = ok and -sys.float_info.max <= value <= sys.float_info.max  # an integer can be larger than any float
+    _need(ok, f"{where} must be a finite number, not {_short(value)}")
     return float(value)
 
 
@@ -49,7 +57,7 @@ def _terms(terms: Any, n_features: int, where: str) -> None:
     _need(len(set(terms)) == len(terms), f"{where} names a term twice")
 
 
-def spec(model: ModelSpec) -> None:
+def spec(model: ModelData) -> None:
     """Raise ModelError with the first thing that is wrong with `model`."""
     _head(model)
     n = len(model.features)
@@ -61,7 +69,7 @@ def spec(model: ModelSpec) -> None:
     _rules(model)
 
 
-def _head(model: ModelSpec) -> None:
+def _head(model: ModelData) -> None:
     _need(model.kind in KINDS, f"kind must be one of {', '.join(KINDS)}, not {model.kind!r}")
     ok = isinstance(model.probe, str) and model.probe.isascii() and 0 < len(model.probe) <= 16
     _need(ok, f"probe must be 1 to 16 ASCII characters, not {model.probe!r}")
@@ -80,7 +88,7 @@ def _head(model: ModelSpec) -> None:
 
 
 def _finite(value: Any, where: str) -> None:
-    """NaN and infinity anywhere inside free-form parts are refused too: JSON has no word for them."""
+    """NaN and infinity inside free-form parts are refused too: JSON cannot express them."""
     if isinstance(value, float):
         _need(math.isfinite(value), f"{where} must be finite, not {value!r}")
     elif isinstance(value, dict):
@@ -91,7 +99,7 @@ def _finite(value: Any, where: str) -> None:
             _finite(item, f"{where}[{i}]")
 
 
-def _features(model: ModelSpec, n: int) -> None:
+def _features(model: ModelData, n: int) -> None:
     _need(0 < n <= MAX_FEATURES, f"a model has 1 to {MAX_FEATURES} features, not {n}")
     _need(all(isinstance(f, str) for f in model.features), "features must be names")
     _need(len(set(model.features)) == n, "features names a feature twice")
@@ -109,7 +117,7 @@ def _features(model: ModelSpec, n: int) -> None:
         )
 
 
-def _outputs(model: ModelSpec) -> None:
+def _outputs(model: ModelData) -> None:
     names = tuple(getattr(o, "name", None) for o in model.outputs)
     wanted = tuple(name for name, _ in OUTPUTS)
     _need(names == wanted, f"outputs must be {', '.join(wanted)} in this order, not {names}")
@@ -128,7 +136,7 @@ def _outputs(model: ModelSpec) -> None:
         _numbers(o.coefficients, len(model.terms), f"coefficients of {o.name}")
 
 
-def _interval(model: ModelSpec, n: int) -> None:
+def _interval(model: ModelData, n: int) -> None:
     interval = model.interval
     level = _number(interval.level, "interval.level")
     _need(0 < level < 1, f"interval.level must lie between 0 and 1, not {level}")
@@ -144,7 +152,7 @@ def _interval(model: ModelSpec, n: int) -> None:
         _need(min(pair) >= 0, f"interval.quantiles[{j}] must not be negative")
 
 
-def _domain(model: ModelSpec, n: int) -> None:
+def _domain(model: ModelData, n: int) -> None:
     domain = model.domain
     lo, hi = _numbers(domain.lo, n, "domain.lo"), _numbers(domain.hi, n, "domain.hi")
     for i, name in enumerate(model.features):
@@ -160,7 +168,7 @@ def _domain(model: ModelSpec, n: int) -> None:
     _ranges(model)
 
 
-def _ranges(model: ModelSpec) -> None:
+def _ranges(model: ModelData) -> None:
     domain = model.domain
     pairs = isinstance(domain.ranges, tuple) and len(domain.ranges) == len(model.outputs)
     _need(pairs, f"domain.ranges must have a pair for each of {len(model.outputs)} outputs")
@@ -173,7 +181,7 @@ def _ranges(model: ModelSpec) -> None:
     _need(0 <= margin < MAX_MARGIN, f"domain.margin must lie between 0 and {MAX_MARGIN} half-widths")
 
 
-def _rules(model: ModelSpec) -> None:
+def _rules(model: ModelData) -> None:
     for i, limit in enumerate(model.lump):
         _need(isinstance(limit.feature, str), f"lump[{i}].feature must be a name")
         for word, value in (("lo", limit.lo), ("hi", limit.hi)):

@@ -1,22 +1,24 @@
 """What can go wrong on the way from a fitted model to an image, as a tree.
 
     ExportError
-      ModelError  (ValueError)   model.json, or a ModelSpec, that does not make sense
+      ModelError  (UsageError)   model.json, or a ModelSpec, that does not make sense
       ProofError                 a model whose integers cannot be proved to stay within +-2^30
-      SigningError               a signing key that is missing, exhausted, locked or copied back
-      ImageError  (ValueError)   bytes that are not a model image, or not one that we can read
+      SigningError               a signing key that is missing, damaged or of the old kind
+      ImageError  (UsageError)   bytes that are not a model image, or not one that we can read
 
 The text of each is one sentence that says what was wrong and what to do.
 """
 
 from __future__ import annotations
 
+from palpate.errors import PalpateError, UsageError
 
-class ExportError(Exception):
+
+class ExportError(PalpateError):
     """Any error of `model_export`."""
 
 
-class ModelError(ExportError, ValueError):
+class ModelError(ExportError, UsageError):
     """The model's description does not make sense."""
 
 
@@ -28,5 +30,5 @@ class SigningError(ExportError):
     """The signing key cannot be used."""
 
 
-class ImageError(ExportError, ValueError):
+class ImageError(ExportError, UsageError):
     """The bytes are not a model image of a version that we can read."""

@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from firmware_py import lms
-from model_export import accuracy, bounds, compiler, image, keys, sampling
-from model_export.errors import ModelError
-from model_export.force_map import blob as pack_force_map
-from model_export.schema import ModelSpec
+from firmware_py import slh_dsa
+from palpate.model_export import image_builder
+from palpate.model_export.errors import ModelError
+from palpate.model_export.fixed_point import accuracy, bounds, compiler, sampling
+from palpate.model_export.fixed_point.force_map import blob as pack_force_map
+from palpate.model_export.schema import ModelSpec
+from palpate.model_export.signing import keys
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,6 @@ class Report:
     over : str
         "the training set" or "random vectors of the domain".
     proof : bounds.Proof
-    signatures_left : int
     """
 
     model_id: str
@@ -43,7 +44,6 @@ class Report:
     errors: accuracy.Errors
     over: str
     proof: bounds.Proof
-    signatures_left: int
 
     def to_dict(self) -> dict[str, Any]:
         """For --json."""
@@ -60,7 +60,6 @@ class Report:
             f"{self.errors.worst[worst]:.1e} in {worst}; "
             f"medians at most {max(self.errors.median.values()):.1e}",
             str(self.proof),
-            f"{self.signatures_left} signatures left in the key",
         ]
 
 
@@ -78,7 +77,7 @@ def prepare(spec: ModelSpec) -> tuple[Any, bounds.Proof, bytes | None]:
 
 
 def training_features(spec: ModelSpec) -> np.ndarray | None:
-    """Feature vectors of the training set, if the model brings them (training["features"], n x features)."""
+    """Feature vectors of the training set, if the model holds them (training["features"], n x features)."""
     rows = spec.training.get("features")
     if not rows:
         return None
@@ -98,7 +97,6 @@ def export(
     counter: int | None = None,
     rollback: bool = False,
     features: np.ndarray | None = None,
-    adopt: bool = False,
 ) -> tuple[bytes, Report]:
     """Signed image of a model, and a report.
 
@@ -108,14 +106,12 @@ def export(
     key_dir : path
         Directory made by `keys.generate`.
     counter : int, optional
-        Security counter; by default how many images this key has signed, so that a later one is newer.
+        Security counter; by default from the clock, so that a later image is newer (see `keys`).
     rollback : bool
         Sign the image as one that may replace any that this key has signed so far.
     features : array, optional
         Feature vectors (n x features) for the error report; by default the training set's, if the model
         brings them, else 2000 random vectors of the domain.
-    adopt : bool
-        Take over a key that has signed on another machine (see `keys`).
 
     Raises
     ------
@@ -131,21 +127,20 @@ def export(
         over = "random vectors of the domain"
     errors = accuracy.measure(spec, tables, features)
 
-    def make(leaf: int) -> bytes:
-        own = leaf + 1 if counter is None else counter
-        return image.build(spec, tables, blob, own, max(leaf + 1, own) if rollback else 0)
+    def make(own: int) -> bytes:
+        return image_builder.build(spec, tables, blob, own, max(last, own) if rollback else 0)
 
-    signed, key = keys.sign(key_dir, make, adopt)
-    info = image.inspect(signed, key.public, spec.probe)
+    last = keys.load(key_dir).counter
+    signed, key = keys.sign(key_dir, make, counter)
+    info = image_builder.inspect(signed, key.public, spec.probe)
     report = Report(
         info.model_id,
         len(signed),
-        lms.signature_size(key.public),
+        slh_dsa.signature_size(key.public),
         info.counter,
         info.replaces,
         errors,
         over,
         proof,
-        key.count - key.used,
     )
     return signed, report

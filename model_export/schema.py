@@ -1,14 +1,6 @@
-"""A fitted model in float64: what `palpate fit` writes as model.json and `palpate export` compiles.
+"""A fitted model as a file: what `palpate fit` writes as model.json and `palpate export` compiles.
 
-Units: features as the firmware names them, outputs as `OUTPUTS` says. In the words of the formulas below,
-
-    x  = min(max(feature, clip_lo), clip_hi)          z = (x - centre) / scale
-    y_j = sum_k coefficients[j][k] * prod_{i in terms[k]} z_i         (the link scale: ln or identity)
-    y_j is then clipped to [lo_j, hi_j]; value_j = exp(y_j) or y_j
-    ln sigma_j = sum_k sigma[j][k] * prod_{i in sigma_terms[k]} z_i + sum_m sigma[j][K + m] * y_m
-    low_j, high_j = link^-1(y_j -+ quantile[j][class] * sigma_j), clipped to [lo_j, hi_j]
-
-with class 1 where the predicted E_inv23 is below the hardness threshold (a hard lump), 0 otherwise.
+`model_data` says what it consists of and which formulas it stands for.
 """
 
 from __future__ import annotations
@@ -16,144 +8,28 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from model_export import check
-from model_export.errors import ModelError
-from model_export.vocabulary import KINDS, LINKS, OUTPUTS, Term
+from palpate.model_export import check
+from palpate.model_export.errors import ModelError
+from palpate.model_export.model_data import Domain, Interval, Limit, ModelData, Output
+from palpate.model_export.vocabulary import KINDS, LINKS, OUTPUTS, Term
 
 __all__ = ["KINDS", "LINKS", "OUTPUTS", "Domain", "Interval", "Limit", "ModelSpec", "Output", "Term"]
 
 FORMAT = "palpate-model"
 VERSION = 2
+LONGEST_INTEGER = 20
+"""Digits of the longest integer in model.json, with its sign; no model needs so many."""
+DEEPEST = 32
+"""Levels of lists and objects in a model, at most; ours have five."""
 
 
 @dataclass(frozen=True)
-class Output:
-    """One output: its link and its coefficients over the shared terms.
-
-    Attributes
-    ----------
-    name : str
-        One of the names of `OUTPUTS`.
-    link : str
-        "ln": the polynomial gives the logarithm of the value in the output's unit; "identity": the value.
-    lo, hi : float
-        The range that predictions and intervals are clipped to, in the output's unit; for "ln" lo > 0.
-    coefficients : tuple of float
-        One for each of the model's terms, over standardised features.
-    """
-
-    name: str
-    link: str
-    lo: float
-    hi: float
-    coefficients: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class Interval:
-    """Normalised conformal intervals: a quantile per output and predicted class times sigma.
-
-    Attributes
-    ----------
-    level : float
-        Coverage the quantiles were taken for, 0 < level < 1.
-    terms : tuple of Term
-        Monomials of ln sigma, `()` for the constant.
-    coefficients : tuple of tuple of float
-        For each output: one per term, then one per output (its clipped prediction on the link scale).
-    quantiles : tuple of (float, float)
-        For each output: for lumps predicted soft, and predicted hard. 0 is allowed (no interval).
-    """
-
-    level: float
-    terms: tuple[Term, ...]
-    coefficients: tuple[tuple[float, ...], ...]
-    quantiles: tuple[tuple[float, float], ...]
-
-
-@dataclass(frozen=True)
-class Domain:
-    """Where the model may be believed: a box in feature units, a distance, ranges of the estimates.
-
-    in_domain = lo <= feature <= hi for all, and (z - m)' precision (z - m) <= threshold, m the centre, and
-    range_lo_j - margin half_j <= y_j <= range_hi_j + margin half_j for all outputs, where half_j is half the
-    interval of y_j, all on the link scale. A range is in the output's unit; None where it has no such end.
-    """
-
-    lo: tuple[float, ...]
-    hi: tuple[float, ...]
-    centre: tuple[float, ...]
-    precision: tuple[tuple[float, ...], ...]
-    threshold: float
-    ranges: tuple[tuple[float | None, float | None], ...]
-    margin: float
-
-
-@dataclass(frozen=True)
-class Limit:
-    """One condition of the lump rule: lo <= feature <= hi; any feature of the firmware, None for no bound."""
-
-    feature: str
-    lo: float | None = None
-    hi: float | None = None
-
-
-@dataclass(frozen=True)
-class ModelSpec:
-    """A whole fitted model; `validate` says in one sentence what is wrong with it.
-
-    Attributes
-    ----------
-    kind : str
-        "thesis" or "field".
-    probe : str
-        Identity of the probe: `firmware_py.image.PROBE`, at most 16 ASCII characters.
-    features_version : int
-        `firmware_py.features.FEATURES_VERSION` of the features that the model was trained on.
-    features : tuple of str
-        Names out of `firmware_py.features.NAMES`.
-    centre, scale, clip_lo, clip_hi : tuple of float
-        Per feature, in the feature's unit.
-    terms : tuple of Term
-        Monomials as tuples of indices into `features`, sorted, `()` for the constant; degree at most 3.
-    outputs : tuple of Output
-        All five, in the order of `OUTPUTS`.
-    interval : Interval
-    domain : Domain
-    lump : tuple of Limit
-        A stroke shows a lump only if every condition holds; empty: always.
-    hard_below : float
-        E_inv23 under which a lump is called hard.
-    force_range : (float, float)
-        F_N_per_m that the model was trained over.
-    force_map : dict or None
-        Opaque here: `model_export.force_map` turns it into the firmware's table.
-    training : dict
-        At least "hash" (64 hex digits) and "n"; noise level, seed and scores are welcome.
-    """
-
-    kind: str
-    probe: str
-    features_version: int
-    features: tuple[str, ...]
-    centre: tuple[float, ...]
-    scale: tuple[float, ...]
-    clip_lo: tuple[float, ...]
-    clip_hi: tuple[float, ...]
-    terms: tuple[Term, ...]
-    outputs: tuple[Output, ...]
-    interval: Interval
-    domain: Domain
-    lump: tuple[Limit, ...]
-    hard_below: float
-    force_range: tuple[float, float]
-    training: dict[str, Any]
-    force_map: dict[str, Any] | None = None
-    notes: dict[str, Any] = field(default_factory=dict)
+class ModelSpec(ModelData):
+    """A fitted model (fields: `ModelData`); `validate` says in one sentence what is wrong with it."""
 
     def validate(self) -> ModelSpec:
         """Check everything that can be checked without the firmware; return self, or raise ModelError."""
@@ -173,8 +49,13 @@ class ModelSpec:
             raise ModelError(
                 f"model.json has version {data.get('version')!r}, this program reads version {VERSION}"
             )
+        if _deeper_than(data, DEEPEST):
+            raise ModelError("the model is nested too deep: it was not written by palpate fit")
         body = {k: v for k, v in data.items() if k not in ("format", "version")}
-        return _build(ModelSpec, body, "the model").validate()
+        try:
+            return _build(ModelSpec, body, "the model").validate()
+        except (TypeError, AttributeError, LookupError, OverflowError) as error:
+            raise ModelError(f"the model has a part of the wrong shape: {error}") from None
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Validate and write model.json; the old file stays whole until the new one is on disk."""
@@ -203,14 +84,29 @@ class ModelSpec:
         except (OSError, UnicodeDecodeError) as error:
             raise ModelError(f"cannot read the model {path}: {error}") from None
         try:
-            data = json.loads(text, parse_constant=_no_constant)
+            data = json.loads(text, parse_constant=_no_constant, parse_int=_integer)
         except ValueError as error:
             raise ModelError(f"{path} is not a readable model.json: {error}") from None
+        except RecursionError:
+            raise ModelError(f"{path} is not a readable model.json: it is nested too deep") from None
         return ModelSpec.from_dict(data)
 
 
+def _integer(digits: str) -> int:
+    if len(digits) > LONGEST_INTEGER:
+        raise ModelError(f"it holds an integer of {len(digits)} digits; no number of a model is so large")
+    return int(digits)
+
+
 def _no_constant(word: str) -> float:
-    raise ValueError(f"it holds {word}, which is not a number")
+    raise ModelError(f"it holds {word}, which is not a number")
+
+
+def _deeper_than(value: Any, levels: int) -> bool:
+    parts = value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
+    return levels == 0 or any(
+        _deeper_than(part, levels - 1) for part in parts if isinstance(part, dict | list | tuple)
+    )
 
 
 _PARTS: dict[str, Any] = {"outputs": Output, "interval": Interval, "domain": Domain, "lump": Limit}

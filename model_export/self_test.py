@@ -9,10 +9,10 @@ import numpy as np
 
 from firmware_py import evaluator
 from firmware_py import features as firmware_features
-from firmware_py import image as fw
-from model_export import compiler, sampling
-from model_export.errors import ModelError
-from model_export.schema import ModelSpec
+from firmware_py import model_image as fw
+from palpate.model_export.errors import ModelError
+from palpate.model_export.fixed_point import compiler, sampling
+from palpate.model_export.schema import ModelSpec
 
 SELF_TESTS = 2
 
@@ -20,7 +20,8 @@ SELF_TESTS = 2
 def vectors(spec: ModelSpec, tables: evaluator.Tables) -> tuple[dict[int, int], list[list[int]]]:
     """Inputs of the self-test: values of features that only the lump rule looks at, and vectors.
 
-    The vectors lie inside the domain and pass the lump rule; each is a byte a feature (`image.place`).
+    The vectors lie inside the domain and pass the lump rule; each has one byte per feature
+    (`model_image.place`).
 
     Raises
     ------

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from firmware_py import outputs
+
 KINDS = ("thesis", "field")
-# Name and unit of the five outputs in the order of the wire; an image holds millionths of these units.
-OUTPUTS = (("F_N_per_m", "N/m"), ("t_mm", "mm"), ("d_mm", "mm"), ("h", "1"), ("E_inv23", "1"))
+# Name and unit of the outputs in the order of the wire; an image holds millionths of these units.
+OUTPUTS = tuple((name, unit) for name, unit, _ in outputs.TABLE)
 LINKS = ("ln", "identity")
 
 Term = tuple[int, ...]

@@ -1,1 +1,1 @@
-"""The simulated world: the tissue under a stroke (`sim.tissue`) and the probe that feels it (`sim.probe`)."""
+"""The simulated world: the tissue under a stroke (`tissue`) and the probe that feels it (`probe`)."""

@@ -1,8 +1,37 @@
-"""For all tests: hypothesis draws the same examples each time and has no clock."""
+"""For all tests: hypothesis draws the same examples each time and has no clock.
 
+Promises of the reference board need MicroPython's own port, which this project does not contain: where it is
+not to be had they are skipped, and the last lines say so.
+"""
+
+import pytest
 from hypothesis import HealthCheck, settings
 
 settings.register_profile(
     "palpate", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("palpate")
+
+NOT_TRIED = "no UF2 of MicroPython"
+
+
+def pytest_runtest_setup(item):
+    """Tests marked `board` run where MicroPython's port for the Pico is found."""
+    if item.get_closest_marker("board"):
+        from tests.sim.probe.board_bench import uf2
+
+        if uf2() is None:
+            pytest.skip(NOT_TRIED)
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Say what was not tried."""
+    skipped = terminalreporter.stats.get("skipped", [])
+    missing = [report for report in skipped if NOT_TRIED in str(report.longrepr)]
+    if missing:
+        terminalreporter.section("not tried")
+        terminalreporter.write_line(
+            f"{len(missing)} promises of the reference board were not tried, for want of MicroPython for the "
+            "Pico: download RPI_PICO-*-v1.24.1.uf2 from micropython.org, and run "
+            "PALPATE_RP2_UF2=/path/to/it make test"
+        )

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from firmware_py import features
-from host.regression.seen import look
-from host.regression.thesis_model import fit_thesis_model
-from model_export.exporter import prepare
-from model_export.reference import evaluate
-from sim.probe.sensors import LEVELS, StrokeField
-from sim.tissue import load_strokes, read_design, sweep
+from palpate.model_export.exporter import prepare
+from palpate.model_export.fixed_point.reference import evaluate
+from palpate.regression.observed import observe
+from palpate.regression.thesis.polynomial import fit_thesis_model
+from palpate.sim.probe.sensors import LEVELS, StrokeField
+from palpate.sim.tissue import load_strokes, read_design, sweep
 
 SEED = 3
 OUTPUTS = ("F_N_per_m", "t_mm", "d_mm", "h", "E_inv23")
@@ -33,13 +33,13 @@ if __name__ == "__main__":  # the sweep's worker processes import this file
     print(f"{spec.kind} model: {len(spec.features)} features, {len(spec.terms)} terms")
     print(proof)
 
-    seen = look([StrokeField(s) for s in strokes], LEVELS["typical"].without("force"), SEED)
-    seen = seen.take(seen.whole)
-    exact = evaluate(spec, seen.columns(spec.features))["value"]
+    observed = observe([StrokeField(s) for s in strokes], LEVELS["typical"].without("force"), SEED)
+    observed = observed.take(observed.whole)
+    exact = evaluate(spec, observed.columns(spec.features))["value"]
 
     out = array("i", [0] * 18)
     integers = np.zeros_like(exact)
-    for row, vector in enumerate(seen.X):
+    for row, vector in enumerate(observed.X):
         q24 = array("i", [int(v) for v in np.rint(vector * 2**24)])
         assert len(q24) == features.COUNT
         tables.evaluate(q24, out)

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from host.regression.seen import look
-from host.regression.thesis_model import fit_thesis_model
-from model_export.reference import evaluate
-from sim.probe.sensors import LEVELS, StrokeField
-from sim.tissue import load_strokes, read_design, sweep
-from sim.tissue.design import Ranges, sobol_cases
+from palpate.model_export.fixed_point.reference import evaluate
+from palpate.regression.observed import observe
+from palpate.regression.thesis.polynomial import fit_thesis_model
+from palpate.sim.probe.sensors import LEVELS, StrokeField
+from palpate.sim.tissue import load_strokes, read_design, sweep
+from palpate.sim.tissue.design import Ranges, sobol_cases
 
 SEED = 7
 OUTPUTS = ("F_N_per_m", "t_mm", "d_mm", "h", "E_inv23")
@@ -34,7 +34,7 @@ if __name__ == "__main__":  # the sweep's worker processes import this file
 
     rows = []
     for name, level in LEVELS.items():
-        strokes = look(lumps, level.without("force"), SEED)
+        strokes = observe(lumps, level.without("force"), SEED)
         strokes = strokes.take(strokes.whole)
         said = evaluate(spec, strokes.columns(spec.features))
         error = np.abs(said["value"] / strokes.Y - 1)

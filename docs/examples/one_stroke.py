@@ -10,8 +10,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from host.features import fit_gaussian, stroke_features, tactile_map
-from sim.tissue import Case, Settings, simulate
+from palpate.features.map_features import fit_gaussian, stroke_features, tactile_map
+from palpate.sim.tissue import Case, Settings, simulate
 
 code = sys.argv[1] if len(sys.argv) > 1 else "d12h07e20f09"
 picture = Path(sys.argv[2] if len(sys.argv) > 2 else "out/examples/one_stroke.png")

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from host.record.convert import convert
+from palpate.recording.convert import convert
 
 recording = Path(sys.argv[1] if len(sys.argv) > 1 else "out/examples/visit.mcap")
 table = recording.with_suffix(".parquet")

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from host.regression.runs import features_table, thesis_strokes
-from host.regression.thesis import fit_thesis
-from sim.tissue import load_strokes, read_design, sweep
+from palpate.regression.runs import features_table, thesis_strokes
+from palpate.regression.thesis.fit import fit_thesis
+from palpate.sim.tissue import load_strokes, read_design, sweep
 
 directory = Path(sys.argv[1] if len(sys.argv) > 1 else "out/thesis")
 

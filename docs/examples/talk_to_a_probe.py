@@ -9,17 +9,17 @@ import sys
 import tempfile
 from pathlib import Path
 
-from host.link.events import Estimate, Frame
-from host.link.flash import flash
-from host.link.probe import Probe
-from host.record.replay import replay
-from host.record.session import recorded
-from host.regression.thesis_model import fit_thesis_model
-from model_export import keys
-from model_export.exporter import export
-from sim.probe.emulated import EmulatedProbe
-from sim.probe.sensors import LEVELS, stroke_frames
-from sim.tissue import Case, load_strokes, read_design, simulate, sweep
+from palpate.link.events import Estimate, Frame
+from palpate.link.flash import flash
+from palpate.link.probe import Probe
+from palpate.model_export.exporter import export
+from palpate.model_export.signing import keys
+from palpate.recording.replay import replay
+from palpate.recording.session import recorded
+from palpate.regression.thesis.polynomial import fit_thesis_model
+from palpate.sim.probe.emulated import EmulatedProbe
+from palpate.sim.probe.sensors import LEVELS, stroke_frames
+from palpate.sim.tissue import Case, load_strokes, read_design, simulate, sweep
 
 SEED = 11
 directory = Path(sys.argv[1] if len(sys.argv) > 1 else "out/thesis")
@@ -30,7 +30,7 @@ if __name__ == "__main__":  # the sweep's worker processes import this file
     sweep(read_design("thesis"), out_dir=directory)
     spec = fit_thesis_model(load_strokes(directory), seed=SEED)
     with tempfile.TemporaryDirectory() as key_directory:
-        public_key = keys.generate(key_directory, height=5)
+        public_key = keys.generate(key_directory)
         image, report = export(spec, key_directory)
     print(f"model {report.model_id}: {report.size} bytes, {report.proof.headroom_bits:.1f} bits to spare")
 

@@ -9,12 +9,14 @@ A board has
     write(buffer, start, stop)
                          bytes to the host; how many the link took (0: none now). Never waits
     begin(), end()       a stream starts, stops (power up and down the analogue part)
-    scan(counts)         measure all 416 cells into 624 bytes, two counts of 12 bits in three
+    start_scan()         begin to measure all cells; the board does it beside everything else, if it can
+    scanned()            True when they are measured
+    scan(counts)         them, into geometry.FRAME_BYTES bytes, two counts of 12 bits in three
     position_um()        of the stroke, signed
     displacement_um()    of the probe into the tissue, signed
     kept_settings(), keep_settings(data)
                          the stored settings (bytes or None); store them, returning a status
 
-`read`, `write`, `scan`, `position_um`, `displacement_um` and `ticks_us` run in the frame path and
-allocate nothing.
+`read`, `write`, `start_scan`, `scanned`, `scan`, `position_um`, `displacement_um` and `ticks_us` run in the
+frame path and allocate nothing.
 """

@@ -43,13 +43,17 @@ class UsbLink:
 
     def write(self, buffer: bytearray, start: int, stop: int) -> int:
         """As much of buffer[start:stop] as the port takes now; how many bytes."""
-        if not self._ready(self._writable):
-            return 0
-        n = stop - start
-        if n > _PIECE:
-            n = _PIECE
-        # write(buffer, offset, length) is MicroPython's own: a slice would allocate
-        return self._out.write(buffer, start, n) or 0  # type: ignore[call-arg]
+        at = start
+        while at < stop and self._ready(self._writable):
+            n = stop - at
+            if n > _PIECE:
+                n = _PIECE
+            # write(buffer, offset, length) is MicroPython's own: a slice would allocate
+            n = self._out.write(buffer, at, n) or 0  # type: ignore[call-arg]
+            if n <= 0:
+                break
+            at += n
+        return at - start
 
 
 class UartLink:

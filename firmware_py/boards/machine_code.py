@@ -6,13 +6,13 @@ numbers, is left as it was: slower, the same integers.
 
 from array import array
 
-from firmware_py import bins, calib, pipeline, polynomial, traces
+from firmware_py import bins, calib, geometry, pipeline, polynomial, traces
 
 
 def _cells(n):
     """n bins of cells, no two alike."""
-    out = array("H", bytes(832 * n))
-    for i in range(416 * n):
+    out = array("H", bytes(2 * geometry.CELLS * n))
+    for i in range(geometry.CELLS * n):
         out[i] = i * 40503 & 0xFFFF
     return out
 
@@ -22,7 +22,7 @@ def _numbers(n):
 
 
 def _packed(fast):
-    packed = bytes([i * 151 & 255 for i in range(624)])
+    packed = bytes([i * 151 & 255 for i in range(geometry.FRAME_BYTES)])
     mine = _cells(1)
     theirs = _cells(1)
     bins.put_cells(packed, 0, mine, 0)
@@ -35,28 +35,28 @@ def _packed(fast):
 
 def _bins(fast):
     c = calib.Calibration()
-    c.set_dead((30, 200))
+    c.set_dead((30, geometry.CELLS // 2 - 8))
     counts = bytes((16, 15))
     slot = bytes((1, 0))
     mine = _cells(2)
     theirs = _cells(2)
-    a = _numbers(34)
-    b = _numbers(34)
+    a = _numbers(2 * geometry.ROWS + 2)
+    b = _numbers(2 * geometry.ROWS + 2)
     total = _numbers(2)
     calib.calibrate_bins(mine, slot, 2, counts, c.offset, c.gain, c.fill, c.fills, a, total)
     fast.calibrate_bins(theirs, slot, 2, counts, c.offset, c.gain, c.fill, c.fills, b, total)
     if mine != theirs or a != b:
         return False
-    pipeline.sum_rows(mine, slot, 2, 3, 17, a, total)
-    fast.sum_rows(mine, slot, 2, 3, 17, b, total)
+    pipeline.sum_rows(mine, slot, 2, 3, geometry.COLUMNS - 3, a, total)
+    fast.sum_rows(mine, slot, 2, 3, geometry.COLUMNS - 3, b, total)
     if a != b:
         return False
     x = array("i", (0, 1400))
     level = array("i", (4000, 4200))
-    a = _numbers(104)
-    b = _numbers(104)
-    traces.map_columns(x, 2, mine, slot, level, -1500, a, 4)
-    fast.map_columns(x, 2, mine, slot, level, -1500, b, 4)
+    a = _numbers(geometry.COLUMNS)
+    b = _numbers(geometry.COLUMNS)
+    traces.map_columns(x, 2, mine, slot, level, -1500, a, 1)
+    fast.map_columns(x, 2, mine, slot, level, -1500, b, 1)
     return a == b
 
 
@@ -108,6 +108,21 @@ def _link():
     from firmware_py.boards import fast_link
 
     fast_link.use()
+
+
+def scan_part():
+    """Of boards that measure by boards/scan.py."""
+    from firmware_py.boards import fast_scan, scan_order
+
+    raw = array("H", [i * 1103 & 4095 for i in range(scan_order.CONVERSIONS)])
+    places = array("H", range(scan_order.CELLS))
+    mine = bytearray(geometry.FRAME_BYTES)
+    theirs = bytearray(geometry.FRAME_BYTES)
+    scan_order.pack(raw, places, mine)
+    fast_scan.pack(raw, places, theirs)  # type: ignore[arg-type]
+    if mine != theirs:
+        raise ValueError("other numbers")
+    fast_scan.install()
 
 
 PARTS = (("link", _link), ("frames", _frames), ("model", _model))

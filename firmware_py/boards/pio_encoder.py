@@ -8,6 +8,8 @@ from array import array
 import rp2
 from machine import Pin
 
+from firmware_py.boards import encoder
+
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # the words of the assembler, which `asm_pio` puts into the program's reach
     from rp2.asm_pio import (
@@ -29,7 +31,9 @@ if TYPE_CHECKING:  # the words of the assembler, which `asm_pio` puts into the p
         y_dec,
     )
 
-SAMPLE_HZ = 10000000  # a look at the pins takes 7 to 11 of these cycles: an edge a microsecond is followed
+SAMPLE_HZ = (
+    1000000  # a look at the pins takes 7 to 11 of these cycles: an edge every 12 us is followed, 2 m/s
+)
 _FIFO = 4  # words that may be old when one begins to read
 
 
@@ -121,3 +125,11 @@ class PioEncoder:
         """Here is 0."""
         self._take()
         self.steps = 0
+
+
+def best(a: Pin, b: Pin, um_numerator: int, um_denominator: int = 1) -> "PioEncoder | encoder.Encoder":
+    """The wheel, counted by PIO block 0; by the pins' interrupts where that has no room (OSError)."""
+    try:
+        return PioEncoder(a, b, um_numerator, um_denominator)
+    except OSError:
+        return encoder.Encoder(a, b, um_numerator, um_denominator)

@@ -1,62 +1,87 @@
 """The reference probe on a Raspberry Pi Pico (RP2040) or Pico 2 (RP2350); docs/firmware.md has the wiring.
 
-`main.py` on the board holds two lines:
+`main.py` on the board (`palpate board` writes it):
 
+    import micropython
+    micropython.kbd_intr(-1)
     from firmware_py.boards import rp2_reference
     rp2_reference.main()
+
+Without its second line a byte 3 from the host, while the modules are loaded, ends it at MicroPython's prompt.
 """
 
-import time
+from firmware_py import memory
 
-import machine
-import rp2
-from machine import SPI, UART, Pin
+memory.reserve()  # the largest block first: there is no room for it between modules
 
-from firmware_py import counters, estimator, flash, probe, record, store
-from firmware_py.boards import encoder, links, machine_code, matrix, mcp3202, pio_encoder
+import gc  # noqa: E402
+import time  # noqa: E402
 
-ROW_PINS = (2, 3, 4, 5)
-COLUMN_PINS = (6, 7, 8, 9)
-ENCODER_PINS = (10, 11)
-ADC_SCK, ADC_MOSI, ADC_MISO = 18, 19, 16
-MATRIX_SELECT = 17
-DISPLACEMENT_SELECT = 20
+import machine  # noqa: E402
+import micropython  # noqa: E402
+import rp2  # noqa: E402
+from machine import UART, WDT, Pin  # noqa: E402
+
+gc.threshold(8192)  # what loading modules leaves behind is cleared away before the next one is put there
+
+from firmware_py import (  # noqa: E402
+    counters,
+    estimator,
+    flash,
+    geometry,
+    messages,
+    probe,
+    safe_record,
+    status,
+    store,
+)
+from firmware_py.boards import links, machine_code, pio_encoder, scan  # noqa: E402
+
+ADDRESS_PIN = 2  # GP2 to GP5: row; GP6 to GP9: column
+DIN_PIN = 10
+ENCODER_PINS = (11, 12)
+DOUT_PIN = 16
+SELECT_PIN = 17
+CLOCK_PIN = 18  # SELECT_PIN + 1
 LED = "LED"
 UART_BAUD = 921600
 
-ADC_HZ = 1000000  # the MCP3202 takes .9 MHz at 2.7 V and 1.8 at 5 V
 ENCODER_UM = (25, 1)  # a quarter step: a wheel of 40 mm circumference, 400 cycles a turn
 DISPLACEMENT_UM = 25000  # the potentiometer's travel
-DISPLACEMENT_READINGS = 4
 KEY_FILE = "key.pub"
+WATCHDOG_MS = 8000  # the longest work, checking a new model, takes a quarter of it
+_PARTS = machine_code.PARTS + (("scan", machine_code.scan_part),)
 
 
 class Board:
     """See firmware_py/boards/__init__.py.
 
-    Parameters: link (links.UsbLink or links.UartLink), spi, and root, the directory of the store.
+    Parameters: link (links.UsbLink or links.UartLink), and root, the directory of the store.
     """
 
-    def __init__(self, link: "links.UsbLink | links.UartLink", spi: SPI, root: str = "") -> None:
+    def __init__(self, link: "links.UsbLink | links.UartLink", root: str = "") -> None:
         self.read = link.read
         self.write = link.write
         self.store = store.FileStore(root)
         self.serial = bytes(machine.unique_id() + bytes(8))[:8]
         self.boots = self._count_boot()
-        self._settings = record.Record(self.store, "set")
-        self._matrix = matrix.Matrix(
-            mcp3202.MCP3202(spi, Pin(MATRIX_SELECT, Pin.OUT, value=1)),
-            tuple([Pin(n, Pin.OUT) for n in ROW_PINS]),
-            tuple([Pin(n, Pin.OUT) for n in COLUMN_PINS]),
-        )
-        self._displacement = mcp3202.MCP3202(spi, Pin(DISPLACEMENT_SELECT, Pin.OUT, value=1))
-        self._encoder = make_encoder()
+        self._settings = safe_record.Record(self.store, "set")
+        self._scan = scan.Scan(Pin(ADDRESS_PIN), Pin(SELECT_PIN), Pin(DOUT_PIN, Pin.IN), Pin(DIN_PIN))
+        a, b = [Pin(n, Pin.IN, Pin.PULL_UP) for n in ENCODER_PINS]
+        self._encoder = pio_encoder.best(a, b, ENCODER_UM[0], ENCODER_UM[1])
         self._led = Pin(LED, Pin.OUT, value=0)
-        self.scan = self._matrix.scan
+        self._dog: "WDT | None" = None
+        self.start_scan = self._scan.start
+        self.scanned = self._scan.done
+        self.scan = self._scan.take
         self.position_um = self._encoder.position_um
 
+    def watch(self) -> None:
+        """From now on a hang ends in a restart."""
+        self._dog = WDT(timeout=WATCHDOG_MS)
+
     def _count_boot(self) -> int:
-        boots = record.Record(self.store, "boot")
+        boots = safe_record.Record(self.store, "boot")
         kept = boots.load()
         number = (int.from_bytes(kept, "little") + 1 if kept else 1) & counters.MASK
         boots.save(number.to_bytes(4, "little"))
@@ -67,7 +92,9 @@ class Board:
         return time.ticks_us()  # type: ignore[return-value]  # an int to everyone but the stubs
 
     def idle(self, us: int) -> None:
-        """A short sleep: the link cannot wake it."""
+        """A short sleep: the link cannot wake it. Whoever calls this does not hang."""
+        if self._dog:
+            self._dog.feed()
         if us > 0:
             time.sleep_us(us if us < 500 else 500)
 
@@ -80,11 +107,8 @@ class Board:
         self._led.value(0)
 
     def displacement_um(self) -> int:
-        """The potentiometer, mean of a few readings; allocates nothing."""
-        total = 0
-        for _ in range(DISPLACEMENT_READINGS):
-            total += self._displacement.read(0)
-        return total * DISPLACEMENT_UM // (4095 * DISPLACEMENT_READINGS)
+        """The potentiometer at the beginning of the last scan; allocates nothing."""
+        return self._scan.displacement() * DISPLACEMENT_UM // (geometry.FULL_COUNT * scan.READINGS)
 
     def kept_settings(self) -> "bytes | None":
         """What `keep_settings` kept."""
@@ -95,32 +119,47 @@ class Board:
         return self._settings.save(data)
 
 
-def make_encoder() -> "pio_encoder.PioEncoder | encoder.Encoder":
-    """The wheel, counted by PIO block 0; by the pins' interrupts where that has no room (OSError)."""
-    a, b = [Pin(n, Pin.IN, Pin.PULL_UP) for n in ENCODER_PINS]
-    try:
-        return pio_encoder.PioEncoder(a, b, ENCODER_UM[0], ENCODER_UM[1])
-    except OSError:
-        return encoder.Encoder(a, b, ENCODER_UM[0], ENCODER_UM[1])
-
-
 def make(link: "links.UsbLink | links.UartLink") -> "tuple[Board, estimator.Estimator]":
     """The board and what makes its estimates; it can be flashed if the public key is in the file key.pub."""
-    spi = SPI(0, baudrate=ADC_HZ, sck=Pin(ADC_SCK), mosi=Pin(ADC_MOSI), miso=Pin(ADC_MISO))
-    board = Board(link, spi)
+    board = Board(link)
     key = board.store.read(KEY_FILE, 0, 64)
-    return board, estimator.Estimator(board.store, flash.Flash(board.store, key) if key else None)
+    estimates = estimator.Estimator(board.store, flash.Flash(board.store, key) if key else None)
+    if not key:
+        estimates.model_status = status.NO_KEY
+    return board, estimates
+
+
+def notes(code: str, board: Board, estimates: "estimator.Estimator") -> "list[tuple[int, str]]":
+    """What the host is told of this start: the machine code, memory, and what is not as it should be."""
+    gc.collect()
+    said = [(messages.LOG_INFO, code), (messages.LOG_INFO, "memory: %d bytes free" % gc.mem_free())]
+    if machine.reset_cause() == machine.WDT_RESET:
+        said.append(
+            (
+                messages.LOG_ERROR,
+                "the watchdog restarted the probe: it had hung for %d s" % (WATCHDOG_MS // 1000),
+            )
+        )
+    if estimates.model_status == status.NO_KEY:
+        said.append(
+            (messages.LOG_WARNING, "no public key: copy the key's public half onto the probe as " + KEY_FILE)
+        )
+    return said
 
 
 def main(uart: bool = False) -> None:
     """Serve for ever, on USB or on UART 0 (GP0, GP1). With BOOTSEL held, return to MicroPython's prompt."""
     if rp2.bootsel_button():
+        micropython.kbd_intr(3)
         return
-    note = machine_code.install()
+    code = machine_code.install(_PARTS)
     link: "links.UsbLink | links.UartLink"
     if uart:
         link = links.UartLink(UART(0, UART_BAUD, tx=Pin(0), rx=Pin(1), txbuf=2048, rxbuf=256, timeout=0))
     else:
         link = links.UsbLink()
     board, estimates = make(link)
-    probe.run(board, estimates, note)
+    gc.threshold(-1)
+    said = notes(code, board, estimates)
+    board.watch()
+    probe.run(board, estimates, said)

@@ -2,13 +2,30 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
-from host.cli.frame import Commands, run
+from palpate.cli.runner import Commands, run
+
+
+def _use_array(_context: click.Context, _option: click.Parameter, path: Path | None) -> None:
+    if path is not None:
+        from palpate import array
+
+        array.use(path)
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
 @click.version_option(package_name="palpate", message="palpate %(version)s")
+@click.option(
+    "--array",
+    type=click.Path(path_type=Path),
+    expose_value=False,
+    is_eager=True,
+    callback=_use_array,
+    help="Description of another sensor array (a copy of firmware_py/sensor_array.py).",
+)
 def cli() -> None:
     """One stroke of a tactile probe, one estimate of the lump under it.
 
@@ -27,5 +44,5 @@ def cli() -> None:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Entry point; returns the exit status (0 done, 1 the work failed, 2 the words were wrong)."""
+    """Entry point; returns the exit status (0 done, 1 the work failed, 2 the arguments were invalid)."""
     return run(cli, args)

@@ -1,7 +1,7 @@
-"""`python -m host.cli` is `palpate`, where the command itself is not on the path."""
+"""`python -m palpate.cli` is `palpate`, where the command itself is not on the path."""
 
 import sys
 
-from host.cli import main
+from palpate.cli import main
 
 sys.exit(main())

@@ -6,9 +6,9 @@ from dataclasses import asdict
 
 import click
 
-from host.cli.output import json_option, print_json
-from host.cli.ports import port_option
-from host.errors import UsageError
+from palpate.cli.output import json_option, print_json
+from palpate.cli.ports import port_option
+from palpate.errors import UsageError
 
 
 @click.command("calibrate")
@@ -27,7 +27,7 @@ def command(kind: str, pressure_kPa: float | None, frames: int, port: str, baud:
       palpate calibrate zero
       palpate calibrate gain --pressure 10
     """
-    from host.link.probe import Probe
+    from palpate.link.probe import Probe
 
     if (kind == "gain") != (pressure_kPa is not None):
         raise UsageError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from host.errors import PalpateError
+from palpate.errors import PalpateError
 
 
 @click.command("completion")

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from host.cli.output import json_option, note, print_json
-from host.cli.ports import NOMINAL_SCALE
+from palpate.cli.output import json_option, note, print_json
+from palpate.cli.ports import NOMINAL_SCALE
 
 
 @click.command("convert")
@@ -26,8 +26,8 @@ def command(recording: Path, out: Path, as_json: bool) -> None:
       palpate convert visit.mcap visit.parquet
       palpate convert visit.mcap visit.csv
     """
-    from host.record.convert import convert
-    from host.record.reader import Recording
+    from palpate.recording.convert import convert
+    from palpate.recording.reader import Recording
 
     done = convert(recording, out)
     if damage := Recording(recording).check():

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import click
 
-from host.cli.output import json_option, print_json
+from palpate.cli.output import json_option, print_json
 
 
 @click.command("demo")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("out/demo"),
               show_default=True, help="Directory of everything it makes.")  # fmt: skip
 @click.option("--runtime", default="micropython", show_default=True, help="micropython or cpython.")
-@click.option("--fresh", is_flag=True, help="Compute the strokes anew.")
+@click.option("--fresh", is_flag=True, help="Compute the strokes again.")
 @json_option
 def command(out: Path, runtime: str, fresh: bool, as_json: bool) -> None:
     """Tissue, fit, export, flash, stroke, estimate: the whole chain, nothing faked in between.
@@ -26,7 +26,7 @@ def command(out: Path, runtime: str, fresh: bool, as_json: bool) -> None:
     Example:
       palpate demo
     """
-    from host.demo import run
+    from palpate.demo import run
 
     result = run(out, runtime, fresh, stderr=as_json)
     if as_json:

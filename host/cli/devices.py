@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from host.cli.output import json_option, note, print_json, table
+from palpate.cli.output import json_option, note, print_json, table
 
 
 @click.command("devices")
@@ -20,7 +20,7 @@ def command(ask: bool, as_json: bool) -> None:
       palpate devices
       palpate devices --json
     """
-    from host.link.devices import find
+    from palpate.link.devices import find
 
     devices = find(ask)
     if as_json:

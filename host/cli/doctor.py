@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import click
+from rich.markup import escape
 
-from host.cli.output import console, json_option, print_json
-from host.errors import PalpateError
+from palpate.cli.output import console, json_option, print_json
+from palpate.errors import PalpateError
 
 MARKS = {"ok": "[green]ok[/green]", "missing": "[yellow]missing[/yellow]", "broken": "[red]broken[/red]"}
 
@@ -21,15 +22,15 @@ def command(as_json: bool) -> None:
     Example:
       palpate doctor
     """
-    from host.doctor import examine
+    from palpate.doctor import examine
 
     findings = []
     for finding in examine():
         findings.append(finding)
         if not as_json:
-            console().print(f"{MARKS[finding.state]:>28}  {finding.name:12} {finding.found}")
-            if finding.todo:
-                console().print(f"{'':22}[dim]{finding.todo}[/dim]")
+            console().print(f"{MARKS[finding.state]:>28}  {finding.name:12} {escape(finding.found)}")
+            if finding.todo:  # escaped: the brackets of 'palpate[view]' are no markup
+                console().print(f"{'':22}[dim]{escape(finding.todo)}[/dim]")
     if as_json:
         print_json([finding.as_dict() for finding in findings])
     broken = [finding.name for finding in findings if finding.state == "broken"]

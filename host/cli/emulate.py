@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from host.cli.output import json_option, note, print_json
-from host.errors import NoSuchFile, PalpateError, UsageError
+from palpate.cli.output import json_option, note, print_json
+from palpate.errors import NoSuchFile, PalpateError, UsageError
+from palpate.first_time import announce
 
 if TYPE_CHECKING:
     from firmware_py.calib import Calibration
-    from sim.probe.sensors import FrameStream
+    from palpate.sim.probe.sensors import FrameStream
 
 PUBLIC_KEY = "public.key"
 POLL_S = 0.2
@@ -24,8 +25,12 @@ POLL_S = 0.2
 @click.argument("code")
 @click.option("--runtime", default="micropython", show_default=True,
               help="What carries the firmware: micropython (the real one, as WASM) or cpython.")  # fmt: skip
+@click.option("--board", "board", type=click.Choice(["rp2040"]),
+              help="Emulate the reference board: circuit, processor, MicroPython's own port.")  # fmt: skip
 @click.option("--listen", default="pty", show_default=True, help="pty, or tcp:HOST:PORT (port 0: any).")
-@click.option("--key", type=click.Path(path_type=Path), help="Directory of the key whose models it accepts.")
+@click.option("--key", type=click.Path(path_type=Path),
+              help="Directory of the key whose models it accepts; it has no model then.")  # fmt: skip
+@click.option("--no-model", is_flag=True, help="Begin without the model that comes with Palpate.")
 @click.option("--store", type=click.Path(path_type=Path, file_okay=False),
               help="Directory that is its flash memory; kept.")  # fmt: skip
 @click.option(
@@ -42,8 +47,10 @@ POLL_S = 0.2
 def command(
     code: str,
     runtime: str,
+    board: str | None,
     listen: str,
     key: Path | None,
+    no_model: bool,
     store: Path | None,
     noise: str,
     steady: bool,
@@ -56,26 +63,43 @@ def command(
 
     The firmware runs on real MicroPython behind a pseudo-terminal or a TCP port; its sensors read a
     finite-element stroke with the noise of real cells and of a human hand. Every `palpate stream` begins with
-    the first stroke. `palpate devices` and `--port auto` find it.
+    the first stroke. `palpate devices` and `--port auto` find it. Without --key it has the field model that
+    comes with Palpate.
 
     \b
     Example:
       palpate emulate d12h07e20f09 --key out/key
       palpate emulate d12h07e20f09 --listen tcp:127.0.0.1:7624 --runtime cpython
+      palpate emulate d12h07e20f09 --board rp2040   (a second of the board takes 15 and more)
     """
-    from host.link import emulated
-    from sim.probe.emulated import RUNTIMES, EmulatedProbe
+    from palpate.link import emulated
+    from palpate.sim.probe.emulated import RUNTIMES, EmulatedProbe
 
-    if runtime not in RUNTIMES:
+    if board:
+        runtime = board
+    elif runtime not in RUNTIMES:
         raise UsageError(f"there is no runtime {runtime!r} to stream from; use {' or '.join(RUNTIMES)}")
-    public = _public_key(key)
-    check_words(code, noise, listen)
+    public = public_key(key)
+    own_model = key is None and not no_model and not board  # the board is slow to flash
+    if own_model:
+        from palpate import models
+        from palpate.models import emulator
+
+        own_model = models.suits_array()
+        if own_model:
+            public = emulator.public_key()
+    check_arguments(code, noise, listen)
+    announce()
     streams: Any
     streams, calibration = strokes_over(code, noise, seed, frames, strokes, steady)
     probe = EmulatedProbe(
         runtime, streams, listen, store, True, public_key=public, calibration=calibration, roomy=True
     )
     with probe:
+        if own_model:
+            emulator.give_model(probe.port)
+        elif not (key or no_model or board):
+            note("the model that comes with Palpate is for another sensor array; the probe has none")
         port = ""
         path: Path | None = None
         try:
@@ -105,7 +129,7 @@ def strokes_over(
     code : str
         The case. It is simulated at two forces around its own, so that the hand can wander.
     noise : str
-        A level of `sim.probe.sensors.LEVELS`.
+        A level of `palpate.sim.probe.sensors.LEVELS`.
     seed : int
         Of the first stroke; each further one has the next.
     frames, strokes : int
@@ -117,8 +141,8 @@ def strokes_over(
 
     import numpy as np
 
-    from sim.probe.sensors import FORCE_RATIO, LEVELS, SensorModel, StrokeField
-    from sim.tissue import Case, Settings, simulate_forces
+    from palpate.sim.probe.sensors import FORCE_RATIO, LEVELS, SensorModel, StrokeField
+    from palpate.sim.tissue import Case, Settings, simulate_forces
 
     case = Case.from_code(code)
     low = replace(case, F_rel=case.F_rel / FORCE_RATIO**0.5)
@@ -134,19 +158,17 @@ def strokes_over(
     return [probe.stroke(frames) for probe in probes], calibration
 
 
-def check_words(code: str, noise: str, listen: str) -> None:
-    """Refuse wrong words before anything is computed."""
-    from sim.probe.endpoints import endpoint
-    from sim.probe.sensors import LEVELS
-    from sim.tissue import Case
+def check_arguments(code: str, noise: str, listen: str) -> None:
+    """Refuse invalid arguments before anything is computed."""
+    from palpate.sim.probe.endpoints import endpoint
+    from palpate.sim.probe.sensors import LEVELS
+    from palpate.sim.tissue import Case
 
     Case.from_code(code)
     if noise not in LEVELS:
         raise UsageError(f"there is no noise level {noise!r}; use {', '.join(LEVELS)}")
     try:
         endpoint(listen).close()
-    except ValueError as error:
-        raise UsageError(str(error)) from None
     except OSError as error:
         why = (error.strerror or str(error)).lower()
         raise UsageError(f"cannot listen on {listen!r}: {why}; use pty or tcp:HOST:PORT") from error
@@ -160,7 +182,8 @@ def _announce(port: str, code: str, runtime: str, as_json: bool) -> None:
         note(f"{code} on {runtime}; try `palpate stream --port {port} --strokes 1`; Ctrl-C ends it")
 
 
-def _public_key(directory: Path | None) -> bytes | None:
+def public_key(directory: Path | None) -> bytes | None:
+    """The public half of the key in a directory; None where none is asked for."""
     if directory is None:
         return None
     path = directory / PUBLIC_KEY if directory.is_dir() else directory

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from host.cli.output import json_option, note, print_json
-from host.files import whole_file
+from palpate.cli.output import json_option, note, print_json
+from palpate.files import check_writable, whole_file
 
 if TYPE_CHECKING:
-    from model_export.schema import ModelSpec
+    from palpate.model_export.schema import ModelSpec
 
 
 @click.command("export")
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     "--arch", default="bytecode", show_default=True, help="Of --emit-mpy: bytecode, armv6m, armv7em ..."
 )
 @click.option("--rollback", is_flag=True, help="Let it replace newer models.")
-@click.option("--adopt", is_flag=True, help="Take over a key that has signed on another machine.")
 @json_option
 def command(
     model: Path,
@@ -37,10 +36,11 @@ def command(
     emit_mpy: Path | None,
     arch: str,
     rollback: bool,
-    adopt: bool,
     as_json: bool,
 ) -> None:
     """Compile a model to fixed point, prove its bounds, measure its error against float64, and sign it.
+
+    MODEL is what `palpate fit` wrote, or `field`, the model that comes with Palpate.
 
     \b
     Example:
@@ -48,12 +48,15 @@ def command(
       palpate export out/model.json --key out/key --out out/model.palp
       palpate export out/model.json --key out/key --out out/model.palp --emit-mpy out/model.mpy --arch armv6m
     """
-    from model_export.exporter import export
-    from model_export.schema import ModelSpec
+    from palpate import models
+    from palpate.model_export.exporter import export
+    from palpate.model_export.schema import ModelSpec
 
-    spec = ModelSpec.load(model)
-    files = _emitted(spec, emit_py, emit_mpy, arch)  # before a signature is spent
-    image, report = export(spec, key, rollback=rollback, adopt=adopt)
+    spec = models.load() if str(model) == "field" and not model.exists() else ModelSpec.load(model)
+    files = _emitted(spec, emit_py, emit_mpy, arch)
+    for place in (out, *files):
+        check_writable(place)  # before anything is signed
+    image, report = export(spec, key, rollback=rollback)
     for place, content in {out: image, **files}.items():
         with whole_file(place) as path:
             path.write_bytes(content)
@@ -68,7 +71,7 @@ def command(
 
 def _emitted(spec: ModelSpec, emit_py: Path | None, emit_mpy: Path | None, arch: str) -> dict[Path, bytes]:
     """The model as modules for probes without the evaluator: path to content."""
-    from model_export import emit
+    from palpate.model_export.source import emit
 
     files = {}
     if emit_py is not None:

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
 
-from host.cli.output import console, json_option, note, print_json, watching
-from host.errors import UsageError
-
-if TYPE_CHECKING:
-    from model_export.schema import ModelSpec
+from palpate.cli.output import console, json_option, note, print_json, showing_progress
+from palpate.errors import UsageError
+from palpate.first_time import announce
 
 
 @click.command("fit")
@@ -64,92 +61,54 @@ def command(
       palpate fit out/thesis --kind thesis --out out/model.json
       palpate fit out/field --kind field --out out/field.json --report out/report
     """
-    from host.measured import Measured, measure
-    from sim.probe.sensors import LEVELS
+    from palpate.regression.fit import fit
+    from palpate.regression.observed import noise_named
+    from palpate.report.measured import Measured, measure
 
-    if noise not in LEVELS:
-        raise UsageError(f"there is no noise level {noise!r}; there are {', '.join(LEVELS)}")
-    # Read before the work: what is wrong with these files is said at once.
+    # Read before the work: what is wrong with arguments and files is said at once.
+    noise_named(noise)
+    changed = _tissue(tissue)
+    if kind == "field" and lumps is None and not directory.exists():
+        raise UsageError(
+            f"there is no directory {directory}; check the name, or say with --lumps (as --lumps 2048) how "
+            "many lumps to simulate into it"
+        )
     measured = measure(recording, weights, thickness) if recording or weights else Measured()
-    if kind == "thesis":
-        strokes, fit, spec = _thesis(directory, noise, seed)
-        words: dict[str, Any] = {"strokes": strokes, "thesis": fit}
-    else:
-        fit = _field(directory, noise, seed, lumps, workers, _tissue(tissue))
-        if studies:
-            fit = _with_studies(fit, directory, seed, workers)
-        spec, words = fit.spec, {"field": fit}
-    _save(spec, out)
+    announce(solver=kind == "field", firmware=True)
+    with showing_progress() as progress:
+        fitted = fit(
+            directory,
+            kind,
+            noise=noise,
+            seed=seed,
+            lumps=lumps,
+            workers=workers,
+            tissue=changed,
+            studies=studies,
+            progress=progress,
+            note=note,
+        )
+    fitted.save(out)
     page = None
     if report is not None:
-        from host.report import write_report
-
-        page = write_report(report, recording=recording, weights=weights, thickness_mm=thickness, **words)
+        page = fitted.write_report(report, recording=recording, weights=weights, thickness_mm=thickness)
     if as_json:
-        print_json(
-            {"out": out, "kind": kind, "report": page, "measured": measured.to_dict(), **fit.to_dict()}
-        )
+        print_json({"out": out, "report": page, "measured": measured.to_dict(), **fitted.to_dict()})
         return
-    for found in (*fit.tables(), *measured.tables()):
+    for found in (*fitted.tables(), *measured.tables()):
         console().print(found)
     note(f"wrote {out}" + (f" and {page}" if page else ""))
 
 
-def _save(spec: ModelSpec, out: Path) -> None:
-    from host.files import whole_file
+def _tissue(pairs: tuple[str, ...]) -> dict[str, float]:
+    """NAME=VALUE pairs as fields of a case; `UsageError` names what is wrong with one."""
+    from palpate.regression.field.data import check_tissue_names
 
-    with whole_file(out) as path:
-        spec.save(path)
-
-
-def _thesis(directory: Path, noise: str, seed: int) -> tuple[Any, Any, ModelSpec]:
-    from host.regression.runs import features_table, read_strokes
-    from host.regression.thesis import fit_thesis
-    from host.regression.thesis_model import fit_thesis_model
-
-    strokes = read_strokes(directory)
-    with watching() as watch:
-        fit = fit_thesis(features_table(strokes), watch=watch)
-        return strokes, fit, fit_thesis_model(strokes, seed=seed, noise=noise, watch=watch)
-
-
-def _field(
-    directory: Path, noise: str, seed: int, lumps: int | None, workers: int | None, tissue: dict[str, float]
-) -> Any:
-    from host.regression.field.data import LUMPS, prepare
-    from host.regression.field.fit import fit_field
-
-    with watching() as watch:
-        strokes = prepare(directory, lumps or LUMPS, workers=workers, tissue=tissue, watch=watch)
-        return fit_field(strokes, noise=noise, seed=seed, workers=workers, watch=watch)
-
-
-def _with_studies(fit: Any, directory: Path, seed: int, workers: int | None) -> Any:
-    from dataclasses import replace
-
-    from host.regression.field.bench import Bench
-    from host.regression.field.data import read
-    from host.regression.field.study import STUDIES
-    from host.regression.field.tissues import TISSUE_STUDY
-
-    with watching() as watch, Bench(read(directory), seed, directory, workers, watch) as bench:
-        return replace(fit, studies=[(s, s.table(bench, note)) for s in (*STUDIES.values(), TISSUE_STUDY)])
-
-
-def _tissue(words: tuple[str, ...]) -> dict[str, float]:
-    """NAME=VALUE pairs as fields of a case; UsageError names the field that there is none of."""
-    from dataclasses import fields
-
-    from sim.tissue import Case
-
-    known = {f.name for f in fields(Case)} - {"d_mm", "h", "E_ratio", "F_rel"}
-    out = {}
-    for word in words:
-        name, _, value = word.partition("=")
-        if name not in known:
-            raise UsageError(f"--tissue {word}: there is no {name!r}; there are {', '.join(sorted(known))}")
+    tissue = {}
+    for pair in pairs:
+        name, _, value = pair.partition("=")
         try:
-            out[name] = float(value)
+            tissue[name] = float(value)
         except ValueError:
-            raise UsageError(f"--tissue {word}: {value!r} is not a number") from None
-    return out
+            raise UsageError(f"--tissue {pair}: {value!r} is not a number") from None
+    return check_tissue_names(tissue)

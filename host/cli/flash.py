@@ -8,9 +8,9 @@ from pathlib import Path
 
 import click
 
-from host.cli.output import json_option, print_json, progress
-from host.cli.ports import port_option
-from host.files import read_whole
+from palpate.cli.output import json_option, note, print_json, progress
+from palpate.cli.ports import port_option
+from palpate.files import read_whole
 
 
 @click.command("flash")
@@ -20,19 +20,21 @@ from host.files import read_whole
 def command(image: Path, port: str, baud: int, as_json: bool) -> None:
     """Make a signed model image the live model of a probe.
 
-    The probe checks signature, versions and self-test before it believes anything; until it does, and if the
+    The probe checks signature, versions and self-test before it trusts anything; until it does, and if the
     power or the line fails at any moment, the model it had stays. Run it again to go on.
 
     \b
     Example:
       palpate flash model.palp --port auto
     """
-    from host.link.flash import check_image, flash
-    from host.link.probe import Probe
+    from palpate.link.flash import check_image, flash, is_succession
+    from palpate.link.probe import Probe
 
     data = read_whole(image, "model image")
     check_image(data)
     with Probe.open(port, baud) as probe:
+        for damage in probe.identity.damaged:
+            note(f"the probe found damaged in its store: {damage}")
         before = probe.identity.model_id
         began = time.monotonic()
         with progress("bytes") as bar:
@@ -42,6 +44,8 @@ def command(image: Path, port: str, baud: int, as_json: bool) -> None:
         summary = asdict(done) | {"port": probe.name, "replaced": before, "seconds": seconds}
     if as_json:
         print_json(summary)
+    elif is_succession(data):
+        click.echo(f"{summary['port']}: from now on it takes models of the new key only; what is live stays")
     else:
         was = f" (was {before})" if before and before != done.model_id else ""
         click.echo(

@@ -1,4 +1,4 @@
-"""`palpate keygen`: a signing key."""
+"""`palpate keygen`: a signing key, or the successor of one."""
 
 from __future__ import annotations
 
@@ -6,37 +6,45 @@ from pathlib import Path
 
 import click
 
-from host.cli.output import json_option, note, print_json, progress
+from palpate.cli.output import json_option, note, print_json
+from palpate.files import whole_file
+
+SUCCESSION = "succession.palp"
 
 
 @click.command("keygen")
 @click.argument("directory", type=click.Path(path_type=Path, file_okay=False))
-@click.option("--height", type=click.Choice(["5", "10", "15"]), default="10", show_default=True,
-              help="Signatures the key can give: 2^height.")  # fmt: skip
-@click.option("--width", type=click.Choice(["4", "8"]), default="8", show_default=True,
-              help="Bits per digit: 8 is smaller, 4 quicker to verify on the probe.")  # fmt: skip
+@click.option("--succeeds", type=click.Path(path_type=Path, file_okay=False),
+              help="Directory of the key that it takes the place of.")  # fmt: skip
 @json_option
-def command(directory: Path, height: str, width: str, as_json: bool) -> None:
-    """Make a signing key (LMS, RFC 8554); a probe accepts models that it has signed.
+def command(directory: Path, succeeds: Path | None, as_json: bool) -> None:
+    """Make a signing key (SLH-DSA, FIPS 205); a probe accepts models that it has signed.
 
-    The directory remembers which signatures were given: never copy it back from a backup.
+    Copies of the directory sign as well as the original: keep one in a safe place, and all of them secret.
+
+    With --succeeds, the old key also signs the new public key into succession.palp; once that file is
+    flashed, a probe takes models of the new key and none of the old one.
 
     \b
     Example:
       palpate keygen out/key
+      palpate keygen out/new-key --succeeds out/key
+      palpate flash out/new-key/succession.palp
     """
-    from model_export import keys
+    from palpate.model_export.signing import keys
 
-    with progress("leaves") as bar:
-        task = bar.add_task("growing the key", total=None)
-        public = keys.generate(
-            directory,
-            int(height),
-            int(width),
-            progress=lambda done, total: bar.update(task, completed=done, total=total),
-        )
+    if succeeds is not None:
+        keys.load(succeeds)  # before anything is made
+    public = keys.generate(directory)
+    result = {"directory": directory, "public_key": public}
+    if succeeds is not None:
+        result["succession"] = directory / SUCCESSION
+        with whole_file(directory / SUCCESSION) as path:
+            path.write_bytes(keys.succeed(succeeds, public))
     if as_json:
-        print_json({"directory": directory, "public_key": public, "signatures": 1 << int(height)})
+        print_json(result)
         return
     click.echo(str(directory))
-    note(f"signs {1 << int(height)} models; the probe gets {directory / 'public.key'} ({len(public)} bytes)")
+    note(f"the probe gets {directory / 'public.key'} ({len(public)} bytes)")
+    if succeeds is not None:
+        note(f"or, if it knows the old key, flash {directory / SUCCESSION}")

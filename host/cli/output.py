@@ -25,7 +25,7 @@ def json_option(function: F) -> F:
 
 
 def plain(value: Any) -> Any:
-    """`value` with numpy's and our own types turned into what JSON knows; NaN and infinity become null.
+    """`value` with numpy's and our own types converted for JSON; NaN and infinity become null.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def print_json(value: Any) -> None:
 
 
 def console(stderr: bool = False) -> Console:
-    """A rich console; what is not a result (progress, hints) goes to standard error.
+    """A rich console; anything but results (progress, hints) goes to standard error.
 
     Into a file or a pipe, tables are as wide as they need: nothing is cut to a terminal's 80 columns.
     """
@@ -120,21 +120,21 @@ def table(
 
 
 @contextmanager
-def watching() -> Iterator[Callable[[str, int, int], None]]:
-    """Progress bars for work that says what it does, how much of it is done, and how much there is.
+def showing_progress() -> Iterator[Callable[[str, int, int], None]]:
+    """Progress bars for work that reports what it does, how much of it is done, and how much there is.
 
-    Each kind of work has a bar of its own, which starts anew when its count does. Where standard error is not
+    Each kind of work has a bar of its own, which starts over when its count does. Where standard error is not
     a terminal there are plain lines, far apart.
     """
     if not sys.stderr.isatty():
-        from host.regression.watch import Lines
+        from palpate.regression.progress import ProgressLines
 
-        yield Lines(note)
+        yield ProgressLines(note)
         return
     with progress() as bars:
         tasks: dict[str, Any] = {}
 
-        def watch(what: str, done: int, total: int) -> None:
+        def report(what: str, done: int, total: int) -> None:
             known = tasks.get(what)
             if known is None:
                 tasks[what] = known = bars.add_task(what, total=total)
@@ -142,4 +142,4 @@ def watching() -> Iterator[Callable[[str, int, int], None]]:
                 bars.reset(known, total=total)
             bars.update(known, completed=done, total=total)
 
-        yield watch
+        yield report

@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from firmware_py import geometry, outputs
+from palpate.link.answer import HARDNESS, stiffness_words
+
 if TYPE_CHECKING:
-    from host.link.events import Estimate
+    from palpate.link.events import Estimate
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-UNITS = {"F_N_per_m": "N/m", "t_mm": "mm", "d_mm": "mm", "h": "", "E_inv23": ""}
+UNITS = {name: "" if unit == "1" else unit for name, unit, _ in outputs.TABLE}
 WORDS = {
     "F_N_per_m": "force",
     "t_mm": "tissue thickness t",
@@ -20,7 +23,10 @@ WORDS = {
     "h": "relative depth h",
     "E_inv23": "stiffness E^-2/3",
 }
-NOMINAL_SCALE = "pressures are by the nominal scale (25 kPa over 4095 counts, .5 kPa the zero)"
+NOMINAL_SCALE = (
+    f"pressures are by the nominal scale ({geometry.FULL_SCALE_PA / 1000:g} kPa over {geometry.FULL_COUNT} "
+    f"counts, {geometry.PEDESTAL_PA / 1000:g} kPa the zero)"
+)
 
 
 def port_option(function: F) -> F:
@@ -31,7 +37,7 @@ def port_option(function: F) -> F:
 
 
 def estimate_lines(estimate: Estimate) -> list[str]:
-    """An estimate for people: one line each, intervals beside the values, doubts in plain words."""
+    """An estimate for people: one line each, intervals beside the values, reservations in plain words."""
     head = f"stroke {estimate.stroke}, {estimate.frames} frames"
     if not estimate.lump and estimate.reason == "no lump found":
         return [f"{head}: no lump found"]
@@ -42,23 +48,11 @@ def estimate_lines(estimate: Estimate) -> list[str]:
     for name, bounded in estimate.outputs.items():
         value, low, high = bounded["value"], bounded["low"], bounded["high"]
         lines.append(f"  {WORDS[name]:20} {value:8.3f} {UNITS[name]:4} ({low:.3f} to {high:.3f}, {level})")
-    found = (
-        "hard or soft, this stroke does not tell which"
-        if estimate.hardness == "unsure"
-        else estimate.hardness
-    )
-    lines.append(f"  the lump is {found}" + stiffness_words(estimate))
+    if (depth := estimate.depth_mm) is not None:
+        value, low, high = depth
+        lines.append(f"  {'lump depth':20} {value:8.3f} mm   ({low:.3f} to {high:.3f}, {level})")
+    lines.append(f"  the lump is {HARDNESS[estimate.hardness]}; {stiffness_words(estimate.span('E_inv23'))}")
     if not estimate.in_domain:
         lines.append("  outside what the model was trained on: do not rely on the numbers")
     lines.append("  research use, not a diagnosis")
     return lines
-
-
-def stiffness_words(estimate: Estimate) -> str:
-    """E from E^-2/3 with its bounds; above 10 only a lower bound means something."""
-    bounded = estimate.outputs["E_inv23"]
-    low = max(bounded["high"], 1e-3) ** -1.5
-    high = max(bounded["low"], 1e-3) ** -1.5
-    if high > 50:
-        return f"; more than {low:.2g} times as stiff as the fat"
-    return f"; {low:.2g} to {high:.2g} times as stiff as the fat"

@@ -7,10 +7,11 @@ from typing import Any
 
 import click
 
-from host.cli.output import json_option, note, print_json
-from host.cli.ports import estimate_lines
-from host.errors import RecordingError, ReplayDiffers
-from host.files import read_whole
+from palpate.cli.output import json_option, note, print_json
+from palpate.cli.ports import estimate_lines
+from palpate.errors import RecordingError, ReplayDiffers
+from palpate.files import read_whole
+from palpate.first_time import announce
 
 
 @click.command("replay")
@@ -30,11 +31,12 @@ def command(recording: Path, model: Path | None, as_json: bool) -> None:
       palpate stream --strokes 1 --record visit.mcap
       palpate replay visit.mcap
     """
-    from host.record.reader import Recording
-    from host.record.replay import replay
+    from palpate.recording.reader import Recording
+    from palpate.recording.replay import replay
 
     image = read_whole(model, "model image") if model is not None else None
     opened = Recording(recording)
+    announce(solver=False, firmware=True)
     strokes = []
     for stroke in replay(recording, image):
         strokes.append(stroke)
@@ -56,7 +58,7 @@ def command(recording: Path, model: Path | None, as_json: bool) -> None:
     if not opened.finished:
         note(f"{recording} has no end (its writer was stopped); it was read up to its last complete frame")
     if any(not stroke.identical for stroke in compared):
-        raise ReplayDiffers(f"the replay of {recording} differs from what the probe had sent; report it")
+        raise ReplayDiffers(f"the replay of {recording} differs from what the probe sent; report it")
     if not compared:
         why = strokes[0].missing if strokes else "it holds no estimate"
         raise RecordingError(f"nothing in {recording} can be compared: {why}")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import click
 
-from host.cli.output import json_option, print_json, table
-from host.cli.ports import port_option
+from palpate.cli.output import json_option, print_json, table
+from palpate.cli.ports import port_option
 
 
 @click.command("settings")
@@ -22,8 +22,8 @@ def command(name: str | None, value: int | None, port: str, baud: int, as_json: 
       palpate settings frame_rate 100000
     """
     from firmware_py import messages
-    from host.link.commands import setting_key
-    from host.link.probe import Probe
+    from palpate.link.commands import setting_key
+    from palpate.link.probe import Probe
 
     if name is not None:
         setting_key(name)  # a wrong word is told before the port is opened
@@ -31,7 +31,10 @@ def command(name: str | None, value: int | None, port: str, baud: int, as_json: 
         if name is not None and value is not None:
             probe.set_setting(name, value)
         wanted = [row for row in messages.SETTINGS if name in (None, row[1])]
-        rows = [(row[1], probe.get_setting(row[1]), *row[2:]) for row in wanted]
+        rows = [
+            (row[1], probe.get_setting(row[1]), row[2], *probe.setting_limits(row[1]), row[5])
+            for row in wanted
+        ]
     names = ("name", "value", "unit", "lowest", "highest", "default")
     if as_json:
         print_json([dict(zip(names, row)) for row in rows])

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from host.cli.output import json_option, note, plain, print_json, table
-from host.files import by_suffix, whole_file
+from palpate.cli.output import json_option, note, plain, print_json, table
+from palpate.errors import UsageError
+from palpate.files import by_suffix, whole_file
+from palpate.first_time import announce
 
 if TYPE_CHECKING:
-    from sim.tissue import Stroke
+    from palpate.sim.tissue import Fields, Stroke
 
 
 @click.command("simulate")
@@ -25,27 +27,65 @@ if TYPE_CHECKING:
     type=click.Path(path_type=Path, dir_okay=False),
     help="Also write the stroke: .json, .csv (position by sensor), .png or .svg (the figure).",
 )
+@click.option(
+    "--fields",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Also write strain, pressure and principal stretches in the tissue. OUT.vtu: the last position, and "
+    "beside it OUT.pvd, the whole stroke for ParaView (its times are the positions in mm, its files "
+    "OUT_000.vtu ...). OUT.pvd: that alone. .png or .svg: a picture of the last position.",
+)
+@click.option(
+    "--solver",
+    default="auto",
+    show_default=True,
+    metavar="NAME",
+    help="What factors the tangent: auto, strip, cholmod or superlu; or reference, the weak form as "
+    "scikit-fem assembles it, hundreds of times slower.",
+)
 @json_option
 def command(
-    code: str, hx_mm: float, increment_mm: float, start_mm: float, out: Path | None, as_json: bool
+    code: str,
+    hx_mm: float,
+    increment_mm: float,
+    start_mm: float,
+    out: Path | None,
+    fields: Path | None,
+    solver: str,
+    as_json: bool,
 ) -> None:
     """Simulate one stroke over a lump: contact finite elements at large strain.
 
     CODE names the case: d10h08e10f10 is a lump 10 mm wide, 0.8 diameters deep, 10 times stiffer than the fat,
     at 100 N/m. d12.3h0.85e7.4f0.66 writes any number; e1 is no lump, e1K is 1000, eNL stiffens with strain.
 
+    Without more the lump is a cylinder across the stroke (plane strain, a fraction of a second). _ball and
+    _ellipsoid8x4 (half-axes across and down, mm) are solid lumps in three dimensions (seconds); _y5 puts
+    one 5 mm beside the stroke's line, _t18 gives the fat a thickness of its own.
+
     \b
     Example:
       palpate simulate d10h08e10f10
       palpate simulate d10h08e10f10 --hx 1 --json > stroke.json
       palpate simulate d15h05e50f08 --out stroke.png
+      palpate simulate d10h08e10f10 --fields tissue.vtu
+      palpate simulate d10h08e10f10_ball_y5 --out ball.png
     """
-    from sim.tissue import Case, Settings, simulate
+    from palpate.sim.tissue import Case, Settings, simulate, simulate_fields
 
     writers = {".json": _write_json, ".csv": _write_csv, ".png": _write_picture, ".svg": _write_picture}
     write = by_suffix(out, writers) if out is not None else None
-    settings = Settings(hx_mm=hx_mm, increment_mm=increment_mm, start_mm=start_mm)
-    stroke = simulate(Case.from_code(code), settings)
+    if fields is not None:
+        by_suffix(fields, dict.fromkeys((".vtu", ".pvd", ".png", ".svg"), _write_fields))
+    case = Case.from_code(code)
+    if fields is not None and case.solid and fields.suffix.lower() in (".png", ".svg"):
+        raise UsageError("fields round a solid lump are written for ParaView only: name a file .vtu or .pvd")
+    settings = Settings(hx_mm=hx_mm, increment_mm=increment_mm, start_mm=start_mm, solver=solver)
+    announce()
+    if fields is None:
+        stroke = simulate(case, settings)
+    else:
+        stroke, series = simulate_fields(case, settings)
+        _write_fields(fields, stroke, series)
     record = stroke_json(stroke)
     if out is not None and write is not None:
         with whole_file(out) as path:
@@ -63,26 +103,50 @@ def stroke_json(stroke: Stroke) -> dict[str, Any]:
     Parameters
     ----------
     stroke : Stroke
-        Of `sim.tissue`.
+        Of `palpate.sim.tissue`.
     """
     from dataclasses import asdict
 
-    from host.features import stroke_features, tactile_map
+    from palpate.features.map_features import stroke_features, tactile_map
 
-    x_mm, pressure_kPa = tactile_map(stroke)
+    seen, columns = over_the_lump(stroke)
+    x_mm, pressure_kPa = tactile_map(seen)
     record = stroke.to_dict()
     record["map"] = {"x_mm": x_mm.tolist(), "pressure_kPa": pressure_kPa.tolist()}
-    record["features"] = asdict(stroke_features(stroke))
+    record["features"] = asdict(stroke_features(seen))
+    if stroke.case.solid:
+        record["map"]["columns"] = columns
     return record
+
+
+def over_the_lump(stroke: Stroke) -> tuple[Stroke, list[int]]:
+    """The stroke with one row of sensors, and the columns over a solid lump that it is the mean of.
+
+    These are the columns whose pressure rises at least half as much, from the first position on, as that of
+    the column where it rises most.
+    """
+    from dataclasses import replace
+
+    import numpy as np
+
+    if not stroke.case.solid:
+        return stroke, []
+    along = stroke.images_kPa.mean(1)
+    rise = (along - along[0])[:, 2:-2].max(0)  # the outermost feel the face's edge
+    columns = 2 + np.flatnonzero(rise >= 0.5 * rise.max())
+    return replace(stroke, images_kPa=stroke.images_kPa[:, :, columns].mean(2)), columns.tolist()
 
 
 def _print_words(stroke: Stroke, record: dict[str, Any]) -> None:
     case, found = stroke.case, record["features"]
-    lump = f"lump {case.d_mm:g} mm wide, {case.depth_mm:g} mm deep, E = {case.E_ratio:g}"
-    title = (
-        f"{stroke.code}: {lump if case.has_lump else 'no lump'}, fat {case.t_mm:g} mm, {case.F_N_per_m:g} N/m"
-    )
-    middle = stroke.images_kPa.shape[1] // 2
+    lump = f"{'lump' if not case.solid else case.shape} {case.d_mm:g} mm wide"
+    if case.solid:
+        lump += f", {2 * case.half_axes_mm[1]:g} mm across, {case.offset_mm:g} mm beside the line"
+    lump += f", {case.depth_mm:g} mm deep, E = {case.E_ratio:g}"
+    force = f"{case.F_N:g} N" if case.solid else f"{case.F_N_per_m:g} N/m"
+    title = f"{stroke.code}: {lump if case.has_lump else 'no lump'}, fat {case.t_mm:g} mm, {force}"
+    seen, columns = over_the_lump(stroke)
+    middle = seen.images_kPa.shape[1] // 2
     rows = (
         (
             f"{x:.1f}",
@@ -91,17 +155,30 @@ def _print_words(stroke: Stroke, record: dict[str, Any]) -> None:
             f"{(image[middle - 1] + image[middle]) / 2:.3f}",
             f"{image.max():.3f}",
         )
-        for x, d, s, image in zip(
-            stroke.positions_mm, stroke.displacement_mm, stroke.strain, stroke.images_kPa
-        )
+        for x, d, s, image in zip(seen.positions_mm, seen.displacement_mm, seen.strain, seen.images_kPa)
     )
     table(("position mm", "displacement mm", "strain", "centre kPa", "highest kPa"), rows, title)
+    if columns:
+        click.echo(f"pressures: mean of the sensors' columns {columns[0] + 1} to {columns[-1] + 1} of 26")
     click.echo(
         f"tactile map: base {found['base_kPa']:.3f} kPa, amplitude {found['amp_kPa']:.3f} kPa, "
         f"stdev {found['stdev_mm']:.2f} mm; curvature {found['curvature']:.3f}; "
         f"displacement {found['D28_mm']:.3f} mm far from the lump, {found['D0_mm']:.3f} mm over it"
     )
     click.echo(f"{stroke.nodes} nodes, {int(stroke.iterations.sum())} Newton steps, {stroke.cpu_s:.2f} CPU s")
+
+
+def _write_fields(path: Path, stroke: Stroke, series: list[Fields]) -> None:
+    from palpate.report.tissue_fields import draw_fields, write_fields
+
+    if path.suffix.lower() in (".png", ".svg"):
+        with whole_file(path) as temporary:
+            draw_fields(series[-1], stroke.code).savefig(temporary, dpi=120)
+        note(f"wrote {path}")
+        return
+    collection, *files = write_fields(path, series)
+    last = f"; {path} is the last of them" if path in files else ""
+    note(f"wrote {collection}: {len(series)} positions, for ParaView{last}")
 
 
 def _write_json(path: Path, stroke: Stroke, record: dict[str, Any]) -> None:
@@ -111,8 +188,12 @@ def _write_json(path: Path, stroke: Stroke, record: dict[str, Any]) -> None:
 def _write_csv(path: Path, stroke: Stroke, record: dict[str, Any]) -> None:
     import pandas as pd
 
+    from palpate.sim.tissue import SolidStroke
+
     names = [f"pressure_kPa_at_{s:g}mm" for s in stroke.sensors_mm]
-    frame = pd.DataFrame(stroke.images_kPa, columns=names)
+    if isinstance(stroke, SolidStroke):
+        names = [f"{name}_{z:g}mm_across" for name in names for z in stroke.across_mm]
+    frame = pd.DataFrame(stroke.images_kPa.reshape(len(stroke.positions_mm), -1), columns=names)
     frame.insert(0, "position_mm", stroke.positions_mm)
     frame.insert(1, "displacement_mm", stroke.displacement_mm)
     frame.to_csv(path, index=False)
@@ -121,14 +202,22 @@ def _write_csv(path: Path, stroke: Stroke, record: dict[str, Any]) -> None:
 def _write_picture(path: Path, stroke: Stroke, record: dict[str, Any]) -> None:
     from matplotlib.figure import Figure
 
-    from host.features import fit_gaussian
+    from palpate.features.map_features import fit_gaussian
+    from palpate.sim.tissue import SolidStroke
 
     figure = Figure(figsize=(10, 3.4), layout="constrained")
     images, whole, depth = figure.subplots(1, 3)
-    extent = (stroke.sensors_mm[0], stroke.sensors_mm[-1], stroke.positions_mm[-1], stroke.positions_mm[0])
-    shown = images.imshow(stroke.images_kPa, extent=extent, aspect="auto", cmap="cividis")
+    x, p = stroke.sensors_mm, stroke.positions_mm
+    if isinstance(stroke, SolidStroke):
+        z = stroke.across_mm
+        shown = images.imshow(stroke.images_kPa[-1].T, extent=(x[0], x[-1], z[-1], z[0]), cmap="cividis")
+        images.set(xlabel="along the probe, mm", ylabel="across, mm", title=f"image at {p[-1]:g} mm")
+    else:
+        shown = images.imshow(
+            stroke.images_kPa, extent=(x[0], x[-1], p[-1], p[0]), aspect="auto", cmap="cividis"
+        )
+        images.set(xlabel="sensor, mm", ylabel="probe position, mm", title="tactile images")
     figure.colorbar(shown, ax=images, label="pressure, kPa")
-    images.set(xlabel="sensor, mm", ylabel="probe position, mm", title="tactile images")
     x, p = record["map"]["x_mm"], record["map"]["pressure_kPa"]
     whole.plot(x, p, label="tactile map")
     whole.plot(x, fit_gaussian(x, p, centre_mm=0.0).curve(x), "--", label="Gaussian fit")

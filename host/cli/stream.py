@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from host.cli.output import json_option, note, plain, print_json
-from host.cli.ports import NOMINAL_SCALE, estimate_lines, port_option
-from host.errors import CommandTimeout, LinkError
+from palpate.cli.output import json_option, note, plain, print_json
+from palpate.cli.ports import NOMINAL_SCALE, estimate_lines, port_option
+from palpate.errors import CommandTimeout, LinkError
 
 if TYPE_CHECKING:
-    from host.link.events import Event
-    from host.link.probe import Probe
+    from palpate.link.events import Event
+    from palpate.link.lsl import Outlets
+    from palpate.link.probe import Probe
 
 WARNINGS = {
     "force_low": "press harder: the force is below the range",
@@ -34,7 +35,9 @@ WARNINGS = {
 @click.option("--overwrite", is_flag=True, help="Replace an existing recording.")
 @click.option("--every", type=click.IntRange(1, 255), default=1, help="Send each n-th frame only.")
 @click.option("--timeout", "timeout_s", type=float, default=60.0, show_default=True,
-              help="Give up after so many seconds without a sign of life.")  # fmt: skip
+              help="Give up after so many seconds without a sign of the probe.")  # fmt: skip
+@click.option("--lsl", is_flag=True, help="Hand everything on to LabStreamingLayer.")
+@click.option("--earlier", is_flag=True, help="First fetch the estimates that an earlier client left behind.")
 @click.option("--json-lines", is_flag=True, help="Print each estimate as a line of JSON as it comes.")
 @json_option
 def command(
@@ -45,6 +48,8 @@ def command(
     overwrite: bool,
     every: int,
     timeout_s: float,
+    earlier: bool,
+    lsl: bool,
     json_lines: bool,
     as_json: bool,
 ) -> None:
@@ -58,7 +63,7 @@ def command(
       palpate stream --strokes 3 --record visit.mcap
       palpate stream --port socket://localhost:7624 --strokes 1 --json
     """
-    from host.record.session import both_counts, recorded
+    from palpate.recording.session import both_counts, recorded
 
     quiet = as_json or json_lines
     estimates: list[dict[str, Any]] = []
@@ -67,6 +72,8 @@ def command(
         if not quiet:
             _greet(probe)
         clock_dict(probe)
+        outlets = _outlets(probe) if lsl else None
+        before = _left_behind(probe, quiet) if earlier else []
         interrupted = scale_told = False
         try:
             for event in probe.stream(strokes, every, timeout_s):
@@ -74,6 +81,8 @@ def command(
                     _say_scale(probe)
                 scale_told = True
                 _show(event, estimates, quiet, json_lines)
+                if outlets is not None:
+                    outlets.push(event)
                 probe.check_recording()
         except KeyboardInterrupt:
             interrupted = True
@@ -85,6 +94,7 @@ def command(
             "port": probe.name,
             "probe": probe.identity.as_dict(),
             "strokes": estimates,
+            "earlier": before,
             "link": counts,
             "clock": clock_dict(probe),
         }
@@ -101,8 +111,28 @@ def command(
         )
 
 
+def _outlets(probe: Probe) -> Outlets:
+    from palpate.link.lsl import EVENTS, FRAMES, Outlets
+
+    outlets = Outlets(probe)
+    note(f"on LabStreamingLayer as {FRAMES} and {EVENTS}")
+    return outlets
+
+
+def _left_behind(probe: Probe, quiet: bool) -> list[dict[str, Any]]:
+    """Estimates of strokes that another client's stream made and nobody took: shown apart from this one's."""
+    from palpate.link.events import Estimate
+
+    found = [event for event in probe.earlier_results() if isinstance(event, Estimate)]
+    for event in found:
+        if not quiet:
+            click.echo(f"of an earlier stream ({event.stream}):")
+            click.echo("\n".join(estimate_lines(event)))
+    return [event.as_dict() for event in found]
+
+
 def clock_dict(probe: Probe) -> dict[str, float] | None:
-    """Offset and drift of the probe's clock against this machine's, with their doubt; None if it is gone."""
+    """Offset and drift of the probe's clock with their uncertainty; None if the probe is gone."""
     with suppress(LinkError):
         if probe.connected:
             probe.sync_clock()
@@ -121,15 +151,17 @@ def _greet(probe: Probe) -> None:
     who = probe.identity
     model = f"model {who.model_id}" if who.has_model else "no model yet: `palpate flash` puts one on it"
     note(f"{probe.name}: probe {who.serial}, firmware {who.firmware}, {model}")
+    for damage in who.damaged:
+        note(f"the probe found damaged in its store: {damage}")
 
 
 def _say_scale(probe: Probe) -> None:
     if not probe.scale.calibrated:
-        note(f"the probe tells no calibration: {NOMINAL_SCALE}")
+        note(f"the probe reports no calibration: {NOMINAL_SCALE}")
 
 
 def _show(event: Event, estimates: list[dict[str, Any]], quiet: bool, json_lines: bool) -> None:
-    from host.link.events import Estimate, Gap, Log, StrokeState
+    from palpate.link.events import Estimate, Gap, Log, StrokeState
 
     if isinstance(event, Estimate):
         estimates.append(event.as_dict())

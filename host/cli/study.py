@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from host.cli.output import json_option, note, print_json, table, watching
-from host.errors import UsageError
+from palpate.cli.output import json_option, note, print_json, showing_progress, table
+from palpate.errors import UsageError
 
 
 @click.command("study")
@@ -29,19 +29,19 @@ def command(name: str, directory: Path, seed: int, figure: Path | None, as_json:
     Example:
       palpate study noise out/field --figure noise.svg
     """
-    from host.regression.field.bench import Bench
-    from host.regression.field.data import read
-    from host.regression.field.study import STUDIES, study_table
-    from host.regression.field.tissues import TISSUE_STUDY
+    from palpate.regression.field.bench import Bench
+    from palpate.regression.field.data import read
+    from palpate.regression.field.study import STUDIES, study_table
+    from palpate.regression.field.tissues import TISSUE_STUDY
 
     studies = STUDIES | {TISSUE_STUDY.name: TISSUE_STUDY}
     if name not in studies:
         raise UsageError(f"there is no study {name!r}; there are {', '.join(studies)}")
     study = studies[name]
-    with watching() as watch, Bench(read(directory), seed, directory, watch=watch) as bench:
+    with showing_progress() as progress, Bench(read(directory), seed, directory, progress=progress) as bench:
         result = study.table(bench, tell=note)
     if figure is not None:
-        from host.report.study_figures import save_study_figure
+        from palpate.report.study_figures import save_study_figure
 
         save_study_figure(study, result, figure)
         note(f"wrote {figure}")

@@ -10,18 +10,22 @@ from typing import TYPE_CHECKING
 
 import click
 
-from host.cli.output import json_option, note, print_json, progress
-from host.errors import LinkError, MissingExtra, PalpateError, UsageError
+from palpate.cli.output import json_option, note, print_json, progress
+from palpate.errors import LinkError, MissingExtra, PalpateError, UsageError
+from palpate.files import whole_file
+from palpate.first_time import announce
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sim.tissue import Progress
+    from palpate.sim.tissue import Progress
 
 
 @click.command("sweep")
 @click.option(
-    "--design", required=True, help="thesis | one-factor | sobol:N[:SEED] | a file with one code per line."
+    "--design",
+    required=True,
+    help="thesis | one-factor | sobol:N[:SEED] | balls[:N[:SEED]] | a file with one code per line.",
 )
 @click.option(
     "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Directory of the strokes."
@@ -29,9 +33,20 @@ if TYPE_CHECKING:
 @click.option("--workers", type=click.IntRange(1), help="Processes on this machine; all cores by default.")
 @click.option("--scheduler", help="A Dask cluster instead: its address, as tcp://10.0.0.5:8786.")
 @click.option("--hx", "hx_mm", type=float, default=2.0, show_default=True, help="Element width, mm.")
+@click.option(
+    "--keep",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Also keep the strokes over balls and ellipsoids as one compact .parquet file, with their recipe.",
+)
 @json_option
 def command(
-    design: str, out: Path, workers: int | None, scheduler: str | None, hx_mm: float, as_json: bool
+    design: str,
+    out: Path,
+    workers: int | None,
+    scheduler: str | None,
+    hx_mm: float,
+    keep: Path | None,
+    as_json: bool,
 ) -> None:
     """Simulate the strokes of a design; a sweep that was stopped goes on where it was.
 
@@ -40,19 +55,22 @@ def command(
       thesis           the thesis' thirty runs
       one-factor       one input varied at a time, finely
       sobol:N[:SEED]   N cases that fill the space of d, h, E, F evenly
+      balls:N[:SEED]   N balls and ellipsoids in random tissue, at two forces each (seconds a stroke)
       FILE             one case code per line
 
     \b
     Example:
       palpate sweep --design thesis --out out/thesis
       palpate sweep --design sobol:64:1 --out out/field --workers 2
+      palpate sweep --design balls:100 --out out/balls --keep balls.parquet
     """
-    from sim.tissue import Settings, read_design, sweep
+    from palpate.sim.tissue import Settings, read_design, sweep
 
     if workers is not None and scheduler is not None:
         raise UsageError("--workers is for this machine and --scheduler for a cluster; give one of them")
     cases = read_design(design)
     settings = Settings(hx_mm=hx_mm)
+    announce()
     began = time.monotonic()
     last: list[Progress] = []
     with _executor(scheduler) as executor, progress("strokes") as bar:
@@ -66,6 +84,11 @@ def command(
     failed = result[result.status != "ok"]
     failures = {str(row.code): str(row.reason) for row in failed.itertuples()}
     seconds = time.monotonic() - began
+    if keep is not None:
+        from palpate.sim.tissue.solid.kept import keep as keep_strokes
+
+        with whole_file(keep) as path:
+            note(f"kept {keep_strokes(out, path, design, settings)} strokes in {keep}")
     reused = last[0].reused if last else 0
     summary = {
         "design": design,

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import secrets
 from pathlib import Path
 
 import click
 
-from host.cli.output import note
-from host.errors import MissingExtra, PalpateError, PortAmbiguous, UsageError
+from palpate.cli.output import note
+from palpate.errors import MissingExtra, PalpateError, PortAmbiguous, UsageError
 
 
 @click.command(
@@ -55,12 +58,12 @@ def command(
     if (recording is None) == (port is None):
         raise UsageError("say either --port PORT for a probe or the FILE.mcap of a recording")
     try:
-        from host.view.serve import Viewer
+        from palpate.view.serve import Viewer
     except ModuleNotFoundError as error:
         raise MissingExtra(error.name or "starlette", "view", "the viewer") from error
-    from host.view.live import LiveSource
-    from host.view.read_strokes import load_strokes
-    from host.view.replay import ReplaySource
+    from palpate.view.live import LiveSource
+    from palpate.view.read_strokes import load_strokes
+    from palpate.view.replay import ReplaySource
 
     source: LiveSource | ReplaySource
     if recording is not None:
@@ -72,7 +75,13 @@ def command(
         _check(port or "auto")
     try:
         viewer = Viewer(
-            source, mode=mode, host=host, port=http_port, recordings=recordings, load_strokes=load_strokes
+            source,
+            mode=mode,
+            host=host,
+            port=http_port,
+            recordings=recordings,
+            load_strokes=load_strokes,
+            token=_kept_token(),
         )
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
@@ -86,10 +95,31 @@ def command(
     viewer.run(open_browser=browser, on_ready=ready)
 
 
+def _kept_token() -> str:
+    """The token of this user's viewers, the same until the next login, so that an open page finds a viewer
+    that was started again."""
+    from palpate.link.emulated import directory, is_ours
+
+    folder = directory()
+    path = folder / "viewer-token"
+    fresh = secrets.token_urlsafe(24)
+    with contextlib.suppress(OSError):
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if is_ours(folder):
+            with contextlib.suppress(FileExistsError):
+                handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+                with os.fdopen(handle, "w") as out:
+                    out.write(fresh)
+            kept = path.read_text()
+            if len(kept) == len(fresh) and kept.isascii() and kept.isprintable():
+                return kept
+    return fresh
+
+
 def _check(port: str) -> None:
     """Say at once what is wrong with the port; only a wrong word ends the command, the rest may still
     come."""
-    from host.link.devices import resolve
+    from palpate.link.devices import resolve
 
     try:
         resolve(port, 921_600)

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from host.link.events import Frame, TactileMap
+from firmware_py import geometry
+from palpate.link.events import Frame, TactileMap
 
 CONTACT_KPA = 0.3
 INK, TRUTH, PROBE = "#22303c", "#c8553d", "#1f7a8c"
@@ -24,7 +25,12 @@ ROWS = (
 
 
 def draw(
-    path: Path, frames: list[Frame], found: TactileMap, estimate: dict[str, Any], truth: dict[str, float]
+    path: Path,
+    frames: list[Frame],
+    found: TactileMap,
+    estimate: dict[str, Any],
+    truth: dict[str, float],
+    headline: str = "",
 ) -> None:
     """Draw one stroke as the probe saw it and write it to `path` (suffix chooses the format).
 
@@ -40,6 +46,8 @@ def draw(
         The estimate's JSON form.
     truth : dict
         The case's inputs, under the estimate's names.
+    headline : str
+        The verdict, above everything.
     """
     figure = Figure(
         figsize=(11.5, 6.2), layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.08), facecolor="white"
@@ -51,6 +59,8 @@ def draw(
     _tactile_map(map_axes, found)
     _displacement(depth, frames, found)
     _estimate(figure, grid[:, 2], estimate, truth)
+    if headline:
+        figure.suptitle(headline, x=0.012, ha="left", fontsize=14, color=INK, weight="bold")
     figure.savefig(path, dpi=130)
 
 
@@ -64,7 +74,12 @@ def _images(figure: Figure, over: Any, far: Any, frames: list[Frame], found: Tac
     ):
         shown = axes.imshow(frame.pressure_kPa, cmap="cividis", vmin=0, vmax=top, aspect="equal")
         axes.set_title(title, loc="left", fontsize=10, color=INK)
-        axes.set(xticks=[], yticks=[], xlabel="across the stroke, 26 cells", ylabel="along, 16 cells")
+        axes.set(
+            xticks=[],
+            yticks=[],
+            xlabel=f"across the stroke, {geometry.COLUMNS} cells",
+            ylabel=f"along, {geometry.ROWS} cells",
+        )
     figure.colorbar(shown, ax=[over, far], label="pressure, kPa", shrink=0.7)
 
 
@@ -93,7 +108,7 @@ def _displacement(axes: Any, frames: list[Frame], found: TactileMap) -> None:
 
 
 def _estimate(figure: Figure, cell: Any, estimate: dict[str, Any], truth: dict[str, float]) -> None:
-    level = round(100 * float(estimate.get("level", 0.9)))
+    level = round(100 * estimate["level"])
     rows = [row for row in ROWS if row[0] in estimate and row[0] in truth]
     panels = cell.subgridspec(len(rows) + 1, 1, height_ratios=[0.5] + [1] * len(rows))
     head = figure.add_subplot(panels[0])
@@ -102,12 +117,13 @@ def _estimate(figure: Figure, cell: Any, estimate: dict[str, Any], truth: dict[s
     for i, (name, label) in enumerate(rows):
         axes = figure.add_subplot(panels[i + 1])
         value, low, high = (estimate[name][key] for key in ("value", "low", "high"))
+        low = max(low, 0.0)  # no quantity here can be negative
         axes.plot([low, high], [0, 0], color=PROBE, lw=6, alpha=0.35, solid_capstyle="butt")
         (said,) = axes.plot(value, 0, "o", color=PROBE, ms=7)
         (true,) = axes.plot(truth[name], 0, "D", color=TRUTH, ms=6, mfc="none", mew=1.8)
         edges = np.array([low, high, value, truth[name]])
         pad = 0.25 * max(np.ptp(edges), 1e-3 * abs(value), 1e-3)
-        axes.set(xlim=(edges.min() - pad, edges.max() + pad), ylim=(-1, 1), yticks=[])
+        axes.set(xlim=(max(edges.min() - pad, 0.0), edges.max() + pad), ylim=(-1, 1), yticks=[])
         axes.set_title(f"{label}: {value:.3g}, truth {truth[name]:.3g}", loc="left", fontsize=9, color=INK)
         axes.spines[["top", "right", "left"]].set_visible(False)
         axes.tick_params(labelsize=8)

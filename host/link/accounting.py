@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 WRAP = 1 << 30
 """Sequence numbers count modulo 2^30 on the probe."""
 WINDOW = 256
-"""A number this far behind the newest may still be a late or doubled one; further back it restarted."""
+"""A number this far behind the newest may still be late or a duplicate; further back the count restarted."""
 
 
 @dataclass
@@ -21,11 +21,11 @@ class Counts:
     lost : int
         Numbers that never came, so far.
     duplicate : int
-        Messages that had come before; they are dropped.
+        Messages received before; they are dropped.
     late : int
-        Messages that came after a younger one; each was counted lost before and is no longer.
+        Messages that came after a newer one; each had been counted as lost and no longer is.
     restarts : int
-        Times the numbers began anew (the probe was reset).
+        Times the numbers started again (the probe was reset).
     """
 
     received: int = 0
@@ -48,14 +48,18 @@ class LinkCounts:
         Good packets, and all bytes.
     bad_crc, bad_frame, oversize, unreadable : int
         Damaged packets: wrong checksum, impossible stuffing, too long, not of their type's length.
+    unknown : int
+        Messages of a type that this program does not know: of a newer firmware.
     resent : int
         Results of a stroke that came again because an acknowledgement was late.
     states_lost : int
         Stroke states that never came.
+    strokes_received, strokes_lost : int
+        Estimates of this client's streams that came, and those that have not (some may still come).
     late_answers : int
-        Answers nobody waited for any more; they are dropped.
+        Answers that came after their command had given up; they are dropped.
     commands, retries : int
-        Commands given, and times one had to be sent again.
+        Commands sent, and repetitions.
     queue_dropped : int
         Frames dropped, oldest first, because the program that reads them was too slow.
     reconnects : int
@@ -68,8 +72,11 @@ class LinkCounts:
     bad_frame: int = 0
     oversize: int = 0
     unreadable: int = 0
+    unknown: int = 0
     resent: int = 0
     states_lost: int = 0
+    strokes_received: int = 0
+    strokes_lost: int = 0
     late_answers: int = 0
     commands: int = 0
     retries: int = 0
@@ -93,7 +100,7 @@ class Sequence:
         """Messages skipped just before the last accepted message."""
 
     def add(self, number: int) -> bool:
-        """Count one message; False if it came before (then it must not be used again)."""
+        """Count one message; False if it is a duplicate (which must not be used again)."""
         self.gap = 0
         counts = self.counts
         if self._newest is None:
@@ -101,7 +108,7 @@ class Sequence:
             return True
         ahead = (number - self._newest + WRAP // 2) % WRAP - WRAP // 2
         if self.every > 1:
-            ahead = -(-ahead // self.every)  # in messages; upwards, for the first may stand off the grid
+            ahead = -(-ahead // self.every)  # in messages; rounded up, since the first may be off the grid
         if ahead > 0:
             self.gap = ahead - 1
             counts.lost += self.gap
@@ -123,12 +130,12 @@ class Sequence:
         return True
 
     def expect_from(self, number: int) -> None:
-        """A stream begins with `number`: those before it are not missing, those from it on are promised."""
+        """A stream begins with `number`: earlier ones are not missing, all from it on are expected."""
         self._begin((number - 1) % WRAP)
         self.counts.received -= 1
 
     def expect_until(self, number: int) -> None:
-        """A stream has ended before `number`: what has not come by now is lost."""
+        """A stream has ended before `number`: whatever has not arrived is lost."""
         if self._newest is not None:
             ahead = (number - 1 - self._newest + WRAP // 2) % WRAP - WRAP // 2
             ahead //= self.every
@@ -138,12 +145,50 @@ class Sequence:
                 self._seen = self._seen << ahead & ((1 << WINDOW) - 1) if ahead < WINDOW else 0
 
     def restart(self) -> None:
-        """The stream begins anew (a new connection): the next number is no gap."""
+        """The stream starts again (a new connection): the next number is not a gap."""
         self._newest = None
         self._seen = 0
 
     def _begin(self, number: int) -> None:
-        # What lies before the first number was never promised to us: it counts as seen, not as lost.
+        # Numbers before the first were never expected: they count as received, not as lost.
         self._newest = number
         self._seen = (1 << WINDOW) - 1
         self.counts.received += 1
+
+
+class Strokes:
+    """Which strokes of each stream have brought their estimate: they are numbered without gaps."""
+
+    KEPT = 8
+    """Streams that are still counted; of older ones nothing comes any more."""
+
+    def __init__(self) -> None:
+        self._streams: dict[int, Sequence] = {}
+        self._received = self._lost = 0
+
+    def begin(self, stream: int, next_stroke: int) -> None:
+        """A stream begins; `next_stroke` is its first."""
+        self._streams[stream] = Sequence()
+        self._streams[stream].expect_from(next_stroke)
+        if len(self._streams) > self.KEPT:
+            counts = self._streams.pop(next(iter(self._streams))).counts
+            self._received += counts.received
+            self._lost += counts.lost
+
+    def end(self, stream: int, next_stroke: int) -> None:
+        """It has ended before `next_stroke`."""
+        if stream in self._streams:
+            self._streams[stream].expect_until(next_stroke)
+
+    def came(self, stream: int, stroke: int) -> None:
+        """An estimate that had not come before."""
+        if stream in self._streams:
+            self._streams[stream].add(stroke)
+
+    @property
+    def received(self) -> int:
+        return self._received + sum(s.counts.received for s in self._streams.values())
+
+    @property
+    def lost(self) -> int:
+        return self._lost + sum(s.counts.lost for s in self._streams.values())

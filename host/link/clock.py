@@ -1,4 +1,4 @@
-"""The probe's clock seen from the host: unwrapped, with offset, drift and their doubt stated.
+"""The probe's clock seen from the host: unwrapped, with offset and drift, each with its uncertainty.
 
 Units: microseconds; drift in parts per million (the probe's clock gains when it is positive).
 """
@@ -13,7 +13,8 @@ WRAP = 1 << 30
 
 
 class Unwrapper:
-    """Turns a counter modulo 2^30 us into one that goes on growing, also through late and reordered values.
+    """Turns a counter modulo 2^30 us into one that keeps growing, even where values come late or out of
+    order.
 
     The host's clock helps through long silences: a value belongs to the turn nearest to what is expected.
     """
@@ -57,7 +58,7 @@ class ClockState:
     uncertainty_us : float
         Half the shortest round trip: the true offset is within this of `offset_us`, whatever the asymmetry.
     exchanges : int
-        Exchanges that this rests on.
+        Exchanges that this is based on.
     at_probe_us : float
         The probe's (unwrapped) time for which the offset holds.
     """
@@ -89,9 +90,9 @@ class ClockSync:
         Parameters
         ----------
         asked_us, came_us : float
-            When the question left and its answer came, on the host's clock.
+            When the request left and its answer arrived, on the host's clock.
         taken_us, answered_us : int
-            When the probe took the question and made the answer, on its clock modulo 2^30.
+            When the probe received the request and wrote the answer, on its clock modulo 2^30.
         """
         taken = self._unwrap(taken_us, int(came_us))
         spent = (answered_us - taken_us) % WRAP
@@ -99,7 +100,7 @@ class ClockSync:
         self._exchanges.append(((asked_us + came_us) / 2, taken + spent / 2, max(trip, 0.0)))
 
     def restart(self) -> None:
-        """Forget everything: the probe's clock began anew."""
+        """Forget everything: the probe's clock has restarted."""
         self._exchanges.clear()
         self._unwrap = Unwrapper()
 

@@ -1,4 +1,4 @@
-"""Commands as bytes, and the book of those that wait for an answer."""
+"""Commands as bytes, and a register of those that await an answer."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import threading
 import time
 
 from firmware_py import messages, status, wire
-from host.errors import CommandRefused, UsageError
-from host.link.events import Answer
+from palpate.errors import CommandRefused, UsageError
+from palpate.link.events import Answer
 
 IDS = 1 << 16
 
 
-def pack_command(name: str, number: int, values: tuple[int, ...] = (), tail: bytes = b"") -> bytes:
+def pack_command(name: str, number: int, values: tuple[int | bytes, ...] = (), tail: bytes = b"") -> bytes:
     """A command's bytes on the wire: a zero, the packet, its closing zero; at most 64 bytes.
 
     Parameters
@@ -52,7 +52,7 @@ def check_answer(name: str, answer: Answer) -> Answer:
 
 
 class PendingCommands:
-    """Who waits for which answer. Ids start at random, so that answers to an earlier host fit nobody."""
+    """Which commands await an answer. Ids start at random, so that answers to an earlier host match none."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -61,14 +61,14 @@ class PendingCommands:
         self._next = random.randrange(IDS)
 
     def begin(self) -> int:
-        """A new id; its answer will be waited for."""
+        """A new id whose answer will be awaited."""
         with self._changed:
             number = self._take_id()
             self._answers[number] = None
             return number
 
     def begin_unawaited(self) -> int:
-        """A new id whose answer is welcome but not waited for (acknowledgements)."""
+        """A new id whose answer is accepted but not awaited (acknowledgements)."""
         with self._changed:
             number = self._take_id()
             self._unawaited[number] = None
@@ -77,12 +77,12 @@ class PendingCommands:
             return number
 
     def end(self, number: int) -> None:
-        """Nobody waits for this answer any more: if it still comes, it is late."""
+        """This answer is no longer awaited: if it still comes, it is late."""
         with self._changed:
             self._answers.pop(number, None)
 
     def deliver(self, answer: Answer) -> bool:
-        """Hand an answer to who waits for it; False if nobody does."""
+        """Deliver an answer to its command; False if none awaits it."""
         with self._changed:
             number = answer.message_id
             if self._answers.get(number, answer) is None:
@@ -106,7 +106,7 @@ class PendingCommands:
             return self._answers.get(number)
 
     def wake(self) -> None:
-        """The link has failed: nobody needs to wait on."""
+        """The link has failed: stop waiting."""
         with self._changed:
             self._changed.notify_all()
 

@@ -1,4 +1,4 @@
-"""Which ports there are, which of them carry a probe, and what a user's word for one means."""
+"""Which ports there are, which of them carry a probe, and what a `--port` argument stands for."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from host.errors import LinkError, PortAmbiguous, PortBusy, PortForbidden, PortMissing, VersionMismatch
-from host.link import emulated
-from host.link.handshake import shake_hands
-from host.link.line import Line
-from host.link.transport import open_transport
+from palpate.errors import LinkError, PortAmbiguous, PortBusy, PortForbidden, PortMissing, VersionMismatch
+from palpate.link import emulated
+from palpate.link.handshake import shake_hands
+from palpate.link.line import Line
+from palpate.link.transport import open_transport
 
 BOARDS: dict[tuple[int, int], str] = {
     (0x2E8A, 0x0005): "RP2040/RP2350 with MicroPython",
@@ -43,7 +43,7 @@ class Device:
     message : str
         Why it is not ready, as a sentence; else "".
     serial, firmware, model_id : str
-        What a probe said of itself; else "".
+        What the probe reported; else "".
     capabilities : tuple of str
         Likewise; see identity.Identity.
     """
@@ -61,7 +61,7 @@ class Device:
 
     @property
     def remarks(self) -> list[str]:
-        """What a user should know of a probe that is ready."""
+        """What a user should know about a probe that is ready."""
         if "fixed_columns" in self.capabilities:
             return ["a small build: its columns are fixed, so a ball must lie under them"]
         return []
@@ -94,7 +94,7 @@ def may_be_probe(device: Device) -> bool:
 
 
 def handshake(device: Device, baud: int = 921_600) -> Device:
-    """Ask a port who it is; never raises for what is wrong with one port."""
+    """Ask what is at a port; a fault of one port is never raised."""
     try:
         with closing(Line(open_transport(device.port, baud))) as line:
             who = shake_hands(line)
@@ -141,7 +141,7 @@ class Place:
 
 
 def resolve(port: str, baud: int = 921_600) -> Place:
-    """What a user's word for a port means.
+    """The port that a `--port` argument stands for.
 
     Parameters
     ----------

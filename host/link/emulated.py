@@ -1,17 +1,20 @@
-"""Where emulated probes leave a note of their port, so that `auto` finds them as it finds USB."""
+"""Where emulated probes register their ports, so that `auto` finds them as it finds USB."""
 
 from __future__ import annotations
 
 import json
 import os
+import stat
 import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from palpate.errors import PalpateError
+
 
 @dataclass(frozen=True)
 class Note:
-    """One emulated probe that is up.
+    """One emulated probe that is running.
 
     Parameters
     ----------
@@ -22,7 +25,7 @@ class Note:
     code : str
         The case under its sensors.
     runtime : str
-        What carries its firmware.
+        What runs its firmware.
     """
 
     port: str
@@ -40,10 +43,35 @@ def directory() -> Path:
     return Path(tempfile.gettempdir()) / f"palpate-{owner}"
 
 
+def is_ours(folder: Path) -> bool:
+    """Is it a directory that nobody but this user can have put anything into?
+
+    In the shared temporary directory anybody may have made one of that name, or a link.
+    """
+    try:
+        found = folder.lstat()
+    except OSError:
+        return False
+    if not stat.S_ISDIR(found.st_mode):
+        return False
+    return not hasattr(os, "getuid") or (found.st_uid == os.getuid() and not found.st_mode & 0o022)
+
+
 def leave(note: Note) -> Path:
-    """Write a note; the caller removes the file when its probe ends."""
+    """Write a note; the caller removes the file when its probe ends.
+
+    Raises
+    ------
+    PalpateError
+        The directory for it is not this user's own.
+    """
     folder = directory()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if not is_ours(folder):
+        raise PalpateError(
+            f"{folder} belongs to another user or can be written by one; set XDG_RUNTIME_DIR to a directory "
+            "of your own"
+        )
     path = folder / f"{note.pid}-{abs(hash(note.port)) % 10**8}.json"
     temporary = path.with_suffix(".part")
     temporary.write_text(json.dumps(asdict(note)))
@@ -52,12 +80,18 @@ def leave(note: Note) -> Path:
 
 
 def running() -> list[Note]:
-    """The notes of processes that live; those of dead ones (killed, not ended) are removed."""
-    found = []
-    for path in sorted(directory().glob("*.json")):
+    """The notes of running processes; those of killed ones are removed."""
+    found: list[Note] = []
+    folder = directory()
+    if not is_ours(folder):
+        return found
+    for path in sorted(folder.glob("*.json")):
         try:
             note = Note(**json.loads(path.read_text()))
-        except (OSError, ValueError, TypeError):
+        except (OSError, ValueError, TypeError, RecursionError):
+            continue
+        words = (note.port, note.code, note.runtime)
+        if type(note.pid) is not int or not all(isinstance(w, str) and w.isprintable() for w in words):
             continue
         if _alive(note.pid):
             found.append(note)
@@ -68,7 +102,7 @@ def running() -> list[Note]:
 
 def _alive(pid: int) -> bool:
     if os.name == "nt":
-        return True  # a stale note is found out by the handshake
+        return True  # the handshake finds a stale note out
     try:
         os.kill(pid, 0)
     except ProcessLookupError:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import threading
 from collections import deque
 
-from host.link.events import Event, Frame
+from palpate.link.events import Event, Frame
 
 FRAMES_KEPT = 2048
-"""Frames that wait at most: ten seconds at 200 frames/s, 2 MB."""
+"""Frames that may wait: ten seconds at 200 frames/s, 2 MB."""
 
 
 class EventQueue:

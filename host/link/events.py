@@ -1,4 +1,4 @@
-"""What a probe tells, as typed values: the wire's integers, with properties in mm, kPa and words.
+"""What a probe sends, as typed values: the wire's integers, with properties in mm, kPa and text.
 
 Units: mm, kPa, N per metre of probe width, microseconds of the probe's own clock (unwrapped).
 """
@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from host.link.frames import Event, Frame, unpack_counts
-from host.link.results import HARDNESS, OUTPUTS, Estimate, Features, TactileMap
+from palpate.link.results import HARDNESS, OUTPUTS, Estimate, Features, TactileMap
+from palpate.link.tactile_image import Event, Frame
 
 __all__ = [
     "HARDNESS",
@@ -22,9 +22,9 @@ __all__ = [
     "Frame",
     "Gap",
     "Log",
+    "StreamEnd",
     "StrokeState",
     "TactileMap",
-    "unpack_counts",
 ]
 
 
@@ -33,11 +33,33 @@ class StrokeState(Event):
     """A step of the stroke: contact, started, lump_passed, ended, force_low, force_high, too_fast, lifted."""
 
     event_seq: int
+    stream: int
     stroke: int
     state: str
     time_us: int
     frame_seq: int
     value: int
+
+
+@dataclass(slots=True)
+class StreamEnd(Event):
+    """The probe has ended a stream by itself.
+
+    Parameters
+    ----------
+    stream : int
+        Its number.
+    reason : str
+        "strokes": as many as were asked for; "lease": its host had not said a word for too long.
+    next_seq, next_stroke : int
+        The frame and the stroke that would have come next.
+    """
+
+    stream: int
+    reason: str
+    next_seq: int
+    next_stroke: int
+    time_us: int
 
 
 @dataclass(slots=True)
@@ -66,9 +88,9 @@ class Gap(Event):
     seconds : float
         How long, on the host's clock.
     reason : str
-        The sentence of the error that began it.
+        The text of the error that started it.
     restarted : bool
-        The probe was reset meanwhile: its numbers begin anew.
+        The probe was reset meanwhile: its numbers start again.
     """
 
     seconds: float

@@ -1,20 +1,21 @@
 """Putting a model image onto the probe: begin, data, verify, confirm, read back.
 
-The probe believes nothing before `verify` (signature, versions, self-test) and keeps its old model until
+The probe trusts nothing before `verify` (signature, versions, self-test) and keeps its old model until
 `confirm`, so that a cut at any moment leaves a model that works. Every piece can be sent again;
 after a cut the transfer goes on where it stopped.
 """
 
 from __future__ import annotations
 
+import hashlib
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from firmware_py import messages, status
-from firmware_py.image import MAGIC
-from host.errors import CommandRefused, FlashError, ImageRefused, ImageUnreadable, LinkGone
-from host.link.probe import Probe
+from firmware_py import keyring, messages, status
+from firmware_py.model_image import MAGIC
+from palpate.errors import CommandRefused, FlashError, ImageRefused, ImageUnreadable, LinkGone
+from palpate.link.probe import Probe
 
 VERIFY_TIMEOUT_S = 60.0
 """A small probe needs seconds for SHA-256 over its image; the command is harmless to repeat."""
@@ -29,18 +30,16 @@ REFUSALS = {
     status.NO_SPACE: "it does not fit into the probe",
     status.BAD_MAGIC: "it is not a model image",
     status.BAD_CRC: "it is damaged; export it again",
+    status.BAD_MODEL: "it holds a number that no model can have; export it again",
 }
 
 _BODY_AT = 8
 """Where an image says how long it is, without its signature (docs/model-image.md)."""
 
-MIXED = (status.BAD_SIGNATURE, status.BAD_CRC, status.BAD_MAGIC)
-"""What an image that is put together of two looks like."""
-
 
 @dataclass(frozen=True)
 class Flashed:
-    """How a flash went: the live model's id (hex), the bytes sent, the pieces that had to be sent again."""
+    """The result of a flash: the live model's id (hex), bytes sent, pieces that had to be sent again."""
 
     model_id: str
     size: int
@@ -62,45 +61,50 @@ def flash(probe: Probe, image: bytes, progress: Callable[[int, int], None] | Non
     Returns
     -------
     Flashed
-        With the id that the probe now answers with in its handshake.
+        With the id that the probe now gives in its handshake.
 
     Raises
     ------
     ImageRefused
         The probe refused it; its old model stays.
     FlashError
-        The probe went away for good, or says it is live but does not answer with its id.
+        The probe went away for good, or reports the image live but gives another id.
     """
     check_image(image)
+    if probe.identity.model_status == status.NO_KEY:
+        raise ImageRefused(
+            "no public key: the probe holds no key.pub, so it takes no model; "
+            "`palpate board DIRECTORY --key KEY` makes its files with one"
+        )
     if "flash" not in probe.identity.capabilities:
         raise ImageRefused("this probe's firmware is built without flashing; see docs/firmware.md")
     try:
-        start = int(probe.command("flash_begin", len(image))[0])
-        try:
-            made_ready = _transfer(probe, image, start, progress)
-        except CommandRefused as refusal:
-            if not start or refusal.status not in MIXED:
-                raise
-            # What the probe had kept was the beginning of another image of this size.
-            start = int(probe.command("flash_begin", len(image))[0])
-            made_ready = _transfer(probe, image, start, progress)
-        probe.command("flash_confirm", timeout_s=VERIFY_TIMEOUT_S)
+        start = _begin(probe, image)
+        made_ready = _transfer(probe, image, start, progress)
+        probe.command("flash_confirm", made_ready, timeout_s=VERIFY_TIMEOUT_S)
     except CommandRefused as refusal:
         why = REFUSALS.get(
             refusal.status, f"{refusal.reason} (status {refusal.status}, at {refusal.command})"
         )
+        if refusal.status == status.BAD_PROBE:
+            why = f"it was made for {made_for(image)!r}, and this probe's array is {probe.identity.array!r}"
         message = f"the probe refused the model image: {why}; the model it had stays"
         raise ImageRefused(message, refusal.status) from refusal
     except LinkGone as gone:
         message = f"{gone.args[0].split(';')[0]}; the model it had stays: plug it in and flash again to go on"
         raise FlashError(message) from gone
     live = probe.refresh_identity()
-    if live.model_id != made_ready.hex():
+    if live.model_id != made_ready.hex() and not is_succession(image):
         raise FlashError(
             f"the probe confirmed model {made_ready.hex()} but answers with "
             f"{live.model_id or 'none'}; flash it again"
         )
     return Flashed(live.model_id, len(image), start)
+
+
+def is_succession(image: bytes) -> bool:
+    """Whether this is no model but another key, signed by the one before it (`palpate keygen --succeeds`)."""
+    return image.startswith(keyring.SUCCESSION)
 
 
 def check_image(image: bytes, outcome: str = "nothing was sent to the probe") -> str:
@@ -111,16 +115,18 @@ def check_image(image: bytes, outcome: str = "nothing was sent to the probe") ->
     image : bytes
         As `palpate export` writes it.
     outcome : str
-        What the error says in the end.
+        How the error's text ends.
 
     Raises
     ------
     ImageUnreadable
         It is no model image, is cut short, or needs what this version does not know.
     """
-    from model_export.errors import ImageError
-    from model_export.image import inspect
+    from palpate.model_export.errors import ImageError
+    from palpate.model_export.image_builder import inspect
 
+    if is_succession(image):
+        return keyring.name(image[len(keyring.SUCCESSION) :]).hex()
     try:
         if image.startswith(MAGIC) and (body := struct.unpack_from("<I", image, _BODY_AT)[0]) > len(image):
             raise ImageError(f"the model image is cut short: {len(image)} bytes of more than {body}")
@@ -140,7 +146,22 @@ def _transfer(probe: Probe, image: bytes, at: int, progress: Callable[[int, int]
         at = _send_piece(probe, image, at)
     if progress is not None:
         progress(at, len(image))
-    return bytes(probe.command("flash_verify", timeout_s=VERIFY_TIMEOUT_S)[0])
+    return bytes(probe.command("flash_verify", _name(image), timeout_s=VERIFY_TIMEOUT_S)[0])
+
+
+def made_for(image: bytes) -> str:
+    """The array that a model image names."""
+    return image[24:40].rstrip(b"\0").decode("ascii", "replace")
+
+
+def _name(image: bytes) -> bytes:
+    """What the image is called while it is on its way: the probe goes on only with the same."""
+    return hashlib.sha256(image).digest()[:8]
+
+
+def _begin(probe: Probe, image: bytes) -> int:
+    """Announce the image; how much of it the probe has already."""
+    return int(probe.command("flash_begin", len(image), _name(image))[0])
 
 
 def _send_piece(probe: Probe, image: bytes, at: int) -> int:
@@ -152,4 +173,4 @@ def _send_piece(probe: Probe, image: bytes, at: int) -> int:
         if refusal.status not in (status.BAD_STATE, status.BAD_VALUE):
             raise
         # The probe was reset in between and waits for a new beginning; it says how much it kept.
-        return int(probe.command("flash_begin", len(image))[0])
+        return _begin(probe, image)

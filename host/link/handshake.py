@@ -1,16 +1,16 @@
-"""The first question on a line: who is there, and do we speak the same protocol."""
+"""The first exchange on a line: who is there, and do we speak the same protocol?"""
 
 from __future__ import annotations
 
 import random
 
-from host.errors import CommandRefused, CommandTimeout, NotAProbe
-from host.link.identity import Identity
-from host.link.line import Line
+from palpate.errors import CommandRefused, CommandTimeout, NotAProbe
+from palpate.link.identity import Identity
+from palpate.link.line import Line
 
 
 def shake_hands(line: Line) -> Identity:
-    """Who answers at the other end of a line, which knows it from here on.
+    """The identity of the probe at the other end; the line keeps it.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Who holds a port and who may open it, as far as the system tells (Linux: /proc; elsewhere: None)."""
+"""Who holds a port and who may open it, where the system can tell (Linux: /proc; elsewhere: None)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def lock_holder(path: str) -> int | None:
 
 
 def open_by(path: str) -> list[int]:
-    """Other processes that have a device open, seen through /proc/*/fd (root sees all, others their own).
+    """Other processes that have a device open, found in /proc/*/fd (root finds all, others their own).
 
     Whoever holds the other end of a pseudo-terminal is the device itself and does not count.
     """
@@ -77,7 +77,7 @@ def program(pid: int) -> str:
 
 
 def holder(path: str) -> str | None:
-    """The program that holds a port, in words, or None where the system does not tell."""
+    """The program that holds a port, or None where the system cannot tell."""
     pid = lock_holder(path)
     if pid is None:
         others = open_by(path)

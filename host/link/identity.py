@@ -1,12 +1,13 @@
-"""Who answers at the other end: the handshake, and whether we speak the same protocol."""
+"""The identity of a probe: its handshake, and whether it speaks our protocol."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from firmware_py import messages, status, tables
-from host.errors import VersionMismatch
+from firmware_py import geometry, messages, status, tables
+from palpate.errors import VersionMismatch
+from palpate.link.results import damage_words
 
 CAPABILITIES = {
     messages.CAN_FLASH: "flash",
@@ -17,7 +18,7 @@ CAPABILITIES = {
 
 @dataclass(frozen=True)
 class Identity:
-    """What a probe says of itself (docs/protocol.md, "Handshake").
+    """What a probe reports about itself (docs/protocol.md, "Handshake").
 
     Parameters
     ----------
@@ -41,6 +42,10 @@ class Identity:
         How often the probe has started.
     time_us : int
         Its clock, modulo 2^30.
+    damaged : tuple of str
+        What it found damaged in its store: calibration, model record, settings.
+    stream : int
+        The stream that runs on it, 0 where none does.
     """
 
     protocol: int
@@ -57,12 +62,14 @@ class Identity:
     model_id: str
     boots: int
     time_us: int
+    damaged: tuple[str, ...] = ()
+    stream: int = 0
 
     @classmethod
     def from_answer(cls, values: tuple[Any, ...]) -> Identity:
         """From the fields of an identify answer (its nonce first)."""
         (_, protocol, schema, firmware, serial, rows, columns, pitch_um, bits) = values[:9]
-        capabilities, features_version, model_status, model_id, boots, time_us = values[9:]
+        capabilities, features_version, model_status, model_id, boots, time_us, damage, stream = values[9:]
         able = tuple(word for bit, word in CAPABILITIES.items() if capabilities & bit)
         return cls(
             protocol,
@@ -79,7 +86,14 @@ class Identity:
             model_id.hex() if any(model_id) else "",
             boots,
             time_us,
+            tuple(damage_words(damage)),
+            stream,
         )
+
+    @property
+    def array(self) -> str:
+        """The array's name, as `firmware_py.geometry` gives it."""
+        return geometry.name(self.rows, self.columns, round(1000 * self.pitch_mm))
 
     @property
     def has_model(self) -> bool:
@@ -93,20 +107,25 @@ class Identity:
         return words
 
     def differences(self) -> dict[str, tuple[str, str]]:
-        """Where probe and host do not speak the same: name -> what the probe has, what this program has."""
+        """Where probe and host differ: name -> the probe's value, this program's value."""
         told = {
             "protocol version": (f"{self.protocol}", f"{tables.PROTOCOL}"),
-            "schema": (f"{self.schema:08x}", f"{tables.SCHEMA:08x}"),
-            "cells": (f"{self.rows} x {self.columns}", f"{messages.ROWS} x {messages.COLUMNS}"),
+            "array": (self.array, geometry.NAME.decode()),
             "firmware": (self.firmware, version_words(tables.FIRMWARE)),
         }
         found = {name: pair for name, pair in told.items() if pair[0] != pair[1]}
         return found if set(found) - {"firmware"} else {}
 
+    @property
+    def same_tables(self) -> bool:
+        """False where one end knows messages, settings or counters that the other does not: no obstacle."""
+        return self.schema == tables.SCHEMA
+
     def check(self) -> None:
         """Raise `VersionMismatch` unless probe and host speak the same protocol.
 
-        Another firmware version alone is no obstacle: what counts is the schema, the hash of all tables.
+        Another firmware or schema alone is no obstacle: within a protocol version things are only added
+        (docs/protocol.md, "Versions").
         """
         found = self.differences()
         if not found:
@@ -119,8 +138,8 @@ class Identity:
         )
 
     def _todo(self) -> str:
-        if (self.rows, self.columns) != (messages.ROWS, messages.COLUMNS):
-            return "docs/howto/probe-geometry.md says what to change for another number of cells"
+        if self.array != geometry.NAME.decode():
+            return "name its array with --array (docs/howto/another-array.md)"
         probe = (self.protocol, *map(int, self.firmware.split(".")))
         if probe > (tables.PROTOCOL, *tables.FIRMWARE):
             return "the probe is the newer one: update this program with pip install -U palpate"

@@ -1,4 +1,4 @@
-"""The live line: commands and their answers, and an unplugged probe that is waited for."""
+"""The live line: commands and their answers, and waiting for a probe that was unplugged."""
 
 from __future__ import annotations
 
@@ -6,18 +6,19 @@ import random
 import time
 from collections.abc import Callable
 
-from firmware_py import calib, messages
-from host.errors import CommandTimeout, LinkGone, PortError
-from host.link.commands import check_answer, pack_command
-from host.link.events import Answer, Gap
-from host.link.identity import Identity
-from host.link.patience import FIRST_WAIT_S, Patience
-from host.link.reader import POLL_S, LineReader
-from host.link.recorder import Recorder
-from host.link.transport import Transport
+from firmware_py import calib, messages, status
+from palpate.errors import CommandTimeout, LinkGone, PortError
+from palpate.link.commands import check_answer, pack_command
+from palpate.link.events import Answer, Estimate, Event, Gap, StreamEnd
+from palpate.link.identity import Identity
+from palpate.link.patience import FIRST_WAIT_S, Patience
+from palpate.link.reader import POLL_S, LineReader
+from palpate.link.recorder import Recorder
+from palpate.link.stream_wish import RENEW_S, StreamWish
+from palpate.link.transport import Transport
 
 AWAY_S = 60.0
-"""How long a command waits for an unplugged probe to come back (a stream waits for ever)."""
+"""How long a command waits for an unplugged probe to come back (a stream waits forever)."""
 GIVE_UP_S = 6.0
 """How long a command is repeated before the probe counts as silent."""
 REOPEN_EVERY_S = 0.25
@@ -25,7 +26,7 @@ INLINE_TRIES = 3
 
 
 class Line(LineReader):
-    """A transport with its reading thread, for whoever commands the probe.
+    """A transport with its reading thread, for sending commands to the probe.
 
     Parameters
     ----------
@@ -44,10 +45,11 @@ class Line(LineReader):
         reopen: Callable[[], Transport] | None = None,
     ) -> None:
         self.identity: Identity | None = None
-        self.stream: tuple[int, int, int] | None = None
-        """The stream to ask for again after an unplug: content, every, strokes."""
+        self.stream: StreamWish | None = None
+        """The stream to request again after an unplug."""
+        self._ended = self._renewal = -1
         self.asked_ns = 0
-        """When the last question of `ask_afresh` left."""
+        """When the last request of `ask_afresh` left."""
         self._patience = Patience()
         self._reopen = reopen
         super().__init__(transport, recorder)
@@ -55,12 +57,12 @@ class Line(LineReader):
     def ask(
         self,
         name: str,
-        values: tuple[int, ...] = (),
+        values: tuple[int | bytes, ...] = (),
         tail: bytes = b"",
         timeout_s: float = GIVE_UP_S,
         once: bool = False,
     ) -> Answer:
-        """Give a command and wait for its answer; see `Probe.command`. `once`: never send it again."""
+        """Send a command and wait for its answer; see `Probe.command`. `once`: never send it again."""
         number = self._pending.begin()
         raw = pack_command(name, number, values, tail)
         counts = self.parser.counts
@@ -91,7 +93,7 @@ class Line(LineReader):
         )
 
     def ask_afresh(self, name: str, tries: int = 20) -> Answer:
-        """Ask under a new id each time: for questions whose old answer is worth nothing (the time)."""
+        """Ask under a new id each time: for requests whose answers go stale (the time)."""
         for _ in range(tries - 1):
             try:
                 self.asked_ns = time.time_ns()
@@ -144,7 +146,7 @@ class Line(LineReader):
             return False  # another probe, or another program's terminal under the old name: wait for ours
         if (wanted := self.stream) is not None:
             self._read_calibration_inline()
-            if self._ask_inline("stream_start", wanted) is None:
+            if not self._goes_on(wanted):
                 return False
         unwanted = self.stream is None and self.parser.streaming
         if unwanted and self._ask_inline("stream_stop", ()) is None:
@@ -156,10 +158,51 @@ class Line(LineReader):
         self._up.set()
         return True
 
+    def _goes_on(self, wanted: StreamWish) -> bool:
+        """Renew the stream; where the probe has ended it, begin another and fetch what is left of it."""
+        before = wanted.number
+        if before and self._ask_inline("stream_renew", (before,)) is not None:
+            wanted.renewed = time.monotonic()
+            self._ask_inline("results", (before,))
+            return True
+        answer = self._ask_inline("stream_start", wanted.words)
+        if answer is None:
+            return False
+        wanted.number, wanted.renewed = answer.values[0], time.monotonic()
+        if before:
+            self._ask_inline("results", (before,))
+        return True
+
+    def _look_after(self) -> None:
+        """Keep the wanted stream's lease; where it has run out (this program was stopped), begin anew."""
+        wanted = self.stream
+        if wanted is None or not wanted.number or not self._up.is_set():
+            return
+        if self._ended == wanted.number and not self._goes_on(wanted):
+            return
+        if time.monotonic() - wanted.renewed > RENEW_S:
+            wanted.renewed = time.monotonic()
+            self._renewal = self._pending.begin_unawaited()
+            self._write(pack_command("stream_renew", self._renewal, (wanted.number,)))
+
+    def _dispatch(self, event: Event) -> None:
+        wanted = self.stream
+        if wanted is not None and isinstance(event, StreamEnd) and event.stream == wanted.number:
+            if event.reason == "lease":
+                self._ended = event.stream
+            else:
+                self.stream = None
+        elif wanted is not None and isinstance(event, Answer) and event.message_id == self._renewal:
+            if event.status == status.NOT_KNOWN:
+                self._ended = wanted.number
+        elif wanted is not None and isinstance(event, Estimate) and wanted.strokes > 1:
+            wanted.strokes -= 1  # so many are still wanted, should it have to be begun anew
+        super()._dispatch(event)
+
     def _read_calibration_inline(self) -> None:
         """Another host may have calibrated the probe meanwhile; the parser learns from the answers.
 
-        Where an answer does not come the stream goes on with the calibration that is known.
+        Where no answer comes, the stream goes on with the known calibration.
         """
         at = 0
         while self.parser.scale.calibrated and at < calib.BLOB_BYTES:
@@ -169,7 +212,7 @@ class Line(LineReader):
             at += len(answer.values[-1])
 
     def _ask_inline(self, name: str, values: tuple[int, ...]) -> Answer | None:
-        """A command given by the reading thread itself, which must read its own answer."""
+        """A command sent by the reading thread itself, which must read its own answer."""
         number = self._pending.begin()
         raw = pack_command(name, number, values)
         try:

@@ -1,7 +1,7 @@
 """The live parser: bytes from the wire become typed events; a live port and a recording feed the same one.
 
-Nothing is dropped unseen: `take_raw` gives back every byte that was fed, cut behind each good packet, so that
-a recording holds the wire exactly, damaged packets included, and a replay counts the same damage.
+No byte is dropped silently: `raw` and `take_tail` give back every byte that was fed, split after each good
+packet, so a recording holds the wire exactly, damaged packets included, and a replay counts the same damage.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from firmware_py import messages, wire
-from host.link.accounting import Counts, LinkCounts, Sequence
-from host.link.clock import Unwrapper
-from host.link.events import (
+from firmware_py import geometry, messages, wire
+from palpate.link.accounting import Counts, LinkCounts, Sequence, Strokes
+from palpate.link.clock import Unwrapper
+from palpate.link.events import (
     Answer,
     Boot,
     Estimate,
@@ -20,14 +20,19 @@ from host.link.events import (
     Features,
     Frame,
     Log,
+    StreamEnd,
     StrokeState,
     TactileMap,
 )
-from host.link.results import Again
-from host.link.scale import NOMINAL, CalibrationPieces, CellScale
+from palpate.link.results import Again, Earlier
+from palpate.link.scale import NOMINAL, CalibrationPieces, CellScale
 
 LONGEST_BODY = 2048
-"""Longest body taken, bytes; a frame has 641. Longer ones are counted as oversize."""
+"""Longest body accepted, bytes; a frame of 16 x 26 cells has 641. Longer ones are counted as oversize."""
+NOISE_KEPT = 4096
+"""Bytes without an event that are gathered before they are handed out as `Noise`; the longest packet has
+fewer."""
+STREAMS_KEPT = 64
 
 _FRAME = messages.TYPE["frame"]
 _STATE = messages.TYPE["stroke_state"]
@@ -36,11 +41,19 @@ _ESTIMATE = messages.TYPE["estimate"]
 _LOG = messages.TYPE["log"]
 _BOOT = messages.TYPE["boot"]
 _FEATURES = messages.TYPE["features"]
+_STREAM_END = messages.TYPE["stream_end"]
 _IDENTIFIED = messages.TYPE["identify"] | messages.ANSWER
 _STREAM_STARTED = messages.TYPE["stream_start"] | messages.ANSWER
+_STREAM_RENEWED = messages.TYPE["stream_renew"] | messages.ANSWER
 _STREAM_STOPPED = messages.TYPE["stream_stop"] | messages.ANSWER
 _READ_BACK = messages.TYPE["read_back"] | messages.ANSWER
 _CALIBRATED = messages.TYPE["calibrate"] | messages.ANSWER
+_IDENTITY = messages.TABLE[_IDENTIFIED][3].split()
+_BOOTS_AT, _FEATURES_AT = _IDENTITY.index("boots"), _IDENTITY.index("features_version")
+
+
+class Noise(Event):
+    """Bytes that no event came of: noise, damaged packets, messages that are not known here."""
 
 
 class LiveParser:
@@ -48,9 +61,16 @@ class LiveParser:
 
     Use: `for event in parser.feed(data, host_ns)`: events in the wire's order; duplicates are dropped and
     counted. With each event `parser.raw` holds the wire's bytes since the one before (its own packet last).
+    Of bytes that make no event not more than `NOISE_KEPT` are gathered: `Noise` then hands them out.
+
+    Parameters
+    ----------
+    own_only : bool
+        Results of streams that were not begun on this wire are `Earlier` from the first byte on: a live line.
+        Else only once it is known which stream the wire carries: a recording may begin in the middle of one.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, own_only: bool = False) -> None:
         self.counts = LinkCounts()
         self.frames = Sequence()
         self.raw = b""
@@ -60,10 +80,16 @@ class LiveParser:
         self._receiver = wire.Receiver(LONGEST_BODY)
         self._sent = wire.Receiver(messages.COMMAND_BODY)
         self._next_every = 1
+        self._next_content = messages.CONTENT_STROKES
+        self._estimates = True  # False for a probe that only streams
         self._tail = bytearray()
         self._clock = Unwrapper()
         self._event_seq: int | None = None
-        self._results: dict[tuple[type, int], None] = {}
+        self._results: dict[tuple[type, int, int], None] = {}
+        self.streams: dict[int, None] = {}
+        """The streams begun, or renewed, on this wire: what belongs to another is no result of ours."""
+        self.strokes = Strokes()
+        self._own_only = own_only
         self._boots: int | None = None
         self.streaming = False
         """Between the answers to stream_start and stream_stop."""
@@ -93,6 +119,9 @@ class LiveParser:
             at = receiver.feed(data, at, n)
             if receiver.length:
                 counts.packets += 1
+                while at - start > NOISE_KEPT:
+                    start = self._gather(data, start, at)
+                    yield self._noise(host_ns)
                 self.raw = bytes(self._tail) + data[start:at] if self._tail else data[start:at]
                 self._tail.clear()
                 start = at
@@ -100,14 +129,30 @@ class LiveParser:
                 if event is not None:
                     yield event
                 else:
-                    self._tail += self.raw  # nobody asks for it now: it goes with the next event
-        self._tail += data[start:]
+                    self._tail += self.raw  # no event to go with: it goes with the next one
+                    if len(self._tail) >= NOISE_KEPT:
+                        yield self._noise(host_ns)
+        while start < n:
+            start = self._gather(data, start, n)
+            if len(self._tail) >= NOISE_KEPT:
+                yield self._noise(host_ns)
         counts.bad_crc = receiver.bad_crc
         counts.bad_frame = receiver.bad_frame
         counts.oversize = receiver.oversize
 
+    def _gather(self, data: bytes, start: int, stop: int) -> int:
+        """Fill the tail from data[start:stop]; returns where the rest begins."""
+        end = min(stop, start + max(0, NOISE_KEPT - len(self._tail)))
+        self._tail += data[start:end]
+        return end
+
+    def _noise(self, host_ns: int) -> Noise:
+        """The bytes gathered so far, as `raw`: they wait no longer for an event to go with."""
+        self.raw = self.take_tail()
+        return Noise(host_ns)
+
     def commanded(self, raw: bytes) -> None:
-        """A command that went out, as on the wire: some say what the stream will be."""
+        """A command that went out, as on the wire: some determine what the stream will be."""
         self._sent.length = 0
         at = 0
         while at < len(raw):
@@ -115,28 +160,29 @@ class LiveParser:
             if self._sent.length and self._sent.packet[0] == messages.TYPE["stream_start"]:
                 fields = messages.unpack(self._sent.packet, self._sent.length)
                 if fields is not None:
+                    self._next_content = fields[0]
                     self._next_every = max(1, fields[1])
 
     def told_calibration(self, blob: bytes) -> None:
-        """A recording's attached calibration; what the wire itself tells goes before it."""
+        """A recording's attached calibration; what the probe itself sends takes precedence."""
         scale = CellScale()
         if not self.scale.calibrated and scale.load(blob):
             self.scale = scale
 
     def take_tail(self) -> bytes:
-        """The bytes behind the last good packet; they are then forgotten (the link is closing)."""
+        """The bytes after the last good packet; they are then forgotten (the link is closing)."""
         tail = bytes(self._tail)
         self._tail.clear()
         return tail
 
     def settle(self) -> None:
-        """The wire is quiet: what a stopped stream had promised and has not come by now is lost."""
+        """The wire is quiet: whatever is still missing of a stopped stream is lost."""
         if self._ends_before is not None:
             self.frames.expect_until(self._ends_before)
             self._ends_before = None
 
     def restarted(self) -> None:
-        """The probe began anew: its sequence numbers, clock and stroke numbers do too."""
+        """The probe restarted: so do its sequence numbers, clock and stroke numbers."""
         self.frames.restart()
         self.frames.counts.restarts += 1
         self._clock = Unwrapper()
@@ -149,7 +195,10 @@ class LiveParser:
         kind = body[0]
         values = messages.unpack(body, length)
         if values is None:
-            self.counts.unreadable += 1
+            if kind in messages.TABLE:
+                self.counts.unreadable += 1
+            else:
+                self.counts.unknown += 1
             return None
         if kind == _FRAME:
             return self._frame(kind, values, host_ns)
@@ -157,27 +206,45 @@ class LiveParser:
             answer = Answer(host_ns, kind, messages.message_id(body), messages.answer_status(body), values)
             self._learn(answer)
             return answer
-        return self._rare(kind, values, host_ns)
+        return self._unsolicited(kind, values, host_ns)
 
     def _learn(self, answer: Answer) -> None:
-        """What answers say of streams and calibration, in the wire's own order: a replay learns the same."""
+        """What answers reveal about streams and calibration, in the wire's own order: a replay learns the
+        same."""
         if answer.status < 0:
             return
         if answer.kind == _IDENTIFIED:
-            self._booted(answer.values[-2])
+            self._booted(answer.values[_BOOTS_AT])
+            self._estimates = answer.values[_FEATURES_AT] > 0
         elif answer.kind == _READ_BACK:
             self.scale = self._pieces.add(*answer.values) or self.scale
         elif answer.kind == _CALIBRATED:
             self._pieces.forget()
-        elif answer.kind == _STREAM_STARTED and not self.streaming:
-            # While a stream runs (an answer sent again, a reconnect), the numbers go on: a gap is a loss.
-            self.streaming = True
-            self.settle()
-            self.frames.every = self._next_every
-            self.frames.expect_from(answer.values[0])
-        elif answer.kind == _STREAM_STOPPED and self.streaming:
+        elif answer.kind in (_STREAM_STARTED, _STREAM_RENEWED):
+            number, next_seq, next_stroke = answer.values[:3]
+            if answer.kind == _STREAM_STARTED and not self.streaming:
+                # While a stream runs (an answer sent again, a reconnect), the numbers go on: a gap is a loss.
+                self.settle()
+                self.frames.every = self._next_every
+                self.frames.expect_from(next_seq)
+            self._stream_runs(number, next_stroke)
+        elif answer.kind == _STREAM_STOPPED:
+            self._stream_ended(*answer.values[:3])
+
+    def _stream_runs(self, number: int, next_stroke: int) -> None:
+        self.streaming = True
+        if number not in self.streams:
+            self.streams[number] = None
+            if len(self.streams) > STREAMS_KEPT:
+                del self.streams[next(iter(self.streams))]
+            if self._estimates and self._next_content & messages.CONTENT_STROKES:
+                self.strokes.begin(number, next_stroke)
+
+    def _stream_ended(self, number: int, next_seq: int, next_stroke: int) -> None:
+        if self.streaming:
             self.streaming = False
-            self._ends_before = answer.values[0]
+            self._ends_before = next_seq
+            self.strokes.end(number, next_stroke)
 
     def _booted(self, boots: int) -> None:
         if self._boots is not None and self._boots != boots:
@@ -186,7 +253,7 @@ class LiveParser:
 
     def _frame(self, kind: int, values: tuple[Any, ...], host_ns: int) -> Frame | None:
         seq, time_us, position_um, displacement_um, packed = values
-        if kind == _FRAME and len(packed) != messages.PACKED:
+        if kind == _FRAME and len(packed) != geometry.FRAME_BYTES:
             self.counts.unreadable += 1
             return None
         if not self.frames.add(seq):
@@ -202,15 +269,29 @@ class LiveParser:
             self.scale,
         )
 
-    def _rare(self, kind: int, values: tuple[Any, ...], host_ns: int) -> Event | None:
+    def _unsolicited(self, kind: int, values: tuple[Any, ...], host_ns: int) -> Event | None:
         if kind == _STATE:
-            event_seq, stroke, state, time_us, frame_seq, value = values
-            if not self._next_state(event_seq):
+            event_seq, stream, stroke, state, time_us, frame_seq, value = values
+            if not self._next_state(event_seq) or (self.streams and stream not in self.streams):
                 return None
             word = messages.STATES.get(state, f"state_{state}")
             return StrokeState(
-                host_ns, event_seq, stroke, word, self._clock(time_us, host_ns // 1000), frame_seq, value
+                host_ns,
+                event_seq,
+                stream,
+                stroke,
+                word,
+                self._clock(time_us, host_ns // 1000),
+                frame_seq,
+                value,
             )
+        if kind == _STREAM_END:
+            stream, reason, next_seq, next_stroke, time_us = values
+            if stream in self.streams:
+                self._stream_ended(stream, next_seq, next_stroke)
+            word = messages.ENDS.get(reason, f"reason {reason}")
+            time_us = self._clock(time_us, host_ns // 1000)
+            return StreamEnd(host_ns, stream, word, next_seq, next_stroke, time_us)
         if kind == _BOOT:
             self._booted(values[0])
             return Boot(host_ns, *values)
@@ -236,12 +317,17 @@ class LiveParser:
         return True
 
     def _result(self, event: TactileMap | Features | Estimate) -> Event:
-        """A stroke's result; one that came before is still handed on as `Again`, to be acknowledged again."""
-        key = (type(event), event.stroke)
+        """A stroke's result; a duplicate is passed on as `Again`, to be acknowledged again."""
+        known = self._own_only or self.streams or not self.frames.counts.received
+        if known and event.stream not in self.streams:
+            return Earlier(event.host_ns, event)
+        key = (type(event), event.stream, event.stroke)
         if key in self._results:
             self.counts.resent += 1
             return Again(event.host_ns, event)
         self._results[key] = None
+        if isinstance(event, Estimate):
+            self.strokes.came(event.stream, event.stroke)
         if len(self._results) > 96:
             del self._results[next(iter(self._results))]
         return event

@@ -1,4 +1,4 @@
-"""How long to wait for an answer before the command is sent again: learnt from the answers that came."""
+"""How long to wait for an answer before a command is sent again, learned from earlier answers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ FIRST_WAIT_S, SHORTEST_WAIT_S = 0.4, 0.03
 """How long to wait for an answer before sending again: at first, and on a quick line."""
 GROWTH, MOST_GROWTH = 1.4, 4.0
 SMOOTHING = 0.2
-"""Weight of a new round trip in the usual one."""
+"""Weight of a new round trip in the running mean."""
 
 
 class Patience:
@@ -18,7 +18,7 @@ class Patience:
         """How long to wait after the first sending, s."""
 
     def learn(self, trip_s: float) -> None:
-        """A round trip took so long.
+        """Take a round trip into account.
 
         After a repetition it seems too short (the answer may be to the first sending); that costs a few more
         repetitions on a slow line, where taking none into account would never learn on a lossy one.

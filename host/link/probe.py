@@ -1,4 +1,4 @@
-"""The client: one class for a real port, an emulated probe and a recording.
+"""The client: one class for a real port and an emulated probe (`open_recording` plays what was recorded).
 
     with Probe.open("auto") as probe:
         print(probe.identity.serial)
@@ -13,21 +13,28 @@ oldest first, and counted; the recording has them all). After an unplug the stre
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Self
 
-from firmware_py import messages
-from host.errors import LinkGone, NotAProbe
-from host.link.accounting import LinkCounts
-from host.link.devices import resolve
-from host.link.events import Answer, Estimate, Event, Gap
-from host.link.handshake import shake_hands
-from host.link.identity import Identity
-from host.link.line import Line
-from host.link.recorder import Recorder
-from host.link.remote import Commandable
-from host.link.results import Again
-from host.link.transport import Transport, open_transport
+from firmware_py import messages, status
+from palpate.errors import CommandRefused, NotLive
+from palpate.link.accounting import LinkCounts
+from palpate.link.devices import resolve
+from palpate.link.events import Estimate, Event, Frame
+from palpate.link.handshake import shake_hands
+from palpate.link.identity import Identity
+from palpate.link.line import Line
+from palpate.link.reader import POLL_S
+from palpate.link.recorder import Recorder
+from palpate.link.remote import Commandable
+from palpate.link.results import Awaited, Features, TactileMap
+from palpate.link.stream_wish import StreamStart, StreamWish
+from palpate.link.transport import Transport, open_transport
+
+EARLIER_S = 10.0
+"""How long the results of one earlier stream may take to come."""
 
 
 class Probe(Commandable):
@@ -38,7 +45,7 @@ class Probe(Commandable):
     transport : Transport
         An open link; the client owns it from here on.
     recorder : Recorder, optional
-        Is told every byte of the wire, both ways, and every event.
+        Receives every byte of the wire, both ways, and every event.
     reopen : callable, optional
         Opens the link again after an unplug; without it a broken link ends the session.
 
@@ -56,10 +63,9 @@ class Probe(Commandable):
         recorder: Recorder | None = None,
         reopen: Callable[[], Transport] | None = None,
     ) -> None:
-        super().__init__(transport.name, Line(transport, recorder, reopen) if transport.live else None)
-        self._transport = transport
+        super().__init__(Line(transport, recorder, reopen))
         try:
-            self._identity = shake_hands(self._line) if self._line is not None else self._recorded_identity()
+            shake_hands(self._line)
         except BaseException:
             self.close()
             raise
@@ -71,7 +77,7 @@ class Probe(Commandable):
         Parameters
         ----------
         port : str
-            `auto`, a device path, `COM5`, `socket://HOST:PORT`, a serial number, or a recording's file.
+            `auto`, a device path, `COM5`, `socket://HOST:PORT`, a serial number.
         baud : int
             Of a UART.
         recorder : Recorder, optional
@@ -83,66 +89,49 @@ class Probe(Commandable):
             Busy, forbidden, missing or ambiguous; the sentence says what to do.
         NotAProbe, VersionMismatch
             Something else answers, or nothing.
+        NotLive
+            It is a recording's name.
         """
         if port.endswith(".mcap"):
-            from host.record.playback import PlaybackTransport
-
-            return cls(PlaybackTransport(port))
+            raise NotLive(f"{port} is a recording, not a port; `palpate view` and `palpate replay` take it")
         place = resolve(port, baud)
         return cls(open_transport(place.port, baud), recorder, lambda: open_transport(place.port_now(), baud))
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    @property
-    def name(self) -> str:
-        """The port's or the recording's name."""
-        return self._transport.name
-
-    @property
-    def live(self) -> bool:
-        """False for a recording."""
-        return self._line is not None
-
     @property
     def connected(self) -> bool:
-        """False while the probe is unplugged; a recording is always there."""
-        return self._line is None or self._line.connected
+        """False while the probe is unplugged."""
+        return self._line.connected
 
     @property
     def identity(self) -> Identity:
         """Who answered the last handshake."""
-        told = self._identity if self._line is None else self._line.identity
-        assert told is not None
-        return told
+        identity = self._line.identity
+        assert identity is not None
+        return identity
 
     @property
     def counts(self) -> LinkCounts:
         """What this end counted of the link (`statistics` asks for the other end's)."""
-        if self._line is not None:
-            self._parser.counts.queue_dropped = self._line.events.dropped
+        self._parser.counts.queue_dropped = self._line.events.dropped
+        self._parser.counts.strokes_received = self._parser.strokes.received
+        self._parser.counts.strokes_lost = self._parser.strokes.lost
         return self._parser.counts
 
     def check_recording(self) -> None:
         """Raise what ended the recording early (`DiskFull`), if anything did; the stream itself goes on."""
-        check = getattr(self._line.recorder, "check", None) if self._line is not None else None
-        if check is not None:
-            check()
+        if self._line.recorder is not None:
+            self._line.recorder.check()
 
     def close(self) -> None:
         """Stop reading and close the port; harmless when repeated. The recorder stays open."""
-        if self._line is not None:
-            self._line.close()
-        else:
-            self._transport.close()
+        self._line.close()
 
     # Events
 
-    def start_stream(self, strokes: int = 0, every: int = 1, frames: bool = True) -> None:
-        """Ask for frames and stroke results; after an unplug they are asked for again without a word.
+    def start_stream(self, strokes: int = 0, every: int = 1, frames: bool = True) -> StreamStart:
+        """Ask for frames and stroke results; after an unplug they are requested again automatically.
+
+        The probe ends a stream whose client has not said a word for half a minute; this one's thread does.
 
         Parameters
         ----------
@@ -153,80 +142,87 @@ class Probe(Commandable):
         frames : bool
             False: only states, maps and estimates.
         """
-        line = self._live("stream_start")
+        line = self._line
         self.learn_calibration()
         content = messages.CONTENT_STROKES
         content |= messages.CONTENT_FRAMES if frames else 0
-        line.stream = (content, every, strokes)
-        line.ask("stream_start", line.stream)
+        wish = StreamWish(content, every, strokes)
+        begun = line.ask("stream_start", wish.words).values
+        wish.number, wish.renewed = begun[0], time.monotonic()
+        line.stream = wish
+        return StreamStart(*begun[:3])
+
+    def renew_stream(self) -> None:
+        """Say that this client is still there, as its thread does by itself; nothing where no stream runs.
+
+        The answer tells a recording that has just begun which stream it is of.
+        """
+        line = self._line
+        if line.stream is not None and line.stream.number:
+            with suppress(CommandRefused):  # the probe has ended it; the thread begins another
+                line.ask("stream_renew", (line.stream.number,))
+
+    def earlier_results(self) -> list[Estimate | Features | TactileMap]:
+        """Results of streams that other clients began and never took: fetched, and acknowledged.
+
+        They are never part of `stream`'s events: whose stroke it was, and when, only that client knows.
+        """
+        line = self._line
+        found: dict[tuple[type, int, int], Estimate | Features | TactileMap] = {}
+        for stream in self._waiting_streams():
+            self.command("results", stream)
+            deadline = time.monotonic() + EARLIER_S
+            while stream in self._waiting_streams() and time.monotonic() < deadline:
+                while line.earlier:
+                    result = line.earlier.popleft()
+                    found[type(result), result.stream, result.stroke] = result
+                    line.acknowledge(result)
+                time.sleep(POLL_S)
+        return sorted(found.values(), key=lambda result: (result.stream, result.stroke))
 
     def stop_stream(self) -> None:
         """Stop the stream; what is still on its way can be read from `events`."""
-        line = self._live("stream_stop")
-        line.stream = None
-        line.ask("stream_stop")
+        self._line.stream = None
+        self._line.ask("stream_stop")
 
     def events(self, timeout_s: float | None = None) -> Iterator[Event]:
-        """Events as they come, until `timeout_s` passes without one, or the recording ends.
+        """Events as they come, until `timeout_s` passes without one.
 
         Raises
         ------
         LinkGone
             The port vanished and cannot be opened again.
         """
-        if self._line is None:
-            yield from self._play()
-            return
         while (event := self._line.events.get(timeout_s)) is not None:
             yield event
         if self._line.failure is not None:
             raise self._line.failure
 
     def stream(self, strokes: int = 0, every: int = 1, timeout_s: float | None = None) -> Iterator[Event]:
-        """Start the stream, hand on its events, and stop it when `strokes` estimates have come (0: never).
-
-        A recording plays from its beginning, as it came.
-        """
-        if self._line is None:
-            yield from self._play()
-            return
-        self.start_stream(0, every)
-        done = 0
+        """Start the stream, pass on its events, and stop it when `strokes` estimates have come (0: never)."""
+        begun = self.start_stream(0, every)
+        waits = Awaited(strokes)
         try:
             for event in self.events(timeout_s):
+                if isinstance(event, Frame) and not waits.begun:
+                    if (event.seq - begun.next_seq) % messages.WRAP >= messages.WRAP // 2:
+                        continue  # of a stream that still ran when this one began
+                    waits.begun = True
                 yield event
-                done += isinstance(event, Estimate)
-                if strokes and done == strokes:
+                if waits.enough(event):
                     return
         finally:
             if self.connected:
                 self.stop_stream()
             else:
-                self._line.stream = None  # should the probe come back, it is told to stop
+                self._line.stream = None  # if the probe comes back, it is told to stop
 
-    def _recorded_identity(self) -> Identity:
-        values = getattr(self._transport, "identity", None)
-        if values is None:
-            raise NotAProbe(f"{self.name} holds no handshake; it is not a recording of a probe")
-        identity = Identity.from_answer(values)
-        identity.check()
-        return identity
-
-    def _play(self) -> Iterator[Event]:
-        """A recording has no thread: it is read as fast as its reader goes."""
-        while True:
-            try:
-                data = self._transport.read(0.0)
-            except LinkGone:
-                self._parser.settle()
-                return
-            if command := getattr(self._transport, "command", b""):
-                self._parser.commanded(command)
-            if calibration := getattr(self._transport, "calibration", b""):
-                self._parser.told_calibration(calibration)
-            mark: Gap | None = getattr(self._transport, "mark", None)
-            if mark is not None:
-                yield mark
-            for event in self._parser.feed(data, getattr(self._transport, "host_ns", 0)):
-                if not isinstance(event, Answer | Again):
-                    yield event
+    def _waiting_streams(self) -> set[int]:
+        """Streams of other clients whose results the probe still holds."""
+        try:
+            listed = self.command("results", 0)[1]  # of each its number, its oldest and its newest stroke
+        except CommandRefused as refusal:
+            if refusal.status in (status.BAD_TYPE, status.NOT_SUPPORTED):
+                return set()  # an older firmware
+            raise
+        return set(listed[::3]) - set(self._parser.streams)

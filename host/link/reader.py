@@ -1,23 +1,25 @@
 """The thread behind a line: it reads, counts, records and acknowledges.
 
-Everything that comes is recorded and counted before the program sees it; the program's queue is bounded.
+Everything is recorded and counted before the program sees it; the program's queue is bounded.
 """
 
 from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 
-from host.errors import LinkGone, PalpateError
-from host.link.commands import PendingCommands, pack_command
-from host.link.event_queue import EventQueue
-from host.link.events import Answer, Event
-from host.link.parser import LiveParser
-from host.link.recorder import Recorder
-from host.link.results import HAVE, Again
-from host.link.transport import Transport
+from palpate.errors import LinkGone, PalpateError
+from palpate.link.commands import PendingCommands, pack_command
+from palpate.link.event_queue import EventQueue
+from palpate.link.events import Answer, Estimate, Event, Features, TactileMap
+from palpate.link.parser import LiveParser, Noise
+from palpate.link.recorder import Recorder
+from palpate.link.results import HAVE, Again, Earlier
+from palpate.link.transport import Transport
 
 POLL_S = 0.05
+EARLIER_KEPT = 256
 
 
 class LineReader:
@@ -28,14 +30,16 @@ class LineReader:
     transport : Transport
         Open and live; the reader closes it.
     recorder : Recorder, optional
-        Is told every byte, both ways.
+        Receives every byte, both ways.
     """
 
     def __init__(self, transport: Transport, recorder: Recorder | None = None) -> None:
         self.transport = transport
         self.recorder = recorder
-        self.parser = LiveParser()
+        self.parser = LiveParser(own_only=True)
         self.events = EventQueue()
+        self.earlier: deque[Estimate | Features | TactileMap] = deque(maxlen=EARLIER_KEPT)
+        """Results of other clients' streams, as they came; they are not acknowledged."""
         self.failure: PalpateError | None = None
         self._pending = PendingCommands()
         self._writing = threading.Lock()
@@ -55,17 +59,18 @@ class LineReader:
         self._stopping.set()
         self._thread.join()
         self.parser.settle()
-        tail = self.parser.take_tail()
-        if tail and self.recorder is not None:
-            self.recorder.received(tail, None, time.time_ns())
+        self._note_tail()
         self.transport.close()
 
+    def _look_after(self) -> None:
+        """What is to be done from time to time, between two reads."""
+
     def _comes_back(self) -> bool:
-        """Whether a link that broke is waited for."""
+        """Whether to wait for a broken link to come back."""
         return False
 
     def _wait_for_return(self, gone: LinkGone) -> None:
-        """What to do about a link that broke; when this returns, it is whole again."""
+        """Handle a broken link; when this returns, the link is up again."""
         raise gone
 
     def _run(self) -> None:
@@ -73,6 +78,7 @@ class LineReader:
             while not self._stopping.is_set():
                 try:
                     self._pump(POLL_S)
+                    self._look_after()
                 except LinkGone as gone:
                     self._wait_for_return(gone)
         except PalpateError as error:
@@ -90,6 +96,7 @@ class LineReader:
         data = self.transport.read(timeout_s)
         if not data:
             self.parser.settle()
+            self._note_tail()
             return
         host_ns = time.time_ns()
         for event in self.parser.feed(data, host_ns):
@@ -97,18 +104,31 @@ class LineReader:
                 self.recorder.received(self.parser.raw, event, host_ns)
             self._dispatch(event)
 
+    def _note_tail(self) -> None:
+        """Record the bytes that no event came of: noise, too, belongs to what the wire carried."""
+        if self.recorder is not None and (tail := self.parser.take_tail()):
+            self.recorder.received(tail, None, time.time_ns())
+
     def _dispatch(self, event: Event) -> None:
+        if isinstance(event, Noise):
+            return
         if isinstance(event, Answer):
             if not self._pending.deliver(event):
                 self.parser.counts.late_answers += 1
             return
+        if isinstance(event, Earlier):
+            self.earlier.append(event.event)
+            return
         result = event.event if isinstance(event, Again) else event
-        have = HAVE.get(type(result))
-        if have is not None:
-            number = self._pending.begin_unawaited()
-            self._write(pack_command("stroke_ack", number, (getattr(result, "stroke"), have)))  # noqa: B009
+        if isinstance(result, Estimate | Features | TactileMap):
+            self.acknowledge(result)
         if result is event:
             self.events.put(event)
+
+    def acknowledge(self, result: Estimate | Features | TactileMap) -> None:
+        """Tell the probe that this has arrived; its answer is not waited for."""
+        number = self._pending.begin_unawaited()
+        self._write(pack_command("stroke_ack", number, (result.stream, result.stroke, HAVE[type(result)])))
 
     def _write(self, raw: bytes) -> None:
         self._note_sent(raw)  # first: the answer may be read before the write returns
@@ -118,7 +138,7 @@ class LineReader:
         except LinkGone:
             if not self._comes_back():
                 raise
-            # the thread notices, too, and reconnects; the retry goes out then
+            # the thread notices as well and reconnects; the retry goes out then
 
     def _note_sent(self, raw: bytes) -> None:
         self.parser.commanded(raw)

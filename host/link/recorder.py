@@ -1,14 +1,14 @@
-"""Who is told what a line carries."""
+"""What a line reports to a recording."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
-from host.link.events import Event
+from palpate.link.events import Event
 
 
 class Recorder(Protocol):
-    """What a line tells about itself; `host.record.writer.RecordingWriter` is one."""
+    """Receives all that a line carries; `palpate.recording.writer.RecordingWriter` is one."""
 
     def received(self, raw: bytes, event: Event | None, host_ns: int) -> None:
         """Bytes from the probe up to and including the packet that made `event` (None: no packet)."""
@@ -18,3 +18,6 @@ class Recorder(Protocol):
 
     def mark(self, event: Event) -> None:
         """Something that did not come over the wire: the link went down, or is up again."""
+
+    def check(self) -> None:
+        """Raise what ended the recording early (`DiskFull`), if anything did."""

@@ -1,26 +1,27 @@
-"""What a live probe can be told: commands, settings, calibration, clocks; the base of `Probe`."""
+"""Commands to a live probe: settings, calibration, clocks; the base of `Probe`."""
 
 from __future__ import annotations
 
 import random
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from firmware_py import messages, status
-from host.errors import CommandRefused, NotLive
-from host.link.accounting import Counts
-from host.link.clock import ClockState, ClockSync
-from host.link.commands import setting_key
-from host.link.identity import Identity
-from host.link.line import GIVE_UP_S, Line
-from host.link.parser import LiveParser
-from host.link.scale import CellScale
+from palpate.errors import CommandRefused, LinkError
+from palpate.link.clock import ClockState, ClockSync
+from palpate.link.commands import setting_key
+from palpate.link.identity import Identity
+from palpate.link.line import GIVE_UP_S, Line
+from palpate.link.source import EventSource
 
 BUSY_TRIES, BUSY_WAIT_S = 20, 0.1
 READ_BACK_S = 30.0
-"""For a piece read back: its answer is four times as long as others, so a bad line eats it more often."""
+"""For a piece read back: its answer is four times as long as others, so a bad line loses it more often."""
 CALIBRATE_S = 30.0
+OF_THIS_MOMENT = ("uptime_ms", "free_bytes", "estimates_waiting")
+"""Of `statistics`, what is no count."""
 
 
 @dataclass(frozen=True)
@@ -32,29 +33,22 @@ class Calibrated:
     noise_counts: float
 
 
-class Commandable:
+class Commandable(EventSource):
     """The commands of a client; `Probe` adds the events.
 
     Parameters
     ----------
-    name : str
-        Of the port or recording, for errors.
-    line : Line or None
-        The live line; None for a recording, which takes no commands.
+    line : Line
     """
 
-    def __init__(self, name: str, line: Line | None) -> None:
-        self._name = name
+    live = True
+
+    def __init__(self, line: Line) -> None:
+        super().__init__(line.transport.name, line.parser)
         self._line = line
-        self._parser = LiveParser() if line is None else line.parser
         self._sync = ClockSync()
         self._sync_restarts = 0
-        self._identity: Identity | None = None
-
-    @property
-    def frame_counts(self) -> Counts:
-        """Frames received, lost, duplicate, late."""
-        return self._parser.frames.counts
+        self._counts_before: tuple[int, dict[str, int]] = 0, {}
 
     @property
     def clock(self) -> ClockState | None:
@@ -64,12 +58,12 @@ class Commandable:
     def command(
         self,
         name: str,
-        *values: int,
+        *values: int | bytes,
         tail: bytes = b"",
         timeout_s: float = GIVE_UP_S,
         once: bool = False,
     ) -> tuple[Any, ...]:
-        """Give a command and wait for its answer; the same bytes are sent again until it comes.
+        """Send a command and wait for its answer; the same bytes are sent again until it comes.
 
         Parameters
         ----------
@@ -78,7 +72,7 @@ class Commandable:
         values, tail
             Its fields, in order.
         timeout_s : float
-            How long to go on before the probe counts as silent, s (while unplugged the clock stands still).
+            How long to try before the probe counts as silent, s (time spent unplugged does not count).
         once : bool
             Do not send it again.
 
@@ -95,10 +89,8 @@ class Commandable:
             The probe's status was negative (after two seconds of tries, if it was busy).
         LinkGone
             The port vanished and does not come back.
-        NotLive
-            The source is a recording.
         """
-        line = self._live(name)
+        line = self._line
         for _ in range(BUSY_TRIES):
             try:
                 return line.ask(name, values, tail, timeout_s, once).values
@@ -115,9 +107,9 @@ class Commandable:
         Returns
         -------
         ClockState
-            Offset, drift and their doubt.
+            Offset, drift and their uncertainty.
         """
-        line = self._live("time_sync")
+        line = self._line
         if self._sync_restarts != self.frame_counts.restarts:
             self._sync_restarts = self.frame_counts.restarts
             self._sync.restart()
@@ -140,16 +132,49 @@ class Commandable:
         (values,) = self.command("statistics")
         return dict(zip(messages.COUNTERS, values))
 
+    def begin_counting(self) -> None:
+        """From here on `session_statistics` counts: the probe itself counts since it was switched on."""
+        with suppress(LinkError):
+            self._counts_before = self._identified_boots(), self.statistics()
+
+    def session_statistics(self) -> dict[str, int]:
+        """`statistics` since `begin_counting`; what is of this moment (uptime, memory, waiting) as it is."""
+        now = self.statistics()
+        boots, before = self._counts_before
+        if boots != self._identified_boots():
+            return now  # it was switched off and on meanwhile: it has counted from nothing
+        return {
+            name: value if name in OF_THIS_MOMENT else (value - before.get(name, 0)) % messages.WRAP
+            for name, value in now.items()
+        }
+
+    def _identified_boots(self) -> int:
+        return self._line.identity.boots if self._line.identity is not None else 0
+
     def get_setting(self, name: str) -> int:
         """A setting's value, in the unit of its table row (docs/protocol.md)."""
         return int(self.command("get_setting", setting_key(name))[1])
 
     def set_setting(self, name: str, value: int) -> None:
-        """Set and store a setting; `CommandRefused` where it is outside its limits."""
-        self.command("set_setting", setting_key(name), value)
+        """Set and store a setting; `CommandRefused` where it is outside the limits that it has now."""
+        key = setting_key(name)
+        try:
+            self.command("set_setting", key, value)
+        except CommandRefused as refusal:
+            if refusal.status != status.BAD_VALUE:
+                raise
+            lowest, highest = self.setting_limits(name)
+            unit = messages.SETTINGS[key][2]
+            message = f"{name} takes {lowest} to {highest} {unit}, not {value}"
+            raise CommandRefused("set_setting", refusal.status, message) from refusal
+
+    def setting_limits(self, name: str) -> tuple[int, int]:
+        """Lowest and highest value that a setting takes now (force_low stays below force_high)."""
+        _, _, lowest, highest = self.command("get_setting", setting_key(name))
+        return int(lowest), int(highest)
 
     def calibrate_zero(self, frames: int = 100) -> Calibrated:
-        """Take what the cells read now, in the air, as their zero; stored on the probe."""
+        """Take the cells' present readings, in the air, as their zero; stored on the probe."""
         return self._calibrate(messages.CALIBRATE_ZERO, frames, 0.0)
 
     def calibrate_gain(self, pressure_kPa: float, frames: int = 100) -> Calibrated:
@@ -157,19 +182,16 @@ class Commandable:
         return self._calibrate(messages.CALIBRATE_GAIN, frames, pressure_kPa)
 
     def forget_calibration(self) -> Calibrated:
-        """Back to the calibration that the firmware was born with."""
+        """Back to the factory default calibration."""
         return self._calibrate(messages.CALIBRATE_CLEAR, 0, 0.0)
 
     def _calibrate(self, kind: int, frames: int, pressure_kPa: float) -> Calibrated:
         words = (kind, frames, round(1000 * pressure_kPa))
-        _, taken, dead, noise = self.command("calibrate", *words, timeout_s=CALIBRATE_S)
+        rate_Hz = self.get_setting("frame_rate") / 1000
+        patience_s = CALIBRATE_S + 1.5 * frames / rate_Hz
+        _, taken, dead, noise = self.command("calibrate", *words, timeout_s=patience_s)
         self.read_back(messages.READ_CALIBRATION)  # from here on frames are decoded with it
         return Calibrated(taken, dead, noise / 1000)
-
-    @property
-    def scale(self) -> CellScale:
-        """What frames are decoded with: the probe's own calibration, or (not `calibrated`) the nominal."""
-        return self._parser.scale
 
     def learn_calibration(self) -> None:
         """Read the probe's calibration unless it is known; a probe without one leaves the nominal scale."""
@@ -177,11 +199,10 @@ class Commandable:
             self.read_back(messages.READ_CALIBRATION)  # the parser takes it from the answers
 
     def refresh_identity(self) -> Identity:
-        """Shake hands again: what the probe is now (after a flash: which model is live)."""
-        self._identity = self._identify()
-        if self._line is not None:
-            self._line.identity = self._identity
-        return self._identity
+        """Shake hands again, to learn what the probe is now (after a flash: which model is live)."""
+        nonce = random.randrange(1 << 30)
+        self._line.identity = identity = Identity.from_answer(self.command("identify", nonce))
+        return identity
 
     def read_back(self, what: int) -> bytes:
         """The stored calibration (0) or the live model image (1), bit for bit; b"" where there is none."""
@@ -197,12 +218,3 @@ class Commandable:
                 found += piece
             if len(found) >= size or not piece:
                 return found
-
-    def _live(self, command: str) -> Line:
-        if self._line is None:
-            raise NotLive(f"{self._name} is a recording: it cannot be given the command {command}")
-        return self._line
-
-    def _identify(self) -> Identity:
-        nonce = random.randrange(1 << 30)
-        return Identity.from_answer(self.command("identify", nonce))

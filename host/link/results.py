@@ -1,21 +1,37 @@
-"""What a probe has worked out of a stroke: its tactile map, its features, its estimate.
+"""What a probe has computed from a stroke: its tactile map, its features, its estimate.
 
-Units: mm, kPa, N per metre of probe width; the wire's integers say theirs in their names.
+Units: mm, kPa, N per metre of probe width; the wire's integers have theirs in their names.
 """
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from firmware_py import messages, status
-from host.link.frames import Event
+from firmware_py import messages, outputs, status
+from palpate.link import answer
+from palpate.link.tactile_image import Event
 
-OUTPUTS = ("F_N_per_m", "t_mm", "d_mm", "h", "E_inv23")
+OUTPUTS = outputs.NAMES
 """Names of an estimate's outputs, in the order of the wire, which carries millionths of these units."""
 
-HARDNESS = ("unsure", "soft", "hard", "unsure")
+DAMAGES = {
+    messages.DAMAGED_CALIBRATION: "calibration",
+    messages.DAMAGED_MODEL: "model record",
+    messages.DAMAGED_SETTINGS: "settings",
+    messages.DAMAGE_REPAIRED: "one copy, repaired from the other",
+    messages.TRIAL_HUNG: "a model that the probe hung in while it tried it",
+}
+
+
+def damage_words(damage: int) -> list[str]:
+    """What the probe has found damaged in its store, in words."""
+    return [word for bit, word in DAMAGES.items() if damage & bit]
+
+
+HARDNESS = {outputs.SOFT: "soft", outputs.HARD: "hard"}
 
 
 @dataclass(slots=True)
@@ -24,8 +40,8 @@ class TactileMap(Event):
 
     Parameters
     ----------
-    stroke, status : int
-        Number of the stroke; 0 or why there is no fit.
+    stream, stroke, status : int
+        Number of the stream and of the stroke; 0 or why there is no fit.
     first_column, end_column : int
         The columns used: the first, and one after the last.
     points, first_mm, place_um : int
@@ -38,6 +54,7 @@ class TactileMap(Event):
         The map, counts with 11 fraction bits.
     """
 
+    stream: int
     stroke: int
     status: int
     first_column: int
@@ -77,6 +94,7 @@ class TactileMap(Event):
 class Features(Event):
     """The features the probe computed of a stroke, Q24 integers in the order of `firmware_py.features`."""
 
+    stream: int
     stroke: int
     status: int
     version: int
@@ -89,12 +107,16 @@ class Estimate(Event):
 
     Parameters
     ----------
+    stream : int
+        Number of the stream in which it was stroked; no other stream of the probe has it.
     stroke : int
         Number of the stroke since the probe started.
     status : int
         0, or the reason of `firmware_py.status` why there is no estimate.
     flags : int
-        lump, in_domain, hardness, force, invalid (`firmware_py.messages.FLAG_*`).
+        lump, in_domain, hardness, force, invalid (the bits of `firmware_py.outputs`).
+    damage : int
+        What the probe had found damaged in its store (`firmware_py.messages.DAMAGED_*`).
     level_permille : int
         Coverage of the intervals.
     distance_permille : int
@@ -109,9 +131,11 @@ class Estimate(Event):
         Value, low, high of each of `OUTPUTS`, in millionths; empty without estimate.
     """
 
+    stream: int
     stroke: int
     status: int
     flags: int
+    damage: int
     level_permille: int
     distance_permille: int
     model_id: bytes
@@ -125,26 +149,31 @@ class Estimate(Event):
     @property
     def lump(self) -> bool:
         """True where the stroke shows a lump that the model can size."""
-        return bool(self.flags & messages.FLAG_LUMP)
+        return bool(self.flags & outputs.LUMP)
 
     @property
     def in_domain(self) -> bool:
         """True where the stroke lies inside what the model was trained on."""
-        return bool(self.flags & messages.FLAG_IN_DOMAIN)
+        return bool(self.flags & outputs.IN_DOMAIN)
 
     @property
     def valid(self) -> bool:
         """False where the numbers mean nothing (then `reason` says why)."""
-        return self.status == status.OK and not self.flags & messages.FLAG_INVALID
+        return self.status == status.OK and not self.flags & outputs.INVALID
+
+    @property
+    def calibrated(self) -> bool:
+        """False where the probe had lost its calibration, and used nominal values."""
+        return not self.damage & messages.DAMAGED_CALIBRATION
 
     @property
     def hardness(self) -> str:
         """hard, soft, or unsure."""
-        return HARDNESS[self.flags >> messages.HARDNESS_SHIFT & 3]
+        return HARDNESS.get(self.flags & (outputs.SOFT | outputs.HARD), "unsure")
 
     @property
     def reason(self) -> str:
-        """Why there is no estimate, in words; "ok" where there is one."""
+        """Why there is no estimate, as text; "ok" where there is one."""
         return status.TEXT.get(self.status, f"status {self.status}")
 
     @cached_property
@@ -152,10 +181,22 @@ class Estimate(Event):
         """`value`, `low`, `high` of every output, in the units of its name."""
         values = self.values
         return {
-            name: {part: values[3 * i + k] / 1e6 for k, part in enumerate(("value", "low", "high"))}
+            name: {part: values[3 * i + k] / outputs.SCALE for k, part in enumerate(outputs.PARTS)}
             for i, name in enumerate(OUTPUTS)
             if 3 * i + 2 < len(values)
         }
+
+    def span(self, name: str) -> answer.Span:
+        """Value, low and high of one output."""
+        of = self.outputs[name]
+        return of["value"], of["low"], of["high"]
+
+    @property
+    def depth_mm(self) -> answer.Span | None:
+        """Fat over the lump as value, low, high; None where the model does not say t, d and h."""
+        if not {"t_mm", "d_mm", "h"} <= self.outputs.keys():
+            return None
+        return answer.depth_mm(self.span("t_mm"), self.span("d_mm"), self.span("h"))
 
     @property
     def numbers(self) -> tuple[Any, ...]:
@@ -173,6 +214,11 @@ class Estimate(Event):
     def as_dict(self) -> dict[str, Any]:
         """The estimate as `--json` prints it."""
         words: dict[str, Any] = dict(self.outputs)
+        parts = ("value", "low", "high")
+        if (depth := self.depth_mm) is not None:
+            words["depth_mm"] = dict(zip(parts, depth))
+        if "E_inv23" in self.outputs:  # null where there is no bound
+            words["E_ratio"] = dict(zip(parts, answer.stiffness(self.span("E_inv23"))))
         words.update(
             lump=self.lump,
             hardness=self.hardness,
@@ -180,10 +226,12 @@ class Estimate(Event):
             level=self.level_permille / 1000,
             model_id=self.model_id.hex(),
             valid=self.valid,
-            force_in_range=not self.flags & messages.FLAG_FORCE,
+            force_in_range=not self.flags & outputs.FORCE_OUT,
             status=self.status,
             reason=self.reason,
+            stream=self.stream,
             stroke=self.stroke,
+            damaged=damage_words(self.damage),
             frames=self.frames,
             frames_overrun=self.overrun,
             domain_distance=self.distance_permille / 1000,
@@ -196,10 +244,52 @@ class Estimate(Event):
 
 @dataclass(slots=True)
 class Again(Event):
-    """A result that had come before; clients acknowledge it and use it no further."""
+    """A duplicate result; clients acknowledge it and otherwise ignore it."""
+
+    event: TactileMap | Features | Estimate
+
+
+@dataclass(slots=True)
+class Earlier(Event):
+    """A result of a stream that this client did not begin; it is offered apart (`Probe.earlier_results`)."""
 
     event: TactileMap | Features | Estimate
 
 
 HAVE = {TactileMap: messages.HAVE_MAP, Features: messages.HAVE_FEATURES, Estimate: messages.HAVE_ESTIMATE}
 """Results of a stroke that the probe sends until they are acknowledged, and their bit in stroke_ack."""
+
+
+class Awaited:
+    """Tells when a client that wants so many strokes has all of them: the maps come behind the estimates.
+
+    Parameters
+    ----------
+    strokes : int
+        How many; 0: never enough.
+    """
+
+    PATIENCE_S = 5.0
+    """How long a map or features that do not come are waited for once the estimates are there."""
+
+    def __init__(self, strokes: int) -> None:
+        self.begun = False
+        self._strokes = strokes
+        self._have: dict[tuple[int, int], int] = {}
+        self._estimates = 0
+        self._since = 0.0
+
+    def enough(self, event: Event) -> bool:
+        """Take the next event; True when nothing more is waited for."""
+        if not self._strokes:
+            return False
+        if isinstance(event, TactileMap | Features | Estimate):
+            key = event.stream, event.stroke
+            self._have[key] = self._have.get(key, 0) | HAVE[type(event)]
+            if isinstance(event, Estimate):
+                self._estimates += 1
+                self._since = time.monotonic()
+        if self._estimates < self._strokes:
+            return False
+        complete = sum(have == messages.HAVE_ALL for have in self._have.values())
+        return complete >= self._strokes or time.monotonic() - self._since > self.PATIENCE_S

@@ -1,6 +1,6 @@
 """Counts to pressure as the probe's own calibration says: every cell's zero and gain, and its dead cells.
 
-Units: kPa, Pa; a calibration is what `firmware_py.calib` keeps on the probe, 1724 bytes.
+Units: kPa, Pa; a calibration is what `firmware_py.calib` keeps on the probe.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from firmware_py import calib, messages, status
+from firmware_py import calib, geometry, messages, status
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,8 +21,7 @@ class CellScale:
     Attributes
     ----------
     calibrated : bool
-        True where a probe has told its calibration; False for the nominal sensor (25 kPa over 4095 counts,
-        .5 kPa of which are the zero).
+        True where a probe has told its calibration; False for the nominal sensor (`firmware_py.geometry`).
     """
 
     def __init__(self) -> None:
@@ -30,7 +29,7 @@ class CellScale:
         self._calibration = calib.Calibration()
 
     def load(self, blob: bytes) -> bool:
-        """Take over a calibration as the probe stores it; False (and nothing changed) if it is not one."""
+        """Load a calibration as the probe stores it; False (and nothing changed) if it is not one."""
         read = calib.Calibration()
         if read.load(blob) != status.OK:
             return False
@@ -40,7 +39,7 @@ class CellScale:
         return True
 
     def kPa(self, counts: NDArray[np.uint16]) -> NDArray[np.float32]:
-        """Pressure of a tactile image: counts (16, 26) to kPa (16, 26); dead cells from their neighbours."""
+        """Pressure of a tactile image: counts (rows, columns) to kPa; dead cells from their neighbours."""
         import numpy as np
 
         eighths = counts.reshape(-1).astype(np.float32) * np.float32(8.0)
@@ -48,12 +47,12 @@ class CellScale:
         if len(self._fill):
             dead, one, other = self._fill
             cells[dead] = np.float32(0.5) * (cells[one] + cells[other])
-        return cells.reshape(calib.ROWS, calib.COLS)
+        return cells.reshape(geometry.ROWS, geometry.COLUMNS)
 
     @property
     def full_scale_kPa(self) -> float:
         """Pressure of the highest count at gain 1, to a tenth of a kPa."""
-        return round(4095 * self._calibration.count_mpa * 1e-6, 1)
+        return round(geometry.FULL_COUNT * self._calibration.count_mpa * 1e-6, 1)
 
     # Made when they are first asked for: a command that decodes no image needs no numpy.
 
@@ -80,7 +79,7 @@ class CellScale:
 
 
 NOMINAL = CellScale()
-"""The reference sensor as it is drawn, for frames of a probe that has not told its calibration."""
+"""The reference sensor as designed, for frames of a probe whose calibration is unknown."""
 
 
 class CalibrationPieces:
@@ -90,11 +89,11 @@ class CalibrationPieces:
         self._pieces: dict[int, bytes] = {}
 
     def add(self, what: int, offset: int, size: int, piece: bytes) -> CellScale | None:
-        """One answer's fields; the whole scale when this piece was the last that was missing."""
+        """Add one answer's fields; the whole scale once no piece is missing."""
         if what != messages.READ_CALIBRATION or size != calib.BLOB_BYTES or offset + len(piece) > size:
             return None
         if offset == 0 and self._pieces.get(0) != piece:
-            self.forget()  # a new reading: nothing of an older one may be mixed into it
+            self.forget()  # a new reading: no piece of an older one may get into it
         self._pieces[offset] = piece
         whole = b""
         while len(whole) < size and (more := self._pieces.get(len(whole))):
@@ -106,5 +105,5 @@ class CalibrationPieces:
         return scale if scale.load(whole) else None
 
     def forget(self) -> None:
-        """The probe's calibration has changed: pieces of the one before are worth nothing."""
+        """The probe's calibration has changed: pieces of the previous one are void."""
         self._pieces.clear()

@@ -1,7 +1,6 @@
 """Bytes to and from a probe: serial ports, pseudo-terminals and TCP, behind one small protocol.
 
-Bytes travel here, not lines: ports are opened raw (no echo, no newline translation, no byte that means
-"interrupt") and for this program alone.
+Ports are opened raw (no echo, no newline translation, no byte that means "interrupt") and exclusively.
 """
 
 from __future__ import annotations
@@ -14,8 +13,8 @@ import sys
 from typing import Protocol, runtime_checkable
 from urllib.parse import urlsplit
 
-from host.errors import LinkGone, PortBusy, PortError, PortForbidden, PortMissing, UsageError
-from host.link import holders
+from palpate.errors import LinkGone, PortBusy, PortError, PortForbidden, PortMissing, UsageError
+from palpate.link import holders
 
 try:
     import termios
@@ -34,12 +33,11 @@ WRITE_TIMEOUT_S = 5.0
 class Transport(Protocol):
     """What a client needs of a link.
 
-    `read` returns what has come, at the latest after `timeout_s` (then b""); it raises `LinkGone` when the
-    other end has vanished. `live` is False for a recording, which takes no commands.
+    `read` returns what has arrived, after `timeout_s` at the latest (then b""); it raises `LinkGone` when the
+    other end has vanished.
     """
 
     name: str
-    live: bool
 
     def read(self, timeout_s: float) -> bytes: ...
 
@@ -50,8 +48,6 @@ class Transport(Protocol):
 
 class FdTransport:
     """A link on a file descriptor: one `select` and one `os.read` for whatever has come."""
-
-    live = True
 
     def __init__(self, name: str, fd: int) -> None:
         self.name = name
@@ -141,8 +137,6 @@ class SocketTransport(FdTransport):
 class PyserialTransport:
     """Any other port pyserial knows (Windows' COM ports, `rfc2217://`), through its own reads."""
 
-    live = True
-
     def __init__(self, port: str, baud: int = 921_600) -> None:
         self.name = port
         self._serial = _open_serial(port, baud)
@@ -174,7 +168,7 @@ def open_transport(port: str, baud: int = 921_600) -> Transport:
     Parameters
     ----------
     port : str
-        As pyserial takes it. `auto` and serial numbers are `host.link.devices.resolve`'s.
+        As pyserial takes it. `auto` and serial numbers are `palpate.link.devices.resolve`'s.
     baud : int
         Bits per second of a UART; USB and pseudo-terminals do not care.
 
@@ -200,7 +194,7 @@ def _host_port(url: str) -> tuple[str, int]:
         return parts.hostname, parts.port
     except ValueError:
         raise UsageError(
-            f"{url!r} is no address; write socket://HOST:PORT, as socket://localhost:7624"
+            f"{url!r} is not an address; write socket://HOST:PORT, as socket://localhost:7624"
         ) from None
 
 
@@ -208,14 +202,14 @@ def _open_serial(port: str, baud: int):  # type: ignore[no-untyped-def]
     """A pyserial port, or the exception that says in a sentence why not."""
     import serial
 
-    # Most programs take no lock on a port: who has it open is seen only by looking.
+    # Most programs take no lock on a port: who has it open shows only in /proc.
     path = os.path.realpath(port)
     if path.startswith("/dev/") and (pids := holders.open_by(path)) and _is_terminal(path):
         raise _busy(port, holders.program(pids[0]))
     try:
         return serial.serial_for_url(port, baudrate=baud, timeout=0, exclusive=True)
     except ValueError as error:
-        raise UsageError(f"{port!r} is no port: {error}; `palpate devices` lists the ports") from error
+        raise UsageError(f"{port!r} is not a port: {error}; `palpate devices` lists the ports") from error
     except (serial.SerialException, OSError, TERMINAL_ERROR) as error:
         code = getattr(error, "errno", None) or (error.args[0] if error.args else None)
         if code in MISSING or "FileNotFound" in str(error):

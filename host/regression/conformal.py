@@ -1,11 +1,11 @@
 """Intervals with stated coverage: normalised split-conformal prediction.
 
 A residual's expected size sigma is log-linear in the features and in the predictions; the quantile of
-|residual| / sigma over lumps that the prediction never saw, taken apart for those predicted soft and hard,
-widens it to the stated coverage (Papadopoulos and others 2002; Lei and others 2018; with residuals from
+|residual| / sigma over unseen lumps, taken separately for those predicted soft and hard, widens it to the
+stated coverage (Papadopoulos and others 2002; Lei and others 2018; with residuals from
 cross-validation beside those of calibration lumps, Vovk 2015). Constant widths cover some groups of lumps
-far too seldom. What is left of that is met by a quantile somewhat above the stated one: as far above as the
-worst group of calibration lumps asks for, within what "90 +- 2 %" allows.
+far too seldom. What remains is met by a quantile somewhat above the stated one: as far above as the worst
+group of calibration lumps needs, within "90 +- 2 %".
 """
 
 from __future__ import annotations
@@ -16,24 +16,26 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from host.features import Floats
-from host.regression.ridge import all_terms, fit_ridge, monomials
+from palpate.features.map_features import Floats
+from palpate.regression.ridge import all_terms, fit_ridge, monomials
 
 LEVEL = 0.9
+"""Coverage of the intervals, also those of the thesis' equations; probe and page take it from the model."""
+
 CROSS_FOLDS = 8
 """So many that a model fitted without one fold is nearly as good as one fitted to all."""
 
 Fit = Callable[[Floats, Floats, NDArray[np.int64]], Callable[[Floats], Floats]]
 
-WORST_GROUP = 0.885
+WORST_GROUP = LEVEL - 0.015
 """Share of each group of calibration lumps that the intervals should cover."""
 
-MOST = 0.9075
+MOST = LEVEL + 0.0075
 """The quantile is not taken above this for the sake of a group."""
 
 _STRENGTHS = 10.0 ** np.arange(-4.0, 1.0, 0.5)
 _SMALLEST_SHARE = 0.1
-"""Residuals under this quantile count as that quantile: the logarithm of a lucky hit says nothing."""
+"""Residuals below this quantile count as that quantile: the logarithm of a near-hit tells nothing."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ class Widths:
 def out_of_fold(
     z: Floats, Y: Floats, groups: NDArray[np.int64], fit: Fit, folds: int = CROSS_FOLDS
 ) -> Floats:
-    """Prediction of every row by a model that never saw its lump; `fit` returns a predictor."""
+    """Out-of-fold prediction of every row, whole lumps left out; `fit` returns a predictor."""
     out = np.empty_like(Y)
     fold = np.unique(groups, return_inverse=True)[1] % folds
     for k in range(folds):
@@ -112,7 +114,7 @@ def calibrate(
     level: float = LEVEL,
     groups: Sequence[NDArray[np.bool_]] = (),
 ) -> Widths:
-    """Quantiles from strokes the predictions never saw, apart for lumps predicted soft and hard.
+    """Quantiles from out-of-fold strokes, separately for lumps predicted soft and hard.
 
     `groups` are parts of these strokes; the quantiles rise until each is covered to `WORST_GROUP`, to the
     quantile of `MOST` at most.

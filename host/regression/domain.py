@@ -1,9 +1,9 @@
-"""Where the model may be believed: a box in each feature, a distance over all, ranges of the estimates.
+"""Where the model is valid: a box in each feature, a distance over all, ranges of the estimates.
 
 Features of a stroke lie on a curved sheet of four inputs. The box catches single features out of range, the
-Mahalanobis distance their combination: another tissue, a broken sensor. A lump just outside the ranges that
-the model is for lies on the same sheet, only further on; it is told by its own estimate, which the model,
-trained on a rim of such lumps too, puts where it is.
+Mahalanobis distance their combination: another tissue, a broken sensor. A lump just outside the model's
+ranges lies on the same sheet, only further on; its own estimate gives it away, since the model was also
+trained on a rim of such lumps.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from host.features import Floats
+from palpate.features.map_features import Floats
 
 SHRINKAGE = 1e-3
 ROOM = 0.05
@@ -22,7 +22,7 @@ WIDER = 1.2
 lumps in the ranges' corners are always a little beyond the old ones."""
 
 LARGEST_MARGIN = 3.9
-"""In half-widths; `model_export.check` refuses 4."""
+"""In half-widths; `palpate.model_export.check` refuses 4."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class DomainCheck:
         return (np.maximum(self.range_lo - y, y - self.range_hi) / np.maximum(half, 1e-12)).max(axis=1)
 
     def inside(self, features: Floats, z: Floats, y: Floats, half: Floats) -> NDArray[np.bool_]:
-        """Whether each stroke may be believed."""
+        """Whether each stroke is inside the domain."""
         return self.familiar(features, z) & (self.beyond(y, half) <= self.margin)
 
 
@@ -99,9 +99,9 @@ def with_ranges(
     range_lo, range_hi : (outputs)
         Link scale.
     familiar : (n)
-        What box and distance say of strokes over lumps inside the ranges.
+        Whether strokes over lumps inside the ranges pass box and distance.
     y, half : (n, outputs)
-        Estimates of these strokes by a model that never saw their lumps, and half-widths.
+        Out-of-fold estimates of these strokes, and half-widths.
     """
     check = replace(check, range_lo=range_lo, range_hi=range_hi)
     score = np.where(familiar, check.beyond(y, half), np.inf)

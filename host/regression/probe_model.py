@@ -16,23 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py import features as firmware_features
-from firmware_py import image
-from host.features import Floats
-from host.regression.conformal import Widths
-from host.regression.domain import DomainCheck
-from host.regression.ridge import Term, fit_ridge, monomials
-from model_export.schema import OUTPUTS, Domain, Interval, Limit, ModelSpec, Output
+from firmware_py import model_image, outputs
+from palpate.features.map_features import Floats
+from palpate.model_export.schema import OUTPUTS, Domain, Interval, Limit, ModelSpec, Output
+from palpate.regression.conformal import Widths
+from palpate.regression.domain import DomainCheck
+from palpate.regression.ridge import Term, fit_ridge, monomials
 
 HARD_BELOW = 10.0 ** (-2 / 3)
 LEAST_AMP_SHARE = 0.01
 WIDEST_STDEV_MM = 20.0
 _TAIL, _ROOM = 0.001, 0.1
-_LINK_LN = np.array([True, True, True, True, False])
-E_INV23 = 4
+_LINK_LN = np.array(outputs.LOGARITHMIC)
+E_INV23 = outputs.E_INV23
 
 
 def to_link(values: Floats) -> Floats:
-    """Outputs (n, 5) in the units of the wire to the scale that the polynomials predict."""
+    """Outputs (n, outputs) in the units of the wire to the scale that the polynomials predict."""
     out = np.array(values, float)
     out[:, _LINK_LN] = np.log(out[:, _LINK_LN])
     return out
@@ -54,8 +54,8 @@ class Polynomial:
     names : names of the firmware's features
     centre, scale, clip_lo, clip_hi : (features)
     terms : monomials
-    coefficients : (terms, 5)
-    lo, hi : (5)
+    coefficients : (terms, outputs)
+    lo, hi : (outputs)
         Range of the predictions on the link scale.
     """
 
@@ -74,7 +74,7 @@ class Polynomial:
         return (np.clip(X, self.clip_lo, self.clip_hi) - self.centre) / self.scale
 
     def predict(self, X: Floats) -> Floats:
-        """Outputs on the link scale (n, 5)."""
+        """Outputs on the link scale (n, outputs)."""
         return np.clip(monomials(self.standard(X), self.terms) @ self.coefficients, self.lo, self.hi)
 
 
@@ -98,12 +98,12 @@ def fit_polynomial(
     ----------
     names : names of the features in X
     X : (n, features)
-    Y : (n, 5)
+    Y : (n, outputs)
         Link scale.
     groups : (n)
         Which lump each row belongs to.
     terms : monomials to use
-    lo, hi : (5)
+    lo, hi : (outputs)
         Range of the outputs, link scale.
     """
     shape = _shape(names, X, terms, lo, hi)
@@ -137,7 +137,7 @@ def spec_of(
     least_amp_share: float = LEAST_AMP_SHARE,
     hard_below: float = HARD_BELOW,
 ) -> ModelSpec:
-    """Everything about a fitted model as the document that `palpate export` compiles."""
+    """A fitted model as the document that `palpate export` compiles."""
     lo, hi = from_link(model.lo[None])[0], from_link(model.hi[None])[0]
     outputs = tuple(
         Output(
@@ -151,7 +151,7 @@ def spec_of(
     )
     return ModelSpec(
         kind=kind,
-        probe=image.PROBE.decode(),
+        probe=model_image.PROBE.decode(),
         features_version=firmware_features.FEATURES_VERSION,
         features=model.names,
         centre=_floats(model.centre),

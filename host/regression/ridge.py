@@ -1,6 +1,6 @@
 """Log-polynomials by ridge regression whose strength is chosen by cross-validation over whole lumps.
 
-Strokes over one lump share its folds: a model judged on a lump that it has seen would look too good.
+Strokes over one lump share a fold: a model scored on a lump it was trained on would look too good.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
-from host.features import Floats
+from palpate.features.map_features import Floats
 
 Term = tuple[int, ...]
 
 DEGREE_PENALTY = (0.0, 1e-2, 1.0, 4.0)
-"""Relative ridge on terms of degree 0 to 3: what is curved must earn its place."""
+"""Relative ridge on terms of degree 0 to 3: higher degrees are penalised more."""
 
 STRENGTHS = 10.0 ** np.arange(-8.0, -0.4, 0.5)
 FOLDS = 4
@@ -86,9 +86,9 @@ def fit_ridge(
         a, y = A[out], Y[out]
         values, vectors = np.linalg.eigh(G - a.T @ a)
         values = np.maximum(values, 0)
-        weights, seen = vectors.T @ (H - a.T @ y), a @ vectors
+        weights, observed = vectors.T @ (H - a.T @ y), a @ vectors
         for j, strength in enumerate(strengths):
-            left = y - seen @ (weights / (values + strength * n)[:, None])
+            left = y - observed @ (weights / (values + strength * n)[:, None])
             error[j] += (left**2).sum(axis=0)
     best = error.argmin(axis=0)
     values, vectors = np.linalg.eigh(G)

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from host.features import stroke_features
-from host.regression.table import TableError
-from sim.tissue import THESIS_CODES, Stroke, load_strokes
+from palpate.features.map_features import stroke_features
+from palpate.regression.table import TableError
+from palpate.sim.tissue import THESIS_CODES, Stroke, load_strokes
 
 
 def features_table(strokes: Iterable[Stroke], method: int = 2, increment_mm: float = 1.0) -> pd.DataFrame:
@@ -53,6 +53,6 @@ def thesis_strokes(strokes: Sequence[Stroke]) -> list[Stroke]:
     missing = [code for code in THESIS_CODES if code not in have]
     if missing:
         raise TableError(
-            f"{len(missing)} of the thesis' runs are not in the sweep, the first is {missing[0]}"
+            f"{len(missing)} of the thesis' runs are not in the sweep; the first is {missing[0]}"
         )
     return [have[code] for code in THESIS_CODES]

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from host.errors import PalpateError
-from host.features import Floats
+from palpate.errors import PalpateError
+from palpate.features.map_features import Floats
 
 REFERENCE_CODE = "d10h08e10f10"
 INPUTS = ("d_mm", "h", "E_ratio", "F_rel", "t_mm")
@@ -37,11 +37,11 @@ INPUT_COLUMN = {"F": "F_rel", "t": "t_mm", "d": "d_mm", "h": "h"}
 
 
 class TableError(PalpateError):
-    """The table of runs lacks something that the regression needs."""
+    """The table of runs does not hold what the regression needs."""
 
 
 def check_table(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with its rows numbered anew; `TableError` names what is missing or not finite."""
+    """The table with its rows renumbered; `TableError` names what is missing or not finite."""
     missing = [name for name in ("code", "linear", *INPUTS, *FEATURES) if name not in table]
     if missing:
         raise TableError(f"the table of runs has no column {', '.join(missing)}")

@@ -7,12 +7,14 @@ import pandas as pd
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from host.regression.field.result import FieldFit
-from host.regression.field.score import NEAR_THE_BORDER, ordered
-from host.regression.table import SHOWN, TARGETS
-from host.report import style
-from host.report.items import Item
+from palpate.regression.conformal import LEVEL
+from palpate.regression.field.result import FieldFit
+from palpate.regression.field.score import NEAR_THE_BORDER, ordered
+from palpate.regression.table import SHOWN, TARGETS
+from palpate.report import style
+from palpate.report.items import Item
 
+_PERCENT = f"{100 * LEVEL:g}"
 _UNITS = {"F": "(N/m)", "t": "(mm)", "d": "(mm)", "h": "", "E_inv23": ""}
 
 
@@ -23,14 +25,14 @@ def items(fit: FieldFit) -> list[Item]:
         Item(
             "Beyond 1",
             "The field model on lumps it never saw",
-            f"One stroke each, noise {fit.noise}; bars are 90 % intervals of every eighth estimate.",
+            f"One stroke each, noise {fit.noise}; bars are {_PERCENT} % intervals of every eighth estimate.",
             draw=lambda: figure_estimates(fit),
             tables=[held_out, left_out],
         ),
         Item(
             "Beyond 2",
             "Intervals",
-            "Share of true values inside the 90 % interval, by group; the grey band is 88 to 92 %.",
+            f"Share of true values inside the {_PERCENT} % interval, by group; the grey band is +-2 %.",
             draw=lambda: figure_coverage(fit),
             tables=[cover, flags, distance],
         ),
@@ -48,8 +50,8 @@ def items(fit: FieldFit) -> list[Item]:
 
 
 def _study_item(name: str, study, result: pd.DataFrame) -> Item:  # type: ignore[no-untyped-def]
-    from host.regression.field.study import study_table
-    from host.report.study_figures import study_figure
+    from palpate.regression.field.study import study_table
+    from palpate.report.study_figures import study_figure
 
     heads, rows = study_table(study, result)
     tables = [(study.title, pd.DataFrame(rows, columns=heads))]
@@ -96,10 +98,10 @@ def figure_coverage(fit: FieldFit) -> Figure:
     figure = style.new(9.0, 4.8)
     ax = figure.subplots()
     y = np.arange(len(fit.coverage))[::-1]
-    ax.axvspan(88, 92, color="#e6ebef", zorder=0)
+    ax.axvspan(100 * LEVEL - 2, 100 * LEVEL + 2, color="#e6ebef", zorder=0)
     for k, (name, color) in enumerate(zip(TARGETS, style.COLORS)):
         ax.plot(100 * fit.coverage[name], y + 0.12 * (2 - k), "o", color=color, label=SHOWN[name])
-    ax.axvline(90, color=style.SOFT, lw=0.8)
+    ax.axvline(100 * LEVEL, color=style.SOFT, lw=0.8)
     ax.set_yticks(y, [str(g) for g in fit.coverage.index])
     ax.set(xlabel="inside the interval, %", xlim=(70, 100))
     ax.legend(ncols=5, loc="upper center", bbox_to_anchor=(0.5, 1.1))

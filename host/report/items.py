@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -29,7 +30,7 @@ class Item:
     title : str
         The thesis' title of it.
     caption : str
-        What is to be seen, in a sentence or two.
+        What it shows, in a sentence or two.
     beside : list of Beside
     draw : callable, optional
         Draws the figure.
@@ -50,6 +51,30 @@ class Item:
     def slug(self) -> str:
         """Name of its files and its anchor: figure_13, table_1, appendix_b."""
         return self.name.lower().replace(" ", "_")
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A stroke that stands before everything else.
+
+    Attributes
+    ----------
+    verdict : str
+        The headline: what was found, in a few words.
+    text : str
+        What kind of stroke it was, in a sentence or two.
+    title : str
+    rows : list of (quantity, value, interval, truth)
+        As text.
+    picture : Path
+        A PNG of it.
+    """
+
+    verdict: str
+    text: str
+    title: str
+    rows: list[tuple[str, str, str, str]]
+    picture: Path
 
 
 def number(value: float, digits: int = 3) -> str:

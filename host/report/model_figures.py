@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from host.features import Floats
-from host.regression.forward import OUTPUT_NAMES
-from host.regression.table import SHOWN, TARGETS, target_values
-from host.regression.thesis import ThesisFit
-from host.report import style
-from host.report.items import Beside, Item, number
+from palpate.features.map_features import Floats
+from palpate.regression.table import SHOWN, TARGETS, target_values
+from palpate.regression.thesis.fit import ThesisFit
+from palpate.regression.thesis.forward import OUTPUT_NAMES
+from palpate.report import style
+from palpate.report.items import Beside, Item, number
 
 _THESIS_CURVES = {
     ("base_kPa", "F_rel"): "Base proportional to F",
@@ -20,7 +20,7 @@ _THESIS_CURVES = {
     ("curvature", "E_ratio"): "no effect of E",
     ("amp_kPa", "E_ratio"): "Amp linear in E^-2/3, soon at its maximum",
 }
-"""What the thesis says of the graphs of Figure 13."""
+"""What the thesis says about the graphs of Figure 13."""
 
 
 _INPUTS = {

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from host.measured import recorded_map
-from host.real_maps import RealMap
-from host.report import style
-from host.report.items import Beside, Item
+from palpate.report import style
+from palpate.report.items import Beside, Item
+from palpate.report.measured import recorded_map
+from palpate.report.real_maps import RealMap
 
 TITLE = "Gaussian Fit to a Real Tactile Map"
 

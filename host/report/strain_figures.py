@@ -11,11 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from host.measured import REFERENCE, measure, pressed, simulated_curves
-from host.regression.strain import StrainForce
-from host.report import style
-from host.report.items import Beside, Item
-from sim.tissue import Case
+from palpate.regression.thesis.strain import StrainForce
+from palpate.report import style
+from palpate.report.items import Beside, Item
+from palpate.report.measured import REFERENCE, measure, pressed, simulated_curves
+from palpate.sim.tissue import Case
 
 
 def items(weights: Sequence[Path] = (), thickness_mm: float = 30.0) -> list[Item]:

@@ -1,4 +1,4 @@
-"""One figure for each study of the field model: errors and 90 % half-widths against what was varied."""
+"""One figure for each study of the field model: errors and intervals against what was varied."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from host.regression.field.study import Study
-from host.report import style
+from palpate.regression.conformal import LEVEL
+from palpate.regression.field.study import Study
+from palpate.report import style
 
 _OUTPUTS = (("t", "thickness t"), ("d", "diameter d"), ("h", "depth h"))
 
@@ -22,7 +23,15 @@ def study_figure(study: Study, result: pd.DataFrame) -> Figure:
         y = np.arange(len(result))[::-1]
         for (name, words), color in zip(_OUTPUTS, style.COLORS):
             left.plot(100 * result[f"{name}_error"], y, "o", color=color, label=f"{words}, median")
-        left.plot(100 * result["d_half"], y, "|", ms=10, mew=2, color=style.COLORS[1], label="d, +-90 %")
+        left.plot(
+            100 * result["d_half"],
+            y,
+            "|",
+            ms=10,
+            mew=2,
+            color=style.COLORS[1],
+            label=f"d, +-{100 * LEVEL:g} %",
+        )
         left.set(xlabel="%", xlim=(0, None), title=study.title, ylabel=study.setting)
         left.set_yticks(y, [str(s) for s in result["setting"]])
         right.plot(result["E_inv23_r2"], y, "s", color=style.COLORS[3], label="R2 of E^-2/3")

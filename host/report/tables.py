@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from host.regression.forward import OUTPUT_NAMES
-from host.regression.runs import features_table
-from host.regression.table import FEATURES, REFERENCE_CODE, relative
-from host.regression.table_1 import Table1Entry
-from host.regression.thesis import ThesisFit
-from host.report.items import Beside, Item
-from sim.tissue import Stroke
+from palpate.regression.runs import features_table
+from palpate.regression.table import FEATURES, REFERENCE_CODE, relative
+from palpate.regression.thesis.fit import ThesisFit
+from palpate.regression.thesis.forward import OUTPUT_NAMES
+from palpate.regression.thesis.table_1 import Table1Entry
+from palpate.report.items import Beside, Item
+from palpate.sim.tissue import Stroke
 
 _RUN_COLUMNS = {
     "code": "code", "F_rel": "F", "t_mm": "t (mm)", "d_mm": "d (mm)", "h": "h", "E_ratio": "E",

@@ -8,12 +8,12 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Rectangle
 
-from host.report import style
-from host.report.items import Beside, Item
-from sim.tissue import Case, Settings
-from sim.tissue.deformation import Pressed, deformation
-from sim.tissue.mesh import FAT, GLAND, TissueMesh, build_mesh
-from sim.tissue.probe_shape import ProbeShape
+from palpate.report import style
+from palpate.report.items import Beside, Item
+from palpate.sim.tissue import Case, Settings
+from palpate.sim.tissue.deformation import Pressed, deformation
+from palpate.sim.tissue.mesh import FAT, GLAND, TissueMesh, build_mesh
+from palpate.sim.tissue.probe_shape import ProbeShape
 
 REFERENCE = "d10h08e10f10"
 SHOWN_GEOMETRIES = ("d05h15e10f10", REFERENCE, "d20h03e10f10")

@@ -11,13 +11,13 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from host.report import style
-from host.report.items import Beside, Item
+from palpate.report import style
+from palpate.report.items import Beside, Item, Summary
 
 if TYPE_CHECKING:
-    from host.regression.field.result import FieldFit
-    from host.regression.thesis import ThesisFit
-    from sim.tissue import Stroke
+    from palpate.regression.field.result import FieldFit
+    from palpate.regression.thesis.fit import ThesisFit
+    from palpate.sim.tissue import Stroke
 
 _log = logging.getLogger(__name__)
 _ORDER = {"Figure": 0, "Table": 1, "Appendix": 2, "Beyond": 3}
@@ -35,6 +35,7 @@ def write_report(
     thickness_mm: float = 30.0,
     simulate: bool = True,
     progress: Callable[[str], None] | None = None,
+    summary: Summary | None = None,
 ) -> Path:
     """Write every figure and table of the thesis that these data can make.
 
@@ -55,6 +56,8 @@ def write_report(
         False leaves out what needs simulations of its own: Figures 8, 15, 16 and 21 (about twenty seconds).
     progress : callable, optional
         Told the name of each figure and table before it is made.
+    summary : Summary, optional
+        A stroke of the reader's own, to stand before the thesis' figures.
 
     Returns
     -------
@@ -70,7 +73,7 @@ def write_report(
             tell(item.name)
             parts.append({"item": item, "png": _draw(item, target)})
     page = target / "index.html"
-    page.write_text(_page(parts), encoding="utf-8")
+    page.write_text(_page(parts, summary), encoding="utf-8")
     return page
 
 
@@ -84,7 +87,7 @@ def _items(
     simulate: bool,
     tell: Callable[[str], None],
 ) -> list[Item]:
-    from host.report import (
+    from palpate.report import (
         field_figures,
         map_figures,
         model_figures,
@@ -164,19 +167,23 @@ def _draw(item: Item, target: Path) -> str:
     return base64.b64encode(png.getvalue()).decode("ascii")
 
 
-def _page(parts: list[dict[str, Any]]) -> str:
+def _page(parts: list[dict[str, Any]], summary: Summary | None) -> str:
     import jinja2
     import markupsafe
 
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    here = files("host.report")
+    here = files("palpate.report")
     environment.filters["powers"] = lambda text: markupsafe.Markup(
         style.powers_html(str(markupsafe.escape(text)))
     )
     template = environment.from_string((here / "template.html").read_text("utf-8"))
     css = (here / "report.css").read_text("utf-8")
     made = [p for p in parts if not p["item"].missing]
-    return template.render(parts=parts, css=css, made=len(made), missing=len(parts) - len(made), rows=_rows)
+    told = None
+    if summary is not None:
+        told = {**vars(summary), "png": base64.b64encode(summary.picture.read_bytes()).decode("ascii")}
+    numbers = {"made": len(made), "missing": len(parts) - len(made)}
+    return template.render(parts=parts, css=css, rows=_rows, summary=told, **numbers)
 
 
 def _rows(item: Item) -> Iterator[Beside]:

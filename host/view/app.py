@@ -24,14 +24,15 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
-from host.view import exports
-from host.view.commands import Commands
-from host.view.guard import Guard
-from host.view.mailbox import Mailbox, Message
-from host.view.session import Session
+from palpate.sim.probe.cells import FULL_SCALE_KPA, PITCH_MM, SHAPE
+from palpate.view import exports
+from palpate.view.commands import Commands
+from palpate.view.guard import Guard
+from palpate.view.mailbox import Mailbox, Message
+from palpate.view.session import Session
 
 SEND_INTERVAL_S = 1 / 65
-"""A little more often than a screen draws, so that a new frame waits there each time."""
+"""A little more often than a screen draws, so that each redraw finds a new frame."""
 MAX_UNDRAWN = 6
 """Frames on their way to a page that has not said it drew them (a tenth of a second); beyond that we wait,
 and send the newest. With fewer, a machine so busy that messages are late by two pictures misses pictures."""
@@ -39,14 +40,32 @@ AGE_EVERY_S = 0.25
 MAX_COMMAND_BYTES = 4096
 MAX_ASKED = 64
 """Commands that wait for the one before them; a page that asks more is not read until there is room."""
+MAX_MODEL_BYTES = 64 * 1024
+"""Several times what a probe has room for."""
 SLOW = {"load-visit"}
 """Commands that read a whole file; they wait for one another only."""
 
 
+FONT = ("fonts", "node_modules", "@fontsource-variable", "inter", "files", "inter-latin-wght-normal.woff2")
+"""Inter (SIL Open Font License), as npm has installed it: .ci/setup and the wheel see to it."""
+
+
 def page_files() -> dict[str, bytes]:
     """The page's files by name, read once; nothing else can be asked for."""
-    folder = files("host.view") / "page"
-    return {f.name: f.read_bytes() for f in folder.iterdir() if f.is_file()}
+    folder = files("palpate.view")
+    found = {f.name: f.read_bytes() for f in (folder / "page").iterdir() if f.is_file()}
+    if (font := folder.joinpath(*FONT)).is_file():  # without it the page is laid out in the system's own
+        found["text.woff2"] = font.read_bytes()
+    found["array.js"] = array_module()
+    return found
+
+
+def array_module() -> bytes:
+    """The sensor array for the page, as a module that its scripts import."""
+    rows, columns = SHAPE
+    numbers = {"ROWS": rows, "COLUMNS": columns, "CELLS": rows * columns, "PITCH_MM": PITCH_MM}
+    numbers["FULL_SCALE_KPA"] = FULL_SCALE_KPA
+    return "".join(f"export const {name} = {number};\n" for name, number in numbers.items()).encode()
 
 
 def color_maps() -> dict[str, str]:
@@ -60,13 +79,20 @@ def color_maps() -> dict[str, str]:
     return tables
 
 
-def make_app(session: Session, commands: Commands, *, token: str | None = None) -> Starlette:
+def make_app(
+    session: Session,
+    commands: Commands,
+    *,
+    token: str = "",
+    loopback: bool = True,
+    once: set[str] | None = None,
+) -> Starlette:
     """The viewer as an ASGI application.
 
     Parameters
     ----------
-    token : str or None
-        Asked of every request; None only for a server on the loopback address.
+    token, loopback, once
+        Who is let in (`guard.Guard`).
     """
     page = page_files()
 
@@ -99,6 +125,17 @@ def make_app(session: Session, commands: Commands, *, token: str | None = None) 
             snapshot = session.visits.snapshot()
         return _download(exports.table(snapshot), "text/csv", "strokes.csv")
 
+    async def model(request: Request) -> Response:
+        # No form of another site can send this header, and no script of one without asking first.
+        if request.headers.get("x-palpate") != "page":
+            return JSONResponse({"text": "Only the viewer's own page may flash."}, 403)
+        image = b""
+        async for piece in request.stream():
+            image += piece
+            if len(image) > MAX_MODEL_BYTES:
+                return JSONResponse({"text": "The file is too large for a model image."}, 413)
+        return JSONResponse(await run_in_threadpool(commands.flash, image))
+
     async def socket(ws: WebSocket) -> None:
         await ws.accept()
         await _Page(session, commands, ws).run()
@@ -110,9 +147,10 @@ def make_app(session: Session, commands: Commands, *, token: str | None = None) 
             Route("/api/colormaps.json", maps),
             Route("/api/strokes.csv", table),
             Route("/api/stroke-{number:int}.{kind}", stroke),
+            Route("/api/model", model, methods=["POST"]),
             WebSocketRoute("/ws", socket),
         ],
-        middleware=[Middleware(Guard, token=token)],
+        middleware=[Middleware(Guard, token=token, loopback=loopback, once=once)],
     )
 
 
@@ -158,7 +196,7 @@ class _Page:
         while True:
             await self._send_waiting(with_frame=len(self._undrawn) < MAX_UNDRAWN)
             now = time.monotonic()
-            due = max(due + SEND_INTERVAL_S, now - SEND_INTERVAL_S)  # woken late, it makes up for one
+            due = max(due + SEND_INTERVAL_S, now - SEND_INTERVAL_S)  # late by one frame at most
             await asyncio.sleep(max(due - now, 0.001))
 
     async def _send_waiting(self, *, with_frame: bool, then: Sequence[Message] = ()) -> None:
@@ -196,7 +234,7 @@ class _Page:
     async def _obey(self, asked: asyncio.Queue[object]) -> None:
         while True:
             answer = await run_in_threadpool(self._commands.run, await asked.get())
-            # What the command told (a recording runs) is there before its answer.
+            # What the command changed (a recording runs) is sent before its answer.
             await self._send_waiting(with_frame=False, then=[answer])
 
     def _drawn(self, seq: Any) -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from host.view.events import Estimate, Event, Frame, ProbeMap, StrokeState
-from host.view.stroke import Stroke
+from palpate.view.events import Estimate, Event, Frame, ProbeMap, StrokeState
+from palpate.view.stroke import Stroke
 
 PRE_ROLL = 64
-"""Frames between contact and start that are kept: the probe says "started" some frames late."""
+"""Frames kept between contact and start: the probe reports "started" some frames late."""
 
 
 class Assembler:

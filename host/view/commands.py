@@ -1,5 +1,4 @@
-"""What a page may ask for. This table is all there is: nothing here reaches the probe's flash, settings or
-files.
+"""The page's commands, all of them, and `flash`: none reaches the probe's settings, calibration or files.
 
 A command is a JSON object with `do` and its arguments. The answer is `{"ok": true, ...}`, or `{"ok":
 false}` with one sentence in `text`.
@@ -17,16 +16,16 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from host.errors import PalpateError
-from host.view.session import Session
-from host.view.source import Playable, Recordable, Source
-from host.view.stroke import Stroke
+from palpate.errors import PalpateError, RecordingError, UsageError
+from palpate.view.session import Session
+from palpate.view.source import Flashable, Playable, Recordable, Source
+from palpate.view.stroke import Stroke
 
 LoadStrokes = Callable[[Path], Sequence[Stroke]]
 SPEEDS = (0.1, 100.0)
 
 
-class CommandError(Exception):
+class CommandError(UsageError):
     """The page asked for something that cannot be done; the text is for the user."""
 
 
@@ -46,7 +45,7 @@ class Commands:
         self._source = source
         self._recordings = recordings
         self._load_strokes = load_strokes
-        self._turning = threading.Lock()  # pages ask in threads of their own; one recording runs at a time
+        self._turning = threading.Lock()  # pages have threads of their own; one recording runs at a time
         self._closed = False
         self.table: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
             "record": self._record,
@@ -95,7 +94,7 @@ class Commands:
             path = self._new_file(stem)
             source.start_recording(path)
             self._session.set_recording({"file": path.name, "since": time.time()})
-            if not source.recording:  # the disk was full at once, and that was told before the line above
+            if not source.recording:  # the disk was full at once, and that was reported before the line above
                 self._session.set_recording(None)
         return {"file": path.name}
 
@@ -133,7 +132,7 @@ class Commands:
             self._closed = True
             if self._session.recording is None or not isinstance(self._source, Recordable):
                 return
-            with contextlib.suppress(OSError):
+            with contextlib.suppress(OSError, RecordingError):
                 self._source.stop_recording()
             self._session.set_recording(None)
 
@@ -141,6 +140,23 @@ class Commands:
         if not isinstance(self._source, Recordable):
             raise CommandError("A replayed file cannot be recorded again; it is already a recording.")
         return self._source
+
+    # ---- the model
+
+    def flash(self, image: bytes) -> dict[str, Any]:
+        """Put a model image onto the probe; the answer as `run` gives it."""
+        try:
+            if not isinstance(self._source, Flashable):
+                raise CommandError("A recording takes no model; the probe that it came from does.")
+            with self._turning:
+                if self._session.recording is not None:
+                    raise CommandError(
+                        "Stop the recording first: its strokes belong to the model it began with."
+                    )
+                return {"ok": True, "model_id": self._source.flash(image)}
+        except (CommandError, PalpateError) as error:
+            text = str(error).rstrip(".")
+            return {"ok": False, "text": f"{text[:1].upper()}{text[1:]}."}
 
     # ---- visits
 
@@ -191,17 +207,17 @@ class Commands:
     # ---- replay
 
     def _play(self, message: dict[str, Any]) -> dict[str, Any]:
-        return {"obeyed": self._playable().play()}
+        return {"commands_applied": self._playable().play()}
 
     def _pause(self, message: dict[str, Any]) -> dict[str, Any]:
-        return {"obeyed": self._playable().pause()}
+        return {"commands_applied": self._playable().pause()}
 
     def _seek(self, message: dict[str, Any]) -> dict[str, Any]:
-        return {"obeyed": self._playable().seek(max(0.0, _number(message, "position_s", 0.0)))}
+        return {"commands_applied": self._playable().seek(max(0.0, _number(message, "position_s", 0.0)))}
 
     def _speed(self, message: dict[str, Any]) -> dict[str, Any]:
         speed = min(max(_number(message, "speed", 1.0), SPEEDS[0]), SPEEDS[1])
-        return {"obeyed": self._playable().set_speed(speed)}
+        return {"commands_applied": self._playable().set_speed(speed)}
 
     def _playable(self) -> Playable:
         if not isinstance(self._source, Playable):

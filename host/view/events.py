@@ -1,4 +1,5 @@
-"""What a source tells the viewer. Units: mm, kPa, s; times are the probe's own unless the name says host."""
+"""What a source sends to the viewer. Units: mm, kPa, s; times are the probe's own unless the name says
+host."""
 
 from __future__ import annotations
 
@@ -8,11 +9,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-ROWS = 16
-COLUMNS = 26
-PITCH_MM = 1.5
-ROW_MM = (np.arange(ROWS) - (ROWS - 1) / 2) * PITCH_MM
-"""Place of each row along the stroke, from the middle of the face."""
+from palpate.sim.probe.cells import FULL_SCALE_KPA, PITCH_MM
 
 
 class LinkState(Enum):
@@ -33,7 +30,7 @@ class Device:
     firmware: str = ""
     runtime: str = ""
     model_id: str = ""
-    full_scale_kPa: float = 25.0
+    full_scale_kPa: float = FULL_SCALE_KPA
 
 
 @dataclass(frozen=True)
@@ -59,12 +56,12 @@ class Frame:
     @property
     def force_N_per_m(self) -> float:
         """Force per metre of probe width: the pressures' integral along the stroke, mean over the columns."""
-        return float(self.pressure_kPa.sum() * PITCH_MM / COLUMNS)
+        return float(self.pressure_kPa.sum() * PITCH_MM / self.pressure_kPa.shape[1])
 
 
 @dataclass(frozen=True)
 class StrokeState:
-    """What the probe says about the stroke at this moment."""
+    """The state of the stroke at this moment, as the probe reports it."""
 
     time_s: float
     contact: bool = False
@@ -117,8 +114,9 @@ class Estimate:
     hardness: str = "unsure"
     in_domain: bool = False
     force_out: bool = False
+    uncalibrated: bool = False
     invalid: bool = False
-    level: float = 0.9
+    level: float = 0.0
     model_id: str = ""
     no_model: bool = False
     status_text: str = ""
@@ -155,21 +153,24 @@ class RecordingStopped:
 
 @dataclass(frozen=True)
 class Playback:
-    """Where a replayed recording stands. `obeyed` counts the controls that it has followed: who asked for
-    the seventh knows that a state before it is out of date."""
+    """Where a replayed recording stands.
+
+    `commands_applied` counts the play, pause, seek and speed commands: whoever sent the seventh knows that a
+    state which counts fewer is out of date.
+    """
 
     position_s: float
     length_s: float
     playing: bool
     speed: float
-    obeyed: int = 0
+    commands_applied: int = 0
     strokes_s: tuple[float, ...] = field(default=())
     marks: tuple[Mark, ...] = field(default=())
 
 
 @dataclass(frozen=True)
 class Jumped:
-    """The replay goes on from another place: what was half told will not be finished."""
+    """The replay goes on from another position: what was under way will not be finished."""
 
 
 Event = (

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from host.view.events import COLUMNS, PITCH_MM, ROWS
-from host.view.tactile_map import gaussian
-from host.view.words import NOT_A_DIAGNOSIS
+from palpate.features.gaussian import bump
+from palpate.sim.probe.cells import PITCH_MM, SHAPE
+from palpate.view.phrases import NOT_A_DIAGNOSIS
 
 STROKE_KINDS = ("json", "csv", "png", "svg")
 _COLUMNS = ("d_mm", "depth_mm", "t_mm", "F_N_per_m")
@@ -74,11 +74,11 @@ def stroke_figure(detail: dict[str, Any]) -> Figure:
     figure = Figure(figsize=(9, 5.6), layout="constrained")
     axes = figure.subplots(2, 2, width_ratios=(1, 1.15))
     images = detail["images"]
-    stack = np.frombuffer(base64.b64decode(images["uint16"]), "<u2").reshape(-1, ROWS, COLUMNS)
+    stack = np.frombuffer(base64.b64decode(images["uint16"]), "<u2").reshape(-1, *SHAPE)
     ax = axes[0, 0]
     if len(stack):
         best = int(stack.max(axis=(1, 2)).argmax())
-        half = (COLUMNS * PITCH_MM / 2, ROWS * PITCH_MM / 2)
+        half = (SHAPE[1] * PITCH_MM / 2, SHAPE[0] * PITCH_MM / 2)
         shown = ax.imshow(
             stack[best] * images["step_kPa"],
             cmap="viridis",
@@ -94,7 +94,7 @@ def stroke_figure(detail: dict[str, Any]) -> Figure:
     ax.plot(x, p, "o", ms=3, color="#31688e", label="tactile map")
     if (fit := detail["fit"]) is not None and x.size:
         fine = np.linspace(x.min(), x.max(), 300)
-        curve = gaussian(fine, fit["base_kPa"], fit["amp_kPa"], fit["centre_mm"], fit["stdev_mm"])
+        curve = bump(fine, fit["base_kPa"], fit["amp_kPa"], fit["centre_mm"], fit["stdev_mm"])
         ax.plot(fine, curve, color="#d1495b", label="Gaussian fit")
     ax.set(xlabel="place on the tissue (mm)", ylabel="pressure (kPa)", title="Tactile map")
     ax.title.set_fontsize(10)

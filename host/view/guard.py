@@ -1,9 +1,12 @@
-"""Who may talk to the viewer.
+"""Access to the viewer.
 
-On the loopback address nobody needs a token, but a page of another site must not reach us through the user's
-browser: the Host header must name this machine (against DNS rebinding) and an Origin header must be our own
-(against cross-site web sockets). On any other address every request needs the token that the command
-printed, as `?token=` once (a cookie takes over) or as `Authorization: Bearer`.
+Every request needs the token that the command printed, as `?token=` once (a cookie takes over) or as
+`Authorization: Bearer`: other users of this machine reach the loopback address, too. A page of another site
+must not reach us through the user's browser: on the loopback address the Host header must name this machine
+(against DNS rebinding), and an Origin header must be our own (against cross-site web sockets).
+
+The browser that we open ourselves gets a code that is good for one request, since any user can read what
+programs are started with.
 """
 
 from __future__ import annotations
@@ -50,18 +53,34 @@ def host_name(header: str) -> str:
         return ""
 
 
+def cookie_name(host: str) -> str:
+    """The cookie of a server: cookies do not tell ports apart, and two viewers may run on one machine."""
+    try:
+        return f"{COOKIE}_{urlsplit(f'//{host}').port or 80}"
+    except ValueError:
+        return COOKIE
+
+
 class Guard:
     """ASGI middleware: lets in what belongs here, and refuses the rest before any route sees it.
 
     Parameters
     ----------
-    token : str or None
-        None only where the server is bound to the loopback address.
+    token : str
+        Empty: nobody is asked for one.
+    loopback : bool
+        The server is bound to the loopback address.
+    once : set of str, optional
+        Codes that may stand in the token's place, in one request each; emptied as they are used.
     """
 
-    def __init__(self, app: ASGIApp, *, token: str | None = None) -> None:
+    def __init__(
+        self, app: ASGIApp, *, token: str = "", loopback: bool = True, once: set[str] | None = None
+    ) -> None:
         self._app = app
         self._token = token
+        self._loopback = loopback
+        self._once = set() if once is None else once
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Check one request or web socket."""
@@ -84,40 +103,44 @@ class Guard:
 
     def _refuse(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
         host = headers.get("host", "")
-        if self._token is None and host_name(host) not in _LOOPBACK_NAMES:
+        if self._loopback and host_name(host) not in _LOOPBACK_NAMES:
             return 403, "The viewer answers only under the name localhost."
         origin = headers.get("origin")
         if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
             return 403, "Another site's page may not talk to the viewer."
         if scope["type"] == "websocket" and origin is None and "sec-fetch-site" in headers:
             return 403, "A browser must say which page opens the connection."
-        if self._token is not None and not self._has_token(scope, headers):
+        if self._token and not self._has_token(scope, headers):
             return 401, "This address needs the token: open the link that `palpate view` printed."
         return None
 
     def _has_token(self, scope: Scope, headers: dict[str, str]) -> bool:
         offered = [_query(scope).get("token", [""])[0]]
+        if offered[0] in self._once and scope["type"] == "http" and scope["method"] == "GET":
+            self._once.discard(offered[0])
+            return True
         scheme, _, bearer = headers.get("authorization", "").partition(" ")
         if scheme.lower() == "bearer":
             offered.append(bearer.strip())
         try:
-            morsel = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+            morsel = SimpleCookie(headers.get("cookie", "")).get(cookie_name(headers.get("host", "")))
         except CookieError:
             morsel = None
         if morsel is not None:
             offered.append(morsel.value)
-        wanted = (self._token or "").encode()
+        wanted = self._token.encode()
         return any(hmac.compare_digest(o.encode("utf-8", "replace"), wanted) for o in offered)
 
     def _token_in_query(self, scope: Scope) -> bool:
-        return self._token is not None and scope["method"] == "GET" and "token" in _query(scope)
+        return bool(self._token) and scope["method"] == "GET" and "token" in _query(scope)
 
     async def _exchange(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Move the token out of the address bar into a cookie that scripts cannot read."""
         query = {k: v for k, v in _query(scope).items() if k != "token"}
         rest = urlencode(query, doseq=True)
         response = RedirectResponse(scope["path"] + (f"?{rest}" if rest else ""), 303)
-        response.set_cookie(COOKIE, self._token or "", httponly=True, samesite="strict")
+        host = next((v.decode("latin-1") for k, v in scope["headers"] if k.lower() == b"host"), "")
+        response.set_cookie(cookie_name(host), self._token, httponly=True, samesite="strict")
         await response(scope, receive, _with_headers(send))
 
 

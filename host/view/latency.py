@@ -7,10 +7,10 @@ import statistics
 import time
 from collections import deque
 
-from host.errors import LinkError
-from host.link.clock import WRAP
-from host.link.events import Frame
-from host.link.probe import Probe
+from palpate.errors import LinkError
+from palpate.link.clock import WRAP
+from palpate.link.events import Frame
+from palpate.link.probe import Probe
 
 SYNC_EVERY_S = 20.0
 

@@ -1,4 +1,4 @@
-"""A probe on a port as a source of events. The link itself reconnects; here it is said in words."""
+"""A probe on a port as a source of events. The link itself reconnects; this module reports it to the page."""
 
 from __future__ import annotations
 
@@ -8,34 +8,39 @@ from collections import deque
 from pathlib import Path
 
 from firmware_py import messages
-from host.errors import LinkError, PortAmbiguous, RecordingError, VersionMismatch
-from host.link.events import Event as LinkEvent
-from host.link.events import Frame as LinkFrame
-from host.link.events import Gap, Log
-from host.link.probe import Probe
-from host.link.scale import CellScale
-from host.record.replay import CALIBRATION, MODEL
-from host.record.writer import RecordingWriter
-from host.view.events import Device, Health, LinkChanged, LinkState, RecordingStopped
-from host.view.latency import Latency
-from host.view.source import Emit
-from host.view.translate import MARK_PREFIX, Translator
+from palpate.errors import LinkError, PortAmbiguous, PortMissing, RecordingError, VersionMismatch
+from palpate.link.devices import resolve
+from palpate.link.events import Event as LinkEvent
+from palpate.link.events import Frame as LinkFrame
+from palpate.link.events import Gap, Log
+from palpate.link.flash import check_image, flash
+from palpate.link.probe import Probe
+from palpate.link.scale import CellScale
+from palpate.link.source import EventSource
+from palpate.recording.replay import CALIBRATION, MODEL
+from palpate.recording.writer import RecordingWriter
+from palpate.view.events import Device, Health, LinkChanged, LinkState, RecordingStopped
+from palpate.view.latency import Latency
+from palpate.view.source import Emit
+from palpate.view.translate import MARK_PREFIX, Translator
 
 HEALTH_EVERY_S = 0.5
 RETRY_S = 1.0
 SILENCE_S = 0.1
+LOOK_ELSEWHERE_S = 2.0
+"""With `--port auto`: a probe that has been gone for so long may have been replaced by another."""
 _GONE = "The probe is gone. Plug it in again; this page goes on by itself."
 
 
 class Recorder:
-    """Hands what the link tells on to a recording, while one is running."""
+    """Passes the link's traffic on to a recording, while one is running."""
 
     def __init__(self) -> None:
         self.writer: RecordingWriter | None = None
         self._lock = threading.Lock()
 
     def give_up(self, writer: RecordingWriter) -> bool:
-        """Hand nothing on to this recording any more; False if that is so already."""
+        """Detach this recording; False if it is no longer attached."""
         with self._lock:
             if self.writer is not writer:
                 return False
@@ -57,6 +62,11 @@ class Recorder:
         if (writer := self.writer) is not None:
             writer.mark(event)
 
+    def check(self) -> None:
+        """Raise what ended the recording early, if one is running."""
+        if (writer := self.writer) is not None:
+            writer.check()
+
 
 class LiveSource:
     """A probe by its port, as `palpate --port` takes it; keeps looking for one that is not there.
@@ -74,6 +84,7 @@ class LiveSource:
         self._probe: Probe | None = None
         self._last_us = 0
         self._rate: deque[tuple[float, int]] = deque(maxlen=8)
+        self._emit: Emit = lambda event: None
 
     # ---- recording
 
@@ -89,30 +100,28 @@ class LiveSource:
         if (probe := self._probe) is not None and probe.connected:
             try:
                 probe.refresh_identity()  # its answer goes into the file: a recording needs a handshake
+                probe.renew_stream()  # and so does this one: it says which stream the file is of
                 for name, what in ((MODEL, messages.READ_MODEL), (CALIBRATION, messages.READ_CALIBRATION)):
                     if blob := probe.read_back(what):
                         writer.attach(name, "application/octet-stream", blob)
             except LinkError:
-                pass  # the probe has just gone; the link says so, and the recording goes on when it is back
+                pass  # the probe has just gone: the link reports it, and the recording goes on later
 
     def stop_recording(self) -> None:
-        """Close the file; raises OSError with the reason if it ended early (a full disk)."""
+        """Close the file; raises `RecordingError` with the reason if it ended early (a full disk)."""
         writer = self._recorder.writer
         if writer is None or not self._recorder.give_up(writer):
             return
         writer.close()
-        try:
-            writer.check()
-        except RecordingError as error:
-            raise OSError(str(error)) from error
+        writer.check()
 
     def mark(self, text: str) -> None:
         """A line in the recording's log."""
         self._recorder.mark(Log(time.time_ns(), 0, self._last_us, MARK_PREFIX + text))
 
     def check_recording(self, emit: Emit) -> None:
-        """Say it at once if the recording has ended by itself: nobody strokes for an hour into a full
-        disk."""
+        """Report at once a recording that has ended by itself (a full disk): nobody should go on stroking in
+        vain."""
         writer = self._recorder.writer
         if writer is None:
             return
@@ -120,14 +129,32 @@ class LiveSource:
             writer.check()
         except RecordingError as error:
             if not self._recorder.give_up(writer):
-                return  # somebody has just stopped it, and is told
+                return  # it has just been stopped, and its end reported
             writer.close()
             emit(RecordingStopped(f"The recording has stopped: {error}."))
+
+    # ---- the model
+
+    def flash(self, image: bytes) -> str:
+        """Put a model image onto the probe, in a pause of the stream; the id of the model that is live
+        then."""
+        check_image(image)
+        probe = self._probe
+        if probe is None or not probe.connected:
+            raise PortMissing(self._port, "there is no probe to put it on; plug it in first")
+        probe.stop_stream()
+        try:
+            done = flash(probe, image)
+        finally:
+            probe.start_stream()
+        self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", describe(probe, probe.scale)))
+        return done.model_id
 
     # ---- the thread
 
     def run(self, emit: Emit, stop: threading.Event) -> None:
-        """Open the probe, tell what it tells, begin again when it is gone; see `Source`."""
+        """Open the probe, pass on its events, start over when it is gone; see `Source`."""
+        self._emit = emit
         state = LinkState.CONNECTING
         while not stop.is_set():
             try:
@@ -154,14 +181,22 @@ class LiveSource:
         latency.sync(probe)
         probe.start_stream()
         told = 0.0
+        gone_at: float | None = None
         while not stop.is_set():
+            if gone_at is not None and time.monotonic() - gone_at > LOOK_ELSEWHERE_S:
+                gone_at = time.monotonic()
+                if self._elsewhere():
+                    return
             for event in probe.events(timeout_s=SILENCE_S):
                 if isinstance(event, LinkFrame):
                     self._last_us = event.time_us
                     latency.add(event)
                 if isinstance(event, Gap):
+                    for shown in translator.finish():
+                        emit(shown)
                     translator.reset()
                     latency.restart()
+                    gone_at = None if event.ended else time.monotonic()
                     if event.ended:
                         translator.scale.load(probe.read_back(messages.READ_CALIBRATION))
                         emit(
@@ -183,6 +218,17 @@ class LiveSource:
         if probe.connected:
             probe.stop_stream()
 
+    def _elsewhere(self) -> bool:
+        """Is there another probe than the one that has gone, where any would do? A restarted emulator, a
+        replaced board."""
+        if self._port != "auto":
+            return False
+        try:
+            resolve("auto")
+        except LinkError:
+            return False
+        return True
+
     def _health(self, probe: Probe, latency_ms: float | None) -> Health:
         frames, counts = probe.frame_counts, probe.counts
         now = time.monotonic()
@@ -200,21 +246,21 @@ class LiveSource:
         )
 
 
-def describe(probe: Probe, scale: CellScale) -> Device:
+def describe(source: EventSource, scale: CellScale) -> Device:
     """Who answers, for the page's head."""
-    identity = probe.identity
+    identity = source.identity
     return Device(
-        name="Probe" if probe.live else Path(probe.name).name,
+        name="Probe" if source.live else Path(source.name).name,
         serial=readable(identity.serial),
         firmware=identity.firmware,
-        runtime=probe.name if probe.live else "",
+        runtime=source.name if source.live else "",
         model_id=identity.model_id if identity.model_status == 0 else "",
         full_scale_kPa=scale.full_scale_kPa,
     )
 
 
 def readable(serial: str) -> str:
-    """A serial number as its letters where its bytes are letters, else in hexadecimal."""
+    """A serial number as text where its bytes are printable, else in hexadecimal."""
     try:
         text = bytes.fromhex(serial).rstrip(b"\0").decode("ascii")
     except ValueError:

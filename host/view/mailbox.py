@@ -52,7 +52,7 @@ class Mailbox:
                 self._events.append((self._next(), message))
 
     def take(self, *, with_frame: bool = True) -> list[Message]:
-        """Everything that waits, in the order of its telling (an older state must not overtake a newer); a
+        """Everything that waits, in the order it was added (an older state must not overtake a newer); a
         frame last, and only if the page can draw one."""
         with self._lock:
             waiting = [*self._events, *(told for name, told in self._slots.items() if name != FRAME)]

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from host.errors import PalpateError
-from host.link import events as link
-from host.link.probe import Probe
-from host.link.scale import CellScale
-from host.record.reader import Recording
-from host.record.replay import CALIBRATION
-from host.view.assemble import Assembler
-from host.view.stroke import Stroke
-from host.view.translate import Translator
+from palpate.link import events as link
+from palpate.link.scale import CellScale
+from palpate.recording.playback import open_recording
+from palpate.recording.reader import Recording
+from palpate.recording.replay import CALIBRATION
+from palpate.view.assemble import Assembler
+from palpate.view.stroke import Stroke
+from palpate.view.translate import Translator
 
 
 def calibration(recording: Recording) -> CellScale:
@@ -28,25 +27,27 @@ def load_strokes(path: Path) -> list[Stroke]:
 
     Raises
     ------
-    OSError
+    PalpateError
         The file is not a readable recording; the text says why.
     """
-    try:
-        with Probe.open(str(path)) as probe:
-            translator = Translator(calibration(Recording(path)))
-            assembler = Assembler(lambda t: Stroke(number=0, visit=0, started_s=t))
-            strokes: list[Stroke] = []
-            for event in probe.stream():
-                strokes += feed(translator, assembler, event)
-            last = assembler.give_up()
-            return strokes + ([last] if last is not None else [])
-    except PalpateError as error:
-        raise OSError(str(error)) from error
+    with open_recording(path) as session:
+        translator = Translator(calibration(session.recording))
+        assembler = Assembler(lambda t: Stroke(number=0, visit=0, started_s=t))
+        strokes: list[Stroke] = []
+        for event in session.events():
+            strokes += feed(translator, assembler, event)
+        for shown in translator.finish():
+            strokes += [stroke] if (stroke := assembler.feed(shown)) is not None else []
+        last = assembler.give_up()
+        return strokes + ([last] if last is not None else [])
 
 
 def feed(translator: Translator, assembler: Assembler, event: link.Event) -> Iterator[Stroke]:
     """Take one event of the link; gives the strokes that it finishes."""
     if isinstance(event, link.Gap):
+        for shown in translator.finish():
+            if (stroke := assembler.feed(shown)) is not None:
+                yield stroke
         translator.reset()
         if (given_up := assembler.give_up()) is not None:
             yield given_up

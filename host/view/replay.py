@@ -1,4 +1,4 @@
-"""A recording as a source: it is read ahead by one thread and told at the asked speed by another.
+"""A recording as a source: one thread reads ahead, another plays it at the speed asked for.
 
 Frames stay packed until they are shown. A file with more than `MAX_FRAMES` is kept thinned (every second,
 every fourth ... frame): enough for the eye; strokes are put together from all of its frames.
@@ -6,25 +6,24 @@ every fourth ... frame): enough for the eye; strokes are put together from all o
 
 from __future__ import annotations
 
-import json
 import threading
 import time
 from bisect import bisect_right
 from collections.abc import Sequence
 from pathlib import Path
 
-from host.link import events as link
-from host.link.probe import Probe
-from host.link.scale import CellScale
-from host.record import channels
-from host.record.reader import Recording
-from host.view.assemble import Assembler
-from host.view.events import Device, Health, Jumped, LinkChanged, LinkState, Mark, Playback
-from host.view.live import describe
-from host.view.read_strokes import calibration, feed
-from host.view.source import Emit
-from host.view.stroke import Stroke
-from host.view.translate import MARK_PREFIX, Translator
+from palpate.link import events as link
+from palpate.link.scale import CellScale
+from palpate.recording import channels
+from palpate.recording.playback import RecordedSession, open_recording
+from palpate.recording.reader import Recording
+from palpate.view.assemble import Assembler
+from palpate.view.events import Device, Health, Jumped, LinkChanged, LinkState, Mark, Playback
+from palpate.view.live import describe
+from palpate.view.read_strokes import calibration, feed
+from palpate.view.source import Emit
+from palpate.view.stroke import Stroke
+from palpate.view.translate import MARK_PREFIX, Translator
 
 MAX_FRAMES = 200_000
 TICK_S = 0.01
@@ -61,7 +60,7 @@ class ReplaySource:
         self._speed = 1.0
         self._playing = True
         self._moved = False
-        self._obeyed = 0
+        self._commands_applied = 0
 
     # ---- controls
 
@@ -71,48 +70,48 @@ class ReplaySource:
             if self._loaded and self._position_s >= self._length():
                 self._position_s, self._moved = 0.0, True
             self._playing = True
-            return self._obey()
+            return self._applied()
 
     def pause(self) -> int:
         """Stand still."""
         with self._lock:
             self._playing = False
-            return self._obey()
+            return self._applied()
 
     def seek(self, position_s: float) -> int:
         """Go to so many seconds after the beginning (as far as the file has been read)."""
         with self._lock:
             self._position_s = min(max(position_s, 0.0), self._length())
             self._moved = True
-            return self._obey()
+            return self._applied()
 
     def set_speed(self, speed: float) -> int:
-        """So many times as fast as life."""
+        """The speed, as a multiple of real time."""
         with self._lock:
             self._speed = speed
-            return self._obey()
+            return self._applied()
 
-    def _obey(self) -> int:
-        self._obeyed += 1
-        return self._obeyed
+    def _applied(self) -> int:
+        self._commands_applied += 1
+        return self._commands_applied
 
     # ---- the threads
 
     def run(self, emit: Emit, stop: threading.Event) -> None:
-        """Tell the recording; see `Source`. Returns only when stopped: a recording can be wound back."""
-        with Probe.open(str(self.path)) as probe:
+        """Play the recording; see `Source`. Returns only when stopped: a recording can be wound back."""
+        with open_recording(self.path) as session:
             scale = calibration(self._recording)
-            device = describe(probe, scale)
+            device = describe(session, scale)
             emit(LinkChanged(LinkState.CONNECTED, "", device))
-            loader = threading.Thread(target=self._load, args=(probe, scale, emit, stop), daemon=True)
+            loader = threading.Thread(target=self._load, args=(session, scale, emit, stop), daemon=True)
             loader.start()
             self._play(scale, device, emit, stop)
             loader.join()
 
-    def _load(self, probe: Probe, scale: CellScale, emit: Emit, stop: threading.Event) -> None:
+    def _load(self, session: RecordedSession, scale: CellScale, emit: Emit, stop: threading.Event) -> None:
         translator, assembler = Translator(scale), Assembler(lambda t: Stroke(number=0, visit=0, started_s=t))
         first_ns: int | None = None
-        for event in probe.stream():
+        for event in session.events():
             if stop.is_set():
                 return
             first_ns = first_ns or event.host_ns
@@ -122,12 +121,15 @@ class ReplaySource:
                 with self._lock:
                     self._strokes_s.append(at_s)
                 emit(stroke)
+        for shown in translator.finish():
+            if (stroke_now := assembler.feed(shown)) is not None:
+                emit(stroke_now)
         if (last := assembler.give_up()) is not None:
             emit(last)
         for topic, record in self._recording.records():
             if topic == channels.LOG and first_ns is not None:
                 self._note_mark((record.log_time - first_ns) * 1e-9, record.data)  # type: ignore[attr-defined]
-        emit(_health(probe))
+        emit(_health(session))
         with self._lock:
             self._loaded = True
 
@@ -154,7 +156,7 @@ class ReplaySource:
         self._times, self._events = [t for t, _ in kept], [e for _, e in kept]
 
     def _note_mark(self, at_s: float, data: bytes) -> None:
-        text = str(json.loads(data).get("message", ""))
+        text = str(channels.read_json(data).get("message", ""))
         if text.startswith(MARK_PREFIX):
             with self._lock:
                 self._marks.append(Mark(max(at_s, 0.0), text.removeprefix(MARK_PREFIX)))
@@ -172,6 +174,8 @@ class ReplaySource:
                 emit(Jumped())
             for event in due:
                 if isinstance(event, link.Gap):
+                    for shown in translator.finish():
+                        emit(shown)
                     translator.reset()
                     emit(LinkChanged(*_gap(event), device))
                     continue
@@ -225,7 +229,7 @@ class ReplaySource:
                 length_s=self._length(),
                 playing=self._playing,
                 speed=self._speed,
-                obeyed=self._obeyed,
+                commands_applied=self._commands_applied,
                 strokes_s=tuple(self._strokes_s),
                 marks=tuple(self._marks),
             )
@@ -237,6 +241,6 @@ def _gap(event: link.Gap) -> tuple[LinkState, str]:
     return LinkState.GONE, "Here the link to the probe was broken for a while."
 
 
-def _health(probe: Probe) -> Health:
-    frames, counts = probe.frame_counts, probe.counts
+def _health(session: RecordedSession) -> Health:
+    frames, counts = session.frame_counts, session.counts
     return Health(0.0, frames.received, frames.lost, counts.bad_crc, counts.resent, frames.duplicate)

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import uvicorn
 
-from host.view.app import make_app
-from host.view.commands import Commands, LoadStrokes
-from host.view.events import LinkChanged, LinkState
-from host.view.guard import is_loopback
-from host.view.session import Session
-from host.view.source import Source
+from palpate.view.app import make_app
+from palpate.view.commands import Commands, LoadStrokes
+from palpate.view.events import LinkChanged, LinkState
+from palpate.view.guard import is_loopback
+from palpate.view.session import Session
+from palpate.view.source import Source
 
 
 class Viewer:
@@ -30,7 +30,7 @@ class Viewer:
     host, port : where to listen; port 0 takes a free one
     recordings : the folder for recordings
     load_strokes : reads the strokes of an earlier recording
-    token : ask for this token; made up when `host` is not the loopback address
+    token : ask for this token; by default one is made up, and where it is empty nobody is asked (in a test)
 
     Raises
     ------
@@ -49,9 +49,8 @@ class Viewer:
         load_strokes: LoadStrokes = lambda path: (),
         token: str | None = None,
     ) -> None:
-        if token is None and not is_loopback(host):
-            token = secrets.token_urlsafe(24)
-        self.token = token
+        self.token = secrets.token_urlsafe(24) if token is None else token
+        self._once: set[str] = set()
         self.source = source
         self.session = Session(mode=mode, name=source.name)
         self.commands = Commands(self.session, source, recordings, load_strokes)
@@ -60,7 +59,7 @@ class Viewer:
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             self._socket.bind((host, port))
-            self._socket.listen(64)  # who connects before the server runs waits instead of being refused
+            self._socket.listen(64)  # connections made before the server runs wait instead of being refused
         except OSError:
             self._socket.close()
             raise
@@ -68,7 +67,9 @@ class Viewer:
         self._stop = threading.Event()
         self._server = uvicorn.Server(
             uvicorn.Config(
-                make_app(self.session, self.commands, token=token),
+                make_app(
+                    self.session, self.commands, token=self.token, loopback=is_loopback(host), once=self._once
+                ),
                 log_level="warning",
                 access_log=False,
                 ws="websockets-sansio",
@@ -82,14 +83,17 @@ class Viewer:
 
     @property
     def url(self) -> str:
-        """What to open in the browser, with the token if one is needed."""
+        """What to open in the browser, with the token."""
+        return self._url(self.token)
+
+    def _url(self, token: str) -> str:
         host, port = self._socket.getsockname()[:2]
         name = {"0.0.0.0": socket.gethostname(), "::": socket.gethostname()}.get(host, host)
         if is_loopback(host):
             name = "localhost" if host == "127.0.0.1" else f"[{host}]" if ":" in host else host
         elif ":" in name:
             name = f"[{name}]"
-        return f"http://{name}:{port}/" + (f"?token={self.token}" if self.token else "")
+        return f"http://{name}:{port}/" + (f"?token={token}" if token else "")
 
     def run(self, *, open_browser: bool = False, on_ready: Callable[[str], None] | None = None) -> None:
         """Serve in this thread until interrupted."""
@@ -98,11 +102,19 @@ class Viewer:
         if on_ready is not None:
             on_ready(url)
         if open_browser:
-            threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+            threading.Thread(target=webbrowser.open, args=(self._url(self._code()),), daemon=True).start()
         try:
             self._serve()
         finally:
             self.close()
+
+    def _code(self) -> str:
+        """What opens the page once: every user can read what a browser is started with."""
+        if not self.token:
+            return ""
+        code = secrets.token_urlsafe(24)
+        self._once.add(code)
+        return code
 
     def __enter__(self) -> Viewer:
         self._start_source()
@@ -120,7 +132,7 @@ class Viewer:
         self._stop.set()
         self.commands.close()
         for thread in self._threads:
-            # The socket may be closed only when nobody serves it any more; a source may hang on its port.
+            # The socket may be closed only once the server has stopped; a source may still hang on its port.
             thread.join(5.0 if thread.name == "source" else None)
         self._socket.close()
 

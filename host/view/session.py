@@ -1,4 +1,4 @@
-"""What has been seen since the viewer was started, and what every page is told about it.
+"""Everything since the viewer was started, and what each page is told of it.
 
 The source's thread brings events in (`on_event`); pages read snapshots and mailboxes from the server's
 thread.
@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from host.view.assemble import Assembler
-from host.view.events import (
+from palpate.view.assemble import Assembler
+from palpate.view.events import (
     Device,
     Estimate,
     Event,
@@ -31,16 +31,17 @@ from host.view.events import (
     RecordingStopped,
     StrokeState,
 )
-from host.view.mailbox import Mailbox
-from host.view.stroke import Stroke
-from host.view.visits import Visits
+from palpate.view.mailbox import Mailbox
+from palpate.view.stroke import Stroke
+from palpate.view.tactile_map import peak_kPa
+from palpate.view.visits import Visits
 
 PROGRESS_INTERVAL_S = 0.1
 _FRAME_HEAD = struct.Struct("<BBHIddffff")
 
 
 def pack_frame(frame: Frame) -> bytes:
-    """A frame for the page: head (see `_FRAME_HEAD`), then 16 x 26 float32 kPa, all little-endian."""
+    """A frame for the page: head (see `_FRAME_HEAD`), then a float32 a cell, kPa, all little-endian."""
     head = _FRAME_HEAD.pack(
         1,
         0,
@@ -51,7 +52,7 @@ def pack_frame(frame: Frame) -> bytes:
         frame.position_mm,
         frame.displacement_mm,
         frame.force_N_per_m,
-        float(frame.pressure_kPa.max()),
+        peak_kPa(frame.pressure_kPa),
     )
     return head + np.ascontiguousarray(frame.pressure_kPa, dtype="<f4").tobytes()
 
@@ -127,7 +128,7 @@ class Session:
 
     def set_recording(self, recording: dict[str, Any] | None) -> None:
         """What is being written, or None."""
-        with self.lock:  # told in the order in which it was so, whichever thread says it
+        with self.lock:  # reported in the order in which it happened, whichever thread reports it
             self.recording = recording
             self.tell({"type": "recording", "recording": recording})
 

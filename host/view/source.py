@@ -1,6 +1,7 @@
 """Where the viewer's events come from: a live probe and a recording look the same from here.
 
-No source offers a way to the probe's flash commands: the page cannot reach them, with or without a token.
+The one thing that a page can change on a probe is its model, and only to one that the probe itself accepts:
+signed by a key that it trusts, and never an older one. No source offers a way to settings or calibration.
 """
 
 from __future__ import annotations
@@ -10,21 +11,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from host.view.events import Event
-from host.view.stroke import Stroke
+from palpate.view.events import Event
+from palpate.view.stroke import Stroke
 
 Emit = Callable[[Event | Stroke], None]
-"""Takes an event, or a whole stroke that the source has read ahead of what it tells."""
+"""Takes an event, or a whole stroke that the source has read ahead."""
 
 
 class Source(Protocol):
-    """Something that tells events."""
+    """A source of events."""
 
     name: str
 
     def run(self, emit: Emit, stop: threading.Event) -> None:
-        """Tell events until `stop` is set; runs in a thread of its own and comes back by itself after a
-        gap."""
+        """Emit events until `stop` is set; runs in a thread of its own and recovers by itself from a gap."""
 
 
 @runtime_checkable
@@ -46,9 +46,19 @@ class Recordable(Protocol):
 
 
 @runtime_checkable
+class Flashable(Protocol):
+    """A source that can be given another model."""
+
+    def flash(self, image: bytes) -> str:
+        """Put a signed model image onto the probe; the id of the model that is live then."""
+
+
+@runtime_checkable
 class Playable(Protocol):
-    """A source with a beginning and an end. Each control returns how many it has obeyed, itself included,
-    as the `Playback` does that comes of it."""
+    """A source with a beginning and an end.
+
+    Each command returns how many have been applied, itself included: what the next `Playback` counts.
+    """
 
     def play(self) -> int:
         """Go on from where it stands (from the beginning, at the end)."""
@@ -60,4 +70,4 @@ class Playable(Protocol):
         """Go to that many seconds after the beginning."""
 
     def set_speed(self, speed: float) -> int:
-        """Run so many times as fast as life."""
+        """Set the speed, as a multiple of real time."""

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from host.view.events import Estimate, Frame, MapFit, ProbeMap
-from host.view.tactile_map import columns_over_lump, fit_gaussian, method_2
-from host.view.words import card
+from palpate.sim.probe.cells import SHAPE
+from palpate.view.events import Estimate, Frame, MapFit, ProbeMap
+from palpate.view.phrases import card
+from palpate.view.tactile_map import columns_over_lump, fit_gaussian, method_2, peak_kPa
 
 MAX_IMAGES = 96
 MAX_FRAMES = 4096
@@ -39,6 +40,7 @@ class Stroke:
     force_high: bool = False
     too_fast: bool = False
     gaps: int = 0
+    peak_kPa: float = 0.0
     estimate: Estimate | None = None
     probe_map: ProbeMap | None = None
     position_mm: list[float] = field(default_factory=list)
@@ -56,6 +58,7 @@ class Stroke:
             self.gaps += frame.seq - self._last_seq - 1
         self._last_seq = frame.seq
         self.ended_s = frame.time_s
+        self.peak_kPa = max(self.peak_kPa, peak_kPa(frame.pressure_kPa))
         if self.frames % self._trace_every == 0:
             self.position_mm.append(frame.position_mm)
             self.displacement_mm.append(frame.displacement_mm)
@@ -89,6 +92,7 @@ class Stroke:
         return {
             "type": "progress",
             "number": self.number,
+            "visit": self.visit,
             "map": {"x_mm": x, "pressure_kPa": p, "by": "viewer"},
             "fit": _fit_json(fit),
             "traces": self._traces(),
@@ -105,6 +109,7 @@ class Stroke:
             "frames": self.frames,
             "gaps": self.gaps,
             "too_fast": self.too_fast,
+            "peak_kPa": round(self.peak_kPa, 3),
             "card": card(self.estimate, force_low=self.force_low, force_high=self.force_high),
         }
 
@@ -123,10 +128,11 @@ class Stroke:
             "traces": self._traces(),
         }
         if images:
-            stack = np.stack(self.images) if self.images else np.empty((0, 16, 26), np.uint16)
+            stack = np.stack(self.images) if self.images else np.empty((0, *SHAPE), np.uint16)
             out["images"] = {
                 "position_mm": _rounded(self.image_position_mm, 3),
                 "step_kPa": _IMAGE_STEP_KPA,
+                "peak_kPa": _rounded([peak_kPa(image * _IMAGE_STEP_KPA) for image in self.images], 3),
                 "uint16": base64.b64encode(stack.astype("<u2").tobytes()).decode("ascii"),
             }
         return out

@@ -7,26 +7,31 @@ with the eye.
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import OptimizeWarning, curve_fit
 
-from host.view.events import ROW_MM, ROWS, MapFit
+from palpate.features.gaussian import bounded_bump
+from palpate.sim.probe.cells import ROW_MM
+from palpate.view.events import MapFit
 
 Array = NDArray[np.float64]
-MIN_ROWS = 14
-"""Of the 16 rows, before a place is shown."""
+MIN_ROWS = len(ROW_MM) * 7 // 8
+"""How many rows must have seen a place before it is shown."""
 _WORST_FIT = 0.6
 
 
+def peak_kPa(image_kPa: NDArray[np.floating]) -> float:
+    """Highest mean over 3 x 3 cells of a (16, 26) image: what one cell alone says may be its noise."""
+    rows = image_kPa[:-2] + image_kPa[1:-1] + image_kPa[2:]
+    return float((rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:]).max()) / 9.0
+
+
 def columns_over_lump(images_kPa: Array) -> NDArray[np.intp]:
-    """Which of the 26 columns see the lump: a ball lies under a few of them only, and the others dilute it.
+    """Which columns see the lump: a ball lies under a few of them only, and the others dilute it.
 
     Parameters
     ----------
-    images_kPa : (n, 16, 26)
+    images_kPa : (n, rows, columns)
 
     Returns
     -------
@@ -47,20 +52,20 @@ def method_2(position_mm: Array, row_kPa: Array) -> tuple[Array, Array, Array]:
     Parameters
     ----------
     position_mm : (n,) probe positions along the stroke, mm
-    row_kPa : (n, 16) pressure of each row, mean over the columns, kPa
+    row_kPa : (n, rows) pressure of each row, mean over the columns, kPa
 
     Returns
     -------
     x_mm : (m,) places on the tissue, 1 mm apart
     pressure_kPa : (m,) mean of the traces that reach there; where not all do, the face's own profile is
-    allowed for rows : (m,) how many of the 16 rows do; places that too few of them reach are left out
+    allowed for rows : (m,) how many of the rows do; places that too few of them reach are left out
     """
     order = np.argsort(position_mm, kind="stable")
     position, row = position_mm[order], row_kPa[order]
     if position.size < 2 or position[-1] - position[0] < 1.0:
         return np.empty(0), np.empty(0), np.empty(0)
     x = np.arange(np.ceil(position[0] + ROW_MM[0]), np.floor(position[-1] + ROW_MM[-1]) + 0.5)
-    traces = np.full((ROWS, x.size), np.nan)
+    traces = np.full((len(ROW_MM), x.size), np.nan)
     for i, s in enumerate(ROW_MM):
         traces[i] = np.interp(x, position + s, row[:, i], left=np.nan, right=np.nan)
     rows = np.isfinite(traces).sum(axis=0)
@@ -71,11 +76,6 @@ def method_2(position_mm: Array, row_kPa: Array) -> tuple[Array, Array, Array]:
     return x[keep], mean, rows[keep].astype(np.float64)
 
 
-def gaussian(x_mm: Array, base: float, amp: float, centre: float, stdev: float) -> Array:
-    """Base + Amp exp(-(x - centre)^2 / (2 stdev^2))."""
-    return base + amp * np.exp(-0.5 * ((x_mm - centre) / stdev) ** 2)
-
-
 def fit_gaussian(x_mm: Array, pressure_kPa: Array) -> MapFit | None:
     """Fit the map's bump; None where there is none to see yet (too few points, not past the top, a poor
     fit)."""
@@ -84,22 +84,20 @@ def fit_gaussian(x_mm: Array, pressure_kPa: Array) -> MapFit | None:
     base, top = float(pressure_kPa.min()), float(pressure_kPa.max())
     if top - base < 1e-6 * max(top, 1.0):
         return None
-    start = (base, top - base, float(x_mm[int(pressure_kPa.argmax())]), 6.0)
+    start = (max(base, 0.0), top - base, float(x_mm[int(pressure_kPa.argmax())]), 6.0)
     span = float(x_mm[-1] - x_mm[0])
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", OptimizeWarning)
-            p, _ = curve_fit(
-                gaussian,
-                x_mm,
-                pressure_kPa,
-                p0=start,
-                bounds=([0.0, 0.0, x_mm[0], 1.5], [np.inf, 3.0 * (top - base), x_mm[-1], max(2.0, span)]),
-                max_nfev=60,
-            )
-    except (RuntimeError, ValueError):
+    found = bounded_bump(
+        x_mm,
+        pressure_kPa,
+        [start],
+        (0.0, 0.0, x_mm[0], 1.5),
+        (np.inf, 3.0 * (top - base), x_mm[-1], max(2.0, span)),
+        tolerance=1e-8,
+        most=60,
+    )
+    if found is None:
         return None
-    residual = float(np.std(pressure_kPa - gaussian(x_mm, *p)))
+    p, residual = found
     seen_whole = x_mm[0] + p[3] / 2 < p[2] < x_mm[-1] - p[3] / 2 and p[3] > 1.6
     if not seen_whole or p[3] > 0.5 * span or residual > _WORST_FIT * float(np.std(pressure_kPa)):
         return None

@@ -1,4 +1,4 @@
-"""What the link tells, as the viewer's events: the wire's integers become mm, kPa and states that last.
+"""The link's events as the viewer's: the wire's integers become mm, kPa and lasting states.
 
 The probe tells *changes* (contact, started, lump passed, ended); the page shows what *is*.
 """
@@ -8,13 +8,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from firmware_py import messages, status
-from host.link import events as link
-from host.link.scale import CellScale
-from host.view.events import Estimate, Event, Frame, Interval, MapFit, Mark, ProbeMap, StrokeState
+from firmware_py import outputs, status
+from palpate.link import events as link
+from palpate.link.scale import CellScale
+from palpate.view.events import Estimate, Event, Frame, Interval, MapFit, Mark, ProbeMap, StrokeState
 
 WARNING_S = 1.5
 """How long a warning (press harder, too fast) stays on the page."""
+MAP_PATIENCE_US = 2_000_000
+"""How long an estimate waits for its map, which comes behind it, in the probe's time."""
 MARK_PREFIX = "mark: "
 _WARNINGS = {"force_low", "force_high", "too_fast"}
 
@@ -26,20 +28,32 @@ class Translator:
         self.scale = scale
         self._state = StrokeState(0.0)
         self._warned_s: float | None = None
+        self._map_of = (0, 0)
+        self._held: link.Estimate | None = None
 
     def feed(self, event: link.Event) -> Iterator[Event]:
         """What one event of the link means for the page."""
         if isinstance(event, link.Frame):
             yield from self._expire(event.time_us * 1e-6)
+            if self._held is not None and event.time_us - self._held.time_us > MAP_PATIENCE_US:
+                yield from self.finish()
             yield self.frame(event)
         elif isinstance(event, link.StrokeState):
+            if event.state == "started":
+                yield from self.finish()
             self._state = self._step(event.state, event.time_us * 1e-6)
             yield self._state
         elif isinstance(event, link.TactileMap):
+            self._map_of = event.stream, event.stroke
             if (found := probe_map(event)) is not None:
                 yield found
+            if self._held is not None and (self._held.stream, self._held.stroke) == self._map_of:
+                yield from self.finish()
         elif isinstance(event, link.Estimate):
-            yield estimate(event)
+            yield from self.finish()
+            self._held = event
+            if (event.stream, event.stroke) == self._map_of:
+                yield from self.finish()
         elif isinstance(event, link.Log) and event.text.startswith(MARK_PREFIX):
             yield Mark(event.time_us * 1e-6, event.text.removeprefix(MARK_PREFIX))
 
@@ -54,10 +68,17 @@ class Translator:
             pressure_kPa=self.scale.kPa(event.counts),
         )
 
+    def finish(self) -> Iterator[Event]:
+        """Hand on the estimate that waits for its map: it has come, or will not."""
+        if self._held is not None:
+            held, self._held = self._held, None
+            yield estimate(held)
+
     def reset(self) -> None:
         """The link broke: nothing is known of contact or stroke."""
         self._state = StrokeState(self._state.time_s)
         self._warned_s = None
+        self._held = None
 
     def _step(self, change: str, time_s: float) -> StrokeState:
         state = replace(self._state, time_s=time_s)
@@ -87,18 +108,16 @@ def probe_map(event: link.TactileMap) -> ProbeMap | None:
     """The probe's map in mm and kPa; None where it has none (a stroke too short for a map)."""
     if not event.values or event.status not in (status.OK, status.NO_FIT):
         return None
-    kPa = event.count_mpa * 1e-6 / 2048.0
-    start_mm = event.place_um * 1e-3 + event.first_mm
+    told = event.as_dict()
     fit = None
     if event.status == status.OK and event.stdev_q16 > 0:
         fit = MapFit(
-            base_kPa=event.base_q11 * kPa,
-            amp_kPa=event.amplitude_q11 * kPa,
-            centre_mm=start_mm + event.centre_q16 / 65536.0,
-            stdev_mm=event.stdev_q16 / 65536.0,
+            base_kPa=told["base_kPa"],
+            amp_kPa=told["amplitude_kPa"],
+            centre_mm=told["centre_mm"],
+            stdev_mm=told["stdev_mm"],
         )
-    x_mm = tuple(start_mm + i for i in range(len(event.values)))
-    return ProbeMap(x_mm, tuple(v * kPa for v in event.values), fit)
+    return ProbeMap(tuple(told["x_mm"]), tuple(told["pressure_kPa"]), fit)
 
 
 def estimate(event: link.Estimate) -> Estimate:
@@ -110,9 +129,10 @@ def estimate(event: link.Estimate) -> Estimate:
         lump=event.lump,
         hardness=event.hardness,
         in_domain=event.in_domain,
-        force_out=bool(event.flags & messages.FLAG_FORCE),
+        force_out=bool(event.flags & outputs.FORCE_OUT),
         invalid=not event.valid and event.status not in (status.NO_LUMP, status.NO_FIT, status.FORCE_RANGE),
         no_model=event.status == status.NO_MODEL,
+        uncalibrated=not event.calibrated,
         level=event.level_permille / 1000,
         model_id=event.model_id.hex() if any(event.model_id) else "",
         status_text="" if event.status == status.OK else event.reason,

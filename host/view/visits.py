@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from host.view.repeatability import compare, spread
-from host.view.stroke import Stroke
+from palpate.view.repeatability import ASSUMES, compare, spread
+from palpate.view.stroke import Stroke
 
 MAX_STROKES = 1000
 STROKES_WITH_IMAGES = 100
@@ -115,7 +115,7 @@ class Visits:
 
     def compare(self, a: int, b: int) -> dict[str, Any]:
         """Visit `b` against visit `a`, quantity by quantity."""
-        out: dict[str, Any] = {"a": a, "b": b}
+        out: dict[str, Any] = {"a": a, "b": b, "assumes": ASSUMES}
         for key, (what, unit) in QUANTITIES.items():
             values = [[v for s in self.strokes(n) if (v := s.value(key)) is not None] for n in (a, b)]
             found = compare(values[0], values[1], what=what, unit=unit)

@@ -1,4 +1,3 @@
-"""The emulated probe: what its sensors read of a stroke, the runtimes that carry the firmware.
-
-And faults on its link.
+"""The emulated probe: what its sensors read during a stroke, the runtimes that run the firmware, faults on
+its link.
 """

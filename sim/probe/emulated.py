@@ -1,7 +1,4 @@
-"""The emulated probe: the firmware in an interpreter of its own.
-
-Its link on a pseudo-terminal or TCP port.
-"""
+"""The emulated probe: the firmware in an interpreter of its own, on a pseudo-terminal or a TCP port."""
 
 import contextlib
 import json
@@ -17,15 +14,19 @@ import threading
 from collections.abc import Iterable
 from pathlib import Path
 
-from firmware_py import calib, record, status
+import firmware_py
+from firmware_py import calib, safe_record, sensor_array, status
 from firmware_py.store import FileStore
-from sim.probe import node, source
-from sim.probe.faults import Faults
-from sim.probe.relay import Relay
+from palpate.errors import PalpateError, UsageError
+from palpate.sim.probe import node, source
+from palpate.sim.probe.faults import Faults
+from palpate.sim.probe.relay import Relay
 
-ROOT = Path(__file__).parent.parent.parent
+FIRMWARE = Path(firmware_py.__file__).parent
 DEVICE = Path(__file__).parent / "device"
 RUNTIMES = ("micropython", "cpython")
+RP2040 = "rp2040"
+"""A runtime as well: the reference board, its processor emulated (palpate.sim.probe.rp2040)."""
 START_S = 120.0
 """How long an interpreter may take to come up, however busy this machine is."""
 _HEAP = 512 * 1024
@@ -33,22 +34,27 @@ _CLOSE_QUEUE, _ROOMY_QUEUE = 4096, 1 << 20
 """Bytes asked of the kernel for what waits for the relay; it gives some 300 frames' room at most."""
 
 
+class EmulatorFailed(PalpateError):
+    """The process that runs the firmware did not start."""
+
+
 class EmulatedProbe:
     """A probe without hardware. Use it as a context manager, or `start` and `stop` it.
 
     Parameters
-    runtime: "micropython" (the real interpreter, WASM under Node) or "cpython"; "microbit" runs only vectors,
-        see sim.probe.microbit
+    runtime: "micropython" (the real interpreter, WASM under Node) or "cpython"; "rp2040" is the reference
+        board (MicroPython's own port on an emulated RP2040, far slower than a real one); "microbit" runs only
+        vectors, see palpate.sim.probe.microbit
     strokes: what the sensors read once a stream starts: strokes one after the other
-        (sim.probe.sensors.FrameStream)
+        (palpate.sim.probe.sensors.FrameStream)
     listen: "pty", or "tcp:HOST:PORT" (port 0: any)
     store: directory that keeps model, calibration and settings over restarts; None: a new one, removed
         at the end
     repeat: begin again with the first stroke after the last
-    calibration: what the probe left the bench with (sim.probe.sensors.SensorModel.calibration); default:
+    calibration: what the probe left the bench with (sensors.SensorModel.calibration); default:
         nominal
-    public_key: the LMS public key whose models the probe accepts
-    to_host, to_device, seed, baud: a bad or slow link, see sim.probe.relay.Relay
+    public_key: the public key whose models the probe accepts
+    to_host, to_device, seed, baud: a bad or slow link, see palpate.sim.probe.relay.Relay
     roomy: seconds of frames wait for a host that is held up, as in the buffers of a USB port; without it a
         host that does not read is felt after a tenth of a second
 
@@ -71,18 +77,23 @@ class EmulatedProbe:
         baud: int = 0,
         roomy: bool = False,
     ) -> None:
-        if runtime not in RUNTIMES:
-            raise ValueError(f"there is no runtime '{runtime}'; there are {', '.join(RUNTIMES)}")
+        if runtime not in (*RUNTIMES, RP2040):
+            raise UsageError(f"there is no runtime '{runtime}'; there are {', '.join((*RUNTIMES, RP2040))}")
+        self._uf2: Path | None = None
         if runtime == "micropython":
             node.node()
             node.check_wasm()
+        elif runtime == RP2040:
+            from palpate.sim.probe.rp2040 import interpreter
+
+            self._uf2 = interpreter.find()
         self.runtime = runtime
         self.complaints: list[str] = []
         self._dir = Path(tempfile.mkdtemp(prefix="palpate-probe-"))
-        self._store = store or self._dir / "store"
+        self._store = store.resolve() if store else self._dir / "store"
         self._store.mkdir(parents=True, exist_ok=True)
         if calibration:
-            record.Record(FileStore(str(self._store)), "cal").save(calibration.to_bytes())
+            safe_record.Record(FileStore(str(self._store)), "cal").save(calibration.to_bytes())
         self._repeat = repeat
         self._serial = serial
         self._public_key = public_key
@@ -124,7 +135,7 @@ class EmulatedProbe:
         """Switch on, and wait until the firmware listens (or has ended).
 
         power_bytes: cut the power when so many more bytes have been written to the store. Raises
-        TimeoutError where the interpreter does not come up.
+        EmulatorFailed where the interpreter does not come up.
         """
         if self.running:
             return self
@@ -134,7 +145,9 @@ class EmulatedProbe:
         config = {
             "orders": orders,
             "listens": listens_in,
-            "firmware": str(ROOT / "firmware_py"),
+            "firmware": str(FIRMWARE),
+            "array": str(sensor_array.__file__),
+            "record": source.RECORD_BYTES,
             "programs": [str(DEVICE / "emulated_board.py"), str(DEVICE / "main.py")],
             "main": "main",
             "heap": _HEAP,
@@ -146,13 +159,16 @@ class EmulatedProbe:
             "public_key": list(self._public_key) if self._public_key else None,
             "boots": self._boots(),
             "power_bytes": power_bytes,
+            "uf2": str(self._uf2),
         }
         path = self._dir / "config.json"
         path.write_text(json.dumps(config))
         if self.runtime == "micropython":
             command = [node.node(), str(node.WASM / "device.mjs"), str(path)]
+        elif self.runtime == RP2040:
+            command = [sys.executable, "-P", "-m", "palpate.sim.probe.rp2040", str(path)]
         else:
-            command = [sys.executable, "-m", "sim.probe.device", str(path)]
+            command = [sys.executable, "-P", "-m", "palpate.sim.probe.device", str(path)]
         errors, errors_in = os.pipe()
         self._process = subprocess.Popen(
             command,
@@ -160,7 +176,6 @@ class EmulatedProbe:
             stdout=self._theirs.fileno(),
             stderr=errors_in,
             pass_fds=(orders, listens_in),
-            cwd=ROOT,
         )
         for theirs in (errors_in, orders, listens_in):
             os.close(theirs)
@@ -169,7 +184,7 @@ class EmulatedProbe:
         try:
             if not select.select([listens], [], [], START_S)[0]:
                 self.cut_power()
-                raise TimeoutError(f"the emulated probe did not come up within {START_S:g} s")
+                raise EmulatorFailed(f"the emulated probe did not come up within {START_S:g} s; try again")
         finally:
             os.close(listens)
         return self
@@ -191,7 +206,7 @@ class EmulatedProbe:
             self._order(f"source {self._source}")
 
     def cut_power(self) -> None:
-        """Switch off without a word; `start` switches on again."""
+        """Switch off abruptly; `start` switches on again."""
         if self._process:
             with contextlib.suppress(ProcessLookupError):
                 self._process.send_signal(signal.SIGKILL)
@@ -217,7 +232,9 @@ class EmulatedProbe:
         self.relay.cut()
 
     def stop(self) -> None:
-        """Switch off and clean up."""
+        """Switch off and clean up; harmless when repeated."""
+        if self._ours.fileno() < 0:
+            return
         self.cut_power()
         self.relay.close()
         self._ours.close()

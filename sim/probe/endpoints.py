@@ -1,6 +1,6 @@
 """Where a host connects to an emulated probe: a pseudo-terminal or a TCP port.
 
-Both outlive the host's visits.
+Both outlive the host's connections.
 """
 
 import os
@@ -8,7 +8,9 @@ import socket
 import tty
 from typing import Protocol
 
-QUEUE_BYTES = 16384  # of the kernel's buffers towards the host, so that a slow host is felt
+from palpate.errors import UsageError
+
+QUEUE_BYTES = 16384  # of the kernel's buffers towards the host, so that a slow host has an effect
 
 
 class Endpoint(Protocol):
@@ -18,7 +20,7 @@ class Endpoint(Protocol):
 
     @property
     def fd(self) -> int | None: ...
-    def waiting(self) -> list[int]: ...  # file descriptors on which a new host may knock
+    def waiting(self) -> list[int]: ...  # file descriptors on which a new host may connect
     def accept(self) -> None: ...
     def hang_up(self) -> None: ...
     def close(self) -> None: ...
@@ -44,7 +46,7 @@ class PtyEndpoint:
         return []
 
     def accept(self) -> None:
-        """Nobody knocks on a terminal."""
+        """A terminal has no connections to accept."""
 
     def hang_up(self) -> None:
         """Unplug: the port vanishes and another, with another name perhaps, takes its place."""
@@ -57,7 +59,7 @@ class PtyEndpoint:
 
 
 class TcpEndpoint:
-    """A listening TCP port that serves one host at a time; the last to knock gets in."""
+    """A listening TCP port that serves one host at a time; the latest to connect is served."""
 
     def __init__(self, host: str = "127.0.0.1", port: int = 0) -> None:
         self._listener = socket.create_server((host, port), backlog=1)
@@ -94,11 +96,11 @@ class TcpEndpoint:
 
 
 def endpoint(listen: str) -> Endpoint:
-    """Make the endpoint that `listen` names: "pty" or "tcp:HOST:PORT" (port 0: any). Raises ValueError."""
+    """Make the endpoint that `listen` names: "pty" or "tcp:HOST:PORT" (port 0: any). Raises UsageError."""
     if listen == "pty":
         return PtyEndpoint()
     kind, _, where = listen.partition(":")
     host, _, port = where.rpartition(":")
     if kind != "tcp" or not host or not port.isdigit() or int(port) > 65535:
-        raise ValueError(f"cannot listen on '{listen}'; say pty or tcp:HOST:PORT")
+        raise UsageError(f"cannot listen on '{listen}'; say pty or tcp:HOST:PORT")
     return TcpEndpoint(host, int(port))

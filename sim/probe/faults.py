@@ -1,4 +1,4 @@
-"""What can happen to bytes on their way, from a seed: the same seed hurts the same bytes.
+"""Faults on a link, from a seed: the same seed corrupts the same bytes.
 
 All probabilities are per byte unless they say otherwise.
 """
@@ -12,9 +12,8 @@ import numpy as np
 class Faults:
     """A bad link. `flip`, `lose`, `double`, `swap`: probability that a byte has one bit flipped, is
     lost, comes twice, changes places with the next; `burst`: that a burst begins here, which replaces
-    `burst_bytes` bytes by noise; `chatter`: that another program writes a line of text here; `stall`:
-    that the link stands still for
-    `stall_s` seconds; `cut`: that the connection is cut here (and may be made again)."""
+    `burst_bytes` bytes by noise; `chatter`: that another program writes a line of text here; `stall`: that
+    the link stalls for `stall_s` seconds; `cut`: that the connection is cut here (and may be made again)."""
 
     flip: float = 0.0
     lose: float = 0.0
@@ -32,22 +31,22 @@ CHATTER = b"\r\nmodem-manager: AT+GCAP\r\n"
 
 
 class FaultyLine:
-    """One direction of a bad link. `hurt` counts what was done, by the name of the fault."""
+    """One direction of a bad link. `fault_counts` counts what was done, by the name of the fault."""
 
     def __init__(self, faults: Faults, seed: int) -> None:
         self.faults = faults
-        self.hurt: dict[str, int] = dict.fromkeys(
+        self.fault_counts: dict[str, int] = dict.fromkeys(
             ("flip", "lose", "double", "swap", "burst", "chatter", "stall", "cut"), 0
         )
-        self.stall_s = 0.0  # how long the line stands still from here on; whoever waits sets it back
-        self.cut = False  # the connection is to be cut now; whoever cuts sets it back
+        self.stall_s = 0.0  # how long the line stalls from here on; whoever waits resets it
+        self.cut = False  # the connection is to be cut now; whoever cuts resets it
         self._random = np.random.default_rng(seed)
 
     def _hits(self, n: int, probability: float, name: str) -> np.ndarray:
         if probability <= 0 or n == 0:
             return np.empty(0, dtype=np.intp)
         hits = np.flatnonzero(self._random.random(n) < probability)
-        self.hurt[name] += len(hits)
+        self.fault_counts[name] += len(hits)
         return hits
 
     def pass_through(self, data: bytes) -> bytes:

@@ -1,4 +1,4 @@
-"""A probe's store that loses its power: torn writes, and file systems that lie until they are synced.
+"""A probe's store that loses its power: torn writes, and file systems that guarantee nothing until synced.
 
 `FlashSim` has the methods of `firmware_py.store.FileStore`. It notes every operation; `cut_states`
 replays such a trace up to every operation and every byte of every write and yields what a probe may
@@ -66,7 +66,7 @@ class FlashSim:
         return status.OK if room == len(data) else status.NO_SPACE
 
     def remove(self, name: str) -> None:
-        """Forget a name."""
+        """Remove a name."""
         self.trace.append(("remove", name, b""))
         self.files.pop(name, None)
 

@@ -11,6 +11,8 @@ Each buffer ends where the memory ends: machine code that reads or writes behind
 board would notice, is a BadAccess here.
 """
 
+import ast
+import importlib
 import subprocess
 import sys
 import tempfile
@@ -21,7 +23,7 @@ from pathlib import Path
 import unicorn
 from unicorn import arm_const as arm
 
-from sim.probe import mpy_file
+from palpate.sim.probe import mpy_file
 
 Buffer = array | bytearray | bytes
 
@@ -41,12 +43,15 @@ _BUFFER_BYTES = 0x20000  # the largest; as much between two of them is no memory
 _RETURN = 0x18000800
 
 _N_HELPERS = 128
-_SELF, _CONTEXT, _CONSTANTS, _HELPER_TABLE, _ARGUMENTS = (_TABLES + 0x400 * k for k in range(5))
+_SELF, _CONTEXT, _CONSTANTS, _HELPER_TABLE, _ARGUMENTS, _NAMES = (_TABLES + 0x400 * k for k in range(6))
 
 # helpers by their place in the interpreter's table
 _NONE = 0
 _FROM_OBJECT = 3
 _TO_OBJECT = 4
+_SWAP_GLOBALS = 5
+_LOAD_GLOBAL = 7
+_PUSH_HANDLER, _POP_HANDLER = 32, 33  # of exceptions, which a function with globals has; 0: go on
 _CHECK_ARGUMENTS = 44
 _FLOOR_DIVIDE = 46
 _MODULO = 47
@@ -71,6 +76,18 @@ def compile_viper(source: Path, architecture: str) -> mpy_file.Module:
         return mpy_file.Module(out)
 
 
+def constants_of(source: Path) -> dict[str, int]:
+    """The module's numbers that are another module's of firmware_py: `_CELLS = geometry.CELLS`."""
+    found = {}
+    for node in ast.parse(source.read_text()).body:
+        match node:
+            case ast.Assign(
+                targets=[ast.Name(name)], value=ast.Attribute(value=ast.Name(module), attr=attribute)
+            ):
+                found[name] = getattr(importlib.import_module(f"firmware_py.{module}"), attribute)
+    return found
+
+
 def signed(word: int) -> int:
     """A word of 32 bits as a number with its sign."""
     return word - (word >> 31 << 32)
@@ -84,6 +101,8 @@ class MachineCode:
     source : the Python file
     architecture : a key of PROCESSORS
     count : whether to count instructions (ten times slower)
+    frozen : whether it lies as in a build of MicroPython that it is frozen into, which aligns it to two bytes
+        only (tools/mpy-tool.py); as a .mpy file it is loaded to a multiple of four
 
     Attributes
     ----------
@@ -92,11 +111,13 @@ class MachineCode:
     divisions : how many calls of MicroPython's floor division and modulo; their instructions are not counted
     """
 
-    def __init__(self, source: Path, architecture: str, count: bool = False) -> None:
+    def __init__(self, source: Path, architecture: str, count: bool = False, frozen: bool = False) -> None:
         module = compile_viper(source, architecture)
         self.instructions = 0
         self.divisions = 0
         self._failure: Exception | None = None
+        constants = constants_of(source)
+        self._globals = [constants.get(name or "") for name in module.names]
         self._objects: list[tuple[int, int]] = []
         self._in_block: dict[tuple[int, int], int] = {}
         self._mapped = 0
@@ -105,17 +126,18 @@ class MachineCode:
         for base, size in ((_TABLES, 0x2000), (_HELPERS, 0x1000), (_STACK, _STACK_BYTES)):
             uc.mem_map(base, size)
         self._functions = {}
-        at = _CODE
+        first = at = _CODE + (2 if frozen else 0)
         for name, code in module.viper.items():
             self._functions[name] = self._callable(at)
             at += -(-len(code) // 4) * 4
         uc.mem_map(_CODE, -(-(at - _CODE) // 0x1000) * 0x1000)
-        at = _CODE
+        at = first
         for code in module.viper.values():
             uc.mem_write(at, code)
             at += -(-len(code) // 4) * 4
         self._words(_SELF, 0, _CONTEXT)
-        self._words(_CONTEXT, 0, 0, 0, _CONSTANTS)
+        self._words(_CONTEXT, 0, 0, _NAMES, _CONSTANTS)
+        uc.mem_write(_NAMES, array("H", range(len(module.names))).tobytes())
         self._words(
             _CONSTANTS, *(_HELPER_TABLE if kind == mpy_file.HELPERS else 0 for kind, _ in module.constants)
         )
@@ -214,6 +236,13 @@ class MachineCode:
             if b != _INT or not -(2**30) <= signed(a) < 2**30:
                 raise OverflowError(f"the result {signed(a)} would be put on the heap")
             return a << 1 | 1
+        if which == _LOAD_GLOBAL:
+            value = self._globals[a]
+            if value is None:
+                raise NameError(f"global {a} is no number of firmware_py")
+            return value << 1 | 1
+        if which in (_SWAP_GLOBALS, _PUSH_HANDLER, _POP_HANDLER):
+            return 0
         if which in (_FLOOR_DIVIDE, _MODULO):
             self.divisions += 1
             quotient, rest = divmod(signed(a), signed(b))

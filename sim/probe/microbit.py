@@ -1,7 +1,7 @@
 """Debian's MicroPython 1.9.2 for the BBC micro:bit (Cortex-M0, 16 KB of RAM) in QEMU.
 
 Lines go to its raw REPL, memory is reached through the debug port. Each step waits for its answer, so nothing
-depends on how busy this machine is. sim.probe.on_microbit puts the firmware's functions there.
+depends on how busy this machine is. palpate.sim.probe.on_microbit puts the firmware's functions there.
 """
 
 import contextlib
@@ -13,9 +13,9 @@ import subprocess
 import time
 from pathlib import Path
 
-from sim.probe.debug_port import DebugPort
-from sim.probe.node import RuntimeMissing
-from sim.probe.scripts import ScriptFailed
+from palpate.sim.probe.debug_port import DebugPort
+from palpate.sim.probe.node import RuntimeMissing
+from palpate.sim.probe.scripts import ScriptFailed
 
 IMAGE = Path("/usr/share/firmware-microbit-micropython/firmware.hex")
 QEMU = "qemu-system-arm"

@@ -5,12 +5,14 @@ import subprocess
 from functools import cache
 from pathlib import Path
 
+from palpate.errors import PalpateError
+
 OLDEST = 18
 WASM = Path(__file__).parent / "wasm"
 PACKAGE = WASM / "node_modules" / "@micropython" / "micropython-webassembly-pyscript"
 
 
-class RuntimeMissing(RuntimeError):
+class RuntimeMissing(PalpateError):
     """What an emulated probe runs on is not installed; the message says how to get it."""
 
 
@@ -38,7 +40,8 @@ def node() -> str:
         if candidate.exists() and _version(str(candidate)) >= OLDEST:
             return str(candidate)
     raise RuntimeMissing(
-        f"There is no Node.js of version {OLDEST} or later; run `make setup`, which installs one."
+        f"there is no Node.js of version {OLDEST} or later to run MicroPython in; install one with "
+        "pip install 'palpate[node]', or go on without: --runtime cpython"
     )
 
 
@@ -46,5 +49,6 @@ def check_wasm() -> None:
     """Raises RuntimeMissing if the MicroPython/WASM package is not there."""
     if not PACKAGE.exists():
         raise RuntimeMissing(
-            f"MicroPython/WASM is not installed; run `make setup` or `npm ci --prefix {WASM}`."
+            f"MicroPython/WASM is not installed; run `make setup` or `npm ci --prefix {WASM}`, or go on "
+            "without: --runtime cpython"
         )

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+from palpate.errors import UsageError
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -54,7 +56,7 @@ class Noise:
         for f in fields(self):
             value = getattr(self, f.name)
             if f.name != "quantise" and not 0 <= value < (1 if f.name in ("dead", "force") else 1e3):
-                raise ValueError(f"noise '{f.name}' is {value}: it must be 0 or more (dead, force: below 1)")
+                raise UsageError(f"noise '{f.name}' is {value}: it must be 0 or more (dead, force: below 1)")
 
     def without(self, *names: str) -> Noise:
         """The same with the named disturbances at 0."""

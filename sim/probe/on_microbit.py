@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
-from sim.probe.flat import Flattener
-from sim.probe.microbit import RING, MicroBit, known_names
+from palpate.sim.probe.flat import Flattener
+from palpate.sim.probe.microbit import RING, MicroBit, known_names
 
 _FLASH = 0x3C000  # free in this firmware, but for its file system, which nobody uses here
 _FLASH_END = 0x3FC00

@@ -1,23 +1,18 @@
-"""The reference probe's circuit on a virtual clock: pins, multiplexers, amplifiers, ADCs, encoder, UART.
+"""Pins, wheel, UART and state machines of a Pico on a virtual clock, for drivers that run in this process.
 
-`install` puts it in the place of MicroPython's `machine`, so that firmware_py/boards runs on it unchanged.
-What the parts do, and how long they take, is from their data sheets; times are in us.
+`installed` puts them in the place of MicroPython's `machine`, so that firmware_py/boards runs on them
+unchanged. The whole board with its interpreter is in palpate.sim.probe.rp2040. Times are in us.
 """
 
-import math
 import sys
 import time
 import types
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-import numpy as np
-
-from sim.probe import pio
+from palpate.sim.probe import pio
 
 PIN_CALL_US = 1.2  # what one Pin.value costs the interpreter on an RP2040, about
-MCP3202_MAX_HZ = 1_200_000  # at 3.3 V, between .9 MHz at 2.7 V and 1.8 MHz at 5 V
-SELECT_HIGH_US = 0.5  # the MCP3202 wants to be let go so long between two conversions
 
 
 class Clock:
@@ -28,17 +23,11 @@ class Clock:
 
 
 class Circuit:
-    """Everything on the board. `cells` (16, 26): counts that the sensors would give, settled."""
+    """What is on the pins."""
 
-    def __init__(self, cells: np.ndarray | None = None, settling_us: float = 1.0) -> None:
+    def __init__(self) -> None:
         self.clock = Clock()
-        self.cells = np.zeros((16, 26), dtype=int) if cells is None else cells
-        self.displacement_counts = 0
-        self.settling_us = settling_us  # time constant of the amplifiers
         self.pins: dict[object, Pin] = {}
-        self._levels = {"A": 0.0, "B": 0.0}
-        self._targets = {"A": 0.0, "B": 0.0}
-        self._changed_us = -1e9
         self.machines: list[pio.StateMachine] = []
 
     def now_us(self) -> float:
@@ -59,24 +48,6 @@ class Circuit:
             self.pins[name] = Pin(self, name)
         return self.pins[name]
 
-    def _address(self, pins: tuple[int, ...]) -> int:
-        return sum(self.pin(n).level << bit for bit, n in enumerate(pins))
-
-    def pin_changed(self) -> None:
-        """An address may have changed: the amplifiers start towards another cell."""
-        for name in ("A", "B"):
-            self._levels[name] = self.analogue(name)
-        self._changed_us = self.clock.us
-        row, column = self._address((2, 3, 4, 5)), self._address((6, 7, 8, 9))
-        self._targets["A"] = float(self.cells[row, column])
-        self._targets["B"] = float(self.cells[row, 16 + column]) if column < 10 else 0.0
-
-    def analogue(self, name: str) -> float:
-        """Output of amplifier A or B now, in counts."""
-        target = self._targets[name]
-        left = math.exp(-(self.clock.us - self._changed_us) / self.settling_us) if self.settling_us else 0.0
-        return target + (self._levels[name] - target) * left
-
 
 class Pin:
     """What machine.Pin(n) gives: one object for each pin of the circuit."""
@@ -92,9 +63,8 @@ class Pin:
 
     def value(self, level: int | None = None) -> int:
         self._circuit.clock.us += PIN_CALL_US
-        if level is not None and level != self.level:
+        if level is not None:
             self.level = level
-            self._circuit.pin_changed()
         return self.level
 
     def irq(self, handler: Callable[["Pin"], None], trigger: int, hard: bool = False) -> None:
@@ -109,54 +79,6 @@ class Pin:
         self.level = level
         if changed and interrupt and self._handler:
             self._handler(self)
-
-
-class MCP3202:
-    """The converter's side of the bus, bit by bit."""
-
-    def __init__(self, circuit: Circuit, select: int, channels: Callable[[int], float]) -> None:
-        self.circuit, self.select, self._channels = circuit, select, channels
-
-    def transfer(self, sent: bytes, baud: int) -> bytes:
-        """One selection: the bits that come out while `sent` goes in."""
-        assert baud <= MCP3202_MAX_HZ, f"{baud} Hz is too fast for the MCP3202"
-        out, config, counting = 0, [], -1
-        answer: list[int] = []
-        for byte in sent:
-            for bit in range(7, -1, -1):
-                self.circuit.clock.us += 1e6 / baud
-                din, dout = byte >> bit & 1, 1
-                if counting < 0:
-                    if din:
-                        counting = 0
-                elif counting < 3:
-                    config.append(din)
-                    counting += 1
-                    if counting == 3:
-                        single, channel, msb_first = config
-                        assert single and msb_first
-                        counts = int(np.clip(round(self._channels(channel)), 0, 4095))
-                        answer = [0, *[counts >> k & 1 for k in range(11, -1, -1)]]
-                else:
-                    dout = answer.pop(0) if answer else 0
-                out = out << 1 | dout
-        return out.to_bytes(len(sent), "big")
-
-
-class SPI:
-    """machine.SPI."""
-
-    circuit: Circuit
-    chips: tuple[MCP3202, ...]
-
-    def __init__(self, _id: int, baudrate: int, sck: Pin, mosi: Pin, miso: Pin) -> None:
-        assert (sck.name, mosi.name, miso.name) == (18, 19, 16), "SPI 0 is wired to other pins"
-        self._baud = baudrate
-
-    def write_readinto(self, sent: bytes, reply: bytearray) -> None:
-        chosen = [chip for chip in self.chips if self.circuit.pin(chip.select).level == 0]
-        assert len(chosen) == 1, f"{len(chosen)} chips are selected"
-        reply[:] = chosen[0].transfer(bytes(sent), self._baud)
 
 
 class UART:
@@ -195,7 +117,7 @@ class UART:
         return n or None
 
 
-def turn(circuit: Circuit, steps: int, interrupt: bool = True, step_us: float = 2.0) -> None:
+def turn(circuit: Circuit, steps: int, interrupt: bool = True, step_us: float = 12.0) -> None:
     """Turn the encoder's wheel by so many quarter steps, one every `step_us`."""
     a, b = circuit.pin(10), circuit.pin(11)
     cycle = [(0, 0), (1, 0), (1, 1), (0, 1)]
@@ -218,15 +140,9 @@ def installed(circuit: Circuit) -> Iterator[None]:
             pin.value(value)
         return pin
 
-    chips = (
-        MCP3202(circuit, 17, lambda channel: circuit.analogue("AB"[channel])),
-        MCP3202(circuit, 20, lambda channel: float(circuit.displacement_counts)),
-    )
     members: dict[str, object] = {
         "Pin": type("Pin", (Pin,), {"__new__": named}),
-        "SPI": type("SPI", (SPI,), {"circuit": circuit, "chips": chips}),
         "UART": type("UART", (UART,), {"circuit": circuit}),
-        "unique_id": lambda: b"\xe6\x61\x38\x52\x83\x4f\x2b\x2c",
         "disable_irq": lambda: 0,
         "enable_irq": lambda state: None,
     }
@@ -245,7 +161,6 @@ def installed(circuit: Circuit) -> Iterator[None]:
         "StateMachine", (pio.StateMachine,), {"board": circuit, "running": circuit.machines}
     )
     for name, member in {
-        "bootsel_button": lambda: 0,
         "asm_pio": pio.asm_pio,
         "PIO": types.SimpleNamespace(SHIFT_LEFT=0, SHIFT_RIGHT=1),
         "StateMachine": machine_of_this,

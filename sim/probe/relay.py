@@ -1,4 +1,4 @@
-"""A relay between a probe and its host that makes the link as bad as wanted."""
+"""A relay between a probe and its host that makes the link as bad as requested."""
 
 import contextlib
 import os
@@ -6,8 +6,8 @@ import select
 import threading
 import time
 
-from sim.probe.endpoints import Endpoint, endpoint
-from sim.probe.faults import Faults, FaultyLine
+from palpate.sim.probe.endpoints import Endpoint, endpoint
+from palpate.sim.probe.faults import Faults, FaultyLine
 
 _CHUNK = 4096
 _BACKLOG = 8192  # bytes the relay holds for a host that does not read before it stops reading from the probe
@@ -145,14 +145,14 @@ class Relay:
                 self._give(self._device, self._held_for_device, _CHUNK)
 
     def _take(self, fd: int, line: FaultyLine, held: bytearray, name: str) -> bool:
-        """Read from fd and pass it through the line's faults; False if nobody is there any more."""
+        """Read from fd and pass it through the line's faults; False once the other end is gone."""
         try:
             data = os.read(fd, _CHUNK)
         except BlockingIOError:
             return True
         except OSError:
             time.sleep(0.001)
-            return True  # a pseudo-terminal between two visits
+            return True  # a pseudo-terminal between two connections
         if not data:
             return False
         held += line.pass_through(data)

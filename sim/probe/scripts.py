@@ -1,6 +1,5 @@
-"""Runs a script beside `firmware_py` in one of the interpreters and gives what it printed.
-
-For vectors and proofs.
+"""Runs a script beside `firmware_py` in one of the interpreters and returns its output: for vectors and
+proofs.
 """
 
 import json
@@ -11,13 +10,19 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from sim.probe import node
+import firmware_py
+from firmware_py import sensor_array
+from palpate.errors import PalpateError
+from palpate.sim.probe import node
 
-ROOT = Path(__file__).parent.parent.parent
-FIRMWARE = ROOT / "firmware_py"
+FIRMWARE = Path(firmware_py.__file__).parent
 
 
-class ScriptFailed(RuntimeError):
+_RUN = "import palpate, runpy; runpy.run_path('script.py', run_name='__main__')"
+"""Palpate comes first: it knows of another array."""
+
+
+class ScriptFailed(PalpateError):
     """The script ended with an error; the message is what it said."""
 
 
@@ -28,7 +33,13 @@ def stage(folder: Path, script: str, files: Mapping[str, bytes], heap: int, **mo
     for i, (name, contents) in enumerate(files.items()):
         (folder / f"file-{i}").write_bytes(contents)
         names[name] = str(folder / f"file-{i}")
-    config = {"firmware": str(FIRMWARE), "files": names, "script": str(folder / "script.py"), "heap": heap}
+    config = {
+        "firmware": str(FIRMWARE),
+        "array": str(sensor_array.__file__),
+        "files": names,
+        "script": str(folder / "script.py"),
+        "heap": heap,
+    }
     path = folder / "config.json"
     path.write_text(json.dumps(config | more))
     return path
@@ -45,7 +56,7 @@ def run_micropython(
     heap: of MicroPython, in bytes (it grows: it proves nothing about memory)
     timeout_s: give up after so many seconds
 
-    Returns what it printed. Raises ScriptFailed, sim.probe.node.RuntimeMissing, subprocess.TimeoutExpired.
+    Returns what it printed. Raises ScriptFailed, node.RuntimeMissing, subprocess.TimeoutExpired.
     """
     node.check_wasm()
     with tempfile.TemporaryDirectory(prefix="palpate-script-") as scratch:
@@ -62,11 +73,11 @@ def run_cpython(script: str, files: Mapping[str, bytes] | None = None, timeout_s
         for name, contents in (files or {}).items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(contents)
-        return _run([sys.executable, "script.py"], folder, timeout_s)
+        return _run([sys.executable, "-c", _RUN], folder, timeout_s)
 
 
 def _run(command: list[str], folder: Path, timeout_s: float) -> str:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    environment = {**os.environ, "PYTHONPATH": str(FIRMWARE.parent)}
     done = subprocess.run(
         command, cwd=folder, capture_output=True, text=True, timeout=timeout_s, env=environment
     )

@@ -1,4 +1,4 @@
-"""What the probe's sensors read of a finite-element stroke. Units: mm, kPa, N/m; frames in 12-bit counts.
+"""What the probe's sensors read during a finite-element stroke. Units: mm, kPa, N/m; frames in 12-bit counts.
 
 A hand does not press evenly, a sensor is not its data sheet, and an encoder starts anywhere. `Noise` names
 each of these; `SensorModel` is one physical probe in one hand; `stroke_frames` is one stroke of it.
@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py import calib
-from sim.probe.field import FORCE_RATIO, StrokeField
-from sim.probe.frames import FrameStream, Truth, pack, unpack
-from sim.probe.noise import LEVELS, Noise
-from sim.tissue import Stroke
+from firmware_py import calib, geometry
+from palpate.errors import UsageError
+from palpate.sim.probe.cells import COLUMN_MM, FULL_SCALE_KPA, PEDESTAL_KPA, SHAPE
+from palpate.sim.probe.noise import LEVELS, Noise
+from palpate.sim.probe.packed_frames import FrameStream, Truth, pack, unpack
+from palpate.sim.probe.stroke_field import FORCE_RATIO, StrokeField
+from palpate.sim.tissue import Stroke
 
 __all__ = [
     "FORCE_RATIO",
@@ -32,12 +34,6 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-FULL_SCALE_KPA = 25.0
-PEDESTAL_KPA = 0.5
-MAX_COUNT = 4095
-ROWS, COLS = calib.ROWS, calib.COLS
-_COLUMN_MM = 1.5 * (np.arange(COLS) - (COLS - 1) / 2)
-
 
 class SensorModel:
     """One probe (its gains, zeros and dead cells) in one hand (its wandering force) over one lump.
@@ -49,8 +45,8 @@ class SensorModel:
     seed : int
         Same seed, same probe, same hand, same stroke.
     across_mm : float, optional
-        For a ball-like lump: standard deviation across the stroke of the extra pressure over that far from
-        the lump (FACTS: about 3.9). None leaves all columns alike, as plane strain has it.
+        For a plane stroke that is to look like a ball's: standard deviation across the stroke of the extra
+        pressure over that far from the lump (about 3.9). None makes all columns alike, as in plane strain.
     across_centre_mm : float
         Where such a lump lies across the probe.
     mean_force_N_per_m : float, optional
@@ -71,18 +67,20 @@ class SensorModel:
         travel_mm: float = 80.0,
     ) -> None:
         if not field.pair and noise.force:
-            raise ValueError(f"{field.low.code} was simulated at one force only: the hand cannot vary it")
+            raise UsageError(f"{field.low.code} was simulated at one force only: the hand cannot vary it")
+        if len(field.shape) > 1 and across_mm is not None:
+            raise UsageError(f"{field.low.code} has images across the stroke: their width cannot be chosen")
         self.field, self.noise, self.travel_mm = field, noise, travel_mm
         rng = self._rng = np.random.default_rng(seed)
         F = field.low.F_N_per_m * (np.exp(field.ln_ratio / 2) if field.pair else 1.0)
         self.mean_force_N_per_m = F if mean_force_N_per_m is None else mean_force_N_per_m
         n = noise
-        self.gain = 1 + n.gain * rng.standard_normal((ROWS, COLS))
-        self.gain *= 1 + n.row_gain * rng.standard_normal((ROWS, 1))
-        self.offset_kPa = n.offset * FULL_SCALE_KPA * rng.standard_normal((ROWS, COLS))
+        self.gain = 1 + n.gain * rng.standard_normal(SHAPE)
+        self.gain *= 1 + n.row_gain * rng.standard_normal((geometry.ROWS, 1))
+        self.offset_kPa = n.offset * FULL_SCALE_KPA * rng.standard_normal(SHAPE)
         self.zero_kPa, self.zero_drift_kPa = n.drift * FULL_SCALE_KPA * rng.standard_normal(2) * (1, 2)
-        self.dead = rng.random((ROWS, COLS)) < n.dead
-        self.known_dead = self.dead & (rng.random((ROWS, COLS)) >= n.dead_unknown)
+        self.dead = rng.random(SHAPE) < n.dead
+        self.known_dead = self.dead & (rng.random(SHAPE) >= n.dead_unknown)
         self.displacement_zero_mm = n.displacement_zero_mm * rng.standard_normal()
         self.displacement_drift_mm = n.displacement_drift_mm * rng.standard_normal()
         self.position_scale = 1 + n.position_scale * rng.standard_normal()
@@ -96,7 +94,7 @@ class SensorModel:
         if across_mm is None:
             self._across = None
         else:
-            self._across = np.exp(-((_COLUMN_MM - across_centre_mm) ** 2) / (2 * across_mm**2))
+            self._across = np.exp(-((COLUMN_MM - across_centre_mm) ** 2) / (2 * across_mm**2))
         self._lag: Floats | None = None
         self._lag_at: float | None = None
 
@@ -105,8 +103,8 @@ class SensorModel:
         return (size * np.sin(2 * np.pi * np.asarray(x)[..., None] / wave + phase)).sum(-1)
 
     def calibration(self, known_dead: bool = True) -> calib.Calibration:
-        """The calibration that this probe left the bench with: nominal but for its known dead cells."""
-        c = calib.Calibration(round(FULL_SCALE_KPA * 1e6 / MAX_COUNT))
+        """The factory calibration of this probe: nominal but for its known dead cells."""
+        c = calib.Calibration()
         if known_dead:
             c.set_dead([int(i) for i in np.flatnonzero(self.known_dead)])
         return c
@@ -117,21 +115,23 @@ class SensorModel:
         return self.mean_force_N_per_m * (1 + self.noise.force * g)
 
     def pressures_at(self, stroke_mm: Floats) -> tuple[Floats, Floats]:
-        """True pressures (n, 16, 26) in kPa and displacement (n,) in mm at places along the stroke."""
+        """True pressures (n, rows, columns) in kPa and displacement (n,) in mm at places along the stroke."""
         x = np.atleast_1d(np.asarray(stroke_mm, float))
         force = self.force_at(x) if self.field.pair else None
         image, depth = self.field.at(x + self.start_mm, force)
+        if len(self.field.shape) > 1:
+            return image, depth
         if self._across is None:
-            return np.repeat(image[:, :, None], COLS, axis=2), depth
+            return np.repeat(image[:, :, None], geometry.COLUMNS, axis=2), depth
         far, far_depth = self.field.at(np.full_like(x, self.field.reach_mm[0]), force)
         p = far[:, :, None] + (image - far)[:, :, None] * self._across
-        # the long face rides over a ball: the probe hardly rises
+        # the long face bridges a ball: the probe hardly rises
         return np.maximum(p, 0), far_depth + 0.25 * (depth - far_depth)
 
     def counts_at(self, stroke_mm: float) -> tuple[NDArray[np.uint16], int, int]:
-        """One live reading at a place along the stroke: counts (416,), position and displacement in um."""
+        """One live reading at a place along the stroke: counts (cells,), position and displacement in um."""
         counts, x, d = self._read(np.array([stroke_mm]), np.array([stroke_mm / self.travel_mm + 0.5]))
-        return np.clip(np.rint(counts[0]), 0, MAX_COUNT).astype(np.uint16), int(x[0]), int(d[0])
+        return np.clip(np.rint(counts[0]), 0, geometry.FULL_COUNT).astype(np.uint16), int(x[0]), int(d[0])
 
     def _read(self, x: Floats, share: Floats) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:
         n, rng = self.noise, self._rng
@@ -142,7 +142,7 @@ class SensorModel:
         p += (self.zero_kPa + self.zero_drift_kPa * share)[:, None, None]
         if n.white:
             p += n.white * FULL_SCALE_KPA * rng.standard_normal(p.shape)
-        counts = (p + PEDESTAL_KPA) / FULL_SCALE_KPA * MAX_COUNT
+        counts = (p + PEDESTAL_KPA) / FULL_SCALE_KPA * geometry.FULL_COUNT
         counts[:, self.dead] = 0
         depth = depth + self.displacement_zero_mm + self.displacement_drift_mm * (2 * share - 1)
         depth = depth + n.displacement_noise_mm * rng.standard_normal(len(x))
@@ -178,11 +178,11 @@ class SensorModel:
         Origin_um is what the encoder reads at its middle.
         """
         if n_frames < 2:
-            raise ValueError(f"a stroke of {n_frames} frames: it takes 2 or more")
+            raise UsageError(f"a stroke of {n_frames} frames: it takes 2 or more")
         x = np.linspace(-self.travel_mm / 2, self.travel_mm / 2, n_frames)
         self._lag = self._lag_at = None
         counts, place, depth = self._read(x, np.linspace(0, 1, n_frames))
-        whole = np.clip(np.rint(counts), 0, MAX_COUNT).astype(np.uint16)
+        whole = np.clip(np.rint(counts), 0, geometry.FULL_COUNT).astype(np.uint16)
         times = np.rint(np.arange(n_frames) * 1e6 / frames_per_s).astype(np.int64)
         return FrameStream(
             packed=[pack(c) for c in whole],
@@ -203,11 +203,11 @@ def stroke_frames(
 ) -> FrameStream:
     """One stroke of a seeded probe over a finite-element stroke (or the pair of two forces).
 
-    Further words go to SensorModel (across_mm, mean_force_N_per_m, ...).
+    Further arguments go to SensorModel (across_mm, mean_force_N_per_m, ...).
     """
     if isinstance(noise, str):
         if noise not in LEVELS:
-            raise ValueError(f"no noise level '{noise}'; there are {', '.join(LEVELS)}")
+            raise UsageError(f"no noise level '{noise}'; there are {', '.join(LEVELS)}")
         noise = LEVELS[noise]
     if isinstance(stroke, Stroke):
         stroke = StrokeField(stroke)

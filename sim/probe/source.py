@@ -1,4 +1,4 @@
-"""What an emulated probe's sensors will read, frame after frame, as the file that its board plays.
+"""The frames that an emulated probe's sensors will read, as the file that its board plays.
 
 Units: um, counts of 12 bits.
 """
@@ -10,18 +10,17 @@ from typing import Protocol
 
 import numpy as np
 
-from firmware_py import messages
+from firmware_py import geometry
 
-RECORD_BYTES = 8 + messages.PACKED
-ZERO_COUNTS = 82  # what a cell reads without pressure: .5 of 25 kPa
+RECORD_BYTES = 8 + geometry.FRAME_BYTES
 
 
 class Frames(Protocol):
-    """A stroke as frames: `sim.probe.sensors.FrameStream` is one."""
+    """A stroke as frames: `palpate.sim.probe.sensors.FrameStream` is one."""
 
     @property
     def packed(self) -> Sequence[bytes]:
-        """624 bytes each."""
+        """geometry.FRAME_BYTES each."""
 
     @property
     def positions_um(self) -> np.ndarray:
@@ -34,8 +33,9 @@ class Frames(Protocol):
 
 def lifted_record(position_um: int = 0) -> bytes:
     """One frame of a probe in the air."""
-    pair = ZERO_COUNTS | ZERO_COUNTS << 12
-    return struct.pack("<ii", position_um, 0) + pair.to_bytes(3, "little") * (messages.CELLS // 2)
+    zero = geometry.PEDESTAL_COUNTS
+    pair = zero | zero << 12
+    return struct.pack("<ii", position_um, 0) + pair.to_bytes(3, "little") * (geometry.CELLS // 2)
 
 
 def records(frames: Frames) -> bytes:

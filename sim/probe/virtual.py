@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from firmware_py import counters, messages, status
 from firmware_py.probe import Probe
-from sim.probe import source
+from palpate.sim.probe import source
 
 
 class VirtualBoard:
@@ -80,6 +80,12 @@ class VirtualBoard:
     def displacement_um(self) -> int:
         return struct.unpack_from("<i", self.frames, self._current + 4)[0]
 
+    def start_scan(self) -> None:
+        """Nothing to do beforehand."""
+
+    def scanned(self) -> bool:
+        return True
+
     def scan(self, counts: memoryview) -> None:
         counts[:] = self.frames[self._current + 8 : self._current + source.RECORD_BYTES]
         self._at = (self._at + source.RECORD_BYTES) % len(self.frames)
@@ -93,7 +99,7 @@ class VirtualBoard:
 
 
 class VirtualProbe:
-    """A probe on a VirtualBoard. `run` lets time pass; bytes go in by `send` and come out of `take`."""
+    """A probe on a VirtualBoard. `run` lets time pass; bytes go in through `send` and come out of `take`."""
 
     def __init__(self, board: VirtualBoard | None = None, estimator: object = None) -> None:
         self.board = board or VirtualBoard()

@@ -1,6 +1,6 @@
-"""The tissue under a stroke: contact finite elements in plane strain (thesis, "Finite Element Simulations").
+"""The tissue under a stroke: contact finite elements, in plane strain as the thesis has it or in space.
 
-    from sim.tissue import Case, simulate
+    from palpate.sim.tissue import Case, simulate
     stroke = simulate(Case.from_code("d10h08e10f10"))
     stroke.displacement_mm, stroke.images_kPa
 
@@ -12,26 +12,31 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from sim.tissue.case import FORCE_UNIT_N_PER_M, LIKE_FAT, THESIS_CODES, Case
-from sim.tissue.errors import CaseError, StrokeError, TissueError
+from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M, LIKE_FAT, THESIS_CODES, Case
+from palpate.sim.tissue.errors import CaseError, StrokeError, TissueError
 
 if TYPE_CHECKING:
-    from sim.tissue.design import WIDEST, Ranges, one_factor_cases, read_design, sobol_cases
-    from sim.tissue.probe_shape import SENSORS_MM
-    from sim.tissue.result import Stroke
-    from sim.tissue.settings import SOLVER_VERSION, Settings, case_key
-    from sim.tissue.stroke import load_curve, simulate, simulate_forces
-    from sim.tissue.sweeps import Progress, sweep
-    from sim.tissue.tables import iterate_strokes, load_strokes, read_table
+    from palpate.sim.tissue.design import WIDEST, Ranges, one_factor_cases, read_design, sobol_cases
+    from palpate.sim.tissue.fields import Fields, simulate_fields
+    from palpate.sim.tissue.probe_shape import SENSORS_MM
+    from palpate.sim.tissue.result import Stroke
+    from palpate.sim.tissue.settings import SOLVER_VERSION, Settings, case_key
+    from palpate.sim.tissue.solid.result import SolidStroke
+    from palpate.sim.tissue.stroke import load_curve, simulate, simulate_forces
+    from palpate.sim.tissue.sweeps import Progress, sweep
+    from palpate.sim.tissue.tables import iterate_strokes, load_strokes, read_table
 
 _HOMES = {
     "SENSORS_MM": "probe_shape",
+    "SolidStroke": "solid.result",
     "Stroke": "result",
     "SOLVER_VERSION": "settings",
     "Settings": "settings",
     "case_key": "settings",
     "load_curve": "stroke",
+    "Fields": "fields",
     "simulate": "stroke",
+    "simulate_fields": "fields",
     "simulate_forces": "stroke",
     "Ranges": "design",
     "WIDEST": "design",
@@ -54,9 +59,11 @@ __all__ = [
     "WIDEST",
     "Case",
     "CaseError",
+    "Fields",
     "Progress",
     "Ranges",
     "Settings",
+    "SolidStroke",
     "Stroke",
     "StrokeError",
     "TissueError",
@@ -68,6 +75,7 @@ __all__ = [
     "read_design",
     "read_table",
     "simulate",
+    "simulate_fields",
     "simulate_forces",
     "sobol_cases",
     "sweep",
@@ -76,5 +84,5 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
-        return getattr(import_module(f"sim.tissue.{_HOMES[name]}"), name)
+        return getattr(import_module(f"palpate.sim.tissue.{_HOMES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

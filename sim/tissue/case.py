@@ -1,4 +1,4 @@
-"""A case: the lump, the tissue round it and the probe pressed on it, with its readable code.
+"""A case: the lump, the tissue round it and the probe pressed on it. `case_code.py` has its readable code.
 
 Units: mm, kPa, N per metre of probe width (1 N/m = 1 kPa mm).
 """
@@ -6,14 +6,19 @@ Units: mm, kPa, N per metre of probe width (1 N/m = 1 kPa mm).
 from __future__ import annotations
 
 import math
-import re
-from dataclasses import dataclass, fields
-from decimal import Decimal
+from dataclasses import asdict, dataclass, fields
+from typing import Any
 
-from sim.tissue.errors import CaseError
+from palpate.sim.tissue.errors import CaseError
 
 FORCE_UNIT_N_PER_M = 100.0
 """F = 1.0 of a code, in N per metre of probe width (strain 19.7 % in the reference case)."""
+
+PROBE_WIDTH_MM = 39.0
+"""Width of the sensors' field across the stroke: the force on a solid lump's probe is that per metre times
+it."""
+
+SHAPES = ("cylinder", "ball", "ellipsoid")
 
 NONLINEAR_E_RATIO = 1.0
 NONLINEAR_STIFFENING = 900.0
@@ -22,30 +27,38 @@ NONLINEAR_STIFFENING = 900.0
 LIKE_FAT = 1.0001
 """E of a lump as stiff as fat; exactly 1 would be no lump at all, and the gland would go on in its place."""
 
-_CODE = re.compile(r"d([^dhef_]+)h([^dhef_]+)e([^dhef_]+)f([^dhef_]+)((?:_[A-Za-z]+[^_]+)*)")
-_NUMBER = re.compile(r"\d+(?:\.\d+)?")
-_TENTHS = {"h", "f"}
+FINE_REACH_MM = 14.0
+"""How far the mesh's fine columns go on beyond the outermost positions, at least."""
 
-# Suffix of the code, field, smallest and largest value that makes sense.
-_OPTIONS: dict[str, tuple[str, float, float]] = {
-    "R": ("probe_radius_mm", 5.0, math.inf),
-    "w": ("face_half_mm", 0.0, 40.0),
-    "k": ("fillet_per_mm2", 0.005, 10.0),
-    "mu": ("friction", 0.0, 0.5),
-    "g": ("gland_mm", 1.0, 200.0),
-    "G": ("gland_ratio", 0.1, 1000.0),
-    "Y": ("fat_kPa", 0.01, 10000.0),
-    "nu": ("poisson", 0.3, 0.49999),
-    "sf": ("fat_stiffening", 0.0, 2000.0),
-    "sg": ("gland_stiffening", 0.0, 2000.0),
-    "sl": ("lump_stiffening", 0.0, 2000.0),
+_OPTIONS: dict[str, tuple[float, float]] = {
+    "probe_radius_mm": (5.0, math.inf),
+    "face_half_mm": (0.0, 40.0),
+    "fillet_per_mm2": (0.005, 10.0),
+    "friction": (0.0, 0.5),
+    "gland_mm": (1.0, 200.0),
+    "gland_ratio": (0.1, 1000.0),
+    "fat_kPa": (0.01, 10000.0),
+    "poisson": (0.3, 0.49999),
+    "fat_stiffening": (0.0, 2000.0),
+    "gland_stiffening": (0.0, 2000.0),
+    "lump_stiffening": (0.0, 2000.0),
 }
-_MAIN: dict[str, tuple[str, float, float]] = {
-    "d": ("d_mm", 0.5, 100.0),
-    "h": ("h", 0.02, 50.0),
-    "e": ("E_ratio", 0.01, 1e6),
-    "f": ("F_rel", 1e-3, 100.0),
+_MAIN: dict[str, tuple[float, float]] = {
+    "d_mm": (0.5, 100.0),
+    "h": (0.02, 50.0),
+    "E_ratio": (0.01, 1e6),
+    "F_rel": (1e-3, 100.0),
 }
+_SOLID: dict[str, tuple[float, float]] = {
+    "half_across_mm": (0.25, 1000.0),
+    "half_down_mm": (0.25, 50.0),
+    "offset_mm": (-30.0, 30.0),
+    "fat_mm": (0.3, 200.0),
+    "across_radius_mm": (20.0, math.inf),
+    "across_half_mm": (0.0, 100.0),
+    "across_fillet_per_mm2": (0.005, 10.0),
+}
+"""What only a ball or an ellipsoid can have, with the smallest and largest value that makes sense."""
 
 
 @dataclass(frozen=True)
@@ -55,10 +68,10 @@ class Case:
     Parameters
     ----------
     d_mm : float
-        Diameter of the lump. It is centred on the border between fat and gland, under position 0.
-        A lump beside the stroke's line is out of reach of a plane-strain model.
+        Diameter of the lump along the stroke. Unless `fat_mm` says otherwise it is centred on the border
+        between fat and gland, under position 0.
     h : float
-        Thickness of the fat over the lump, in diameters; the fat is `t_mm` = d (h + 1/2) thick.
+        Thickness of the tissue over the lump, in diameters.
     E_ratio : float
         Stiffness of the lump at rest over that of the fat. Exactly 1 means no lump at all.
     F_rel : float
@@ -74,13 +87,24 @@ class Case:
     gland_mm : float
         Depth of the gland, between the fat and the fixed chest wall.
     probe_radius_mm : float
-        Radius of the probe's face; `math.inf` is a flat one.
+        Radius of the probe's face at its lowest point; `math.inf` is a flat one. The face is the parabola
+        s^2 / 2R: the circle of R = 40 stands .02 mm (1.6 %) higher at s = 10 mm.
     face_half_mm : float
         Beyond this distance from its middle the face is rounded off.
     fillet_per_mm2 : float
         How sharply: the height there grows by fillet/6 (|s| - face_half)^3 mm.
     friction : float
-        Coulomb coefficient of the sliding probe; 0 is frictionless.
+        Coulomb coefficient of the sliding probe; 0 is frictionless. Only for a cylinder.
+    shape : str
+        `cylinder` (the thesis': endless across the stroke, plane strain), `ball` or `ellipsoid`.
+    half_across_mm, half_down_mm : float, optional
+        Half-axes of an ellipsoid across the stroke and downwards; that along the stroke is d/2.
+    offset_mm : float
+        How far the solid lump's middle lies beside the stroke's line, across the stroke.
+    fat_mm : float, optional
+        Thickness of the fat where the border to the gland need not pass through a solid lump's middle.
+    across_radius_mm, across_half_mm, across_fillet_per_mm2 : float
+        The face's radius across the stroke and its rounding off, as along it. Only for solid lumps.
 
     Raises
     ------
@@ -103,32 +127,99 @@ class Case:
     face_half_mm: float = 10.0
     fillet_per_mm2: float = 0.1
     friction: float = 0.0
+    shape: str = "cylinder"
+    half_across_mm: float | None = None
+    half_down_mm: float | None = None
+    offset_mm: float = 0.0
+    fat_mm: float | None = None
+    across_radius_mm: float = 200.0
+    across_half_mm: float = 17.0
+    across_fillet_per_mm2: float = 0.1
 
     def __post_init__(self) -> None:
-        for name, low, high in (*_MAIN.values(), *_OPTIONS.values()):
+        for name, (low, high) in (_MAIN | _OPTIONS | _SOLID).items():
             raw = getattr(self, name)
+            if raw is None and name in _OPTIONAL:
+                continue
             try:
-                value = float(raw)
+                value = float(raw) + 0.0  # no negative zero
             except (TypeError, ValueError):
                 raise CaseError(f"{name} must be a number, not {raw!r}") from None
             if math.isnan(value) or not low <= value <= high or (math.isinf(value) and high < math.inf):
                 raise CaseError(f"{name} must lie between {low:g} and {high:g}, not {value:g}")
             object.__setattr__(self, name, value)
+        self._check_shape()
+
+    def _check_shape(self) -> None:
+        if self.shape not in SHAPES:
+            raise CaseError(f"shape must be one of {', '.join(SHAPES)}, not {self.shape!r}")
+        axes = (self.half_across_mm is not None, self.half_down_mm is not None)
+        if any(axes) if self.shape != "ellipsoid" else not all(axes):
+            raise CaseError("half_across_mm and half_down_mm belong to an ellipsoid, which needs both")
+        if not self.solid:
+            defaults = {f.name: f.default for f in fields(self)}
+            if extra := [name for name in _SOLID if getattr(self, name) != defaults[name]]:
+                raise CaseError(f"a cylinder has no {extra[0]}: that takes a ball or an ellipsoid")
+        elif self.friction:
+            raise CaseError(f"friction is for cylinders only: a {self.shape} is stroked without")
+        elif self.solid and self.depth_mm + 2 * self.half_down > self.t_mm + 0.97 * self.gland_mm:
+            raise CaseError(
+                f"a lump that reaches {self.depth_mm + 2 * self.half_down:g} mm down does not fit over "
+                f"a chest wall at {self.t_mm + self.gland_mm:g} mm"
+            )
+
+    @property
+    def solid(self) -> bool:
+        """True for a lump that ends across the stroke: a stroke in three dimensions."""
+        return self.shape != "cylinder"
+
+    @property
+    def half_axes_mm(self) -> tuple[float, float, float]:
+        """Half-axes of the lump along the stroke, across it (endless for a cylinder) and downwards, mm."""
+        r = self.d_mm / 2
+        if self.shape == "ellipsoid":
+            assert self.half_across_mm is not None
+            return r, self.half_across_mm, self.half_down
+        return r, math.inf if self.shape == "cylinder" else r, r
+
+    @property
+    def half_down(self) -> float:
+        """Half of the lump's height, mm."""
+        return self.d_mm / 2 if self.half_down_mm is None else self.half_down_mm
 
     @property
     def t_mm(self) -> float:
         """Thickness of the fat, mm."""
+        if self.fat_mm is not None:
+            return self.fat_mm
+        if self.half_down_mm is not None:
+            return self.d_mm * self.h + self.half_down_mm
         return self.d_mm * (self.h + 0.5)
 
     @property
+    def centre_mm(self) -> float:
+        """Depth of the lump's middle under the skin, mm."""
+        return self.t_mm if self.fat_mm is None else self.depth_mm + self.half_down
+
+    @property
     def depth_mm(self) -> float:
-        """Thickness of the fat over the lump, mm."""
+        """Thickness of the tissue over the lump, mm."""
         return self.d_mm * self.h
+
+    @property
+    def reach_mm(self) -> float:
+        """How far from its middle the face may touch, mm: where the rounding has risen 1.07 mm."""
+        return max(FINE_REACH_MM, self.face_half_mm + (6.4 / self.fillet_per_mm2) ** (1 / 3))
 
     @property
     def F_N_per_m(self) -> float:
         """Force per metre of probe width, N/m."""
         return FORCE_UNIT_N_PER_M * self.F_rel
+
+    @property
+    def F_N(self) -> float:
+        """Force on the whole probe, N."""
+        return self.F_N_per_m * PROBE_WIDTH_MM / 1000
 
     @property
     def has_lump(self) -> bool:
@@ -141,7 +232,7 @@ class Case:
         return self.lump_stiffening > 0.0
 
     @classmethod
-    def without_lump(cls, t_mm: float, F_rel: float = 1.0, **options: float) -> Case:
+    def without_lump(cls, t_mm: float, F_rel: float = 1.0, **options: Any) -> Case:
         """Plain fat of thickness `t_mm` over gland, as a case with E = 1."""
         if not 0.3 <= t_mm <= 200.0:
             raise CaseError(f"t_mm must lie between 0.3 and 200, not {t_mm:g}")
@@ -150,80 +241,38 @@ class Case:
 
     @classmethod
     def from_code(cls, code: str) -> Case:
-        """Read a code such as `d10h08e10f10`, `d10h08eNLf10` or `d12.3h0.85e7.4f0.66_R60_mu0.2`.
-
-        Two digits after `d` and `e` are mm and the ratio, after `h` and `f` tenths; `e1K` is 1000 and
-        `eNL` the nonlinear lump. A number with a point means itself. After `_` come options.
+        """Read a code such as `d10h08e10f10`, `d10h08eNLf10`, `d10h08e10f10_ball_y5` or
+        `d12.3h0.85e7.4f0.66_R60`.
 
         Raises
         ------
         CaseError
             The code cannot be read or describes an impossible case.
         """
-        match = _CODE.fullmatch(code.strip())
-        if match is None:
-            raise CaseError(f"{code!r} is not a case code; write one like d10h08e10f10")
-        values: dict[str, float] = {}
-        for letter, text in zip("dhef", match.groups()[:4]):
-            name = _MAIN[letter][0]
-            if letter == "e" and text == "NL":
-                values.update(E_ratio=NONLINEAR_E_RATIO, lump_stiffening=NONLINEAR_STIFFENING)
-            else:
-                values[name] = _read_number(code, letter, text)
-        for option in filter(None, match.group(5).split("_")):
-            key = re.match(r"[A-Za-z]+?(?=inf$|\d)", option)
-            if key is None or key.group() not in _OPTIONS:
-                known = ", ".join(_OPTIONS)
-                raise CaseError(f"{code!r} has an unknown option {option!r}; known are {known}")
-            values[_OPTIONS[key.group()][0]] = _read_number(code, "", option[key.end() :])
-        return cls(**values)
+        from palpate.sim.tissue.case_code import read_code
+
+        return cls(**read_code(code))
 
     @property
     def code(self) -> str:
         """The shortest code that `from_code` reads back as exactly this case."""
-        thesis_nl = (self.E_ratio, self.lump_stiffening) == (NONLINEAR_E_RATIO, NONLINEAR_STIFFENING)
-        e = "NL" if thesis_nl else "1K" if self.E_ratio == 1000.0 else _write_number("e", self.E_ratio)
-        text = f"d{_write_number('d', self.d_mm)}h{_write_number('h', self.h)}e{e}"
-        text += f"f{_write_number('f', self.F_rel)}"
-        defaults = {f.name: f.default for f in fields(self)}
-        for key, (name, _, _) in _OPTIONS.items():
-            value = getattr(self, name)
-            if value != defaults[name] and not (name == "lump_stiffening" and thesis_nl):
-                text += f"_{key}{_plain(value)}"
-        return text
+        from palpate.sim.tissue.case_code import write_code
+
+        return write_code(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fields; of a cylinder those only which it can have."""
+        out = asdict(self)
+        if not self.solid:
+            for name in SOLID_FIELDS:
+                del out[name]
+        return out
 
 
-def _read_number(code: str, letter: str, text: str) -> float:
-    if letter == "e" and text == "1K":
-        return 1000.0
-    if not letter and text == "inf":
-        return math.inf
-    if not _NUMBER.fullmatch(text):
-        raise CaseError(f"{code!r} is not a case code: {text!r} is not a number")
-    if letter in _TENTHS and "." not in text:
-        if len(text) != 2:
-            raise CaseError(f"{code!r} is not a case code: {letter} takes two digits (tenths) or a point")
-        return int(text) / 10
-    return float(text)
+SOLID_FIELDS = ("shape", *_SOLID)
+"""Fields that a cylinder's record leaves out."""
 
-
-def _write_number(letter: str, value: float) -> str:
-    if letter in _TENTHS:
-        tenths = round(value * 10)
-        if 0 <= tenths < 100 and tenths / 10 == value:
-            return f"{tenths:02d}"
-    elif value == int(value) and value < 100:
-        return f"{int(value):02d}"
-    text = _plain(value)
-    return text if "." in text else text + ".0"
-
-
-def _plain(value: float) -> str:
-    """Shortest decimal without an exponent that reads back as the same float."""
-    if math.isinf(value):
-        return "inf"
-    text = format(Decimal(repr(value)), "f")
-    return text[:-2] if text.endswith(".0") else text
+_OPTIONAL = tuple(f.name for f in fields(Case) if f.default is None)
 
 
 THESIS_CODES: tuple[str, ...] = (

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.tissue import contact_kernels as kernels
-from sim.tissue.mesh import TissueMesh
-from sim.tissue.probe_shape import SENSOR_PITCH_MM, SENSORS_MM, ProbeShape
+from palpate.sim.tissue import contact_kernels as kernels
+from palpate.sim.tissue.mesh import TissueMesh
+from palpate.sim.tissue.probe_shape import SENSOR_PITCH_MM, SENSORS_MM, ProbeShape
 
 Floats = NDArray[np.float64]
 
@@ -90,13 +90,16 @@ class Contact:
         )
         return blocks
 
-    def pressure(self, u: Floats, multiplier: Floats) -> tuple[Floats, Floats, float]:
-        """Deformed places (S,), mm, pressures (S,), kPa, and their integral, N/m.
+    def pressure(self, u: Floats, multiplier: Floats, position: float) -> tuple[Floats, Floats, float]:
+        """Deformed places (S,), mm, pressures (S,), kPa, and the vertical force of it all, N/m.
 
-        A node's pressure is its force over the deformed integral of its shape function.
+        A node's pressure is its force over the deformed integral of its shape function. The drag of a probe
+        that slides to the right acts along the face: on a slope f' it takes friction f' of the pressure.
         """
         x, pressure, area = kernels.pressures(self.x0, self.x_dof, u, multiplier, self.weight)
-        return x, pressure, float(pressure @ area)
+        force = pressure * area
+        _, slope, _ = self.shape.height(x - position)
+        return x, pressure, float(force.sum() - self.friction * (force @ slope))
 
 
 _SAMPLES = np.linspace(-SENSOR_PITCH_MM / 2, SENSOR_PITCH_MM / 2, 9)

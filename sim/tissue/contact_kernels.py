@@ -1,4 +1,11 @@
-"""Compiled loops over the surface's nodes. Shapes and units as in `contact.py`."""
+"""Compiled loops over the surface's nodes. Shapes and units as in `contact.py`.
+
+They compute what the contact's forms of `forms.py` define, node by node; with the weights w of Simpson's
+rule,
+
+    gap_i = y_i + u_y - Y - f(s_i),   s_i = x_i + u_x - X,   force_i = w_i lambda_i,
+    n = (-f', 1),   t = (1, f'),   the tissue being pushed by -force_i (n - mu t)
+"""
 
 # mypy: ignore-errors
 from __future__ import annotations
@@ -12,7 +19,7 @@ _SWITCH = 50.0
 
 @njit(cache=True, nogil=True)
 def places(x0, x_dof, u, position):
-    """Deformed places of the surface's nodes in the probe's frame."""
+    """Deformed places of the surface's nodes in the probe's frame: s = x + u_x - X."""
     s = np.empty_like(x0)
     for i in range(len(s)):
         s[i] = x0[i] + u[x_dof[i]] - position
@@ -21,7 +28,9 @@ def places(x0, x_dof, u, position):
 
 @njit(cache=True, nogil=True)
 def choose(y0, x_dof, u, multiplier, weight, height, f, slope, curvature, friction):
-    """The active set (primal-dual): indices, gap, slope, curvature, force and its vertical part.
+    """The active set (primal-dual), lambda + c gap > 0: indices, gap, slope, curvature, force and lift.
+
+    Lift is the force's vertical part, force (1 - mu f').
 
     The multipliers of all other nodes are cleared: what is out of contact carries nothing.
     """
@@ -47,7 +56,10 @@ def choose(y0, x_dof, u, multiplier, weight, height, f, slope, curvature, fricti
 
 @njit(cache=True, nogil=True)
 def balance(forces, x_dof, active, force, slope, lift, friction, held):
-    """Take the contact's forces off, clear what is held; returns the largest that is left (NaN if any is)."""
+    """Take the contact's forces off, clear what is held; returns the largest that is left (NaN if any is).
+
+    forces += force (n - mu t) = (-force (f' + mu), force (1 - mu f'))
+    """
     for i in range(len(active)):
         n = x_dof[active[i]]
         forces[n] -= force[i] * (slope[i] + friction)
@@ -65,7 +77,7 @@ def balance(forces, x_dof, active, force, slope, lift, friction, held):
 
 @njit(cache=True, nogil=True)
 def stiffness(active, weight, slope, curvature, force, augmentation, curved, blocks):
-    """Fill the rows (xx, xy, yy) of the active nodes in `blocks` (S, 3)."""
+    """Fill the rows (xx, xy, yy) of the active nodes in `blocks` (S, 3): r w n n^T - force f'' e_x e_x^T."""
     for i in range(len(active)):
         k = augmentation * weight[active[i]]
         g = -slope[i]
@@ -77,7 +89,10 @@ def stiffness(active, weight, slope, curvature, force, augmentation, curved, blo
 
 @njit(cache=True, nogil=True)
 def pressures(x0, x_dof, u, multiplier, weight):
-    """Deformed places, pressures and the deformed integrals of the nodes' shape functions."""
+    """Deformed places, pressures and the deformed integrals of the nodes' shape functions.
+
+    area_i = integral of N_i dx,   pressure_i = w_i lambda_i / area_i
+    """
     count = len(x0)
     x = np.empty(count)
     area = np.zeros(count)
@@ -101,7 +116,9 @@ def pressures(x0, x_dof, u, multiplier, weight):
 def sides(residual, x_dof, active, weight, gap, slope, augmentation, fresh, sides):
     """Fill the right-hand sides (2, 2N) of a step and, where it is `fresh`, of the probe's height.
 
-    Returns the penetrations' pull (active,) and the active nodes' weights.
+        step = -residual - w r gap n,   border = -w r n
+
+    with r the augmentation. Returns the penetrations' pull r gap (active,) and the active nodes' weights w.
     """
     right = sides[0]
     border = sides[1]
@@ -126,7 +143,10 @@ def sides(residual, x_dof, active, weight, gap, slope, augmentation, fresh, side
 
 @njit(cache=True, nogil=True)
 def advance(change, border_change, rise, scale, x_dof, active, slope, pull, augmentation, multiplier, u):
-    """Apply a step (2N,), with the probe's rise and scaled, to multipliers and displacement."""
+    """Apply a step (2N,), with the probe's rise and scaled, to multipliers and displacement.
+
+    du = change - rise border_change,   d lambda = r (gap + n . du - rise)
+    """
     for n in range(len(change)):
         change[n] -= border_change[n] * rise
     for i in range(len(active)):

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.tissue.case import Case
-from sim.tissue.geometry import geometry_of
-from sim.tissue.mesh import TissueMesh
-from sim.tissue.probe_shape import SENSORS_MM
-from sim.tissue.run import Run
-from sim.tissue.settings import Settings
-from sim.tissue.stroke import checked_positions, one_blas_thread
+from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.geometry import geometry_of
+from palpate.sim.tissue.mesh import TissueMesh
+from palpate.sim.tissue.probe_shape import SENSORS_MM
+from palpate.sim.tissue.run import Run
+from palpate.sim.tissue.settings import Settings
+from palpate.sim.tissue.stroke import checked_positions, one_blas_thread
 
 Floats = NDArray[np.float64]
 

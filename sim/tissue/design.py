@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.tissue.case import THESIS_CODES, Case
-from sim.tissue.errors import CaseError
+from palpate.sim.tissue.case import THESIS_CODES, Case
+from palpate.sim.tissue.errors import CaseError
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,8 @@ WIDEST = Ranges((4.0, 25.0), (0.2, 2.0), (1.0, 1000.0), (0.1, 1.2), (25.0, 100.0
 
 
 def read_design(text: str) -> list[Case]:
-    """Cases of `thesis`, `one-factor`, `sobol:N[:SEED]` or a file (CSV of fields, or one code per line).
+    """Cases of `thesis`, `one-factor`, `sobol:N[:SEED]`, `balls[:N[:SEED]]` or a file (CSV of fields, or
+    codes).
 
     Raises
     ------
@@ -40,18 +41,25 @@ def read_design(text: str) -> list[Case]:
     if text == "one-factor":
         return one_factor_cases()
     name, *numbers = text.split(":")
-    if name == "sobol":
+    if name == "sobol" or (name == "balls" and not Path(text).exists()):
+        usual = [] if name == "sobol" else [1000]
         try:
-            n, seed = int(numbers[0]), int(numbers[1]) if len(numbers) > 1 else 1
+            given = [int(number) for number in numbers] or usual
+            n, seed = given[0], given[1] if len(given) > 1 else 1
         except (ValueError, IndexError):
             n, seed = 0, 0
         if n < 1 or seed < 0 or len(numbers) > 2:
-            raise CaseError(f"{text!r} is not a design; write sobol:N or sobol:N:SEED")
+            raise CaseError(f"{text!r} is not a design; write {name}:N or {name}:N:SEED")
+        if name == "balls":
+            from palpate.sim.tissue.solid.design import ball_cases
+
+            return ball_cases(n, seed)
         return sobol_cases(n, seed)
     path = Path(text)
     if not path.is_file():
         raise CaseError(
-            f"{text!r} is not a design (thesis, one-factor, sobol:N:SEED) and not a file of cases"
+            f"{text!r} is not a design (thesis, one-factor, sobol:N:SEED, balls:N:SEED) "
+            "and not a file of cases"
         )
     return _read_file(path)
 
@@ -70,7 +78,8 @@ def sobol_cases(n: int, seed: int, ranges: Ranges = USUAL) -> list[Case]:
     low, high = ranges.E_ratio
     E = spread(2, (high ** (-2 / 3), low ** (-2 / 3))) ** -1.5
     parts = [spread(0, ranges.d_mm), spread(1, ranges.h), np.clip(E, low, high), spread(3, ranges.F_rel)]
-    cases = [Case(*map(float, row)) for row in zip(*parts)]
+    names = ("d_mm", "h", "E_ratio", "F_rel")
+    cases = [Case(**dict(zip(names, map(float, row)))) for row in zip(*parts)]  # type: ignore[arg-type]
     if ranges.probe_radius_mm is not None:
         radii = spread(4, ranges.probe_radius_mm)
         cases = [replace(case, probe_radius_mm=float(radius)) for case, radius in zip(cases, radii)]
@@ -108,7 +117,9 @@ def _read_file(path: Path) -> list[Case]:
     cases = []
     for number, row in enumerate(csv.DictReader(lines), start=2):
         try:
-            cases.append(Case(**{name.strip(): float(value) for name, value in row.items() if value}))
+            words = {name.strip(): value for name, value in row.items() if value}
+            values = {name: value if name == "shape" else float(value) for name, value in words.items()}
+            cases.append(Case(**values))  # type: ignore[arg-type]
         except (TypeError, ValueError) as error:
             raise CaseError(f"{path}, line {number}: {error}") from None
     return cases

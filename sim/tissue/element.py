@@ -17,9 +17,12 @@ from functools import cache
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from skfem import ElementQuad2
+from skfem.quadrature import get_quadrature
 
-from sim.tissue.lanes import pack
-from sim.tissue.mesh import TissueMesh
+from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.lanes import pack
+from palpate.sim.tissue.mesh import ALONG_THEN_UP, TissueMesh
 
 Floats = NDArray[np.float64]
 
@@ -55,16 +58,17 @@ class ElementIntegrals:
     packed: Floats
 
 
+QUADRATURE: tuple[Floats, Floats] = get_quadrature(ElementQuad2, 5)
+"""Three by three Gauss points (2, 9) and their weights (9,), on the unit square."""
+
+
 @cache
-def reference_gradients() -> tuple[Floats, Floats, Floats]:
-    """Values (9 points, 9 nodes) and gradients (9, 2, 9) on the unit square, and weights (9,)."""
-    x, w = np.polynomial.legendre.leggauss(3)
-    x, w = (x + 1) / 2, w / 2
-    N = np.stack([(1 - x) * (1 - 2 * x), 4 * x * (1 - x), x * (2 * x - 1)], -1)
-    D = np.stack([4 * x - 3, 4 - 8 * x, 4 * x - 1], -1)
-    values = np.einsum("qj,pi->qpji", N, N).reshape(9, 9)
-    along, up = np.einsum("qj,pi->qpji", N, D).reshape(9, 9), np.einsum("qj,pi->qpji", D, N).reshape(9, 9)
-    return values, np.stack([along, up], 1), np.outer(w, w).ravel()
+def reference_element() -> tuple[Floats, Floats, Floats]:
+    """Values (9 points, 9 nodes) and gradients (9, 2, 9) of `ElementQuad2`, and the points' weights (9,)."""
+    points, weights = QUADRATURE
+    functions = [ElementQuad2().lbasis(points, i) for i in ALONG_THEN_UP]
+    values, gradients = np.stack([N for N, _ in functions], -1), np.stack([dN for _, dN in functions], -1)
+    return values, np.ascontiguousarray(gradients.transpose(1, 0, 2)), weights
 
 
 def integrate(mesh: TissueMesh) -> ElementIntegrals:
@@ -72,16 +76,16 @@ def integrate(mesh: TissueMesh) -> ElementIntegrals:
 
     Raises
     ------
-    ValueError
+    CaseError
         An element is folded over (its Jacobian is not positive).
     """
-    values, gradients, weights = reference_gradients()
+    values, gradients, weights = reference_element()
     M = len(mesh.elements)
     g, C = np.empty((M, 2, 3, 9)), np.empty((M, 3, 9, 9))
     L, C0 = np.empty((M, 9, 9)), np.empty((M, 9, 9))
     dN, dx = np.empty((M, 9, 2, 9)), np.empty((M, 9))
     if not _integrate(mesh.nodes_mm[mesh.elements], values, gradients, weights, g, C, L, C0, dN, dx):
-        raise ValueError("an element of the mesh is folded over")
+        raise CaseError("an element of the mesh is folded over; give another --hx")
     return ElementIntegrals(g, C, L, C0, dN, dx, pack(g, C, L, C0))
 
 
@@ -89,6 +93,7 @@ def integrate(mesh: TissueMesh) -> ElementIntegrals:
 def _integrate(X, values, gradients, weights, g, C, L, C0, dN, dx):  # type: ignore[no-untyped-def]
     good = True
     Nk = np.empty((9, 3))
+    twist = np.empty(9)
     for e in range(X.shape[0]):
         cx = X[e, :, 0].mean()
         cy = X[e, :, 1].mean()
@@ -104,9 +109,10 @@ def _integrate(X, values, gradients, weights, g, C, L, C0, dN, dx):  # type: ign
             det = a * d - b * c
             if det <= 0.0:
                 good = False
+            a, b, c, d = a / det, b / det, c / det, d / det
             for n in range(9):
-                dN[e, q, 0, n] = (d * gradients[q, 0, n] - b * gradients[q, 1, n]) / det
-                dN[e, q, 1, n] = (a * gradients[q, 1, n] - c * gradients[q, 0, n]) / det
+                dN[e, q, 0, n] = d * gradients[q, 0, n] - b * gradients[q, 1, n]
+                dN[e, q, 1, n] = a * gradients[q, 1, n] - c * gradients[q, 0, n]
             dx[e, q] = weights[q] * det
             Nk[q, 0] = 1.0
             Nk[q, 1] = x - cx
@@ -123,21 +129,38 @@ def _integrate(X, values, gradients, weights, g, C, L, C0, dN, dx):  # type: ign
                 s += Nk[q, k] ** 2 * dx[e, q]
             for q in range(9):
                 Nk[q, k] /= np.sqrt(s)
-        g[e] = 0.0
+        area = 0.0
+        for q in range(9):
+            area += dx[e, q]
+        gx = g[e, 0]
+        gy = g[e, 1]
+        gx[:] = 0.0
+        gy[:] = 0.0
         C[e] = 0.0
         L[e] = 0.0
-        C0[e] = 0.0
         for q in range(9):
-            for m in range(9):
-                mx = dN[e, q, 0, m] * dx[e, q]
-                my = dN[e, q, 1, m] * dx[e, q]
-                for k in range(3):
-                    g[e, 0, k, m] += Nk[q, k] * mx
-                    g[e, 1, k, m] += Nk[q, k] * my
+            x = dN[e, q, 0]
+            y = dN[e, q, 1]
+            w = dx[e, q]
+            for k in range(3):
+                Nw = Nk[q, k] * w
                 for n in range(9):
-                    L[e, m, n] += mx * dN[e, q, 0, n] + my * dN[e, q, 1, n]
-                    twist = mx * dN[e, q, 1, n] - my * dN[e, q, 0, n]
-                    C0[e, m, n] -= twist
-                    for k in range(3):
-                        C[e, k, m, n] += Nk[q, k] * twist
+                    gx[k, n] += Nw * x[n]
+                    gy[k, n] += Nw * y[n]
+            for m in range(9):
+                mx = x[m] * w
+                my = y[m] * w
+                row = L[e, m]
+                for n in range(9):
+                    row[n] += mx * x[n] + my * y[n]
+                    twist[n] = mx * y[n] - my * x[n]
+                for k in range(3):
+                    row = C[e, k, m]
+                    Nq = Nk[q, k]
+                    for n in range(9):
+                        row[n] += Nq * twist[n]
+        root = np.sqrt(area)  # N_0 is 1 / root everywhere
+        for m in range(9):
+            for n in range(9):
+                C0[e, m, n] = -root * C[e, 0, m, n]
     return good

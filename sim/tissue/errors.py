@@ -1,19 +1,31 @@
 """What can go wrong, as a tree.
 
 TissueError
-  CaseError    (ValueError)    the words were wrong: a case or a setting that does not make sense
+  CaseError    (UsageError)    invalid arguments: a case or a setting that does not make sense
+  SweepStopped (RuntimeError)  what computes a sweep has gone; what was finished is kept
   StrokeError  (RuntimeError)  the work failed: no equilibrium at one position, with its reason
 """
 
 from __future__ import annotations
 
-
-class TissueError(Exception):
-    """Any error of `sim.tissue`."""
+from palpate.errors import PalpateError, UsageError
 
 
-class CaseError(TissueError, ValueError):
+class TissueError(PalpateError):
+    """Any error of `palpate.sim.tissue`."""
+
+
+class CaseError(TissueError, UsageError):
     """A case, its code or a setting is not one that can be simulated; the text is one sentence."""
+
+
+class SweepStopped(TissueError, RuntimeError):
+    """The workers of a sweep, or its cluster, have gone."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(
+            f"what computes the sweep has gone ({reason}); finished strokes are kept: run it again to go on"
+        )
 
 
 class StrokeError(TissueError, RuntimeError):

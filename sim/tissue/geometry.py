@@ -6,13 +6,13 @@ import threading
 from collections import OrderedDict
 from dataclasses import dataclass
 
-from sim.tissue.case import Case
-from sim.tissue.element import ElementIntegrals, integrate
-from sim.tissue.errors import CaseError
-from sim.tissue.linear import LinearSolver
-from sim.tissue.mesh import TissueMesh, build_mesh
-from sim.tissue.settings import Settings
-from sim.tissue.solvers import make_solver
+from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.element import ElementIntegrals, integrate
+from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.mesh import TissueMesh, build_mesh
+from palpate.sim.tissue.settings import Settings
+from palpate.sim.tissue.solver.choice import make_solver
+from palpate.sim.tissue.solver.linear import LinearSolver
 
 _REMEMBERED = 3
 
@@ -32,7 +32,7 @@ _local = threading.local()
 def geometry_of(case: Case, settings: Settings, first: float, last: float) -> Geometry:
     """The geometry of a case, remembered per thread: stiffness and force do not change it."""
     memory: OrderedDict[tuple, Geometry] = _local.__dict__.setdefault("memory", OrderedDict())
-    key = (case.d_mm, case.h, case.gland_mm, settings, first, last)
+    key = (case.d_mm, case.h, case.gland_mm, case.reach_mm, settings, first, last)
     if key not in memory:
         mesh = build_mesh(case, settings, first, last)
         try:

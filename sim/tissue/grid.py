@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.tissue.case import Case
-from sim.tissue.errors import CaseError
-from sim.tissue.settings import Settings
+from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.settings import Settings
 
-MARGIN_MM = 14.0
-"""How far the fine columns go on beyond the outermost positions: the face is 12 mm to either side."""
+LEAST_ROOM_MM = 20.0
+"""Between the probe's reach at its outermost positions and the rollers at the sides."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,17 @@ def lay_grid(case: Case, settings: Settings, first_mm: float, last_mm: float) ->
     Raises
     ------
     CaseError
-        The lump does not fit between the surface and the chest wall.
+        The lump does not fit between the surface and the chest wall, or the probe between the sides.
     """
+    margin = case.reach_mm
+    if settings.left_mm > first_mm - margin - LEAST_ROOM_MM or settings.right_mm < (
+        last_mm + margin + LEAST_ROOM_MM
+    ):
+        raise CaseError(
+            f"a face that reaches {margin:.3g} mm to either side comes too near the tissue's sides at "
+            f"{settings.left_mm:g} and {settings.right_mm:g} mm; "
+            "move them (left_mm, right_mm) or stroke less far"
+        )
     r, t, gland, hx = case.d_mm / 2, case.t_mm, case.gland_mm, settings.hx_mm
     if r > 0.95 * gland:
         raise CaseError(f"a lump of {case.d_mm:g} mm does not fit into {gland:g} mm of gland")
@@ -77,8 +86,8 @@ def lay_grid(case: Case, settings: Settings, first_mm: float, last_mm: float) ->
     rows = [under, np.linspace(-bottom, 0.0, below + 1)[1:], np.linspace(0.0, top, above + 1)[1:], over[1:]]
     y = np.concatenate([*rows, t - np.cumsum(skin)[-2::-1], [t]])
 
-    left = -half - hx * np.arange(max(0, round((-first_mm + MARGIN_MM - half) / hx)) + 1)
-    right = half + hx * np.arange(max(0, math.ceil((last_mm + MARGIN_MM - half) / hx)) + 1)
+    left = -half - hx * np.arange(max(0, round((-first_mm + margin - half) / hx)) + 1)
+    right = half + hx * np.arange(max(0, math.ceil((last_mm + margin - half) / hx)) + 1)
     far_left = _graded(left[-1], settings.left_mm, 1.5 * hx)
     far_right = _graded(right[-1], settings.right_mm, 1.5 * hx)
     middle = np.linspace(-half, half, columns + 1)[1:-1]

@@ -1,4 +1,12 @@
-"""Compiled loops over elements. Shapes and units as in `element.py` and `material.py`."""
+"""Compiled loops over elements. Shapes and units as in `element.py` and `material.py`.
+
+They compute what `forms.py` defines, as it comes out in the plane with the integrals of `element.py`:
+
+    theta_k = g_k . u + ux . C_k uy        G_k = d theta_k / du = (gx_k + C_k uy, gy_k - C_k ux)
+    R       = mu (L ux + C0 uy, L uy - C0 ux) + sum_k k theta_k G_k
+
+with k = lambda' + mu; tests/sim/tissue/test_reference.py holds them to the forms.
+"""
 
 # mypy: ignore-errors
 from __future__ import annotations
@@ -6,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sim.tissue.lanes import LANES, ROWS, eight_elements, fma
+from palpate.sim.tissue.lanes import LANES, ROWS, eight_elements, fma
 
 _EXPONENT_CAP = 4.0
 """Beyond b I = 4 (e^4 = 55 times stiffer) the exponential law goes on linearly, so nothing overflows."""
@@ -15,6 +23,9 @@ _EXPONENT_CAP = 4.0
 @njit(cache=True, nogil=True)
 def residual(u, pressures, frozen, elements, packed, mu, bulk, R, mixed, theta, G, excesses):
     """Add the internal forces of all elements to R (2N,) and those of the mixed method to `mixed` (2N,).
+
+        R     += mu (L ux + C0 uy, L uy - C0 ux) + sum_k k theta_k G_k
+        mixed += sum_k (q_k - k theta_k) (G_k - Gs_k)
 
     `packed` are the integrals as `lanes.pack` gives them, `frozen` (M, 3, 18) the volume gradients of the
     tangent that is in use; `theta` (M, 3) is filled with the volume change, `G` (M, 3, 18) with its gradients
@@ -65,7 +76,7 @@ def residual(u, pressures, frozen, elements, packed, mu, bulk, R, mixed, theta, 
 
 @njit(cache=True, nogil=True, inline="always")
 def _add_excess(excess, G, frozen, nodes, out):
-    """Add to `out` (2N,) what the mixed method's forces on one element have more than the true ones."""
+    """Add sum_k excess_k (G_k - Gs_k) of one element to `out` (2N,): the mixed forces less the true."""
     p = excess[0]
     q = excess[1]
     r = excess[2]
@@ -87,7 +98,10 @@ def mixed(excess, G, frozen, elements, out):
 
 @njit(cache=True, fastmath=True, nogil=True)
 def tangent(u, pressures, which, elements, g, C, L, C0, mu, bulk, K, frozen):
-    """Fill the stiffnesses K (M, 18, 18) and volume gradients (M, 3, 18) of the elements `which`."""
+    """Fill the stiffnesses K (M, 18, 18) and volume gradients (M, 3, 18) of the elements `which`.
+
+    K = k G^T G + [[mu L, T], [-T, mu L]],   T = mu C0 + sum_k q_k C_k
+    """
     ux = np.empty(9)
     uy = np.empty(9)
     for e in which:
@@ -128,7 +142,7 @@ def tangent(u, pressures, which, elements, g, C, L, C0, mu, bulk, K, frozen):
 
 @njit(cache=True, fastmath=True, nogil=True)
 def pressure(du, elements, theta, frozen, bulk):
-    """Pressure coefficients (M, 3) after the step `du`: bulk (theta + G du) with the tangent's own G."""
+    """Pressure coefficients (M, 3) after the step `du`: q = k (theta + Gs du), Gs being the tangent's own."""
     q = np.empty_like(theta)
     for e in range(elements.shape[0]):
         for k in range(3):
@@ -142,7 +156,7 @@ def pressure(du, elements, theta, frozen, bulk):
 
 @njit(cache=True, nogil=True)
 def _stiffening(b, I):
-    """Factor on mu, and its derivative by I."""
+    """phi'(I) = exp(b I), the factor on mu, and phi''(I) = b exp(b I); a line beyond the cap."""
     z = b * I
     if z < _EXPONENT_CAP:
         f = np.exp(z)
@@ -153,7 +167,11 @@ def _stiffening(b, I):
 
 @njit(cache=True, nogil=True)
 def stiffening_residual(u, elements, which, dN, dx, mu, b, R):
-    """Add the forces of the exponential law's elements `which` to R (2N,)."""
+    """Add the forces of the exponential law's elements `which` to R (2N,).
+
+    R += integral of mu phi'(I) (F - cof F) : grad v,   F - cof F = [[v1, v2], [v2, -v1]],
+    v1 = u_x,x - u_y,y,   v2 = u_x,y + u_y,x,   I = v1^2 + v2^2
+    """
     for e in which:
         nodes = elements[e]
         for p in range(9):
@@ -173,7 +191,10 @@ def stiffening_residual(u, elements, which, dN, dx, mu, b, R):
 
 @njit(cache=True, fastmath=True, nogil=True)
 def stiffening_tangent(u, elements, which, dN, dx, mu, b, K):
-    """Add the stiffness of the exponential law's elements `which` to K (M, 18, 18)."""
+    """Add the stiffness of the exponential law's elements `which` to K (M, 18, 18).
+
+    K += integral of 2 mu phi'' w w^T + mu phi' (dv1^T dv1 + dv2^T dv2),   w = v1 dv1 + v2 dv2
+    """
     w = np.empty(18)
     for e in which:
         nodes = elements[e]
@@ -207,7 +228,7 @@ def stiffening_tangent(u, elements, which, dN, dx, mu, b, K):
 
 @njit(cache=True, nogil=True)
 def smallest_jacobian(u, elements, dN):
-    """Smallest det F at the Gauss points of all elements."""
+    """Smallest det F at the Gauss points of all elements; F = 1 + grad u."""
     least = np.inf
     for e in range(elements.shape[0]):
         for p in range(9):

@@ -90,6 +90,9 @@ class _Code:
 def eight_elements(typing_context, integrals, u, mu, bulk, pressures, forces, gradients, theta, excess):
     """Forces of eight elements, from addresses of arrays of rows of eight.
 
+        theta_k = g_k . u + ux . C_k uy,   G_k = (gx_k + C_k uy, gy_k - C_k ux),   excess_k = q_k - k theta_k,
+        forces = mu (L ux + C0 uy, L uy - C0 ux) + sum_k k theta_k G_k
+
     In: `integrals` (459), displacements `u` (18, nine x then nine y), `mu`, `bulk` (1) and `pressures` (3).
     Out: `forces` (18), the volume's `gradients` (54: k, then nine x and nine y), its change `theta` (3) and
     `excess` (3), what the pressures have more than it says.

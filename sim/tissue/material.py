@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.tissue import kernels
-from sim.tissue.case import Case
-from sim.tissue.element import ElementIntegrals
-from sim.tissue.mesh import FAT, GLAND, LUMP, TissueMesh
+from palpate.sim.tissue import kernels
+from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.element import ElementIntegrals
+from palpate.sim.tissue.mesh import FAT, GLAND, LUMP, TissueMesh
 
 Floats = NDArray[np.float64]
 

@@ -1,6 +1,7 @@
 """The tissue's mesh of nine-node quadrilaterals: a tensor grid with an O-grid round the lump. Units: mm.
 
-Every node is found by its place in a lattice, never by its coordinates, so that no two can be mistaken.
+Corners and cells are laid out here, every corner found by its place in a lattice, never by its coordinates,
+so that no two can be mistaken. Mid-sides, middles, boundary and numbering are scikit-fem's.
 """
 
 from __future__ import annotations
@@ -9,12 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from skfem import Dofs, ElementQuad2, MeshQuad1, MeshQuad2
 
-from sim.tissue.case import Case
-from sim.tissue.grid import Grid, lay_grid
-from sim.tissue.settings import Settings
+from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.grid import Grid, lay_grid
+from palpate.sim.tissue.settings import Settings
 
 FAT, GLAND, LUMP = 0, 1, 2
+
+ALONG_THEN_UP: NDArray[np.int64] = np.lexsort(ElementQuad2.doflocs.T)
+"""Nodes of scikit-fem's element in the order of the kernels."""
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -26,6 +31,9 @@ class TissueMesh:
 
     Attributes
     ----------
+    quads : MeshQuad2
+        scikit-fem's mesh. Its degrees of freedom are numbered as the nodes are here, so that a displacement
+        (2N,), x and y of each node in turn, is one of `ElementVector(ElementQuad2())`.
     nodes_mm : ndarray (N, 2)
         Node positions.
     elements : ndarray (M, 9)
@@ -42,10 +50,11 @@ class TissueMesh:
         Elements of the same rows.
     fixed : ndarray (N, 2), bool
         Held degrees of freedom: the chest wall, and sideways the rollers at both ends.
-    grid : Grid
-        What it was laid on.
+    lump_radius_mm : float
+        Radius of the round lump; 0 where there is none.
     """
 
+    quads: MeshQuad2
     nodes_mm: Floats
     elements: Ints
     material: Ints
@@ -54,7 +63,7 @@ class TissueMesh:
     node_rows: Ints
     element_rows: Ints
     fixed: NDArray[np.bool_]
-    grid: Grid
+    lump_radius_mm: float
 
 
 def build_mesh(case: Case, settings: Settings, first_mm: float, last_mm: float) -> TissueMesh:
@@ -72,25 +81,25 @@ def build_mesh(case: Case, settings: Settings, first_mm: float, last_mm: float) 
     m, n, rings = i1 - i0, j1 - j0, grid.inner + grid.outer
 
     # The outer grid, without what lies inside the box.
-    outer_xy = np.stack(np.meshgrid(_halved(x), _halved(y), indexing="ij"), -1)
+    outer_xy = np.stack(np.meshgrid(x, y, indexing="ij"), -1)
     inside = np.zeros(outer_xy.shape[:2], bool)
-    inside[2 * i0 + 1 : 2 * i1, 2 * j0 + 1 : 2 * j1] = True
+    inside[i0 + 1 : i1, j0 + 1 : j1] = True
     outer_id = np.full(inside.shape, -1)
     outer_id[~inside] = np.arange((~inside).sum())
     count = int((~inside).sum())
 
     # The core, a rounded square in the lump, and the closed loop of rings round it.
-    core_xy = _lattice(_core(grid, m))
+    core_xy = _core(grid, m)
     core_id = count + np.arange(core_xy[..., 0].size).reshape(core_xy.shape[:2])
     count += core_id.size
     loop_i, loop_j = _perimeter(m, n)
-    ring_xy = _rings(grid, m, core_xy[loop_i, loop_j], outer_xy[2 * i0 + loop_i, 2 * j0 + loop_j])
+    ring_xy = _rings(grid, m, core_xy[loop_i, loop_j], outer_xy[i0 + loop_i, j0 + loop_j])
     ring_id = np.empty(ring_xy.shape[:2], np.int64)
     ring_id[0] = core_id[loop_i, loop_j]
-    ring_id[-1] = outer_id[2 * i0 + loop_i, 2 * j0 + loop_j]
+    ring_id[-1] = outer_id[i0 + loop_i, j0 + loop_j]
     ring_id[1:-1] = count + np.arange(ring_id[1:-1].size).reshape(ring_id[1:-1].shape)
 
-    nodes = np.concatenate([outer_xy[~inside], core_xy.reshape(-1, 2), ring_xy[1:-1].reshape(-1, 2)])
+    corners = np.concatenate([outer_xy[~inside], core_xy.reshape(-1, 2), ring_xy[1:-1].reshape(-1, 2)])
     keep = np.ones((nx, ny), bool)
     keep[i0:i1, j0:j1] = False
     column = np.arange(nx) + np.where(np.arange(nx) >= i1, 2, np.where(np.arange(nx) >= i0, 1, 0)) * rings
@@ -99,15 +108,13 @@ def build_mesh(case: Case, settings: Settings, first_mm: float, last_mm: float) 
     element_id[keep] = np.arange(keep.sum())
     ring_column, ring_material = _ring_columns(grid, m, n)
     wrapped = np.concatenate([ring_id, ring_id[:, :1]], 1)
-
-    nodes_fixed = np.zeros((len(nodes), 2), bool)
-    nodes_fixed[outer_id[:, 0]] = True
-    nodes_fixed[outer_id[[0, -1]], 0] = True
-    return TissueMesh(
-        nodes_mm=nodes,
-        elements=np.concatenate(
-            [_cells(outer_id)[keep], _cells(core_id).reshape(-1, 9), _cells(wrapped).reshape(-1, 9)]
-        ),
+    cells = np.concatenate(
+        [cells_of(outer_id)[keep], cells_of(core_id).reshape(-1, 4), cells_of(wrapped).reshape(-1, 4)]
+    )
+    loop = np.arange(len(cells) - ring_column.size, len(cells)).reshape(ring_column.shape)
+    return mesh_of(
+        corners,
+        cells,
         material=np.concatenate(
             [np.broadcast_to(outer_fat, (nx, ny))[keep], np.full(m * n, LUMP), ring_material.ravel()]
         ),
@@ -118,35 +125,74 @@ def build_mesh(case: Case, settings: Settings, first_mm: float, last_mm: float) 
                 ring_column.ravel(),
             ]
         ),
-        surface=outer_id[:, -1].copy(),
-        node_rows=outer_id[:, 2 * j1 :].T.copy(),
         element_rows=element_id[:, j1:].T.copy(),
-        fixed=nodes_fixed,
-        grid=grid,
+        lump_radius_mm=grid.radius,
+        round_layers=(loop[grid.inner - 1], loop[grid.inner]),
     )
 
 
-def _halved(borders: Floats) -> Floats:
-    out = np.empty(2 * len(borders) - 1)
-    out[::2] = borders
-    out[1::2] = (borders[1:] + borders[:-1]) / 2
-    return out
+def mesh_of(
+    corners: Floats,
+    cells: Ints,
+    material: Ints,
+    column: Ints,
+    element_rows: Ints,
+    lump_radius_mm: float = 0.0,
+    round_layers: tuple[Ints, Ints] | None = None,
+) -> TissueMesh:
+    """Nine-node elements on `corners` (K, 2) and `cells` (M, 4), anticlockwise, between four straight sides.
+
+    `round_layers` are the elements inside and outside of the circle; the others are `TissueMesh`'s.
+    """
+    straight = MeshQuad1(corners.T.copy(), cells.T.copy())
+    dofs = Dofs(straight, ElementQuad2())
+    numbers = dofs.element_dofs
+    nodes = np.empty((2, dofs.N))
+    nodes[:, numbers] = straight.mapping().F(ElementQuad2.doflocs.T).transpose(0, 2, 1)
+    if round_layers is not None:
+        inner, outer = round_layers
+        on_circle = numbers[5, inner]  # the middle of the second side, which is the inner layer's outer one
+        nodes[:, on_circle] *= lump_radius_mm / np.hypot(*nodes[:, on_circle])
+        for layer in (inner, outer):  # by transfinite interpolation
+            some = nodes[:, numbers[:, layer]]
+            nodes[:, numbers[8, layer]] = some[:, 4:8].sum(1) / 2 - some[:, :4].sum(1) / 4
+    elements = np.ascontiguousarray(numbers[ALONG_THEN_UP].T, dtype=np.int64)
+
+    (left, bottom), (right, top) = nodes.min(1), nodes.max(1)
+    x, y = nodes[:, dofs.facet_dofs[0]]  # the facets' middles
+    surface = _nodes_on(dofs, y == top)
+    fixed = np.zeros((nodes.shape[1], 2), bool)
+    fixed[_nodes_on(dofs, y == bottom)] = True
+    fixed[_nodes_on(dofs, (x == left) | (x == right)), 0] = True
+    return TissueMesh(
+        quads=MeshQuad2(nodes, straight.t),
+        nodes_mm=nodes.T.copy(),
+        elements=elements,
+        material=material,
+        column=column,
+        surface=surface[np.argsort(nodes[0, surface])],
+        node_rows=_node_rows(elements[element_rows]),
+        element_rows=element_rows,
+        fixed=fixed,
+        lump_radius_mm=lump_radius_mm,
+    )
 
 
-def _lattice(corners: Floats) -> Floats:
-    """Nodes of straight-sided cells: corners (a+1, b+1, 2) to nodes (2a+1, 2b+1, 2)."""
-    a, b = corners.shape[0] - 1, corners.shape[1] - 1
-    out = np.empty((2 * a + 1, 2 * b + 1, 2))
-    out[::2, ::2] = corners
-    out[1::2, ::2] = (corners[1:] + corners[:-1]) / 2
-    out[:, 1::2] = (out[:, 2::2] + out[:, :-1:2]) / 2
-    return out
+def _nodes_on(dofs: Dofs, facets: NDArray[np.bool_]) -> Ints:
+    return dofs.get_facet_dofs(np.nonzero(facets)[0]).all().astype(np.int64)
 
 
-def _cells(ids: Ints) -> Ints:
-    """Nine nodes of every cell of a node lattice: (2a+1, 2b+1) to (a, b, 9)."""
-    a, b = ids.shape[0] // 2, ids.shape[1] // 2
-    return np.stack([ids[i : i + 2 * a : 2, j : j + 2 * b : 2] for j in range(3) for i in range(3)], -1)
+def _node_rows(cells: Ints) -> Ints:
+    """Nodes of rows of elements (Q, C, 9), from below: (2 Q + 1, 2 C + 1)."""
+    rows, columns = cells.shape[:2]
+    three = cells.reshape(rows, columns, 3, 3).transpose(0, 2, 1, 3)  # row, height in it, column, along
+    lines = np.concatenate([three[..., :2].reshape(rows, 3, -1), three[:, :, -1, 2:]], -1)
+    return np.concatenate([lines[:, :2].reshape(2 * rows, -1), lines[-1, 2:]])
+
+
+def cells_of(ids: Ints) -> Ints:
+    """Four corners of every cell of a lattice, anticlockwise: (a+1, b+1) to (a, b, 4)."""
+    return np.stack([ids[:-1, :-1], ids[1:, :-1], ids[1:, 1:], ids[:-1, 1:]], -1)
 
 
 def _core_parameters(grid: Grid, m: int) -> tuple[Floats, Floats]:
@@ -162,15 +208,14 @@ def _core(grid: Grid, m: int) -> Floats:
 
 
 def _perimeter(m: int, n: int) -> tuple[Ints, Ints]:
-    """Lattice places of the core's border, anticlockwise from its lower left corner."""
-    a, b = 2 * m, 2 * n
-    i = np.concatenate([np.arange(a), np.full(b, a), np.arange(a, 0, -1), np.zeros(b, np.int64)])
-    j = np.concatenate([np.zeros(a, np.int64), np.arange(b), np.full(a, b), np.arange(b, 0, -1)])
+    """Places of the core's border in its lattice, anticlockwise from its lower left corner."""
+    i = np.concatenate([np.arange(m), np.full(n, m), np.arange(m, 0, -1), np.zeros(n, np.int64)])
+    j = np.concatenate([np.zeros(m, np.int64), np.arange(n), np.full(m, n), np.arange(n, 0, -1)])
     return i, j
 
 
 def _rings(grid: Grid, m: int, core_border: Floats, box_border: Floats) -> Floats:
-    """Nodes of the rings, (2 rings + 1, loop, 2), from the core's border over the circle to the box."""
+    """Corners of the rings, (rings + 1, loop, 2), from the core's border over the circle to the box."""
     s, q = _core_parameters(grid, m)
     # On the circle the corners of the core keep 45 degrees; each side's nodes are spread by angle.
     angle = np.concatenate(
@@ -184,17 +229,9 @@ def _rings(grid: Grid, m: int, core_border: Floats, box_border: Floats) -> Float
     circle = grid.radius * np.stack([np.cos(angle), np.sin(angle)], -1)
     inner = np.arange(grid.inner)[:, None, None] / grid.inner
     outer = np.arange(grid.outer + 1)[:, None, None] / grid.outer
-    core, box = core_border[::2], box_border[::2]
-    corners = np.concatenate([core + (circle - core) * inner, circle + (box - circle) * outer])
-    closed = np.concatenate([corners, corners[:, :1]], 1)
-    nodes = _lattice(closed)
-    on_circle = nodes[2 * grid.inner, 1::2]
-    on_circle *= grid.radius / np.hypot(on_circle[:, 0], on_circle[:, 1])[:, None]
-    # Middles of cells with a curved side, by transfinite interpolation.
-    sides = nodes[:-1:2, 1::2] + nodes[2::2, 1::2] + nodes[1::2, :-1:2] + nodes[1::2, 2::2]
-    ends = nodes[:-1:2, :-1:2] + nodes[2::2, :-1:2] + nodes[:-1:2, 2::2] + nodes[2::2, 2::2]
-    nodes[1::2, 1::2] = sides / 2 - ends / 4
-    return nodes[:, :-1]
+    return np.concatenate(
+        [core_border + (circle - core_border) * inner, circle + (box_border - circle) * outer]
+    )
 
 
 def _ring_columns(grid: Grid, m: int, n: int) -> tuple[Ints, Ints]:

@@ -8,15 +8,16 @@ has changed, round the probe, and only when the iteration asks for it. Units: mm
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.tissue import contact_kernels as kernels
-from sim.tissue.contact import Contact, ContactState
-from sim.tissue.linear import LinearSolver, NotPositiveDefinite
-from sim.tissue.material import Tissue
-from sim.tissue.predictor import State
+from palpate.sim.tissue import contact_kernels as kernels
+from palpate.sim.tissue.contact import Contact, ContactState
+from palpate.sim.tissue.material import Tissue
+from palpate.sim.tissue.predictor import State
+from palpate.sim.tissue.solver.linear import LinearSolver, NotPositiveDefinite
 
 Floats = NDArray[np.float64]
 
@@ -44,6 +45,17 @@ class Counts:
     iterations: int = 0
     tangents: int = 0
     factorisations: int = 0
+
+
+class Equilibrium(Protocol):
+    """What finds the state under a given force: `Newton`, and `reference.ReferenceNewton`."""
+
+    counts: Counts
+
+    def solve(
+        self, start: State, position: float, force: float, limit: int = 30, careful: bool = False
+    ) -> State:
+        """See `Newton.solve`."""
 
 
 class Newton:
@@ -89,20 +101,20 @@ class Newton:
             It did not settle within `limit` iterations, or diverged.
         """
         state = start.copy()
-        seen_before: ContactState | None = None
+        touching_before: ContactState | None = None
         error = np.inf
         for _ in range(limit):
-            seen = self.contact.evaluate(state.u, state.multiplier, state.height, position)
+            touching = self.contact.evaluate(state.u, state.multiplier, state.height, position)
             internal, mixed, theta = self.tissue.residual(state.u, state.pressure, self._frozen)
-            true = self.contact.balance(seen, self._held, internal.copy())
-            largest = self.contact.balance(seen, self._held, mixed)
-            lack = force - self.contact.vertical_force(seen)
-            error_before, error = error, max(largest, abs(lack)) / force
-            gap = np.abs(seen.gap).max() if len(seen.active) else 1.0
+            true = self.contact.balance(touching, self._held, internal.copy())
+            largest = self.contact.balance(touching, self._held, mixed)
+            force_deficit = force - self.contact.vertical_force(touching)
+            error_before, error = error, max(largest, abs(force_deficit)) / force
+            gap = np.abs(touching.gap).max() if len(touching.active) else 1.0
             if (
                 error < self.tolerance
                 and true < _VOLUME_SLACK * self.tolerance * force
-                and abs(lack) < _FORCE_TOLERANCE * force
+                and abs(force_deficit) < _FORCE_TOLERANCE * force
                 and gap < _GAP_TOLERANCE_MM
             ):
                 state.smallest_jacobian = self.tissue.smallest_jacobian(state.u)
@@ -111,53 +123,61 @@ class Newton:
                 raise NoConvergence("the iteration diverged")
             slow = error > _GOOD_PROGRESS * error_before
             if careful or not self._started or error > 1.0:
-                self._factor(state, seen, position, self._all)
-            elif seen_before is None:
-                self._factor(state, seen, position, self._near(position))
+                self._factor(state, touching, position, self._all)
+            elif touching_before is None:
+                self._factor(state, touching, position, self._near(position))
             elif slow:
-                self._factor(state, seen, position, self._all)
-            elif not np.array_equal(seen.active, seen_before.active):
-                self._factor(state, seen, position, self._all[:0])
+                self._factor(state, touching, position, self._all)
+            elif not np.array_equal(touching.active, touching_before.active):
+                self._factor(state, touching, position, self._all[:0])
             else:
-                seen = replace(seen, slope=seen_before.slope)
-            fresh = seen_before is None or seen.slope is not seen_before.slope
+                touching = replace(touching, slope=touching_before.slope)
+            fresh = touching_before is None or touching.slope is not touching_before.slope
             if fresh:  # the tangent may have changed, and with it the mixed method's right-hand side
                 mixed = self.tissue.mixed(internal, self._frozen)
-                self.contact.balance(seen, self._held, mixed)
-            self._step(state, seen, mixed, theta, lack, fresh)
-            seen_before = seen
+                self.contact.balance(touching, self._held, mixed)
+            self._step(state, touching, mixed, theta, force_deficit, fresh)
+            touching_before = touching
             self.counts.iterations += 1
         raise NoConvergence(f"no equilibrium within {limit} iterations (still {error:.1e} of the force out)")
 
     def _near(self, position: float) -> NDArray[np.int64]:
         return np.nonzero(np.abs(self._middle_mm - position) < _WINDOW_MM)[0]
 
-    def _factor(self, state: State, seen: ContactState, position: float, which: NDArray[np.int64]) -> None:
+    def _factor(
+        self, state: State, touching: ContactState, position: float, which: NDArray[np.int64]
+    ) -> None:
         self.counts.factorisations += 1
         self.counts.tangents += len(which) > 0
         K = self._stiffness
         try:
             self.tissue.tangent(state.u, state.pressure, which, K, self._frozen)
             self.solver.change(K, which)
-            self.solver.factor(self.contact.stiffness(seen), position)
+            self.solver.factor(self.contact.stiffness(touching), position)
             self._started = True
         except NotPositiveDefinite:
-            # Far from equilibrium the pressure's geometric term can spoil definiteness; go on without.
+            # Far from equilibrium the pressure's geometric term can destroy definiteness; go on without.
             self._started = False
             try:
                 self.tissue.tangent(state.u, np.zeros_like(state.pressure), self._all, K, self._frozen)
                 self.solver.change(K, self._all)
-                self.solver.factor(self.contact.stiffness(seen, curved=False), position)
+                self.solver.factor(self.contact.stiffness(touching, curved=False), position)
             except NotPositiveDefinite:
                 raise NoConvergence("the tissue has buckled") from None
 
     def _step(
-        self, state: State, seen: ContactState, residual: Floats, theta: Floats, lack: float, fresh: bool
+        self,
+        state: State,
+        touching: ContactState,
+        residual: Floats,
+        theta: Floats,
+        force_deficit: float,
+        fresh: bool,
     ) -> None:
         contact, border = self.contact, self._sides[1]
         pull, weight = kernels.sides(
-            residual, contact.x_dof, seen.active, contact.weight, seen.gap, seen.slope, contact.augmentation,
-            fresh, self._sides,
+            residual, contact.x_dof, touching.active, contact.weight, touching.gap, touching.slope,
+            contact.augmentation, fresh, self._sides,
         )  # fmt: skip
         if fresh:
             change, self._border_change = self.solver.solve(self._sides)
@@ -165,13 +185,13 @@ class Newton:
         else:
             change = self.solver.solve(self._sides[:1])[0]
         if len(weight):
-            rise = (float(weight @ pull) - lack - border @ change) / self._pivot
+            rise = (float(weight @ pull) - force_deficit - border @ change) / self._pivot
         else:
             rise = -0.2  # not touching yet: let the probe sink
         scale = min(1.0, _LARGEST_RISE_MM / max(abs(rise), 1e-12))
         kernels.advance(
-            change, self._border_change, rise, scale, contact.x_dof, seen.active, seen.slope, pull,
-            contact.augmentation, state.multiplier, state.u,
+            change, self._border_change, rise, scale, contact.x_dof, touching.active, touching.slope,
+            pull, contact.augmentation, state.multiplier, state.u,
         )  # fmt: skip
         state.pressure = self.tissue.pressure(change, theta, self._frozen)
         state.height += scale * rise

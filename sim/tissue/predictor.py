@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.tissue import predictor_kernels as kernels
-from sim.tissue.mesh import TissueMesh
+from palpate.sim.tissue import predictor_kernels as kernels
+from palpate.sim.tissue.mesh import TissueMesh
 
 Floats = NDArray[np.float64]
 
@@ -68,9 +68,9 @@ class Predictor:
         self._root_area = np.sqrt(areas[self._cells])
         self._held = np.nonzero(mesh.fixed.ravel())[0]
         row_y = mesh.nodes_mm[self._rows[:, 0], 1]
-        self._node_share = _share_of_probe(row_y, row_y[-1], mesh.grid.radius)
+        self._node_share = _share_of_probe(row_y, row_y[-1], mesh.lump_radius_mm)
         cell_y = row_y[1::2]
-        self._cell_share = _share_of_probe(cell_y, row_y[-1], mesh.grid.radius)
+        self._cell_share = _share_of_probe(cell_y, row_y[-1], mesh.lump_radius_mm)
 
     def __call__(self, history: Sequence[tuple[float, State]], position: float) -> State:
         """Guess the state at `position` from the last few, (position, state), the newest last."""

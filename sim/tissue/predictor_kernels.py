@@ -46,7 +46,7 @@ def add_cells(out, weight, pressure, distance, elements, centre, root_area, firs
 
 @njit(cache=True, nogil=True)
 def blend_rows(u, rows, nodes, row_share, column_share, first):
-    """Move displacements u (2N,) towards `rows` (R, C, 2) by the product of both shares."""
+    """Move displacements u (2N,) towards `rows` (R, C, 2): u += row_share column_share (rows - u)."""
     for r in range(rows.shape[0]):
         for c in range(rows.shape[1]):
             share = row_share[r] * column_share[c]

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.tissue.case import Case
-from sim.tissue.probe_shape import SENSORS_MM
+from palpate.errors import UsageError
+from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.probe_shape import SENSORS_MM
 
 Floats = NDArray[np.float64]
 
@@ -102,13 +103,13 @@ class Stroke:
 
         Raises
         ------
-        ValueError
+        UsageError
             The stroke stops before the lump, or friction breaks the symmetry.
         """
         if self.positions_mm[-1] > 1e-9:
             return self
         if self.positions_mm[-1] < -1e-9 or self.case.friction > 0.0:
-            raise ValueError(
+            raise UsageError(
                 f"{self.code}: only a frictionless stroke that ends over the lump has a mirror half"
             )
         back = self.mirrored()
@@ -125,19 +126,24 @@ class Stroke:
         out |= {name: getattr(self, name).tolist() for name in arrays}
         out |= {"strain": self.strain.tolist(), "iterations": self.iterations.tolist()}
         out |= {"factorisations": self.factorisations, "nodes": self.nodes, "cpu_s": self.cpu_s}
-        return out | {"case": asdict(self.case)}
+        return out | {"case": self.case.to_dict()}
 
     @classmethod
     def from_dict(cls, record: dict[str, Any]) -> Stroke:
         """Read what `to_dict` wrote."""
+        return cls(**cls.fields_of(record))
+
+    @classmethod
+    def fields_of(cls, record: dict[str, Any]) -> dict[str, Any]:
+        """The fields of a stroke in what `to_dict` wrote."""
         n = len(record["positions_mm"])
-        return cls(
-            case=Case(**record["case"]),
+        return {
+            "case": Case(**record["case"]),
             **{name: np.asarray(record[name], float) for name in _SERIES},
-            images_kPa=np.asarray(record["images_kPa"], float).reshape(n, len(SENSORS_MM)),
-            contact_mm=np.asarray(record["contact_mm"], float).reshape(n, 2),
-            iterations=np.asarray(record["iterations"], np.int64),
-            factorisations=int(record["factorisations"]),
-            nodes=int(record["nodes"]),
-            cpu_s=float(record["cpu_s"]),
-        )
+            "images_kPa": np.asarray(record["images_kPa"], float).reshape(n, -1),
+            "contact_mm": np.asarray(record["contact_mm"], float).reshape(n, 2),
+            "iterations": np.asarray(record["iterations"], np.int64),
+            "factorisations": int(record["factorisations"]),
+            "nodes": int(record["nodes"]),
+            "cpu_s": float(record["cpu_s"]),
+        }

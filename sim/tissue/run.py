@@ -6,21 +6,23 @@ Units: mm, kPa, N/m.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.tissue.case import Case
-from sim.tissue.contact import Contact, read_sensors
-from sim.tissue.errors import StrokeError
-from sim.tissue.geometry import Geometry
-from sim.tissue.material import Tissue, elasticity
-from sim.tissue.newton import Newton, NoConvergence
-from sim.tissue.predictor import Predictor, State
-from sim.tissue.probe_shape import ProbeShape
-from sim.tissue.result import Stroke
-from sim.tissue.settings import Settings
+from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.contact import Contact, read_sensors
+from palpate.sim.tissue.errors import StrokeError
+from palpate.sim.tissue.geometry import Geometry
+from palpate.sim.tissue.material import Tissue, elasticity
+from palpate.sim.tissue.newton import Equilibrium, Newton, NoConvergence
+from palpate.sim.tissue.predictor import Predictor, State
+from palpate.sim.tissue.probe_shape import ProbeShape
+from palpate.sim.tissue.reference import ReferenceNewton
+from palpate.sim.tissue.result import Stroke
+from palpate.sim.tissue.settings import Settings
 
 Floats = NDArray[np.float64]
 
@@ -37,7 +39,11 @@ class Run:
         self.tissue = Tissue(geometry.mesh, geometry.integrals, elasticity(case, geometry.mesh))
         shape = ProbeShape(case.probe_radius_mm, case.face_half_mm, case.fillet_per_mm2)
         self.contact = Contact(geometry.mesh, shape, case.friction)
-        self.newton = Newton(self.tissue, self.contact, geometry.solver, settings.tolerance)
+        self.newton: Equilibrium = (
+            ReferenceNewton(self.mesh, self.tissue.constants, shape, case.friction, settings.tolerance)
+            if settings.solver == "reference"
+            else Newton(self.tissue, self.contact, geometry.solver, settings.tolerance)
+        )
         self.predictor = Predictor(geometry.mesh, self.areas)
 
     def press(self, position: float, pressed: State | None) -> State:
@@ -115,8 +121,14 @@ class Run:
         self._slide(history, (old + new) / 2)
         self._slide(history, new)
 
-    def stroke(self, positions: Floats, state: State, began: float) -> Stroke:
-        """Slide through all positions and collect what the probe feels."""
+    def stroke(
+        self,
+        positions: Floats,
+        state: State,
+        began: float,
+        visit: Callable[[Run, float, State], None] | None = None,
+    ) -> Stroke:
+        """Slide through all positions and collect what the probe feels; `visit` is told of every state."""
         rows, iterations, before = [], [], 0
         history = [(float(positions[0]), state)]
         for i, position in enumerate(positions):
@@ -129,6 +141,8 @@ class Run:
             iterations.append(self.newton.counts.iterations - before)
             before = self.newton.counts.iterations
             rows.append(self.read(state, float(position)))
+            if visit is not None:
+                visit(self, float(position), state)
         columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
         return Stroke(
             case=self.case,
@@ -142,11 +156,11 @@ class Run:
 
     def read(self, state: State, position: float) -> dict[str, Any]:
         """What the probe feels, checked: a wrong equilibrium must not pass for a result."""
-        x, pressure, force = self.contact.pressure(state.u, state.multiplier)
+        x, pressure, force = self.contact.pressure(state.u, state.multiplier, position)
         s = x - position
         touching = np.nonzero(pressure > 0)[0]
         peak = int(pressure.argmax())
-        balance = force / self.case.F_N_per_m - 1.0 if not self.case.friction else 0.0
+        balance = force / self.case.F_N_per_m - 1.0
         row = {
             "displacement_mm": self.case.t_mm - state.height,
             "images_kPa": read_sensors(s, pressure),

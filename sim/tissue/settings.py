@@ -8,19 +8,25 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from numbers import Real
 
 import numpy as np
 
-from sim.tissue.case import Case
-from sim.tissue.errors import CaseError
+from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.errors import CaseError
 
-SOLVER_VERSION = "tissue-2"
+SOLVER_VERSION = "tissue-3"
 """Changes whenever the same case and settings would give other numbers."""
 
-_FAR_STEP_MM = 4.0
+SOLID_SOLVER_VERSION = "solid-1"
+"""The same for solid lumps."""
 
-SOLVERS = ("auto", "strip", "cholmod", "superlu")
+_FAR_STEP_MM = 4.0
+_SOLID_FINE_STEPS = 4
+
+SOLVERS = ("auto", "strip", "cholmod", "superlu", "reference")
 
 
 @dataclass(frozen=True)
@@ -48,7 +54,9 @@ class Settings:
     tolerance : float
         Largest nodal force out of balance at convergence, as a fraction of the force on the probe.
     solver : str
-        `auto`, `strip` (own column Cholesky), `cholmod` (needs cvxopt) or `superlu` (plain SciPy).
+        `auto`, `strip` (own column Cholesky), `cholmod` (needs cvxopt) or `superlu` (plain SciPy): the same
+        method, the tangent factored by another library. `reference` is the weak form as scikit-fem assembles
+        it (`reference.py`), some hundred times slower.
     """
 
     hx_mm: float = 2.0
@@ -65,8 +73,9 @@ class Settings:
     solver: str = "auto"
 
     def __post_init__(self) -> None:
+        self._check_numbers()
         sizes = (self.hx_mm, self.increment_mm, self.row_mm, self.gland_row_mm, *self.skin_mm)
-        if not all(math.isfinite(s) and s > 0 for s in sizes):
+        if not all(s > 0 for s in sizes):
             raise CaseError("the mesh sizes and the increment must be positive numbers")
         if not 0.1 <= self.hx_mm <= 4.0:
             raise CaseError(f"hx_mm must lie between 0.1 and 4, not {self.hx_mm:g}")
@@ -74,14 +83,26 @@ class Settings:
             raise CaseError(f"start_mm must lie between -60 and 0, not {self.start_mm:g}")
         if self.far_start_mm is not None and not -60.0 <= self.far_start_mm <= self.start_mm:
             raise CaseError("far_start_mm must lie between -60 and start_mm")
-        if self.refine < 1 or int(self.refine) != self.refine:
-            raise CaseError(f"refine must be a whole number from 1, not {self.refine}")
-        if self.left_mm > -75.0 or self.right_mm < 75.0:
-            raise CaseError("the sides must stand at least 75 mm from the lump")
+        if not 1 <= self.refine <= 64 or int(self.refine) != self.refine:
+            raise CaseError(f"refine must be a whole number from 1 to 64, not {self.refine}")
+        if not (-1000.0 <= self.left_mm <= -75.0 and 75.0 <= self.right_mm <= 1000.0):
+            raise CaseError("the sides must stand 75 to 1000 mm from the lump")
         if not 1e-10 <= self.tolerance <= 1e-3:
             raise CaseError(f"tolerance must lie between 1e-10 and 1e-3, not {self.tolerance:g}")
         if self.solver not in SOLVERS:
             raise CaseError(f"solver must be one of {', '.join(SOLVERS)}, not {self.solver!r}")
+
+    def _check_numbers(self) -> None:
+        """CaseError unless every number is one, and finite."""
+        if isinstance(self.skin_mm, str) or not isinstance(self.skin_mm, Sequence) or not self.skin_mm:
+            raise CaseError(f"skin_mm must be a list of heights, not {self.skin_mm!r}")
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name == "solver" or (field.name == "far_start_mm" and value is None):
+                continue
+            for number in value if field.name == "skin_mm" else (value,):
+                if not isinstance(number, Real) or not math.isfinite(number):
+                    raise CaseError(f"{field.name} must be a finite number, not {number!r}")
 
     def positions_mm(self, friction: bool = False) -> np.ndarray:
         """The probe's positions, shape (n,): to the lump's middle, with friction to the other side."""
@@ -93,6 +114,19 @@ class Settings:
             half = np.concatenate([np.arange(self.far_start_mm, self.start_mm - 1e-9, _FAR_STEP_MM), half])
         return np.concatenate([half, -half[-2::-1]]) if friction else half
 
+    def solid_positions_mm(self) -> np.ndarray:
+        """Positions over a solid lump, (n,): every increment in the last four, every other one before them.
+
+        What lies between follows from a cubic spline, mirrored beyond the lump: within .1 % of amplitude
+        and width.
+        """
+        whole = self.positions_mm()
+        fine = whole > -(_SOLID_FINE_STEPS + 0.5) * self.increment_mm
+        coarse = whole[~fine][::-1][1::2][::-1]
+        if (~fine).sum() % 2:
+            coarse = np.append(whole[:1], coarse)
+        return np.concatenate([coarse, whole[fine]])
+
     def refined(self, factor: int) -> Settings:
         """The same with every element `factor` times smaller."""
         return replace(self, refine=self.refine * factor)
@@ -100,6 +134,7 @@ class Settings:
 
 def case_key(case: Case, settings: Settings) -> str:
     """Hash that names a result: of the case, the settings and the solver's version; 32 hex digits."""
-    record = {"case": asdict(case), "settings": asdict(settings), "solver": SOLVER_VERSION}
+    version = SOLID_SOLVER_VERSION if case.solid else SOLVER_VERSION
+    record = {"case": case.to_dict(), "settings": asdict(settings), "solver": version}
     text = json.dumps(record, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:32]

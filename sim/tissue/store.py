@@ -3,7 +3,9 @@
     DIR/strokes.parquet     one row per case, in the design's order, the same bytes however often the sweep
                             was interrupted
     DIR/timing.parquet      key and CPU time of each
+    DIR/earlier.parquet     strokes of earlier designs that this one lacks; used again where a design has them
     DIR/finished.journal    only while a sweep is unfinished: every stroke as it came in
+    DIR/.sweep.lock         held by the one sweep that may write here
 
 A journal's record is length, CRC-32 and compressed JSON. A torn last record (the program was killed while
 it wrote) is cut off; everything before it counts. Tables are written beside and renamed, after fsync.
@@ -11,21 +13,22 @@ it wrote) is cut off; everything before it counts. Tables are written beside and
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, fields
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from sim.tissue.case import Case
-from sim.tissue.errors import CaseError
-from sim.tissue.result import Stroke
+from palpate.sim.tissue.case import SOLID_FIELDS, Case
+from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.result import Stroke
 
 Record = dict[str, Any]
 
@@ -45,13 +48,23 @@ _LISTS = (
     "smallest_jacobian",
     "iterations",
 )
+_SOLID_LISTS = ("peak_across_mm", "ramp_N", "ramp_displacement_mm", "ramp_images_kPa")
+_PLANE_FIELDS = tuple(f.name for f in fields(Case) if f.name not in SOLID_FIELDS)
 SCHEMA = pa.schema(
     [(name, pa.string()) for name in ("key", "code", "status", "reason")]
-    + [(f.name, pa.float64()) for f in fields(Case)]
+    + [(name, pa.float64()) for name in _PLANE_FIELDS]
     + [("t_mm", pa.float64()), ("F_N_per_m", pa.float64())]
     + [(name, pa.list_(pa.float64())) for name in _LISTS[:-1]]
     + [("iterations", pa.list_(pa.int32())), ("factorisations", pa.int32()), ("nodes", pa.int32())]
 )
+SOLID_SCHEMA = pa.schema(
+    list(SCHEMA)
+    + [pa.field("shape", pa.string())]
+    + [pa.field(name, pa.float64()) for name in SOLID_FIELDS if name != "shape"]
+    + [pa.field(name, pa.list_(pa.float64())) for name in _SOLID_LISTS]
+)
+"""For tables with balls or ellipsoids in them; a cylinder's row has nothing in the columns that are
+theirs."""
 
 
 def record_of(key: str, case: Case, result: Stroke | Exception) -> Record:
@@ -59,18 +72,19 @@ def record_of(key: str, case: Case, result: Stroke | Exception) -> Record:
     record: Record = {
         "key": key,
         "code": case.code,
-        **asdict(case),
+        **case.to_dict(),
         "t_mm": case.t_mm,
         "F_N_per_m": case.F_N_per_m,
     }
     if not isinstance(result, Stroke):
-        empty: Record = {name: [] for name in _LISTS}
+        empty: Record = {name: [] for name in (*_LISTS, *(_SOLID_LISTS if case.solid else ()))}
         return (
             record
             | empty
             | {"status": "failed", "reason": str(result), "factorisations": 0, "nodes": 0, "cpu_s": 0.0}
         )
-    record |= {name: getattr(result, name).ravel().tolist() for name in _LISTS}
+    lists = (*_LISTS, *_SOLID_LISTS) if case.solid else _LISTS
+    record |= {name: getattr(result, name).ravel().tolist() for name in lists}
     record |= {"status": "ok", "reason": "", "factorisations": result.factorisations, "nodes": result.nodes}
     return record | {"cpu_s": result.cpu_s}
 
@@ -78,8 +92,14 @@ def record_of(key: str, case: Case, result: Stroke | Exception) -> Record:
 def stroke_of(record: Record) -> Stroke:
     """The stroke of a row whose status is `ok`; `CaseError` if another version of us wrote it."""
     try:
-        case = {f.name: record[f.name] for f in fields(Case)}
-        return Stroke.from_dict({**record, "case": case, "cpu_s": record.get("cpu_s", 0.0)})
+        solid = record.get("shape") is not None
+        case = {name: record[name] for name in (*_PLANE_FIELDS, *(SOLID_FIELDS if solid else ()))}
+        whole = {**record, "case": case, "cpu_s": record.get("cpu_s", 0.0)}
+        if solid:
+            from palpate.sim.tissue.solid.result import SolidStroke
+
+            return SolidStroke.from_dict(whole)
+        return Stroke.from_dict(whole)
     except KeyError as missing:
         raise CaseError(
             f"the sweep was stored by another version (it lacks {missing.args[0]}); "
@@ -94,23 +114,31 @@ class StrokeStore:
     ----------
     directory : Path
         Made if it is missing.
+
+    Raises
+    ------
+    CaseError
+        Another sweep is writing into it.
     """
 
     def __init__(self, directory: Path) -> None:
         directory.mkdir(parents=True, exist_ok=True)
+        self._lock = _lock(directory)
         self.table_path = directory / "strokes.parquet"
+        self.earlier_path = directory / "earlier.parquet"
         self.timing_path = directory / "timing.parquet"
         self.journal_path = directory / "finished.journal"
         self._places: dict[str, int] = {}
-        self._rows: dict[str, tuple[int, int]] = {}
+        self._rows: dict[str, tuple[Path, int, int]] = {}
         self._journal = open(self.journal_path, "a+b")  # noqa: SIM115 (closed in close)
         self._journal.seek(self._scan())
         self._journal.truncate()
-        if self.table_path.exists():
-            table = pq.ParquetFile(self.table_path)
-            for group in range(table.num_row_groups):
-                keys = table.read_row_group(group, columns=["key"])["key"].to_pylist()
-                self._rows.update({key: (group, row) for row, key in enumerate(keys)})
+        for path in (self.earlier_path, self.table_path):
+            if path.exists():
+                table = pq.ParquetFile(path)
+                for group in range(table.num_row_groups):
+                    keys = table.read_row_group(group, columns=["key"])["key"].to_pylist()
+                    self._rows.update({key: (path, group, row) for row, key in enumerate(keys)})
         self._synced = 0
 
     def __contains__(self, key: str) -> bool:
@@ -129,12 +157,35 @@ class StrokeStore:
         """Make the journal survive a loss of power too."""
         os.fsync(self._journal.fileno())
 
-    def seal(self, keys: Sequence[str]) -> None:
-        """Write the table of `keys`, in their order, and drop the journal."""
+    def seal(self, keys: Sequence[str], solid: bool = False) -> None:
+        """Write the table of `keys`, in their order, and drop the journal; `solid` if any lump is.
+
+        What else was finished here goes into the table of earlier strokes.
+        """
         timing = dict(self._old_timing())
-        old = pq.ParquetFile(self.table_path) if self._rows else None
-        held: tuple[int, list[Record]] = (-1, [])
-        with pq.ParquetWriter(_beside(self.table_path), SCHEMA, compression="zstd") as writer:
+        wanted = set(keys)
+        others = sorted(key for key in {*self._rows, *self._places} if key not in wanted)
+        if others:
+            self._write(self.earlier_path, others, SOLID_SCHEMA, timing)
+        self._write(self.table_path, keys, SOLID_SCHEMA if solid else SCHEMA, timing)
+        every = [*keys, *others]
+        timing_table = pa.table({"key": every, "cpu_s": [timing.get(key, 0.0) for key in every]})
+        pq.write_table(timing_table, _beside(self.timing_path))
+        _move_into_place(self.timing_path)
+        if others:  # first: a stroke may stand in both tables for a moment, and never in none
+            _move_into_place(self.earlier_path)
+        _move_into_place(self.table_path)
+        if not others:
+            self.earlier_path.unlink(missing_ok=True)
+        self._journal.close()
+        self.journal_path.unlink()
+        self._lock.close()
+
+    def _write(self, path: Path, keys: Sequence[str], schema: pa.Schema, timing: dict[str, float]) -> None:
+        """A table of `keys` beside `path`; the CPU times of new ones go into `timing`."""
+        old: dict[Path, pq.ParquetFile] = {}
+        held: tuple[tuple[Path, int] | None, list[Record]] = (None, [])
+        with pq.ParquetWriter(_beside(path), schema, compression="zstd") as writer:
             for first in range(0, len(keys), _ROWS):
                 rows = []
                 for key in keys[first : first + _ROWS]:
@@ -142,23 +193,18 @@ class StrokeStore:
                         record = self._read(self._places[key])
                         timing[key] = record.pop("cpu_s")
                     else:
-                        group, row = self._rows[key]
-                        if held[0] != group:
-                            assert old is not None
-                            held = (group, old.read_row_group(group).to_pylist())
+                        home, group, row = self._rows[key]
+                        if held[0] != (home, group):
+                            table = old.setdefault(home, pq.ParquetFile(home))
+                            held = ((home, group), table.read_row_group(group).to_pylist())
                         record = held[1][row]
                     rows.append(record)
-                writer.write_table(pa.Table.from_pylist(rows, SCHEMA), row_group_size=_ROWS)
-        timing_table = pa.table({"key": list(keys), "cpu_s": [timing.get(key, 0.0) for key in keys]})
-        pq.write_table(timing_table, _beside(self.timing_path))
-        _move_into_place(self.timing_path)
-        _move_into_place(self.table_path)
-        self._journal.close()
-        self.journal_path.unlink()
+                writer.write_table(pa.Table.from_pylist(rows, schema), row_group_size=_ROWS)
 
     def close(self) -> None:
         """Leave everything as it is, to go on later."""
         self._journal.close()
+        self._lock.close()
 
     def _old_timing(self) -> Iterator[tuple[str, float]]:
         if self.timing_path.exists():
@@ -185,6 +231,28 @@ class StrokeStore:
         _, length, _ = _HEAD.unpack(self._journal.read(_HEAD.size))
         record: Record = json.loads(zlib.decompress(self._journal.read(length)))
         return record
+
+
+def _lock(directory: Path) -> IO[bytes]:
+    """The directory's lock; it ends with this process, however that ends."""
+    file = open(directory / ".sweep.lock", "a+b")  # noqa: SIM115 (held as long as the store)
+    try:
+        if os.name == "nt":
+            import msvcrt
+
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        file.close()
+        if error.errno not in (errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLK):
+            raise
+        raise CaseError(
+            f"another sweep is running into {directory}; wait until it ends, or choose another directory"
+        ) from None
+    return file
 
 
 def _beside(path: Path) -> Path:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from functools import cache
@@ -12,19 +12,26 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
-from sim.tissue.case import Case
-from sim.tissue.errors import CaseError
-from sim.tissue.geometry import forget_geometries, geometry_of
-from sim.tissue.predictor import State
-from sim.tissue.result import Stroke
-from sim.tissue.run import Run
-from sim.tissue.settings import Settings
+from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.geometry import forget_geometries, geometry_of
+from palpate.sim.tissue.predictor import State
+from palpate.sim.tissue.result import Stroke
+from palpate.sim.tissue.run import Run
+from palpate.sim.tissue.settings import Settings
 
 Floats = NDArray[np.float64]
 
 
+Visit = Callable[[Run, float, State], None]
+"""Told of every position of a stroke, with the equilibrium there."""
+
+
 def simulate(
-    case: Case, settings: Settings | None = None, positions_mm: Sequence[float] | None = None
+    case: Case,
+    settings: Settings | None = None,
+    positions_mm: Sequence[float] | None = None,
+    visit: Visit | None = None,
 ) -> Stroke:
     """Simulate one stroke.
 
@@ -36,6 +43,13 @@ def simulate(
         How finely.
     positions_mm : sequence of float, optional
         The probe's positions, ascending, in place of the settings'.
+    visit : callable, optional
+        Called with the run, the position and the state at each position.
+
+    Returns
+    -------
+    Stroke
+        For a ball or an ellipsoid a `SolidStroke`, whose images are those of the whole face.
 
     Raises
     ------
@@ -44,7 +58,7 @@ def simulate(
     StrokeError
         There is no equilibrium at some position.
     """
-    return simulate_forces(case, [case.F_rel], settings, positions_mm)[0]
+    return simulate_forces(case, [case.F_rel], settings, positions_mm, visit)[0]
 
 
 def simulate_forces(
@@ -52,11 +66,18 @@ def simulate_forces(
     forces: Sequence[float],
     settings: Settings | None = None,
     positions_mm: Sequence[float] | None = None,
+    visit: Visit | None = None,
 ) -> list[Stroke]:
     """Load, stroke, load more, stroke again: one stroke for each force of `forces` (units of 100 N/m).
 
     The geometry's set-up is shared and each load starts from the one before; otherwise as `simulate`.
     """
+    if case.solid:
+        from palpate.sim.tissue.solid.stroke import simulate_forces as solid_strokes
+
+        if visit is not None:
+            raise CaseError(f"{case.code}: only cylinders' strokes are visited here")
+        return list(solid_strokes(case, forces, settings, positions_mm))
     settings = settings or Settings()
     positions = checked_positions(
         settings.positions_mm(case.friction > 0) if positions_mm is None else positions_mm
@@ -71,7 +92,7 @@ def simulate_forces(
             loaded = replace(case, F_rel=force)
             run = Run(loaded, settings, geometry)
             pressed = run.press(positions[0], pressed)
-            strokes.append(run.stroke(positions, pressed, began))
+            strokes.append(run.stroke(positions, pressed, began, visit))
             began = time.thread_time()
     return strokes
 

@@ -8,24 +8,35 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from sim.tissue.case import Case
-from sim.tissue.errors import CaseError, TissueError
-from sim.tissue.settings import Settings, case_key
-from sim.tissue.store import Record, StrokeStore, record_of
-from sim.tissue.tables import read_table
+from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.errors import CaseError, SweepStopped, TissueError
+from palpate.sim.tissue.settings import Settings, case_key
+from palpate.sim.tissue.store import Record, StrokeStore, record_of
+from palpate.sim.tissue.tables import read_table
 
 _GROUP = 4
 """Most cases in one task: neighbours that share their geometry share its set-up."""
 
 _SYNC_S = 2.0
+
+_CLUSTERS = ("distributed", "dask", "asyncio")
+"""Whose own errors mean that the cluster has gone."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +87,9 @@ def sweep(
     Raises
     ------
     CaseError
-        There is nothing to do, or `out_dir` cannot be written.
+        There is nothing to do, `out_dir` cannot be written, or another sweep is writing into it.
+    SweepStopped
+        The cluster or a worker has gone; what was finished is kept.
     """
     settings = settings or Settings()
     if not cases:
@@ -100,14 +113,16 @@ def sweep(
         store.sync()
         store.close()
         raise
-    store.seal(list(dict.fromkeys(keys)))
+    store.seal(list(dict.fromkeys(keys)), any(case.solid for case in cases))
     return read_table(out_dir, series=False)
 
 
 def compute_group(cases: Sequence[tuple[str, Case]], settings: Settings) -> list[Record]:
     """What a worker does: simulate a few cases; a failure becomes a record, not an end."""
-    from sim.tissue.stroke import simulate
+    from palpate.sim.tissue.stroke import simulate
 
+    if len(cases) and cases[0][1].solid:
+        return _compute_solid(cases, settings)
     records = []
     for key, case in cases:
         try:
@@ -117,15 +132,32 @@ def compute_group(cases: Sequence[tuple[str, Case]], settings: Settings) -> list
     return records
 
 
+def _compute_solid(cases: Sequence[tuple[str, Case]], settings: Settings) -> list[Record]:
+    """Strokes over one solid lump, which differ in force only, together and with a press-in ramp."""
+    from palpate.sim.tissue.solid.stroke import simulate_forces
+
+    try:
+        strokes = simulate_forces(cases[0][1], [case.F_rel for _, case in cases], settings, ramp=True)
+        return [record_of(key, case, stroke) for (key, case), stroke in zip(cases, strokes)]
+    except TissueError as error:
+        if len(cases) == 1:
+            return [record_of(cases[0][0], cases[0][1], error)]
+        return [record for one in cases for record in _compute_solid([one], settings)]
+
+
+def _same_task(case: Case, other: Case) -> bool:
+    """Whether two cases share so much that one task had better do both."""
+    if case.solid or other.solid:
+        return replace(case, F_rel=other.F_rel) == other
+    return (case.d_mm, case.h, case.gland_mm) == (other.d_mm, other.h, other.gland_mm)
+
+
 def _groups(todo: dict[str, Case]) -> Iterator[list[tuple[str, Case]]]:
     group: list[tuple[str, Case]] = []
     for key, case in todo.items():
-        if group:
-            other = group[0][1]
-            same = (case.d_mm, case.h, case.gland_mm) == (other.d_mm, other.h, other.gland_mm)
-            if not same or len(group) == _GROUP:
-                yield group
-                group = []
+        if group and (not _same_task(case, group[0][1]) or len(group) == _GROUP):
+            yield group
+            group = []
         group.append((key, case))
     if group:
         yield group
@@ -149,10 +181,7 @@ def _run(
             if not pending:
                 return
             done, pending = wait(pending, return_when=FIRST_COMPLETED)
-            for future in done:
-                for record in future.result():
-                    store.add(record)
-                    reporter.count(record["status"] == "failed")
+            _keep(done, store, reporter)
             if time.monotonic() - synced > _SYNC_S:
                 store.sync()
                 synced = time.monotonic()
@@ -162,6 +191,33 @@ def _run(
         raise
 
 
+def _keep(done: Iterable[Future], store: StrokeStore, reporter: _Reporter) -> None:
+    """Store what tasks have computed; only then raise what one of them failed with."""
+    failure: BaseException | None = None
+    for future in done:
+        try:
+            for record in _result(future):
+                store.add(record)
+                reporter.count(record["status"] == "failed")
+        except (TissueError, CancelledError) as error:
+            failure = failure or error
+    if failure is not None:
+        raise failure
+
+
+def _result(future: Future) -> list[Record]:
+    """A task's strokes; `SweepStopped` where its worker or its cluster has gone."""
+    try:
+        records: list[Record] = future.result()
+    except (CancelledError, BrokenExecutor, OSError) as error:
+        raise SweepStopped(type(error).__name__) from error
+    except Exception as error:
+        if type(error).__module__.partition(".")[0] not in _CLUSTERS:
+            raise
+        raise SweepStopped(type(error).__name__) from error
+    return records
+
+
 def _run_in_pool(
     todo: dict[str, Case], settings: Settings, workers: int | None, store: StrokeStore, reporter: _Reporter
 ) -> None:
@@ -169,7 +225,7 @@ def _run_in_pool(
     method = "forkserver" if sys.platform == "linux" else "spawn"
     context = multiprocessing.get_context(method)
     if method == "forkserver":
-        context.set_forkserver_preload(["sim.tissue.stroke"])
+        context.set_forkserver_preload(["palpate.sim.tissue.stroke"])
     with _one_thread_each(), _pool(workers, context) as pool:
         _run(_groups(todo), settings, pool, 4 * workers, store, reporter)
 
@@ -193,7 +249,7 @@ def _pool(workers: int, context: Any) -> Iterator[ProcessPoolExecutor]:
 
 
 def _die_with_parent() -> None:
-    """End this worker when the program that uses it is killed: a pool's workers would wait for ever."""
+    """End this worker when the program that uses it is killed: a pool's workers would wait forever."""
 
     def watch() -> None:
         parent = multiprocessing.parent_process()

@@ -9,9 +9,9 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from sim.tissue.errors import CaseError
-from sim.tissue.result import Stroke
-from sim.tissue.store import SCHEMA, stroke_of
+from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.result import Stroke
+from palpate.sim.tissue.store import stroke_of
 
 
 def read_table(out_dir: str | Path, series: bool = True) -> pd.DataFrame:
@@ -31,7 +31,7 @@ def read_table(out_dir: str | Path, series: bool = True) -> pd.DataFrame:
             else "run a sweep into it first"
         )
         raise CaseError(f"{out_dir} holds no finished sweep; {hint}")
-    plain = [field.name for field in SCHEMA if not pa.types.is_list(field.type)]
+    plain = [field.name for field in pq.read_schema(path) if not pa.types.is_list(field.type)]
     return pq.read_table(path, columns=None if series else plain).to_pandas()
 
 

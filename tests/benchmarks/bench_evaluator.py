@@ -3,7 +3,7 @@
 All contenders evaluate the same model in one run of the same interpreter, in turns; the best turn counts, in
 microseconds of CPU. The heap holds what it holds on a probe (the pipeline's arrays), and whoever allocates
 has its garbage collected in its own time, once in 64 kB: about what a board with 264 kB of RAM has left.
-The field model has eleven features and 78 terms, the thesis model six and 12 (tests.image.synthetic).
+The field model has eleven features and 78 terms, the thesis model six and 12 (tests.model_export.synthetic).
 Models as fitted are raced when their files are given:
 
     python -m tests.benchmarks.bench_evaluator out/field/model.json
@@ -26,15 +26,18 @@ from rich.table import Table
 
 from firmware_py import evaluator
 from firmware_py import features as firmware_features
-from model_export import accuracy, compiler, emit, image, lms_sign, sampling
-from model_export.schema import ModelSpec
-from sim.probe import node
-from sim.probe.on_microbit import Loaded
-from sim.probe.scripts import FIRMWARE, run_micropython, stage
+from palpate.model_export import image_builder
+from palpate.model_export.fixed_point import accuracy, compiler, sampling
+from palpate.model_export.schema import ModelSpec
+from palpate.model_export.signing import slh_sign
+from palpate.model_export.source import emit
+from palpate.sim.probe import node
+from palpate.sim.probe.on_microbit import Loaded
+from palpate.sim.probe.scripts import FIRMWARE, run_micropython, stage
 from tests.benchmarks.evaluator_script import CHECK, SETUP
 from tests.benchmarks.peers import regressions
-from tests.image import synthetic
-from tests.probe.stages import recorded
+from tests.firmware_py.stages import recorded
+from tests.model_export import synthetic
 
 VECTORS = 20
 TURNS = 40
@@ -59,18 +62,11 @@ def timed(files: dict[str, bytes]) -> dict[str, float]:
 
 
 def signed_image(spec: ModelSpec, force_map: bytes | None) -> tuple[bytes, bytes]:
-    """(public key, image) with a signature as long as the default key's."""
-    secret = lms_sign.Secret(bytes(24), bytes(16), 10, 8, 24)
-    nodes = [b"\1" * 24] * 2048
-    leaf = lms_sign.leaf_node(secret, 0)
-    nodes[1024] = leaf
-    at = 1024
-    while at > 1:
-        at >>= 1
-        pair = nodes[2 * at] + nodes[2 * at + 1]
-        nodes[at] = lms_sign._sha(secret, at.to_bytes(4, "big"), b"\x83\x83", pair)
-    body = image.build(spec, compiler.compile_model(spec), force_map, 1)
-    return lms_sign.public_key(secret, nodes), body + lms_sign.sign(secret, nodes, 0, body, bytes(24))
+    """(public key, image)."""
+    secret = slh_sign.Secret(bytes(16), bytes(16), bytes(16))
+    public = slh_sign.public_key(secret)
+    body = image_builder.build(spec, compiler.compile_model(spec), force_map, 1)
+    return public, body + slh_sign.sign(secret, public, body)
 
 
 def size_of_mpy(*names: str) -> int:
@@ -211,9 +207,9 @@ def main(paths: Sequence[str] = ()) -> None:
     console.print(table)
     sizes = {
         "evaluator, polynomial, scales, verdict": size_of_mpy("evaluator", "polynomial", "scales", "verdict"),
-        "image, unpack": size_of_mpy("image", "unpack"),
-        "lms": size_of_mpy("lms"),
-        "slots, record, store": size_of_mpy("slots", "record", "store"),
+        "model_image, unpack": size_of_mpy("model_image", "unpack"),
+        "slh_dsa": size_of_mpy("slh_dsa"),
+        "slots, safe_record, store": size_of_mpy("slots", "safe_record", "store"),
     }
     console.print("bytecode (.mpy): " + ", ".join(f"{name} {n} B" for name, n in sizes.items()))
 

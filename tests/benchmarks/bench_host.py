@@ -23,14 +23,15 @@ from pathlib import Path
 
 import numpy as np
 
-from firmware_py import messages
-from host.link.events import Estimate, Frame
-from host.link.parser import LiveParser
-from host.link.probe import Probe
-from host.link.transport import open_transport
-from host.record.convert import convert
-from host.record.writer import RecordingWriter
-from tests.host import wires
+from firmware_py import geometry
+from palpate.link.events import Estimate, Frame
+from palpate.link.parser import LiveParser
+from palpate.link.probe import Probe
+from palpate.link.transport import open_transport
+from palpate.recording.convert import convert
+from palpate.recording.playback import open_recording
+from palpate.recording.writer import RecordingWriter
+from tests.host.link import wires
 
 N = 20_000
 CHUNK = 4096
@@ -80,7 +81,7 @@ def parse_decode_and_record(data: bytes, path: Path) -> int:
 
 
 def play(path: Path) -> int:
-    with Probe.open(str(path)) as probe:
+    with open_recording(path) as probe:
         return sum(isinstance(e, Frame) for e in probe.events())
 
 
@@ -144,8 +145,8 @@ def through_a_terminal(data: bytes) -> int:
 
 
 def latency(runtime: str, listen: str, strokes: int = 5) -> None:
-    from host.cli.emulate import strokes_over
-    from sim.probe.emulated import EmulatedProbe
+    from palpate.cli.emulate import strokes_over
+    from palpate.sim.probe.emulated import EmulatedProbe
 
     streams, _ = strokes_over("d12h07e20f09", "typical", 1, 50, 1)
     waits = []
@@ -176,7 +177,7 @@ def main() -> None:
     data = wire_of(N)
     with tempfile.TemporaryDirectory() as folder:
         path, wire_bytes = Path(folder) / "bench.mcap", len(wires.frame(1000))
-        print(f"frames of {messages.CELLS} cells per CPU second on one core\n")
+        print(f"frames of {geometry.CELLS} cells per CPU second on one core\n")
         print("| | frames/s | |\n|---|---|---|")
         parsed = rate(lambda: parse(data))
         row("parse (COBS, CRC-32, sequence numbers)", parsed, f"{wire_bytes} bytes a frame on the wire")

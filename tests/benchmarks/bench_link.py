@@ -14,10 +14,10 @@ import time
 
 import numpy as np
 
-from firmware_py import messages, wire
-from sim.probe.emulated import EmulatedProbe
-from sim.probe.scripts import run_micropython
-from tests.probe.talk import Ears, command
+from firmware_py import geometry, messages, wire
+from palpate.sim.probe.emulated import EmulatedProbe
+from palpate.sim.probe.scripts import run_micropython
+from tests.firmware_py.talk import Ears, command
 
 BAUD = 921_600
 RATE_MHZ = 10_000_000  # more than any link carries
@@ -66,7 +66,7 @@ def stream(runtime: str, baud: int, seconds: float) -> dict:
 
         listen(1.5)
         os.write(fd, command("set_setting", 1, (0, RATE_MHZ)))
-        os.write(fd, command("stream_start", 2, (messages.CONTENT_FRAMES, 1, 0)))
+        os.write(fd, command("stream_start", 2, (messages.CONTENT_FRAMES, 1, 0, 0)))
         listen(1.0)
         got, size = listen(seconds)
         os.close(fd)
@@ -115,13 +115,13 @@ def overhead() -> dict:
     """
     sizes = [wire_bytes_a_frame(f) for f in Still().packed]
     size = float(np.mean(sizes))
-    data = messages.PACKED + 12  # counts; position, displacement and time
-    line = ",".join(["123456", "789012345", "-40000", "2500", *["882"] * messages.CELLS]) + "\n"
-    unpacked = struct.calcsize(f"<IIii{messages.CELLS}H") + 2  # with a two-byte start mark, unchecked
+    data = geometry.FRAME_BYTES + 12  # counts; position, displacement and time
+    line = ",".join(["123456", "789012345", "-40000", "2500", *["882"] * geometry.CELLS]) + "\n"
+    unpacked = struct.calcsize(f"<IIii{geometry.CELLS}H") + 2  # with a two-byte start mark, unchecked
     return {
         "bytes_a_frame": size,
         "overhead_percent": round(100 * (size - data) / size, 2),
-        "all_but_counts_percent": round(100 * (size - messages.PACKED) / size, 2),
+        "all_but_counts_percent": round(100 * (size - geometry.FRAME_BYTES) / size, 2),
         "text_line_bytes": len(line),
         "struct_bytes": unpacked,
         "frames_per_s_at_921600": round(BAUD / 10 / size, 1),
@@ -228,7 +228,7 @@ def main(seconds: float = 5.0) -> None:
     spent = costs()
     for name, words in COST_NAMES.items():
         print(f"| {words} | {spent[name]} |")
-    print(f"\ndelta and Rice coding: {messages.PACKED} bytes become {spent['rice_bytes']}")
+    print(f"\ndelta and Rice coding: {geometry.FRAME_BYTES} bytes become {spent['rice_bytes']}")
     for runtime in RUNTIMES:
         waited = latency(runtime)["last_frame_to_estimate_ms"]
         print(f"{NAMES[runtime]}: {waited} ms from the last frame to the estimate")

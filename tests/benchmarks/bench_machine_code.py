@@ -15,13 +15,13 @@ from rich.console import Console
 from rich.table import Table
 
 from firmware_py import cobs, crc, evaluator, pipeline, traces
-from model_export import compiler
-from sim.probe.machine_code import MachineCode
-from sim.probe.sensors import LEVELS, SensorModel, StrokeField
-from tests.image import synthetic
-from tests.image.test_micropython import rows
-from tests.pipeline.conftest import read_strokes
-from tests.probe import twins
+from palpate.model_export.fixed_point import compiler
+from palpate.sim.probe.machine_code import MachineCode
+from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
+from tests.firmware_py import twins
+from tests.firmware_py.strokes import read_strokes
+from tests.model_export import synthetic
+from tests.model_export.test_micropython import rows
 
 FRAMES = 50
 ESTIMATES = 20

@@ -19,18 +19,19 @@ from rich.console import Console
 from rich.table import Table
 
 from firmware_py import features
-from host import field_features, twin
-from host.replay_core import Replay
-from model_export import force_map
-from sim.probe.scripts import run_micropython
-from sim.probe.sensors import LEVELS, SensorModel, StrokeField
-from tests.pipeline.conftest import read_strokes
+from palpate.features import pipeline_features as field_features
+from palpate.firmware_twin import twin
+from palpate.firmware_twin.replay_core import Replay
+from palpate.model_export.fixed_point import force_map
+from palpate.sim.probe.scripts import run_micropython
+from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
+from tests.firmware_py.strokes import read_strokes
 
 ROOT = Path(__file__).parent.parent.parent
 
 SCRIPT = """
 import struct, time
-from firmware_py import calib, chain, forcemap, pipeline, rowpipeline
+from firmware_py import calib, feature_chain, forcemap, pipeline, rowpipeline
 force_map = forcemap.load(open("map", "rb").read())
 data = open("stroke", "rb").read()
 frames = []

@@ -16,13 +16,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.tissue import Case, Settings, Stroke, read_design, simulate, sweep
-from sim.tissue.element import integrate
-from sim.tissue.geometry import forget_geometries
-from sim.tissue.material import Tissue, elasticity
-from sim.tissue.mesh import build_mesh
-from sim.tissue.solvers import make_solver
-from sim.tissue.stroke import one_blas_thread
+from palpate.sim.tissue import Case, Settings, Stroke, read_design, simulate, sweep
+from palpate.sim.tissue.element import integrate
+from palpate.sim.tissue.geometry import forget_geometries
+from palpate.sim.tissue.material import Tissue, elasticity
+from palpate.sim.tissue.mesh import build_mesh
+from palpate.sim.tissue.solver.choice import make_solver
+from palpate.sim.tissue.stroke import one_blas_thread
 from tests.benchmarks.peers import Peer
 
 CODE = "d10h08e10f10"

@@ -12,11 +12,11 @@ import tempfile
 import time
 from pathlib import Path
 
-from host.view.events import Frame
-from host.view.serve import Viewer
-from host.view.session import Session, pack_frame
-from tests.view.conftest import CHROMIUM_OPTIONS, chromium
-from tests.view.synthetic import Bump, SyntheticSource, stroke
+from palpate.view.events import Frame
+from palpate.view.serve import Viewer
+from palpate.view.session import Session, pack_frame
+from tests.host.view.chromium import CHROMIUM_OPTIONS, chromium
+from tests.host.view.synthetic import Bump, SyntheticSource, stroke
 
 RATE = 200.0
 SECONDS = 10

@@ -13,11 +13,11 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from host.features import stroke_features, tactile_map
-from sim.tissue import Case, Settings, Stroke, load_curve, simulate
-from sim.tissue.deformation import deformation
-from sim.tissue.probe_shape import ProbeShape
-from tests.tissue.blocks import block, press, tissue_of
+from palpate.features.map_features import stroke_features, tactile_map
+from palpate.sim.tissue import Case, Settings, Stroke, load_curve, simulate
+from palpate.sim.tissue.deformation import deformation
+from palpate.sim.tissue.probe_shape import ProbeShape
+from tests.sim.tissue.blocks import block, press, tissue_of
 
 REFERENCE = Case.from_code("d10h08e10f10")
 FORCES = (0.2, 0.4, 0.6, 0.8, 1.0)

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from sim.tissue import Case, simulate
-from tests.tissue.felt import stiffness_felt
+from palpate.sim.tissue import Case, simulate
+from tests.sim.tissue.felt import stiffness_felt
 
 REFERENCE = Case.from_code("d10h08e10f10")
 FORCES = (0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0)

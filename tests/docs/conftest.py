@@ -10,7 +10,7 @@ from tests.docs.session import BlockFailed, Session, copy_files, differs
 
 TUTORIAL = DOCS / "tutorial" / "emulated.md"
 """Simulates the thesis' strokes; other pages find them there, as a reader's sweep would."""
-THESIS_STROKES = ROOT / "tests" / "report" / "data"
+THESIS_STROKES = ROOT / "tests" / "host" / "report" / "data"
 
 
 @pytest.fixture(scope="session")

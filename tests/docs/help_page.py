@@ -2,8 +2,8 @@
 
 from click.testing import CliRunner
 
-from host.cli import cli
-from host.cli.frame import CHAPTERS
+from palpate.cli import cli
+from palpate.cli.runner import CHAPTERS
 from tests.docs.blocks import DOCS
 
 PAGE = DOCS / "reference" / "help.md"

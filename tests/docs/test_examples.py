@@ -18,7 +18,7 @@ def run(tmp_path_factory):
     """Runs an example in a directory that all share, once; what it printed and where it ran."""
     place = tmp_path_factory.mktemp("examples")
     shutil.copytree(
-        ROOT / "tests" / "report" / "data", place / "out" / "thesis"
+        ROOT / "tests" / "host" / "report" / "data", place / "out" / "thesis"
     )  # as a sweep would find them
     said: dict[str, str] = {}
 

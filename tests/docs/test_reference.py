@@ -8,12 +8,12 @@ import subprocess
 import click
 import pytest
 
-from host.cli import cli
-from host.link.devices import Device
-from host.link.events import OUTPUTS
-from sim.probe.emulated import EmulatedProbe
-from sim.probe.sensors import stroke_frames
-from sim.tissue import Case, simulate
+from palpate.cli import cli
+from palpate.link.devices import Device
+from palpate.link.events import OUTPUTS
+from palpate.sim.probe.emulated import EmulatedProbe
+from palpate.sim.probe.sensors import stroke_frames
+from palpate.sim.tissue import Case, simulate
 from tests.docs import help_page
 from tests.docs.blocks import DOCS, ROOT
 
@@ -83,8 +83,8 @@ def test_the_fields_are_those_in_the_page(table, printed):
 
 
 def test_an_estimates_fields_are_those_in_the_page(printed):
-    """No model is on this probe, so the five outputs are missing and the reason is said."""
-    assert set(printed["estimate"]) | set(OUTPUTS) == fields_in_the_page("estimate")
+    """No model is on this probe: the outputs, and what follows from them, are missing; the reason is said."""
+    assert set(printed["estimate"]) | {*OUTPUTS, "depth_mm", "E_ratio"} == fields_in_the_page("estimate")
     assert not printed["estimate"]["valid"]
 
 

@@ -1,1 +1,1 @@
-"""The field kind: log-polynomials learned from space-filling lumps, seen through the probe's sensors."""
+"""The field kind: log-polynomials learned from space-filling lumps, observed through the probe's sensors."""

@@ -1,4 +1,4 @@
-"""The bench: strokes of one directory, split by lump, to be looked at through any sensors."""
+"""The bench: strokes of one directory, split by lump, to be observed through any sensors."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from host.regression.field.data import FieldStrokes, Split, split, stroke_fields
-from host.regression.field.model import learn_force_map
-from host.regression.field.seeing import Sight
-from host.regression.seen import Seen, noise_named
-from host.regression.watch import Watch
-from model_export import force_map as force_maps
-from sim.probe.sensors import Noise, StrokeField
+from palpate.model_export.fixed_point import force_map as force_maps
+from palpate.regression.field.data import FieldStrokes, Split, split, stroke_fields
+from palpate.regression.field.model import learn_force_map
+from palpate.regression.field.observer import Observer
+from palpate.regression.observed import ObservedStrokes, noise_named
+from palpate.regression.progress import ProgressCallback
+from palpate.sim.probe.sensors import Noise, StrokeField
 
 TRAIN_DRAWS, CALIBRATION_DRAWS, TEST_DRAWS, RIM_DRAWS = 4, 2, 4, 2
 _SEED_STEP = 1000
@@ -24,7 +24,7 @@ _RIM_FIRST = 600
 
 
 class Bench:
-    """The strokes of one directory, split by lump, looked at through any sensors; a context manager.
+    """The strokes of one directory, split by lump, observed through any sensors; a context manager.
 
     Parameters
     ----------
@@ -32,11 +32,11 @@ class Bench:
     seed : int
         Of the split and of all noise.
     directory : path
-        Where they came from; studies of other tissues keep theirs beside them.
+        Where they come from; studies of other tissues store theirs beside them.
     workers : int, optional
-        Processes that look at strokes; by default one for each core.
-    watch : callable, optional
-        See `watch.Watch`.
+        Processes that observe strokes; by default one for each core.
+    progress : callable, optional
+        See `progress.ProgressCallback`.
     """
 
     def __init__(
@@ -45,11 +45,11 @@ class Bench:
         seed: int = 1,
         directory: str | PathLike[str] = ".",
         workers: int | None = None,
-        watch: Watch | None = None,
+        progress: ProgressCallback | None = None,
     ) -> None:
         self.strokes, self.seed, self.directory = strokes, seed, Path(directory)
-        self.workers, self.watch = workers, watch
-        self.sight = Sight(workers, watch)
+        self.workers, self.progress = workers, progress
+        self.observer = Observer(workers, progress)
         self.lumps = stroke_fields(strokes.lumps)
         self.rim = stroke_fields(strokes.rim)
         self.plain = stroke_fields(strokes.plain)
@@ -62,9 +62,9 @@ class Bench:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.sight.__exit__()
+        self.observer.__exit__()
 
-    def see(
+    def observe(
         self,
         fields: Sequence[StrokeField],
         which: NDArray[np.int64],
@@ -72,24 +72,26 @@ class Bench:
         draws: int,
         first_draw: int,
         force_map: bool = True,
-        **words: Any,
-    ) -> Seen:
-        """`draws` strokes over each of some fields, every one by another probe in another hand.
+        **options: Any,
+    ) -> ObservedStrokes:
+        """`draws` strokes over each of some fields, each by a different probe in a different hand.
 
-        `words` are further words of `seen.look`, as mean_forces_N_per_m.
+        `options` are further options of `observed.observe`, as mean_forces_N_per_m.
         """
         first = self.seed * _SEED_STEP + first_draw
-        words["force_map"] = self.blob if force_map else None
+        options["force_map"] = self.blob if force_map else None
         chosen, groups = [fields[k] for k in which], [int(k) for k in which]
-        return self.sight.look(chosen, noise_named(noise), range(first, first + draws), groups, **words)
+        return self.observer.observe(
+            chosen, noise_named(noise), range(first, first + draws), groups, **options
+        )
 
     def parts(
         self,
         noise: Noise | str,
         force_map: bool = True,
         draws: tuple[int, int, int] = (TRAIN_DRAWS, CALIBRATION_DRAWS, TEST_DRAWS),
-        **words: Any,
-    ) -> tuple[Seen, Seen, Seen, Seen | None]:
+        **options: Any,
+    ) -> tuple[ObservedStrokes, ObservedStrokes, ObservedStrokes, ObservedStrokes | None]:
         """Training, calibration, test and rim strokes over lumps, at one noise level."""
         s = self.split
         rim_draws = min(RIM_DRAWS, draws[0])
@@ -97,11 +99,11 @@ class Bench:
             draws, rim_draws = (1, 1, 1), 1
         which = (s.train, s.calibration, s.test)
         train, calibration, test = (
-            self.see(self.lumps, lumps, noise, n, 100 * k, force_map, **words)
+            self.observe(self.lumps, lumps, noise, n, 100 * k, force_map, **options)
             for k, (lumps, n) in enumerate(zip(which, draws))
         )
         if not self.rim:
             return train, calibration, test, None
         every = np.arange(len(self.rim))
-        rim = self.see(self.rim, every, noise, rim_draws, _RIM_FIRST, force_map, **words)
+        rim = self.observe(self.rim, every, noise, rim_draws, _RIM_FIRST, force_map, **options)
         return train, calibration, test, rim

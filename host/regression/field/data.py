@@ -8,7 +8,7 @@ DIR/wide    more pairs like those of the rim, to test the domain flag on
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from host.regression.field.design import (
+from palpate.errors import UsageError
+from palpate.regression.field.design import (
     FIELD_SETTINGS,
     OUTSIDE,
     LumpPair,
@@ -26,10 +27,10 @@ from host.regression.field.design import (
     pairs_of,
     rim_cases,
 )
-from host.regression.table import TableError
-from host.regression.watch import Watch
-from sim.probe.sensors import StrokeField
-from sim.tissue import Case, Progress, Settings, load_strokes, read_table, sweep
+from palpate.regression.progress import ProgressCallback
+from palpate.regression.table import TableError
+from palpate.sim.probe.sensors import StrokeField
+from palpate.sim.tissue import Case, Progress, Settings, load_strokes, read_table, sweep
 
 LUMPS = 2048
 _RIM, _PLAIN, _WIDE = 0.25, 0.25, 0.125
@@ -42,6 +43,9 @@ _PLAIN_SETTINGS = Settings(start_mm=0.0)
 """Plain tissue is the same everywhere: one position will do."""
 
 _SHARE_CALIBRATION, _SHARE_TEST = 0.2, 0.35
+
+TISSUE_FIELDS = tuple(f.name for f in fields(Case) if f.name not in ("d_mm", "h", "E_ratio", "F_rel"))
+"""What a case says of tissue and probe: all but the lump and the force."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +83,8 @@ def prepare(
     plain: int | None = None,
     wide: int | None = None,
     workers: int | None = None,
-    tissue: dict[str, float] | None = None,
-    watch: Watch | None = None,
+    tissue: Mapping[str, float] | None = None,
+    progress: ProgressCallback | None = None,
 ) -> FieldStrokes:
     """Simulate into `directory` what it does not hold yet, and read all of it.
 
@@ -92,17 +96,20 @@ def prepare(
         How many of each to simulate; by default in proportion to the lumps.
     workers : int, optional
         Processes; by default one for each core.
-    tissue : dict, optional
+    tissue : mapping, optional
         Fields of `Case` that differ from the usual tissue or probe, as gland_ratio: to fit a model of it.
-    watch : callable, optional
-        See `watch.Watch`.
+    progress : callable, optional
+        See `progress.ProgressCallback`.
 
     Raises
     ------
+    UsageError
+        `tissue` names a field that no case has.
     TableError
         `directory` holds strokes over another tissue.
     """
     directory = Path(directory)
+    tissue = check_tissue_names(tissue or {})
     rim, plain, wide = (
         round(lumps * share) if n is None else n for n, share in ((rim, _RIM), (plain, _PLAIN), (wide, _WIDE))
     )
@@ -117,27 +124,44 @@ def prepare(
         home = directory / name
         if (home / "strokes.parquet").exists() or not wanted[name]:
             continue
-        sweep(cases(), settings, home, workers=workers, progress=watched(f"simulating {name}", watch))
+        sweep(
+            cases(), settings, home, workers=workers, progress=sweep_progress(f"simulating {name}", progress)
+        )
     strokes = read(directory)
-    _check_tissue(strokes, tissue or {}, directory)
+    _check_tissue(strokes, tissue, directory)
     return strokes
 
 
+def check_tissue_names(tissue: Mapping[str, float]) -> dict[str, float]:
+    """The same fields; `UsageError` names one that is no property of tissue or probe."""
+    for name in tissue:
+        if name not in TISSUE_FIELDS:
+            known = ", ".join(sorted(TISSUE_FIELDS))
+            raise UsageError(f"there is no {name!r} in a case's tissue; there are {known}")
+    return dict(tissue)
+
+
 def _check_tissue(strokes: FieldStrokes, tissue: dict[str, float], directory: Path) -> None:
-    """Refuse strokes over another tissue than the one asked for: they would be fitted to in silence."""
+    """Refuse strokes over another tissue than the one asked for: they would be fitted silently."""
     usual = Case(10.0, 0.8, 10.0)
     for pair in (*strokes.lumps[:1], *strokes.rim[:1], *strokes.wide[:1]):
-        for name in (f.name for f in fields(Case) if f.name not in ("d_mm", "h", "E_ratio", "F_rel")):
+        for name in TISSUE_FIELDS:
             wanted, found = tissue.get(name, getattr(usual, name)), getattr(pair.case, name)
             if wanted != found:
                 raise TableError(
-                    f"{directory} holds strokes with {name} {found:g}, not {wanted:g}; name another directory"
+                    f"{directory} holds strokes with {name} {_plain(found)}, not {_plain(wanted)}; "
+                    "name another directory"
                 )
 
 
-def watched(what: str, watch: Watch | None) -> Callable[[Progress], None] | None:
-    """What a sweep calls with its `Progress`, telling `watch`."""
-    return None if watch is None else lambda p: watch(what, p.done, p.total)
+def _plain(value: object) -> str:
+    """A field of a case as text: most are numbers, a lump's shape is a word."""
+    return f"{value:g}" if isinstance(value, int | float) else str(value)
+
+
+def sweep_progress(what: str, progress: ProgressCallback | None) -> Callable[[Progress], None] | None:
+    """What a sweep calls with its `Progress`, which is passed on to `progress`."""
+    return None if progress is None else lambda p: progress(what, p.done, p.total)
 
 
 def read(directory: str | PathLike[str]) -> FieldStrokes:

@@ -1,7 +1,7 @@
 """What the field model is trained and judged on: lumps over the whole range, each at two forces.
 
-The hand's force wanders during a stroke. Two strokes of one lump, at F / sqrt(1.4) and F sqrt(1.4), hold
-what the sensor model needs to make up any force between, so every lump comes as such a pair.
+The hand's force wanders during a stroke. Two strokes of one lump, at F / sqrt(1.4) and F sqrt(1.4), hold what
+the sensor model needs to interpolate any force between them, so every lump comes as such a pair.
 """
 
 from __future__ import annotations
@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from math import log10, sqrt
+from typing import Any
 
 import numpy as np
 from scipy.stats import qmc
 
-from sim.tissue import Case, Settings, Stroke, sobol_cases
-from sim.tissue.design import USUAL, Ranges
+from palpate.sim.tissue import Case, Settings, Stroke, sobol_cases
+from palpate.sim.tissue.design import USUAL, Ranges
 
 FORCE_STEP = 1.4
 FIELD_SETTINGS = Settings(far_start_mm=-44.0)
@@ -23,7 +24,7 @@ FIELD_SETTINGS = Settings(far_start_mm=-44.0)
 NO_LUMP_THICKNESS_MM = (4.0, 40.0)
 
 OUTSIDE = Ranges((4.0, 25.0), (0.2, 2.0), (1.3, 1000.0), (0.2, 1.2))
-"""Wider in everything than what the model is for. Lumps in here and not in there, the rim, are trained on
+"""Wider in every input than the model's ranges. Lumps in here and not in there, the rim, are trained on
 too, so that an estimate beyond the ranges means a lump beyond them; others test the domain flag."""
 
 
@@ -47,13 +48,13 @@ def pair_of(case: Case) -> tuple[Case, Case]:
 
 
 def lump_cases(
-    n: int, seed: int = 1, ranges: Ranges = USUAL, tissue: dict[str, float] | None = None
+    n: int, seed: int = 1, ranges: Ranges = USUAL, tissue: dict[str, Any] | None = None
 ) -> list[Case]:
     """2 n cases: Sobol lumps over `ranges`, in pairs; `tissue` changes fields of `Case`, as gland_ratio."""
     return [c for case in sobol_cases(n, seed, ranges) for c in pair_of(replace(case, **(tissue or {})))]
 
 
-def rim_cases(n: int, seed: int = 3, tissue: dict[str, float] | None = None) -> list[Case]:
+def rim_cases(n: int, seed: int = 3, tissue: dict[str, Any] | None = None) -> list[Case]:
     """2 n cases: lumps in `OUTSIDE` but not within the usual ranges, in pairs."""
     drawn = sobol_cases(4 * n, seed, OUTSIDE)
     rim = [case for case in drawn if not inside(case)][:n]
@@ -66,7 +67,7 @@ def inside(case: Case, ranges: Ranges = USUAL) -> bool:
     return all(getattr(ranges, n)[0] <= getattr(case, n) <= getattr(ranges, n)[1] for n in named)
 
 
-def no_lump_cases(n: int, seed: int = 2, tissue: dict[str, float] | None = None) -> list[Case]:
+def no_lump_cases(n: int, seed: int = 2, tissue: dict[str, Any] | None = None) -> list[Case]:
     """2 n cases of plain tissue, its thickness even in its logarithm from 4 to 40 mm."""
     points = qmc.Sobol(2, seed=np.random.default_rng(seed)).random_base2(max(0, (n - 1).bit_length()))[:n]
     low, high = (log10(t) for t in NO_LUMP_THICKNESS_MM)

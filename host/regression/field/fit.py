@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from host.features import Floats
-from host.regression.field.bench import Bench
-from host.regression.field.data import FieldStrokes
-from host.regression.field.flags import flags
-from host.regression.field.model import FieldModel, fit_field_model, hash_of
-from host.regression.field.recipe import FIELD, RECIPES, Recipe
-from host.regression.field.result import FieldFit
-from host.regression.field.score import (
+from palpate.features.map_features import Floats
+from palpate.regression.field.bench import Bench
+from palpate.regression.field.data import FieldStrokes
+from palpate.regression.field.flags import flags
+from palpate.regression.field.model import FieldModel, fit_field_model, hash_of
+from palpate.regression.field.recipe import FIELD, RECIPES, Recipe
+from palpate.regression.field.result import FieldFit
+from palpate.regression.field.score import (
     HeldOutRow,
     averaged,
     bounds,
@@ -24,13 +24,14 @@ from host.regression.field.score import (
     scores,
     visits,
 )
-from host.regression.probe_model import from_link
-from host.regression.seen import Seen, noise_named
-from host.regression.watch import Watch
+from palpate.regression.observed import ObservedStrokes, noise_named
+from palpate.regression.probe_model import from_link
+from palpate.regression.progress import ProgressCallback
+from palpate.sim.probe import sensors
 
-LEVELS = ("none", "good", "typical", "poor")
+LEVELS = tuple(sensors.LEVELS)
 
-Parts = tuple[Seen, Seen, Seen, Seen | None]
+Parts = tuple[ObservedStrokes, ObservedStrokes, ObservedStrokes, ObservedStrokes | None]
 
 
 def fit_field(
@@ -40,7 +41,7 @@ def fit_field(
     levels: Sequence[str] = LEVELS,
     recipes: Sequence[Recipe] = RECIPES,
     workers: int | None = None,
-    watch: Watch | None = None,
+    progress: ProgressCallback | None = None,
 ) -> FieldFit:
     """Fit the field model at one noise level, and the held-out table over levels and recipes.
 
@@ -54,45 +55,45 @@ def fit_field(
     levels, recipes : sequences
         Lines of the table; the field recipe is always there.
     workers : int, optional
-        Processes that look at strokes; by default one for each core.
-    watch : callable, optional
-        See `watch.Watch`.
+        Processes that observe strokes; by default one for each core.
+    progress : callable, optional
+        See `progress.ProgressCallback`.
     """
     noise_named(noise)
     levels = tuple(dict.fromkeys((*levels, noise)))
     recipes = tuple(dict.fromkeys((FIELD, *recipes)))
     rows: list[HeldOutRow] = []
-    with Bench(strokes, seed, workers=workers, watch=watch) as bench:
-        count = _Counter(len(levels) * len(recipes), watch)
+    with Bench(strokes, seed, workers=workers, progress=progress) as bench:
+        count = _Counter(len(levels) * len(recipes), progress)
         for level in levels:
-            seen: dict[bool, Parts] = {}
+            observed: dict[bool, Parts] = {}
             for recipe in recipes:
-                if recipe.force_map not in seen:
-                    seen[recipe.force_map] = bench.parts(level, recipe.force_map)
-                train, calibration, test, rim = seen[recipe.force_map]
+                if recipe.force_map not in observed:
+                    observed[recipe.force_map] = bench.parts(level, recipe.force_map)
+                train, calibration, test, rim = observed[recipe.force_map]
                 model = fit_field_model(recipe, train, calibration, rim, step=count)
                 rows += held_out(level, model, test)
                 count("models scored")
                 if level == noise and recipe == FIELD:
-                    kept, parts = model, seen[recipe.force_map]
+                    kept, parts = model, observed[recipe.force_map]
         return _result(bench, kept, parts, noise, rows)
 
 
 class _Counter:
-    """Counts what is done with each model, and tells."""
+    """Counts the steps done with each model, and reports them."""
 
-    def __init__(self, models: int, watch: Watch | None) -> None:
-        self.models, self.watch = models, watch
+    def __init__(self, models: int, progress: ProgressCallback | None) -> None:
+        self.models, self.progress = models, progress
         self.done: dict[str, int] = {}
 
     def __call__(self, what: str) -> None:
         self.done[what] = self.done.get(what, 0) + 1
-        if self.watch is not None:
-            self.watch(what, self.done[what], self.models)
+        if self.progress is not None:
+            self.progress(what, self.done[what], self.models)
 
 
 def _result(bench: Bench, model: FieldModel, parts: Parts, noise: str, rows: list[HeldOutRow]) -> FieldFit:
-    """The model for use with all that the test strokes say of it."""
+    """The model for use, with everything that the test strokes show about it."""
     train, calibration, test, rim = parts
     answers = model.answer(test)
     answered = answers.lump
@@ -132,7 +133,7 @@ def _result(bench: Bench, model: FieldModel, parts: Parts, noise: str, rows: lis
     )
 
 
-def held_out(level: str, model: FieldModel, test: Seen) -> list[HeldOutRow]:
+def held_out(level: str, model: FieldModel, test: ObservedStrokes) -> list[HeldOutRow]:
     """The lines of one model: one stroke, and for the field recipe four strokes averaged."""
     answers = model.answer(test)
     terms = len(model.polynomial.terms)
@@ -152,7 +153,7 @@ def _some(rows: Floats, most: int = 500) -> list[list[float]]:
     return [list(map(float, row)) for row in rows[:: max(1, -(-len(rows) // most))]]
 
 
-def _left_out(model: FieldModel, part: Seen) -> dict[str, int]:
+def _left_out(model: FieldModel, part: ObservedStrokes) -> dict[str, int]:
     short = int((~part.whole).sum())
     out = {"the stroke does not cover the lump": short} if short else {}
     unseen = int((part.whole & ~model.lump(part)).sum())

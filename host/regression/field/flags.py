@@ -1,4 +1,4 @@
-"""What the model says of strokes it should not believe: lumps outside its ranges, plain tissue."""
+"""How the model treats strokes outside its domain: lumps outside its ranges, plain tissue."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from host.regression.field.bench import Bench
-from host.regression.field.model import RANGE_HI, RANGE_LO, Answers, FieldModel
-from host.regression.probe_model import to_link
-from host.regression.seen import Seen
+from palpate.regression.field.bench import Bench
+from palpate.regression.field.model import RANGE_HI, RANGE_LO, Answers, FieldModel
+from palpate.regression.observed import ObservedStrokes
+from palpate.regression.probe_model import to_link
 
 DRAWS_OUTSIDE, DRAWS_PLAIN = 4, 4
 _FIRST_OUTSIDE, _FIRST_PLAIN = 300, 400
@@ -24,7 +24,7 @@ DISTANCES = (-np.inf, -2.0, -1.0, -0.5, 0.0, 0.25, 0.5, 1.0, 2.0, 4.0, np.inf)
 
 
 def flags(
-    bench: Bench, model: FieldModel, noise: str, test: Seen, answers: Answers
+    bench: Bench, model: FieldModel, noise: str, test: ObservedStrokes, answers: Answers
 ) -> tuple[dict[str, float], pd.DataFrame]:
     """Shares flagged inside and outside the ranges that the model is for; false alarms on plain tissue.
 
@@ -43,14 +43,14 @@ def flags(
     judged = [(test, answers)]
     if bench.wide:
         every = np.arange(len(bench.wide))
-        seen = bench.see(bench.wide, every, noise, DRAWS_OUTSIDE, _FIRST_OUTSIDE)
-        seen = seen.take(outside(seen))
-        wide = model.answer(seen)
-        judged.append((seen, wide))
+        observed = bench.observe(bench.wide, every, noise, DRAWS_OUTSIDE, _FIRST_OUTSIDE)
+        observed = observed.take(outside(observed))
+        wide = model.answer(observed)
+        judged.append((observed, wide))
         caught = ~wide.in_domain
-        well = wide.lump & outside(seen, WELL_OUTSIDE)
+        well = wide.lump & outside(observed, WELL_OUTSIDE)
         out |= {
-            "outside_strokes": float(len(seen)),
+            "outside_strokes": float(len(observed)),
             "outside_found": float(wide.lump.sum()),
             "outside_no_lump": float((~wide.lump).mean()),
             "flagged_outside": float(caught[wide.lump].mean()),
@@ -59,13 +59,13 @@ def flags(
         }
     if bench.plain:
         every = np.arange(len(bench.plain))
-        seen = bench.see(bench.plain, every, noise, DRAWS_PLAIN, _FIRST_PLAIN)
-        out["plain_strokes"] = float(len(seen))
-        out["false_alarms"] = float(model.lump(seen).mean())
+        observed = bench.observe(bench.plain, every, noise, DRAWS_PLAIN, _FIRST_PLAIN)
+        out["plain_strokes"] = float(len(observed))
+        out["false_alarms"] = float(model.lump(observed).mean())
     return out, by_distance(model, judged)
 
 
-def by_distance(model: FieldModel, judged: list[tuple[Seen, Answers]]) -> pd.DataFrame:
+def by_distance(model: FieldModel, judged: list[tuple[ObservedStrokes, Answers]]) -> pd.DataFrame:
     """Share flagged against how far the truth lies beyond the ranges, of the strokes that found a lump.
 
     A distance is counted in half-widths of the estimate's own interval, from the end that is passed
@@ -78,9 +78,9 @@ def by_distance(model: FieldModel, judged: list[tuple[Seen, Answers]]) -> pd.Dat
         flag if the estimates' errors were normal, without bias, and just as wide as the intervals say.
     """
     distance, flagged = [], []
-    for seen, answers in judged:
+    for observed, answers in judged:
         found = answers.lump
-        distance.append(model.domain.beyond(to_link(seen.Y[found]), answers.half[found]))
+        distance.append(model.domain.beyond(to_link(observed.Y[found]), answers.half[found]))
         flagged.append(~answers.in_domain[found])
     t, caught = np.concatenate(distance), np.concatenate(flagged)
     normal = NormalDist()
@@ -95,7 +95,7 @@ def by_distance(model: FieldModel, judged: list[tuple[Seen, Answers]]) -> pd.Dat
     return pd.DataFrame(rows, columns=["from", "to", "strokes", "flagged", "unbiased"])
 
 
-def outside(seen: Seen, by: float = 0.0) -> NDArray[np.bool_]:
+def outside(observed: ObservedStrokes, by: float = 0.0) -> NDArray[np.bool_]:
     """Whether the truth of each stroke lies outside the ranges by more than this share of an end."""
     lo, hi = np.array(RANGE_LO), np.array(RANGE_HI)
-    return np.asarray(((lo * (1 - by) > seen.Y) | (hi * (1 + by) < seen.Y)).any(axis=1))
+    return np.asarray(((lo * (1 - by) > observed.Y) | (hi * (1 + by) < observed.Y)).any(axis=1))

@@ -1,4 +1,4 @@
-"""The field model: fitted to strokes as the probe sees them, with intervals, domain and lump rule.
+"""The field model: fitted to strokes as the probe observes them, with intervals, domain and lump rule.
 
 Order of work: the force map and the polynomial on training lumps, the size of residuals on out-of-fold
 predictions of these, quantiles on both these and calibration lumps, the domain on all of them.
@@ -15,12 +15,15 @@ import numpy as np
 import statsmodels.api as sm
 from numpy.typing import NDArray
 
-from host.features import Floats
-from host.regression.conformal import Widths, calibrate, fit_sigma, out_of_fold
-from host.regression.domain import DomainCheck, fit_domain, with_ranges
-from host.regression.field.design import LumpPair
-from host.regression.field.recipe import Recipe
-from host.regression.probe_model import (
+from palpate.features.map_features import Floats
+from palpate.model_export.fixed_point import force_map as force_maps
+from palpate.model_export.schema import ModelSpec
+from palpate.regression.conformal import Widths, calibrate, fit_sigma, out_of_fold
+from palpate.regression.domain import DomainCheck, fit_domain, with_ranges
+from palpate.regression.field.design import LumpPair
+from palpate.regression.field.recipe import Recipe
+from palpate.regression.observed import NAMES, ObservedStrokes, join
+from palpate.regression.probe_model import (
     E_INV23,
     HARD_BELOW,
     LEAST_AMP_SHARE,
@@ -33,9 +36,6 @@ from host.regression.probe_model import (
     to_link,
     training_hash,
 )
-from host.regression.seen import NAMES, Seen, join
-from model_export import force_map as force_maps
-from model_export.schema import ModelSpec
 
 RANGE_LO = (29.0, 0.0, 5.0, 0.3, 0.0)
 RANGE_HI = (104.0, math.inf, 20.0, 1.5, 2.0 ** (-2 / 3))
@@ -55,7 +55,7 @@ NEAR_THE_BORDER, FEWEST_ON_A_SIDE = 0.1, 50
 
 @dataclass(frozen=True)
 class Answers:
-    """What a model says about n strokes: outputs as the probe gives them.
+    """A model's answers for n strokes, as the probe gives them.
 
     value, low, high : (n, 5), in the units of the wire; y, half : (n, 5), link scale;
     lump, in_domain : (n), bool; hardness : (n), "hard", "soft" or "unsure".
@@ -82,11 +82,11 @@ class FieldModel:
     least_amp_share: float
     border: float = HARD_BELOW
 
-    def answer(self, seen: Seen) -> Answers:
+    def answer(self, observed: ObservedStrokes) -> Answers:
         """Estimates of every stroke, those without a lump too (their numbers mean nothing)."""
-        X = seen.columns(self.recipe.features)
+        X = observed.columns(self.recipe.features)
         y = self.polynomial.predict(X)
-        return self.answer_from(X, y, self.lump(seen))
+        return self.answer_from(X, y, self.lump(observed))
 
     def answer_from(self, X: Floats, y: Floats, lump: NDArray[np.bool_]) -> Answers:
         """The same from features and predictions on the link scale."""
@@ -98,9 +98,9 @@ class FieldModel:
         hardness = np.where(sure_hard, "hard", np.where(sure_soft, "soft", "unsure"))
         return Answers(from_link(y), low, high, y, half, lump, self.domain.inside(X, z, y, half), hardness)
 
-    def lump(self, seen: Seen) -> NDArray[np.bool_]:
+    def lump(self, observed: ObservedStrokes) -> NDArray[np.bool_]:
         """The lump rule."""
-        return seen.whole & shows_lump(seen.X, NAMES, self.least_amp_share)
+        return observed.whole & shows_lump(observed.X, NAMES, self.least_amp_share)
 
     def spec(self, training: dict[str, Any], force_map: dict[str, Any] | None, **notes: Any) -> ModelSpec:
         """The document that `palpate export` compiles."""
@@ -133,9 +133,9 @@ def learn_force_map(pairs: Sequence[LumpPair]) -> force_maps.ForceMap:
 
 def fit_field_model(
     recipe: Recipe,
-    train: Seen,
-    calibration: Seen,
-    rim: Seen | None = None,
+    train: ObservedStrokes,
+    calibration: ObservedStrokes,
+    rim: ObservedStrokes | None = None,
     least_amp_share: float = LEAST_AMP_SHARE,
     step: Callable[[str], None] | None = None,
 ) -> FieldModel:
@@ -144,11 +144,11 @@ def fit_field_model(
     Parameters
     ----------
     recipe : Recipe
-    train, calibration : Seen
+    train, calibration : ObservedStrokes
         Strokes over lumps, no lump in both; those that show no lump are left out.
-    rim : Seen, optional
+    rim : ObservedStrokes, optional
         Strokes over lumps just outside the ranges: the polynomial is fitted to them too, so that it does
-        not hang free at the ranges' corners; intervals and domain are not.
+        not extrapolate at the ranges' corners; intervals and domain are not.
     least_amp_share : float
         Amp over Base from which a bump counts as a lump.
     step : callable, optional
@@ -173,7 +173,7 @@ def fit_field_model(
     guess = out_of_fold(X, Y, train.group, lambda x, y, g: fit(x, y, g).predict)[:within]
     X, Y = X[:within], Y[:within]
     sigma_terms, sigma = fit_sigma(model.standard(X), guess, Y - guess, train.group[:within])
-    # From here on, both kinds of strokes that a prediction has not seen.
+    # From here on, both kinds of out-of-sample strokes.
     x = calibration.columns(recipe.features)
     guesses, truth = np.concatenate([guess, model.predict(x)]), np.concatenate([Y, to_link(calibration.Y)])
     both = np.concatenate([X, x])
@@ -190,7 +190,7 @@ def fit_field_model(
 
 
 def familiar_unseen(model: Polynomial, X: Floats, groups: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """What box and distance say of each stroke if they have not seen its lump; of those seen, too good."""
+    """Whether each stroke passes a box and distance fitted without its lump; with it, too many would."""
 
     def fit(x: Floats, _: Floats, __: NDArray[np.int64]) -> Callable[[Floats], Floats]:
         check = fit_domain(x, model.standard(x), share_out=UNFAMILIAR_INSIDE)
@@ -230,6 +230,6 @@ def quarters(Y: Floats) -> list[NDArray[np.bool_]]:
     return out
 
 
-def hash_of(*parts: Seen) -> str:
+def hash_of(*parts: ObservedStrokes) -> str:
     """SHA-256 of all numbers that a model was fitted to."""
     return training_hash(*(array for part in parts for array in (part.X, part.Y)))

@@ -1,4 +1,4 @@
-"""Recipes: which features in which terms. `FIELD` is the model for use, the others stand beside it."""
+"""Recipes: which features in which terms. `FIELD` is the model for use, the others are for comparison."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from host.features import Floats
-from host.regression.ridge import Term, all_terms, fit_ridge, importance, monomials
+from palpate.features.map_features import Floats
+from palpate.regression.ridge import Term, all_terms, fit_ridge, importance, monomials
 
-R11 = (
+PILOT_FEATURES = (
     "ln_force",
     "asinh_amp",
     "ln_stdev",
@@ -23,11 +23,11 @@ R11 = (
     "trace_7_9",
     "trace_12_16",
 )
-"""What earlier trials with realistic sensors ended with."""
+"""The features that pilot studies with realistic sensors settled on."""
 
 THESIS_SIX = ("ln_base", "asinh_amp", "ln_stdev", "inv_curvature", "ln_d28", "dip_0_2")
 FIELD_FEATURES = (
-    *R11,
+    *PILOT_FEATURES,
     "tilt_3_5",
     "tilt_6_9",
     "tilt_10_14",
@@ -65,7 +65,7 @@ class Recipe:
     cubic : tuple of str
         Features whose products of three are tried as well.
     most_cubic : int or None
-        How many of these may stay: the image must stay below 8000 bytes.
+        How many of these to keep: the image must stay below 8000 bytes.
     """
 
     name: str

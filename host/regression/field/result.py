@@ -1,4 +1,4 @@
-"""What a fit of the field kind leaves behind: the model, and all that is known about it on unseen lumps."""
+"""The result of a field fit: the model, and how well it does on unseen lumps."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 from rich.table import Table
 
-from host.regression.field import tables
-from host.regression.field.model import Answers, FieldModel
-from host.regression.field.recipe import FIELD
-from host.regression.field.score import HeldOutRow, flat
-from host.regression.field.study import Study
-from host.regression.seen import Seen
-from model_export.schema import ModelSpec
+from palpate.model_export.schema import ModelSpec
+from palpate.regression.field import tables
+from palpate.regression.field.model import Answers, FieldModel
+from palpate.regression.field.recipe import FIELD
+from palpate.regression.field.score import HeldOutRow, flat
+from palpate.regression.field.study import Study
+from palpate.regression.observed import ObservedStrokes
 
 TARGETS_MET = {
     ("none", 1): {"t_r2": 0.999, "d_r2": 0.998, "h_r2": 0.996, "E_inv23_r2": 0.985},
@@ -37,7 +37,7 @@ TARGETS_MET = {
 
 @dataclass(frozen=True)
 class FieldFit:
-    """A field model, and all that is known about it on lumps it never saw.
+    """A field model, and how well it does on unseen lumps.
 
     Attributes
     ----------
@@ -46,9 +46,9 @@ class FieldFit:
     model : FieldModel
     rows : list of HeldOutRow
     coverage : DataFrame
-        Of the 90 % intervals, by group (`score.coverage`).
+        Of the intervals, by group (`score.coverage`).
     excluded : dict
-        Why -> how many strokes were left out of training, calibration or test.
+        Reason -> how many strokes were left out of training, calibration or test.
     facts : dict
         Domain flags, false alarms, hardness, bounds.
     flagged : DataFrame
@@ -69,7 +69,7 @@ class FieldFit:
     flagged: pd.DataFrame
     found: pd.DataFrame
     visits: pd.DataFrame
-    test: Seen = field(repr=False)
+    test: ObservedStrokes = field(repr=False)
     answers: Answers = field(repr=False)
     studies: list[tuple[Study, pd.DataFrame]] = field(default_factory=list, repr=False)
 

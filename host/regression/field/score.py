@@ -1,4 +1,4 @@
-"""How good a field model is on strokes that it never saw."""
+"""How good a field model is on unseen strokes."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from host.features import Floats
-from host.regression.field.model import Answers
-from host.regression.probe_model import E_INV23, HARD_BELOW, to_link
-from host.regression.seen import Seen
-from host.regression.table import TARGETS, r_squared
+from palpate.features.map_features import Floats
+from palpate.regression.field.model import Answers
+from palpate.regression.observed import ObservedStrokes
+from palpate.regression.probe_model import E_INV23, HARD_BELOW, to_link
+from palpate.regression.table import TARGETS, r_squared
 
 NEAR_THE_BORDER = (7.0, 15.0)
-"""Stiffness about which hard and soft differ by less than a stroke can tell."""
+"""Stiffness near which a stroke cannot tell hard from soft."""
 
 Mask = NDArray[np.bool_]
 
@@ -40,23 +40,25 @@ class HeldOutRow:
         return {**head, "not_found": self.not_found, **flat(self.scores)}
 
 
-def is_hard(seen: Seen) -> Mask:
+def is_hard(observed: ObservedStrokes) -> Mask:
     """Lumps of E >= 10."""
-    return seen.Y[:, E_INV23] <= HARD_BELOW + 1e-12
+    return observed.Y[:, E_INV23] <= HARD_BELOW + 1e-12
 
 
-def scores(seen: Seen, value: Floats, answered: Mask, border: float = HARD_BELOW) -> dict[str, float]:
+def scores(
+    observed: ObservedStrokes, value: Floats, answered: Mask, border: float = HARD_BELOW
+) -> dict[str, float]:
     """R2 and median relative error of every output, hard or soft right, over the strokes answered.
 
     A lump whose estimate of E^-2/3 is under `border` is called hard.
     """
-    Y, v = seen.Y[answered], value[answered]
+    Y, v = observed.Y[answered], value[answered]
     out: dict[str, float] = {"n": float(len(Y))}
     for j, name in enumerate(TARGETS):
         out[f"{name}_r2"] = r_squared(Y[:, j], v[:, j])
         error = np.abs(v[:, j] - Y[:, j])
         out[f"{name}_error"] = float(np.median(error if j == E_INV23 else error / Y[:, j]))
-    right = (v[:, E_INV23] < border) == is_hard(seen)[answered]
+    right = (v[:, E_INV23] < border) == is_hard(observed)[answered]
     E = Y[:, E_INV23] ** -1.5
     far = (NEAR_THE_BORDER[0] > E) | (NEAR_THE_BORDER[1] < E)
     out["hard_soft"] = float(right.mean())
@@ -64,11 +66,11 @@ def scores(seen: Seen, value: Floats, answered: Mask, border: float = HARD_BELOW
     return out
 
 
-def quarters(seen: Seen) -> dict[str, Mask]:
+def quarters(observed: ObservedStrokes) -> dict[str, Mask]:
     """Each quarter of d, h, E^-2/3 and F, by name."""
     out: dict[str, Mask] = {}
     for name in ("d", "h", "E_inv23", "F"):
-        values = seen.Y[:, TARGETS.index(name)]
+        values = observed.Y[:, TARGETS.index(name)]
         edges = np.quantile(values, [0, 0.25, 0.5, 0.75, 1])
         for k in range(4):
             last = values <= edges[k + 1] if k == 3 else values < edges[k + 1]
@@ -76,7 +78,7 @@ def quarters(seen: Seen) -> dict[str, Mask]:
     return out
 
 
-def coverage(seen: Seen, answers: Answers, answered: Mask) -> pd.DataFrame:
+def coverage(observed: ObservedStrokes, answers: Answers, answered: Mask) -> pd.DataFrame:
     """Share of true values inside their intervals: overall, hard and soft, and in each quarter.
 
     Returns
@@ -85,8 +87,8 @@ def coverage(seen: Seen, answers: Answers, answered: Mask) -> pd.DataFrame:
         Rows: groups; columns: n, the five outputs' coverage, and the median half-widths (relative for
         F, t, d and h, absolute for E^-2/3).
     """
-    inside = (answers.low - 1e-12 <= seen.Y) & (answers.high + 1e-12 >= seen.Y)
-    part = seen.take(answered)
+    inside = (answers.low - 1e-12 <= observed.Y) & (answers.high + 1e-12 >= observed.Y)
+    part = observed.take(answered)
     hard = is_hard(part)
     groups = {"all": np.ones(len(part), bool), "soft": ~hard, "hard": hard, **quarters(part)}
     rows = {}
@@ -99,9 +101,9 @@ def coverage(seen: Seen, answers: Answers, answered: Mask) -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index")
 
 
-def hardness(seen: Seen, answers: Answers, answered: Mask) -> dict[str, float]:
-    """How often hard or soft is said rather than unsure, and how often that is right."""
-    said, hard = answers.hardness[answered], is_hard(seen)[answered]
+def hardness(observed: ObservedStrokes, answers: Answers, answered: Mask) -> dict[str, float]:
+    """How often the answer is hard or soft rather than unsure, and how often that is right."""
+    said, hard = answers.hardness[answered], is_hard(observed)[answered]
     decided = said != "unsure"
     wrong = (said == "hard") != hard
     return {
@@ -123,7 +125,7 @@ def bounds(answers: Answers, answered: Mask) -> dict[str, float]:
     }
 
 
-def found_by(seen: Seen, lump: Mask) -> pd.DataFrame:
+def found_by(observed: ObservedStrokes, lump: Mask) -> pd.DataFrame:
     """Detectability map: share of strokes over lumps in which one is found, by d, h and E.
 
     Returns
@@ -131,7 +133,7 @@ def found_by(seen: Seen, lump: Mask) -> pd.DataFrame:
     DataFrame
         Columns d_mm, h, E (each a range), n, found.
     """
-    d, h, E = seen.Y[:, 2], seen.Y[:, 3], seen.Y[:, E_INV23] ** -1.5
+    d, h, E = observed.Y[:, 2], observed.Y[:, 3], observed.Y[:, E_INV23] ** -1.5
     d_edges, h_edges, E_edges = (5, 10, 15, 20.001), (0.3, 0.7, 1.1, 1.501), (2, 4, 10, 1000.1)
     rows = []
     for d0, d1 in itertools.pairwise(d_edges):
@@ -156,16 +158,16 @@ def ordered(ranges: Iterable[str]) -> list[str]:
     return sorted(set(ranges), key=lambda text: float(text.split()[0]))
 
 
-def visits(seen: Seen, y: Floats, answered: Mask, strokes: int = 1) -> pd.DataFrame:
+def visits(observed: ObservedStrokes, y: Floats, answered: Mask, strokes: int = 1) -> pd.DataFrame:
     """The smallest change of diameter that two visits can tell apart, in percent, at 95 %.
 
     What is the same at both visits cancels: the spread of repeated estimates of one lump decides. Two
     visits of `strokes` strokes each differ by 1.96 sqrt(2 / strokes) standard deviations at most.
     """
     rows = []
-    table = pd.DataFrame({"group": seen.group, "ln_d": y[:, 2], "d": seen.Y[:, 2], "h": seen.Y[:, 3]})[
-        answered
-    ]
+    table = pd.DataFrame(
+        {"group": observed.group, "ln_d": y[:, 2], "d": observed.Y[:, 2], "h": observed.Y[:, 3]}
+    )[answered]
     spread = table.groupby("group").agg(
         n=("ln_d", "size"), variance=("ln_d", "var"), d=("d", "first"), h=("h", "first")
     )
@@ -180,30 +182,36 @@ def visits(seen: Seen, y: Floats, answered: Mask, strokes: int = 1) -> pd.DataFr
     return pd.DataFrame(rows)
 
 
-def averaged(seen: Seen, y: Floats, answered: Mask, strokes: int = 4) -> tuple[Seen, Floats, int]:
+def averaged(
+    observed: ObservedStrokes, y: Floats, answered: Mask, strokes: int = 4
+) -> tuple[ObservedStrokes, Floats, int]:
     """Several strokes of each lump as one: their mean truth, their mean prediction (link scale).
 
     Returns
     -------
-    seen, y : of the lumps that were found in every one of the first `strokes` strokes
+    observed, y : of the lumps that were found in every one of the first `strokes` strokes
     lost : int
         Lumps left out because they were found in some strokes only, or in none.
     """
     keep, means, truth = [], [], []
-    link = to_link(seen.Y)
-    lumps = np.unique(seen.group)
+    link = to_link(observed.Y)
+    lumps = np.unique(observed.group)
     for lump in lumps:
-        rows = np.flatnonzero(seen.group == lump)[:strokes]
+        rows = np.flatnonzero(observed.group == lump)[:strokes]
         if len(rows) == strokes and answered[rows].all():
             keep.append(rows[0])
             means.append(y[rows].mean(axis=0))
             truth.append(link[rows].mean(axis=0))
     rows = np.array(keep, int)
-    part = seen.take(rows)
+    part = observed.take(rows)
     Y = np.array(part.Y)
     if len(rows):
         Y[:, 0] = np.exp(np.array(truth)[:, 0])
-    return Seen(part.X, part.status, Y, part.lump, part.group), np.array(means), len(lumps) - len(rows)
+    return (
+        ObservedStrokes(part.X, part.status, Y, part.lump, part.group),
+        np.array(means),
+        len(lumps) - len(rows),
+    )
 
 
 def flat(rows: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What a probe's designer wants to know: error against each thing that could be better or worse.
+"""Studies for a probe's designer: error against each property that could be better or worse.
 
 Every study retrains the field model for each setting (a device is calibrated as it is) and scores it on the
 same held-out lumps, at typical noise but for what is varied. `STUDIES` lists them by name.
@@ -15,15 +15,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from host.regression.field.bench import Bench
-from host.regression.field.model import Answers, FieldModel, fit_field_model
-from host.regression.field.recipe import FIELD, Recipe
-from host.regression.field.score import hardness, scores
-from host.regression.probe_model import from_link, to_link
-from host.regression.ridge import FOLDS
-from host.regression.seen import NAMES, Seen, join
-from host.regression.table import TARGETS
-from sim.probe.sensors import LEVELS, Noise
+from firmware_py import geometry
+from palpate.regression.field.bench import Bench
+from palpate.regression.field.model import Answers, FieldModel, fit_field_model
+from palpate.regression.field.recipe import FIELD, Recipe
+from palpate.regression.field.score import hardness, scores
+from palpate.regression.observed import NAMES, ObservedStrokes, join
+from palpate.regression.probe_model import from_link, to_link
+from palpate.regression.ridge import FOLDS
+from palpate.regression.table import TARGETS
+from palpate.sim.probe.sensors import LEVELS, Noise
 
 TYPICAL = LEVELS["typical"]
 DRAWS = (2, 1, 2)
@@ -43,7 +44,7 @@ class Study:
     run: Callable[[Bench], Iterator[Row]]
 
     def table(self, bench: Bench, tell: Tell | None = None) -> pd.DataFrame:
-        """One row a setting: R2, median errors, 90 % half-widths, hard/soft."""
+        """One row a setting: R2, median errors, half-widths of the intervals, hard/soft."""
         rows = []
         for row in self.run(bench):
             if tell:
@@ -52,7 +53,7 @@ class Study:
         return pd.DataFrame(rows)
 
 
-def row_of(setting: str, model: FieldModel, test: Seen, answers: Answers | None = None) -> Row:
+def row_of(setting: str, model: FieldModel, test: ObservedStrokes, answers: Answers | None = None) -> Row:
     """Scores of one setting, with the median half-width of the intervals and what is not found."""
     answers = model.answer(test) if answers is None else answers
     found = answers.lump
@@ -84,11 +85,11 @@ def _bits(bench: Bench) -> Iterator[Row]:
 
 
 def _coarser(counts: NDArray[np.uint16], step: int) -> NDArray[np.uint16]:
-    return np.minimum(counts // step * step + step // 2, 4095).astype(np.uint16)
+    return np.minimum(counts // step * step + step // 2, geometry.FULL_COUNT).astype(np.uint16)
 
 
 def _paired(counts: NDArray[np.uint16]) -> NDArray[np.uint16]:
-    cells = counts.reshape(len(counts), 8, 2, 26).mean(axis=2)
+    cells = counts.reshape(len(counts), geometry.HALF_ROWS, 2, geometry.COLUMNS).mean(axis=2)
     return np.repeat(np.rint(cells).astype(np.uint16), 2, axis=1).reshape(len(counts), -1)
 
 
@@ -143,12 +144,14 @@ def _forces(bench: Bench) -> Iterator[Row]:
     """One stroke; two at one force, averaged; two at forces 18 % apart, averaged, and as one larger model."""
     s = bench.split
 
-    def at(shift: float, first_draw: int) -> tuple[Seen, ...]:
+    def at(shift: float, first_draw: int) -> tuple[ObservedStrokes, ...]:
         parts = []
         for which, draws in zip((s.train, s.calibration, s.test), DRAWS):
             chosen = [bench.lumps[k] for k in which]
             means = [f.low.F_N_per_m * float(np.exp(PAIR_LN * shift)) for f in chosen]
-            parts.append(bench.see(bench.lumps, which, TYPICAL, draws, first_draw, mean_forces_N_per_m=means))
+            parts.append(
+                bench.observe(bench.lumps, which, TYPICAL, draws, first_draw, mean_forces_N_per_m=means)
+            )
         return tuple(parts)
 
     middle, again, low, high = at(0.5, 0), at(0.5, 500), at(0.25, 1000), at(0.75, 1500)
@@ -160,28 +163,28 @@ def _forces(bench: Bench) -> Iterator[Row]:
     yield _joint_row("the same as one model of both", low, high)
 
 
-def _mean_row(setting: str, model: FieldModel, a: Seen, b: Seen) -> Row:
+def _mean_row(setting: str, model: FieldModel, a: ObservedStrokes, b: ObservedStrokes) -> Row:
     first, second = model.answer(a), model.answer(b)
     both = first.lump & second.lump
     y = (first.y + second.y) / 2
-    truth = Seen(a.X, a.status, from_link((to_link(a.Y) + to_link(b.Y)) / 2), a.lump, a.group)
+    truth = ObservedStrokes(a.X, a.status, from_link((to_link(a.Y) + to_link(b.Y)) / 2), a.lump, a.group)
     mean = model.answer_from((a.columns(FIELD.features) + b.columns(FIELD.features)) / 2, y, both)
     row = row_of(setting, model, truth, mean)
     # The model's intervals are those of one stroke; for the mean of two they would be too wide.
     return row | {f"{t}_half": float("nan") for t in TARGETS} | {"decided": float("nan")}
 
 
-def _joint_row(setting: str, low: tuple[Seen, ...], high: tuple[Seen, ...]) -> Row:
+def _joint_row(setting: str, low: tuple[ObservedStrokes, ...], high: tuple[ObservedStrokes, ...]) -> Row:
     """Features averaged, with the changes between the two forces in place of features that go unused."""
     spare = [n for n in NAMES if n not in FIELD.features][: len(_CHANGES)]
 
-    def joined(a: Seen, b: Seen) -> Seen:
+    def joined(a: ObservedStrokes, b: ObservedStrokes) -> ObservedStrokes:
         X = (a.X + b.X) / 2
         for name, change in zip(spare, _CHANGES):
             k = NAMES.index(change)
             X[:, NAMES.index(name)] = b.X[:, k] - a.X[:, k]
         both = a.whole & b.whole
-        return Seen(
+        return ObservedStrokes(
             X, np.where(both, a.status, -1), from_link((to_link(a.Y) + to_link(b.Y)) / 2), a.lump, a.group
         )
 

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from rich.table import Table
 
-from host.regression.field.score import HeldOutRow, ordered
-from host.regression.table import TARGETS
+from palpate.regression.field.score import HeldOutRow, ordered
+from palpate.regression.table import TARGETS
 
 
 def held_out(rows: Sequence[HeldOutRow], missed: Sequence[str]) -> Table:

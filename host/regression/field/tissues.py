@@ -1,4 +1,4 @@
-"""How wrong the field model is where the tissue is not the one it was trained on."""
+"""How far off the field model is in tissue that it was not trained on."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from host.regression.field.bench import Bench
-from host.regression.field.data import read_pairs, stroke_fields, watched
-from host.regression.field.design import FIELD_SETTINGS, LumpPair, lump_cases
-from host.regression.field.model import FieldModel, fit_field_model
-from host.regression.field.recipe import FIELD
-from host.regression.field.score import coverage
-from host.regression.field.study import DRAWS, TYPICAL, Row, Study, row_of
-from host.regression.seen import Seen, look
-from host.regression.table import TARGETS
-from host.regression.watch import Watch
-from sim.tissue import sweep
+from palpate.regression.field.bench import Bench
+from palpate.regression.field.data import read_pairs, stroke_fields, sweep_progress
+from palpate.regression.field.design import FIELD_SETTINGS, LumpPair, lump_cases
+from palpate.regression.field.model import FieldModel, fit_field_model
+from palpate.regression.field.recipe import FIELD
+from palpate.regression.field.score import coverage
+from palpate.regression.field.study import DRAWS, TYPICAL, Row, Study, row_of
+from palpate.regression.observed import ObservedStrokes, observe
+from palpate.regression.progress import ProgressCallback
+from palpate.regression.table import TARGETS
+from palpate.sim.tissue import sweep
 
 LUMPS = 32
 _SEED = 7
@@ -37,12 +37,12 @@ def other_tissue(
     changes: dict[str, float],
     lumps: int = LUMPS,
     workers: int | None = None,
-    watch: Watch | None = None,
+    progress: ProgressCallback | None = None,
 ) -> list[LumpPair]:
     """Pairs of strokes over lumps in another tissue, simulated under `directory` where they are missing."""
     name = "tissue-" + "-".join(f"{k}-{v:g}" for k, v in sorted(changes.items()))
     if not (directory / name / "strokes.parquet").exists():
-        report = watched(f"simulating {name}", watch)
+        report = sweep_progress(f"simulating {name}", progress)
         cases = lump_cases(lumps, _SEED, tissue=changes)
         sweep(cases, FIELD_SETTINGS, directory / name, workers=workers, progress=report)
     return read_pairs(directory / name)[0]
@@ -53,20 +53,20 @@ def _run(bench: Bench) -> Iterator[Row]:
     model = fit_field_model(FIELD, train, calibration, rim)
     yield tissue_row("as trained", model, test)
     for words, changes in TISSUES.items():
-        pairs = other_tissue(bench.directory, changes, workers=bench.workers, watch=bench.watch)
+        pairs = other_tissue(bench.directory, changes, workers=bench.workers, progress=bench.progress)
         fields = stroke_fields(pairs)
-        seen = look(fields, TYPICAL, 900, force_map=bench.blob)
-        yield tissue_row(words, model, seen)
+        observed = observe(fields, TYPICAL, 900, force_map=bench.blob)
+        yield tissue_row(words, model, observed)
 
 
-def tissue_row(words: str, model: FieldModel, seen: Seen) -> Row:
+def tissue_row(words: str, model: FieldModel, observed: ObservedStrokes) -> Row:
     """Scores of a model on strokes over some tissue, with the bias of its estimates and the share flagged."""
-    answers = model.answer(seen)
-    row = row_of(words, model, seen, answers)
+    answers = model.answer(observed)
+    row = row_of(words, model, observed, answers)
     found = answers.lump
-    ratio = np.median(answers.value[found] / seen.Y[found], axis=0)
+    ratio = np.median(answers.value[found] / observed.Y[found], axis=0)
     row |= {f"{t}_bias": float(r - 1) for t, r in zip(TARGETS, ratio)}
-    row["covered_d"] = float(coverage(seen, answers, found)["d"]["all"])
+    row["covered_d"] = float(coverage(observed, answers, found)["d"]["all"])
     row["flagged"] = float((~answers.in_domain[found]).mean())
     return row
 

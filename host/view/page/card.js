@@ -1,26 +1,33 @@
-// The estimate card: words and numbers from the server, an interval bar for each number.
+// The estimate card: words and numbers from the server, an interval bar with its scale for each number.
 
 const SPANS = { d_mm: 30, depth_mm: 30, t_mm: 40, F_N_per_m: 150 };
+const STIFFEST = 1000; // times fat: the end of the scale, and of what the models are for
 
 const number = (v, unit) => (unit === "N/m" ? v.toFixed(0) : v.toFixed(1));
 
-function element(tag, attributes = {}, ...children) {
+export function element(tag, attributes = {}, ...children) {
   const node = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, value);
   node.append(...children);
   return node;
 }
 
-function range(low, high, value, divider) {
-  const bar = element("div", { class: "range", "aria-hidden": "true" });
+/** A sentence with `commands` in it, as nodes: what stands between backticks is set as code. */
+export function sentence(text) {
+  return text.split("`").map((part, i) => (i % 2 ? element("code", {}, part) : part));
+}
+
+/** low, high, value and marks are shares of the scale from `from` to `to`. */
+function range({ low, high, value, marks = [], from, to }) {
+  const bar = element("div", { class: "range" });
   const place = (share) => `${(100 * Math.min(Math.max(share, 0), 1)).toFixed(1)}%`;
   const band = element("i");
   band.style.left = place(low);
   band.style.right = place(1 - high);
   bar.append(band);
-  if (divider !== undefined) {
+  for (const mark of marks) {
     const line = element("u");
-    line.style.left = place(divider);
+    line.style.left = place(mark);
     bar.append(line);
   }
   if (value !== null) {
@@ -28,54 +35,75 @@ function range(low, high, value, divider) {
     tick.style.left = place(value);
     bar.append(tick);
   }
-  return bar;
+  return element("dd", { class: "between", "aria-hidden": "true" }, element("span", {}, from), bar, element("span", {}, to));
 }
 
-function quantity({ key, label, unit, value, low, high }, hero) {
-  const span = Math.max(SPANS[key] ?? high, high * 1.05);
+function quantity({ key, label, unit, value, low, high, beside }, hero, level) {
+  const span = Math.max(SPANS[key] ?? high, 10 * Math.ceil(high / 10));
   const row = element("dl", { class: hero ? "quantity first" : "quantity", "data-key": key });
+  const words = `${number(low, unit)} to ${number(high, unit)}`;
+  const interval = element("span", { class: "range-text" }, hero ? `${words} ${unit}, ${level}` : words);
   row.append(element("dt", {}, label));
+  if (beside) row.firstChild.append(" ", element("span", { class: "beside" }, `${beside.label} ${beside.value.toFixed(2)}`));
   if (hero) {
-    row.append(element("dd", { class: "hero" }, element("b", { class: "number" }, number(value, unit)), element("span", {}, unit)));
-  } else row.append(element("dd", { class: "number" }, `${number(value, unit)} ${unit}`));
-  const text = `${number(low, unit)} to ${number(high, unit)}`;
-  row.append(element("dd", { class: "between" }, range(low / span, high / span, value / span), element("span", { class: "range-text" }, text)));
+    const big = element("dd", { class: "hero" }, element("b", { class: "number" }, number(value, unit)), element("span", {}, unit));
+    row.append(big, element("dd", { class: "wide" }, interval));
+  } else row.append(element("dd", {}, element("b", { class: "number" }, `${number(value, unit)} ${unit}`), " ", interval));
+  row.append(range({ low: low / span, high: high / span, value: value / span, from: "0", to: `${span} ${unit}` }));
   return row;
 }
 
-function stiffness({ hardness, hardness_text: words, E_ratio: ratio }) {
+function stiffness({ hardness, hardness_text: words, stiffness_text: text, E_ratio: ratio }) {
   const row = element("dl", { class: "quantity", "data-key": "stiffness" });
-  row.append(element("dt", {}, "Stiffness"), element("dd", { class: "number" }, hardness));
-  row.title = words;
+  const said = element("dd", {}, element("b", { class: "number" }, hardness), " ", element("span", { class: "range-text" }, text));
+  row.append(element("dt", {}, "Stiffness"), said);
   if (ratio) {
-    const share = (e) => Math.log10(e) / 3; // 1 to 1000 times fat
-    const low = ratio.low ?? 1;
-    const high = ratio.high === null ? 1 : share(ratio.high);
-    const bound = (e) => (e >= 100 ? e.toFixed(0) : e.toPrecision(2));
+    const share = (e) => Math.log(Math.max(e, 1)) / Math.log(STIFFEST);
     const value = ratio.high === null || ratio.value === null ? null : share(ratio.value);
-    const text = ratio.high === null ? `over ${bound(low)} × fat` : `${bound(low)} to ${bound(ratio.high)} × fat`;
-    row.append(element("dd", { class: "between" }, range(share(low), high, value, share(10)), element("span", { class: "range-text" }, text)));
+    const ends = { low: share(ratio.low ?? 1), high: ratio.high === null ? 1 : share(ratio.high), value };
+    row.append(range({ ...ends, marks: [share(10)], from: "1", to: `${STIFFEST} × fat` }));
   }
+  row.append(element("dd", { class: "wide" }, words));
   return row;
+}
+
+/** What stands in the card before the first stroke: what to do, and what will come. */
+function beginning(gone, mode, model) {
+  const box = element("div", { class: "beginning" });
+  if (mode === "replay") box.append(element("p", {}, "Play the recording below, or pick one of its strokes."));
+  else if (gone) box.append(element("p", {}, "No stroke yet. The page goes on by itself when the probe is there."));
+  else {
+    const steps = ["Press the probe on the tissue until Contact lights.", "Stroke over the place with an even force, and 28 mm past it.",
+      "Diameter, depth and stiffness of a lump are shown here, each with its interval."];
+    box.append(element("p", {}, "No stroke yet."), element("ol", {}, ...steps.map((text) => element("li", {}, text))));
+  }
+  if (mode === "live" && !gone && model === "") box.append(...noModel());
+  return box;
+}
+
+function noModel() {
+  const button = element("button", { type: "button", class: "main", "data-do": "flash" }, "Put a model on the probe");
+  return [element("p", { class: "warning" }, "This probe has no model yet: it feels, and cannot judge."), button];
 }
 
 /** Fill `box` with the card of a stroke, or with what to do while there is none. */
-export function drawCard(box, card, gone) {
+export function drawCard(box, card, { gone = false, mode = "live", model = null } = {}) {
   box.replaceChildren();
   box.className = "";
   if (!card) {
-    const say = gone ? "No stroke yet." : "No stroke yet. Press the probe on the tissue and stroke over the place.";
-    box.append(element("p", { class: "empty" }, say));
+    box.append(beginning(gone, mode, model));
     return;
   }
   box.className = `tone-${card.kind}${card.kind === "outside" ? " doubtful" : ""}`;
   box.append(element("p", { class: "verdict" }, card.title));
-  if (card.text) box.append(element("p", { class: "say" }, card.text));
-  const rows = card.rows.map((row) => quantity(row, row.key === "d_mm"));
+  if (card.text) box.append(element("p", { class: "say" }, ...sentence(card.text)));
+  if (card.kind === "no_model" && mode === "live" && !gone) box.append(noModel()[1]);
+  const sure = card.kind === "lump" || card.kind === "none"; // of other strokes nobody knows how often it holds
+  const level = sure && card.level ? `${Math.round(card.level * 100)} % interval` : "interval";
+  const rows = card.rows.map((row) => quantity(row, row.key === "d_mm", level));
   if (card.hardness) rows.splice(Math.min(2, rows.length), 0, stiffness(card));
   box.append(...rows);
   const foot = element("p", { class: "foot" });
-  const sure = card.kind === "lump" || card.kind === "none"; // of other strokes nobody knows how often it holds
   if (sure && card.level && card.rows.length) foot.append(`Each interval holds the truth ${Math.round(card.level * 100)} times in 100. `);
   if (card.model_id) foot.append(`Model ${card.model_id}. `);
   foot.append(element("strong", {}, card.notice));

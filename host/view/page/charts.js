@@ -1,6 +1,6 @@
 // The three charts of a stroke: tactile map with its fit, displacement and force, with the stroke before as a shadow.
 
-import { Plot, extent } from "./plot.js";
+import { Held, Plot, extent } from "./plot.js";
 
 const FACE_HALF_MM = 12;
 
@@ -12,6 +12,7 @@ export class StrokeCharts {
     this.legend = get("map-legend");
     this.shadow = null;
     this.stroke = null;
+    this.axes = new Held();
   }
 
   /** Show a stroke, running or finished; a new one leaves the last as a shadow. */
@@ -24,6 +25,13 @@ export class StrokeCharts {
   forget() {
     this.stroke = null;
     this.shadow = null;
+    this.axes.forget();
+  }
+
+  /** The visit's axis that takes these values in. */
+  range(name, lists, fallback, margin, least) {
+    const wanted = extent(lists, fallback, margin, least);
+    return this.stroke ? this.axes.range(this.stroke.visit, name, wanted) : fallback;
   }
 
   /** position_mm: where the probe is now, or where along a finished stroke the reader looks; or null. */
@@ -32,9 +40,9 @@ export class StrokeCharts {
     const map = stroke?.map ?? { x_mm: [], pressure_kPa: [] };
     const old = this.shadow?.map ?? { x_mm: [], pressure_kPa: [] };
     const fit = stroke?.fit;
-    const x = extent([map.x_mm, old.x_mm], [-40, 40], 0.02, 20);
-    const y = extent([map.pressure_kPa, old.pressure_kPa], [0, 8], 0.12, 1);
-    if (y[0] < 1.5) y[0] = Math.min(0, y[0]);
+    const x = this.range("map x", [map.x_mm, old.x_mm], [-40, 40], 0.02, 20);
+    const y = this.range("map y", [[0], map.pressure_kPa, old.pressure_kPa], [0, 8], 0.05, 1);
+    y[0] = 0;
     const curve = fit && gaussian(fit, Math.max(x[0], map.x_mm[0]), Math.min(x[1], map.x_mm.at(-1)));
     this.map.draw(
       [
@@ -47,6 +55,7 @@ export class StrokeCharts {
       x,
       y,
     );
+    this.map.canvas.dataset.y = y.join(" ");
     this.trace(this.displacement, "displacement_mm", [0, 4], 0.5, position_mm);
     this.trace(this.force, "force_N_per_m", [0, 120], 20, position_mm);
     this.describe(fit, map.by);
@@ -55,8 +64,8 @@ export class StrokeCharts {
   trace(plot, key, fallback, least, position_mm) {
     const now = this.stroke?.traces;
     const old = this.shadow?.traces;
-    const x = extent([now?.position_mm, old?.position_mm], [-30, 30], 0.03, 10);
-    const y = extent([now?.[key], old?.[key]], fallback, 0.1, least);
+    const x = this.range("x", [now?.position_mm, old?.position_mm], [-30, 30], 0.01, 10);
+    const y = this.range(key, [now?.[key], old?.[key]], fallback, 0.1, least);
     const at = now && position_mm !== null ? nearest(now.position_mm, position_mm) : -1;
     plot.draw(
       [
@@ -71,10 +80,12 @@ export class StrokeCharts {
 
   describe(fit, by) {
     const text = fit
-      ? `<i style="color:var(--points)"></i>map <i style="color:var(--fit)"></i>fit by the ${by === "probe" ? "probe" : "viewer"}: ` +
-        `Base ${fit.base_kPa.toFixed(2)}, Amp ${fit.amp_kPa.toFixed(2)} kPa, Stdev ${fit.stdev_mm.toFixed(1)} mm`
+      ? `<span><i style="color:var(--points)"></i>map</span> ` +
+        `<span><i style="color:var(--fit)"></i>fit by the ${by === "probe" ? "probe" : "viewer"}:</span> ` +
+        `<span>Base ${fit.base_kPa.toFixed(2)},</span> <span>Amp ${fit.amp_kPa.toFixed(2)} kPa,</span> ` +
+        `<span>Stdev ${fit.stdev_mm.toFixed(1)} mm</span>`
       : this.stroke
-        ? `<i style="color:var(--points)"></i>map, no bump to fit yet`
+        ? `<span><i style="color:var(--points)"></i>map,</span> no bump to fit yet`
         : "grows as the probe strokes";
     if (text !== this.described) {
       this.legend.innerHTML = text;

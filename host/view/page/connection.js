@@ -1,5 +1,7 @@
 // The web socket to the viewer program: comes back by itself, answers commands with promises.
 
+import { CELLS } from "./array.js";
+
 export class Connection {
   /** handlers: {message(object), frame(ArrayBuffer), closed()} */
   constructor(handlers) {
@@ -72,6 +74,6 @@ export function unpackFrame(buffer) {
     displacement_mm: view.getFloat32(28, true),
     force: view.getFloat32(32, true),
     peak_kPa: view.getFloat32(36, true),
-    pressure: new Float32Array(buffer, 40, 416),
+    pressure: new Float32Array(buffer, 40, CELLS),
   };
 }

@@ -18,21 +18,26 @@ export function startKeys({ get, history, page, replay, selected, toggleTheme, t
     ArrowRight: (event) => replay.step(event.shiftKey ? 10 : 1),
     "[": () => replay.state && replay.faster(-1),
     "]": () => replay.state && replay.faster(1),
-    Escape: () => {
-      if (get("export").open) get("export").open = false;
-      else selected.back();
-    },
+    Escape: () => selected.back(),
     r: () => tools.record(),
     m: () => tools.mark(),
     v: () => tools.visit(),
     e: () => {
       get("export").open = !get("export").open;
+      get("export").querySelector("summary").focus({ focusVisible: true });
     },
     t: toggleTheme,
     "?": () => get("dialog-help").showModal(),
   };
+  /** Wherever the focus is, Esc closes the menu first; the focus goes to where the menu was. */
+  const closeMenu = (event) => {
+    event.preventDefault();
+    get("export").open = false;
+    get("export").querySelector("summary").focus({ focusVisible: true });
+  };
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
+    if (event.key === "Escape" && get("export").open) return closeMenu(event);
     if (!event.target.closest("dialog") && isForControl(event)) return;
     // A dialog that has just closed keeps the focus until the next picture; a key pressed meanwhile is for the page.
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;

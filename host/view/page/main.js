@@ -1,10 +1,11 @@
 // Wires the page: what the server tells goes to the parts; one loop draws what has changed.
 
-import { drawCard } from "./card.js";
+import { drawCard, sentence } from "./card.js";
 import { StrokeCharts } from "./charts.js";
 import { Connection, unpackFrame } from "./connection.js";
+import { startFlash } from "./flash.js";
 import { startKeys } from "./keys.js";
-import { TactileImage } from "./image.js";
+import { TactileImage } from "./tactile_image.js";
 import { Replay } from "./replay.js";
 import { Selected } from "./selected.js";
 import { startTheme } from "./theme.js";
@@ -25,9 +26,11 @@ const selected = new Selected(get, { image, charts, history, page, redraw, toast
 const toggleTheme = startTheme(redraw);
 const connection = new Connection({ message: receive, frame: receiveFrame, closed: offline });
 const tools = startTools(get, { ask, greeted: () => connection.greeted, image, page });
+startFlash(get, { toast: (text) => tools.toast(text) });
 startKeys({ get, history, page, replay, selected, toggleTheme, tools });
 get("theme").addEventListener("click", toggleTheme);
 new ResizeObserver(redraw).observe(document.querySelector("main"));
+document.fonts.addEventListener("loadingdone", redraw); // canvases were drawn in whatever was there
 
 // Frames come unevenly on a busy machine. Two may wait for a picture that would get none; where one has waited through a
 // dozen pictures nobody needed it, and it is left out, so that what is drawn is not older than it must be.
@@ -55,12 +58,12 @@ function receive(message) {
       image.loadColors().then(redraw, () => {}); // without an answer the next greeting asks again
       document.body.dataset.mode = message.mode;
       document.title = `Palpate: ${message.name}`;
-      showLink(message.link);
       showHealth(message.health);
       showState(message.state);
       tools.recording(message.recording);
       replay.set(message.playback);
-      history.set(message);
+      showVisits(message);
+      showLink(message.link);
       page.running = message.running;
       selected.start(message.strokes.at(-1)?.number ?? null);
       break;
@@ -84,10 +87,11 @@ function receive(message) {
       break;
     case "stroke":
       page.running = null;
+      image.widen(message.peak_kPa);
       selected.finished(message);
       break;
     case "visits":
-      history.set(message);
+      showVisits(message);
       break;
     case "recording":
       tools.recording(message.recording);
@@ -110,13 +114,20 @@ function begin(session) {
   Object.assign(page, { session, running: null, frame: null, held: false });
 }
 
+function showVisits(message) {
+  image.visit(`${page.session} ${message.current_visit}`);
+  for (const stroke of message.strokes) if (stroke.visit === message.current_visit) image.widen(stroke.peak_kPa);
+  history.set(message);
+}
+
 function showLink({ state, text, device }) {
   page.link = state;
   document.body.dataset.link = state;
-  const short = { connected: "Connected", gone: "Probe gone", connecting: "Looking for the probe", ended: "End of file" };
+  const short = { connected: "Connected", gone: "Probe gone", connecting: "Looking for the probe", ended: "Played to its end" };
   get("link-text").textContent = document.body.dataset.mode === "replay" && state === "connected" ? "Recording" : short[state];
   get("banner").hidden = state === "connected" || state === "ended";
-  get("banner").textContent = text;
+  get("banner").replaceChildren(...sentence(text));
+  page.model = device ? device.model_id : null;
   if (device) {
     image.full = device.full_scale_kPa;
     const parts = [device.name, device.serial, device.firmware && `firmware ${device.firmware}`, device.runtime];
@@ -124,6 +135,7 @@ function showLink({ state, text, device }) {
     get("device").textContent = parts.filter(Boolean).join(" · ");
     get("device").title = get("device").textContent;
   }
+  selected.linkChanged(state);
 }
 
 function offline() {
@@ -144,6 +156,7 @@ function showHealth(health) {
 
 function showState(state) {
   for (const item of get("steps").querySelectorAll("[data-step]")) item.classList.toggle("on", state[item.dataset.step]);
+  image.stroking = state.stroke;
   const hint = state.too_fast ? "Too fast" : state.force_high ? "Force too high" : state.force_low ? "Press harder" : "";
   get("hint").hidden = !hint;
   get("hint").textContent = hint;
@@ -193,5 +206,5 @@ setInterval(() => {
   get("h-drawn").textContent = page.drawn.filter((t) => t > now - 1000).length;
 }, 500);
 
-drawCard(get("card"), null, false);
+drawCard(get("card"), null, { gone: true });
 requestAnimationFrame(loop);

@@ -2,7 +2,37 @@
 
 import { color } from "./theme.js";
 
-export const FONT = '11px Inter, "Segoe UI", -apple-system, Roboto, "Noto Sans", "Liberation Sans", Arial, system-ui, sans-serif';
+/** How large text is against the usual 16 px: canvases follow the reader's setting as the style sheet does. */
+export const textScale = () => parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
+
+/** The style sheet's font on a canvas. */
+export const font = () => `${11 * textScale()}px ${getComputedStyle(document.body).fontFamily}`;
+
+/** Rounds outwards to the step of some five ticks. */
+export function rounded([low, high]) {
+  const marks = ticks(low, high, 5);
+  const step = marks.length > 1 ? marks[1] - marks[0] : high - low;
+  return [Math.floor(low / step + 1e-9) * step, Math.ceil(high / step - 1e-9) * step];
+}
+
+/** Axes that hold: those of one visit only ever widen, so that strokes can be compared with the eye. */
+export class Held {
+  constructor() {
+    this.known = new Map();
+  }
+
+  range(visit, name, wanted) {
+    const key = `${visit} ${name}`;
+    const [low, high] = wanted;
+    const [a, b] = this.known.get(key) ?? [Infinity, -Infinity];
+    if (low < a || high > b) this.known.set(key, rounded([Math.min(low, a), Math.max(high, b)]));
+    return this.known.get(key);
+  }
+
+  forget() {
+    this.known.clear();
+  }
+}
 
 /** Round ticks that cover low..high. */
 export function ticks(low, high, count = 5) {
@@ -44,24 +74,28 @@ export function prepare(canvas) {
   const context = canvas.getContext("2d");
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
   context.clearRect(0, 0, width, height);
-  context.font = FONT;
+  context.font = font();
   return { context, width, height };
 }
 
 export class Plot {
-  constructor(canvas, { xLabel, yLabel, yTicks = 4 }) {
-    Object.assign(this, { canvas, xLabel, yLabel, yTicks });
+  /** counts: the x axis counts things and needs no numbers. */
+  constructor(canvas, { xLabel, yLabel, yTicks = 4, counts = false }) {
+    Object.assign(this, { canvas, xLabel, yLabel, yTicks, counts });
   }
 
   /** Draw layers over round axes. x and y are [low, high]. */
   draw(layers, x, y) {
     const { context: c, width, height } = prepare(this.canvas);
     if (width < 40 || height < 40) return;
-    const box = { left: 48, right: width - 8, top: 8, bottom: height - (this.xLabel ? 32 : 18) };
+    const k = textScale();
+    const { marks, digits } = this.labels(y, height / k);
+    const widest = Math.max(...marks.map((v) => c.measureText(v.toFixed(digits)).width), 0);
+    const box = { left: widest + 26 * k, right: width - 10 * k, top: 8 * k, bottom: height - (this.xLabel ? 32 : 12) * k };
     const toX = (v) => box.left + ((v - x[0]) / (x[1] - x[0])) * (box.right - box.left);
     const toY = (v) => box.bottom - ((v - y[0]) / (y[1] - y[0])) * (box.bottom - box.top);
     this.place = { toX, toY, box, x, y };
-    this.axes(c, box, x, y, toX, toY);
+    this.axes(c, box, x, marks, digits, toX, toY, k);
     c.save();
     c.beginPath();
     c.rect(box.left, box.top - 2, box.right - box.left, box.bottom - box.top + 4);
@@ -70,17 +104,22 @@ export class Plot {
     c.restore();
   }
 
-  axes(c, box, x, y, toX, toY) {
+  /** Round values beside the y axis, and their decimals. */
+  labels(y, height) {
+    let marks = [];
+    const most = Math.max(2, Math.min(this.yTicks, (height - 40) / 24));
+    for (let n = most; marks.length < 3 && n < 12; n++) marks = ticks(y[0], y[1], n);
+    const step = marks.length > 1 ? marks[1] - marks[0] : 1;
+    const digits = [0, 1, 2, 3].find((n) => Math.abs(step * 10 ** n - Math.round(step * 10 ** n)) < 1e-6) ?? 3;
+    return { marks, digits };
+  }
+
+  axes(c, box, x, marks, digits, toX, toY, k) {
     c.lineWidth = 1;
     c.strokeStyle = color("grid");
     c.fillStyle = color("soft");
     c.textBaseline = "middle";
     c.textAlign = "right";
-    let marks = [];
-    const most = Math.max(2, Math.min(this.yTicks, (box.bottom - box.top) / 24));
-    for (let n = most; marks.length < 3 && n < 12; n++) marks = ticks(y[0], y[1], n);
-    const step = marks.length > 1 ? marks[1] - marks[0] : 1;
-    const digits = [0, 1, 2, 3].find((n) => Math.abs(step * 10 ** n - Math.round(step * 10 ** n)) < 1e-6) ?? 3;
     for (const v of marks) {
       line(c, box.left, toY(v), box.right, toY(v));
       c.fillText(v.toFixed(digits), box.left - 6, toY(v));
@@ -88,14 +127,14 @@ export class Plot {
     c.textAlign = "center";
     c.textBaseline = "top";
     if (this.xLabel) {
-      for (const v of ticks(x[0], x[1], Math.min(8, (box.right - box.left) / 44))) {
+      for (const v of this.counts ? [] : ticks(x[0], x[1], Math.min(8, (box.right - box.left) / (44 * k)))) {
         line(c, toX(v), box.bottom, toX(v), box.bottom + 4);
-        c.fillText(`${+v.toFixed(3)}`, toX(v), box.bottom + 5);
+        c.fillText(`${+v.toFixed(3)}`, toX(v), box.bottom + 5 * k);
       }
-      c.fillText(this.xLabel, (box.left + box.right) / 2, box.bottom + 18);
+      c.fillText(this.xLabel, (box.left + box.right) / 2, box.bottom + 18 * k);
     }
     c.save();
-    c.translate(8, (box.top + box.bottom) / 2);
+    c.translate(8 * k, (box.top + box.bottom) / 2);
     c.rotate(-Math.PI / 2);
     c.textBaseline = "middle";
     c.fillText(this.yLabel, 0, 0);

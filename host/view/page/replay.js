@@ -1,5 +1,5 @@
 // Play, pause, seek and speed of a recording. What is asked for is shown at once; a state that the viewer program told before
-// it had obeyed (`obeyed` counts) does not undo it.
+// it had applied the command (`commands_applied` counts) does not undo it.
 
 const clock = (s) => `${Math.floor(s / 60)}:${(s % 60).toFixed(1).padStart(4, "0")}`;
 
@@ -10,7 +10,7 @@ export class Replay {
     this.state = null;
     this.dragging = false;
     this.asked = 0; // counts what this page asked for
-    this.current = 0; // from this count of `obeyed` on, what is told is what this page asked for
+    this.current = 0; // from this count of `commands_applied` on, what is told is what this page asked for
     get("play").addEventListener("click", () => this.toggle());
     get("speed").addEventListener("change", () => this.setSpeed());
     const seek = get("seek");
@@ -24,7 +24,7 @@ export class Replay {
     for (const end of ["change", "pointerup", "pointercancel", "blur"]) seek.addEventListener(end, drop);
   }
 
-  /** Another viewer program answers now: it has obeyed nothing yet. */
+  /** Another viewer program answers now: it has applied no command yet. */
   forget() {
     this.asked += 1;
     this.current = 0;
@@ -36,7 +36,7 @@ export class Replay {
     const before = this.state;
     this.state = playback;
     if (!playback) return;
-    if (before && playback.obeyed < this.current) {
+    if (before && playback.commands_applied < this.current) {
       const { position_s, playing, speed } = before;
       this.state = { ...playback, position_s, playing, speed };
     }
@@ -46,7 +46,7 @@ export class Replay {
 
   show() {
     const { get, state } = this;
-    get("play").textContent = state.playing ? "❚❚" : "▶";
+    get("play").classList.toggle("playing", state.playing);
     get("play").setAttribute("aria-label", state.playing ? "Pause" : "Play");
     get("play-length").textContent = clock(state.length_s);
     const options = [...get("speed").options].map((o) => Number(o.value));
@@ -80,7 +80,7 @@ export class Replay {
     Object.assign(this.state, now);
     this.show();
     const answer = await this.ask(command, options);
-    if (mine === this.asked) this.current = answer?.obeyed ?? 0;
+    if (mine === this.asked) this.current = answer?.commands_applied ?? 0;
   }
 
   toggle() {

@@ -1,5 +1,6 @@
 // Which stroke the page shows: the running one (or the last), or one that was picked from the list.
 
+import { CELLS } from "./array.js";
 import { drawCard } from "./card.js";
 
 export class Selected {
@@ -32,9 +33,17 @@ export class Selected {
     this.last = null;
     this.news += 1;
     this.charts.forget();
-    drawCard(this.get("card"), null, false);
-    this.get("estimate-which").textContent = "";
+    this.card(null);
     this.exports(null);
+  }
+
+  /** Where a recording has been played to its end the page rests on its last stroke, until it plays again. */
+  linkChanged(state) {
+    if (state === "ended" && !this.picked) {
+      this.rests = true;
+      this.pick(this.history.strokes.at(-1)?.number ?? null);
+    } else if (state !== "ended" && this.rests) this.back();
+    if (!this.last && !this.picked) this.card(null);
   }
 
   /** A stroke has just ended. */
@@ -54,6 +63,7 @@ export class Selected {
 
   async pick(number) {
     if (number === null) return;
+    this.rests &&= number === this.history.strokes.at(-1)?.number;
     const choice = ++this.choice;
     this.markPicked(number);
     const stroke = await this.fetch(number);
@@ -67,6 +77,7 @@ export class Selected {
     this.charts.show(stroke);
     this.card(stroke);
     this.images = unpackImages(stroke.images);
+    if (stroke.visit === this.history.current) this.image.widen(stroke.peak_kPa);
     const range = this.get("scrub-range");
     document.body.dataset.picked = number;
     range.max = Math.max(this.images.length - 1, 0);
@@ -77,10 +88,12 @@ export class Selected {
 
   back() {
     this.choice += 1; // also one that is still on its way
+    this.rests = false;
     this.markPicked(null);
     if (!this.picked) return;
     this.picked = null;
     this.place = null;
+    this.image.picked = false;
     this.get("scrub").hidden = true;
     this.get("image-note").textContent = "";
     delete document.body.dataset.picked;
@@ -106,6 +119,7 @@ export class Selected {
     document.body.dataset.picked = this.picked.number;
     this.place = shown.position_mm;
     this.readouts(shown);
+    this.image.picked = true;
     this.image.draw(shown.pressure);
     this.page.chartsNew = true;
   }
@@ -132,7 +146,12 @@ export class Selected {
   }
 
   card(stroke) {
-    drawCard(this.get("card"), stroke.card, this.page.link === "gone");
+    const { mode } = document.body.dataset;
+    drawCard(this.get("card"), stroke?.card, { gone: this.page.link !== "connected", mode, model: this.page.model });
+    if (!stroke) {
+      this.get("estimate-which").textContent = "";
+      return;
+    }
     const time = new Date(stroke.wall_time * 1000).toLocaleTimeString([], { hour12: false });
     const lost = stroke.gaps ? `, ${stroke.gaps} frames lost` : "";
     this.exports(stroke.number);
@@ -164,11 +183,11 @@ export class Selected {
   }
 }
 
-function unpackImages({ position_mm: positions, step_kPa: step, uint16 }) {
+function unpackImages({ position_mm: positions, step_kPa: step, peak_kPa: peaks, uint16 }) {
   const bytes = Uint8Array.from(atob(uint16), (ch) => ch.charCodeAt(0));
   const all = new Uint16Array(bytes.buffer);
   return positions.map((position_mm, n) => {
-    const pressure = Float32Array.from(all.subarray(n * 416, (n + 1) * 416), (v) => v * step);
-    return { position_mm, pressure, peak: Math.max(...pressure) };
+    const pressure = Float32Array.from(all.subarray(n * CELLS, (n + 1) * CELLS), (v) => v * step);
+    return { position_mm, pressure, peak: peaks[n] };
   });
 }

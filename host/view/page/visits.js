@@ -1,9 +1,11 @@
 // The list of strokes, how well they repeat, and two visits side by side.
 
-import { Plot, extent } from "./plot.js";
+import { element } from "./card.js";
+import { Held, Plot, extent } from "./plot.js";
 
 const UNITS = { d_mm: "mm", depth_mm: "mm", t_mm: "mm", F_N_per_m: "N/m" };
-const NAMES = { d_mm: "Diameter", depth_mm: "Depth", t_mm: "Thickness", F_N_per_m: "Force, N/m" };
+const NAMES = { d_mm: "Diameter, mm", depth_mm: "Depth, mm", t_mm: "Thickness, mm", F_N_per_m: "Force, N/m" };
+const signed = (v) => `${v < 0 ? "\u2212" : "+"}${Math.abs(v).toFixed(1)}`;
 
 export class History {
   /** hooks: {ask(command, options), pick(number|null), toast(text)} */
@@ -18,7 +20,8 @@ export class History {
     this.choices = 0; // counts those choices
     this.items = new Map(); // the list's nodes: what stands there stays, also under a finger that is just pressing it
     this.pressed = null;
-    this.plot = new Plot(get("repeat"), { xLabel: "", yLabel: "mm" });
+    this.plot = new Plot(get("repeat"), { xLabel: "strokes of this visit, oldest first", yLabel: "mm", counts: true });
+    this.axes = new Held();
     // A new stroke may move the list while a finger is down: the one that was pressed is meant.
     get("strokes").addEventListener("pointerdown", ({ target }) => {
       this.pressed = target.closest("[data-number]");
@@ -47,6 +50,7 @@ export class History {
   /** Another viewer program answers now: its strokes and visits are others. */
   forget() {
     this.items.clear();
+    this.axes.forget();
     this.pair = null;
     this.choices += 1;
   }
@@ -161,7 +165,8 @@ export class History {
       return row && { x: i, ...row, key: stroke.number, paint: used ? "points" : "ghost" };
     });
     const found = this.spread?.visit === this.current ? this.spread[key] : null;
-    const y = extent([items.flatMap((i) => (i ? [i.low, i.high] : []))], key === "F_N_per_m" ? [0, 120] : [0, 20], 0.12, 1);
+    const wanted = extent([items.flatMap((i) => (i ? [i.low, i.high] : []))], key === "F_N_per_m" ? [0, 120] : [0, 20], 0.05, 1);
+    const y = items.length ? this.axes.range(this.current, key, wanted) : wanted;
     this.plot.yLabel = unit;
     this.plot.draw(
       [
@@ -262,17 +267,18 @@ function comparison(found) {
   result.textContent = main?.text ?? "One of the visits holds no stroke with a diameter yet.";
   if (!main) return [result];
   const table = document.createElement("table");
-  table.innerHTML = "<thead><tr><th>mm</th><th>earlier</th><th>later</th><th>change (95 %)</th></tr></thead>";
+  table.innerHTML = "<thead><tr><th></th><th>earlier</th><th>later</th><th>change</th></tr></thead>";
   const body = table.createTBody();
   for (const [key, name] of Object.entries(NAMES)) {
     const row = found[key];
     if (!row) continue;
     const mean = ({ mean, sd }) => (sd === null ? mean.toFixed(1) : `${mean.toFixed(1)} ± ${sd.toFixed(1)}`);
-    const sure = row.change_low === null ? "" : ` (${row.change_low.toFixed(1)} to ${row.change_high.toFixed(1)})`;
     const line = body.insertRow();
-    for (const text of [`${name}`, mean(row.a), mean(row.b), `${row.change.toFixed(1)}${sure}`]) {
-      line.insertCell().textContent = text;
-    }
+    for (const text of [name, mean(row.a), mean(row.b), signed(row.change)]) line.insertCell().textContent = text;
+    if (row.change_low === null) continue;
+    const sure = element("small", {}, `${signed(row.change_low)} to ${signed(row.change_high)}`);
+    line.lastChild.append(element("br"), sure);
   }
-  return [result, table];
+  const assumed = element("p", { class: "small-print" }, found.assumes);
+  return [result, table, assumed];
 }

@@ -5,9 +5,9 @@ import sys
 try:
     import hostport
 except ImportError:
-    from sim.probe.device import hostport
+    from palpate.sim.probe.device import hostport
 
-from firmware_py import estimator, flash, record
+from firmware_py import estimator, flash, safe_record
 
 if sys.implementation.name == "micropython":
     from uctypes import addressof
@@ -63,7 +63,7 @@ class EmulatedBoard:
         self.store = HostStore()
         self.serial = bytes([hostport.serial_byte(i) for i in range(8)])
         self.boots = hostport.boots()
-        self._settings = record.Record(self.store, "set")
+        self._settings = safe_record.Record(self.store, "set")
         self.begin = hostport.begin
         self.end = hostport.end
         self.ticks_us = hostport.ticks_us
@@ -76,6 +76,12 @@ class EmulatedBoard:
 
     def write(self, buffer, start, stop):
         return _write(addressof(buffer), start, stop)
+
+    def start_scan(self):
+        pass
+
+    def scanned(self):
+        return True
 
     def scan(self, counts):
         _scan(addressof(counts))

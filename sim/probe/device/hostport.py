@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 _LINK_IN, _LINK_OUT = 0, 1
-_RECORD = 632
 _MASK = (1 << 30) - 1
 _config: dict[str, Any] = {}
 _source = b""
@@ -58,7 +57,7 @@ def _take(fd: int, n: int) -> bytes:
     return data
 
 
-def _obey() -> None:
+def _apply_orders() -> None:
     global _order_text, _power_left
     _order_text += _take(_config["orders"], 4096).decode()
     while "\n" in _order_text:
@@ -98,13 +97,13 @@ def idle(us: int) -> None:
     orders = _config["orders"]
     ready, _, _ = select.select([_LINK_IN, orders], [], [], max(us, 0) / 1e6)
     if orders in ready:
-        _obey()
+        _apply_orders()
 
 
 def begin() -> None:
     global _cursor
     if select.select([_config["orders"]], [], [], 0)[0]:
-        _obey()
+        _apply_orders()
     _cursor = 0
 
 
@@ -124,10 +123,10 @@ def displacement_um() -> int:
 
 def scan(counts: memoryview) -> None:
     global _cursor
-    counts[:] = _source[_current + 8 : _current + _RECORD]
-    _cursor += _RECORD
+    counts[:] = _source[_current + 8 : _current + _config["record"]]
+    _cursor += _config["record"]
     if _cursor >= len(_source):
-        _cursor = 0 if _config["repeat"] else len(_source) - _RECORD
+        _cursor = 0 if _config["repeat"] else len(_source) - _config["record"]
 
 
 def serial_byte(i: int) -> int:
@@ -165,7 +164,7 @@ def store_read(name: str, offset: int, buffer: bytearray, n: int) -> int:
 
 def store_write(name: str, offset: int, data: bytes, n: int) -> int:
     global _power_left
-    _obey()  # a cut that was ordered before this write must find it
+    _apply_orders()  # a cut that was ordered before this write must find it
     whole = int(min(n, _power_left))
     try:
         fd = os.open(_where(name), os.O_RDWR | os.O_CREAT, 0o644)

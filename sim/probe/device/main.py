@@ -5,10 +5,10 @@ from firmware_py import probe
 try:
     import emulated_board
 except ImportError:
-    from sim.probe.device import emulated_board
+    from palpate.sim.probe.device import emulated_board
 
 
 def main():
-    """Serve for ever."""
+    """Serve forever."""
     board = emulated_board.EmulatedBoard()
     probe.run(board, emulated_board.estimator_of(board))

@@ -7,12 +7,12 @@
 import fs from 'node:fs';
 import path from 'node:path';
 import { loadMicroPython } from '@micropython/micropython-webassembly-pyscript/micropython.mjs';
-import { install } from './install.mjs';
+import { installFirmware } from './install.mjs';
 
 const LINK_IN = 0, LINK_OUT = 1, ERRORS = 2;
-const RECORD = 632, COUNTS = 624; // a source record: position_um, displacement_um (i32), packed counts
 const MASK = 2 ** 30 - 1;
 const config = JSON.parse(fs.readFileSync(process.argv[2], 'utf8'));
+const RECORD = config.record, COUNTS = RECORD - 8; // of the source: position_um, displacement_um (i32), packed counts
 
 // The port does not export its memory; it is needed to move whole buffers at a time.
 let memory = null;
@@ -59,7 +59,7 @@ const cut = () => process.kill(process.pid, 'SIGKILL');
 const where = (name) => path.join(config.store, name);
 
 function storeWrite(name, offset, address, n) {
-  obey(); // a cut that was ordered before this write must find it
+  applyOrders(); // a cut that was ordered before this write must find it
   const data = Buffer.from(view(address, n)); // a copy: memory may move
   const whole = Math.min(n, powerLeft);
   try {
@@ -95,7 +95,7 @@ function storeRead(name, offset, address, n) {
 
 const orderBytes = Buffer.alloc(4096);
 let orderText = '', nextLook = 0;
-function obey() {
+function applyOrders() {
   orderText += orderBytes.toString('utf8', 0, take(config.orders, orderBytes));
   for (let end = orderText.indexOf('\n'); end >= 0; end = orderText.indexOf('\n')) {
     const [order, ...rest] = orderText.slice(0, end).split(' ');
@@ -146,13 +146,13 @@ mp.registerJsModule('hostport', {
     const now = performance.now();
     if (now >= nextLook) {
       nextLook = now + 20;
-      obey();
+      applyOrders();
     }
     const end = now + us / 1000;
     while (!fill() && performance.now() < end) nap(Math.min(1, Math.max(0.05, end - performance.now())));
   },
   begin() {
-    obey();
+    applyOrders();
     cursor = 0;
   },
   end() {},
@@ -187,7 +187,7 @@ mp.registerJsModule('hostport', {
 
 // ---- the program
 
-install(mp, config.firmware, '/flash/firmware_py');
+installFirmware(mp, config);
 for (const name of config.programs) mp.FS.writeFile(`/flash/${path.basename(name)}`, fs.readFileSync(name));
 
 try {

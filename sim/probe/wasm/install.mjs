@@ -1,6 +1,11 @@
-// Copies a directory's Python files into MicroPython's file system.
+// Copies the firmware's Python files, and the array's description, into MicroPython's file system.
 import fs from 'node:fs';
 import path from 'node:path';
+
+export function installFirmware(mp, config) {
+  install(mp, config.firmware, '/flash/firmware_py');
+  mp.FS.writeFile('/flash/firmware_py/sensor_array.py', fs.readFileSync(config.array));
+}
 
 export function install(mp, from, to) {
   mp.FS.mkdirTree(to);

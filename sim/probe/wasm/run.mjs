@@ -3,7 +3,7 @@
 import fs from 'node:fs';
 import path from 'node:path';
 import { loadMicroPython } from '@micropython/micropython-webassembly-pyscript/micropython.mjs';
-import { install } from './install.mjs';
+import { installFirmware } from './install.mjs';
 
 const config = JSON.parse(fs.readFileSync(process.argv[2], 'utf8'));
 const say = (fd) => (data) => {
@@ -15,7 +15,7 @@ const say = (fd) => (data) => {
     }
 };
 const mp = await loadMicroPython({ heapsize: config.heap, stdout: say(1), stderr: say(2), linebuffer: false });
-install(mp, config.firmware, '/flash/firmware_py');
+installFirmware(mp, config);
 for (const [name, from] of Object.entries(config.files)) {
   mp.FS.mkdirTree(path.posix.dirname(path.posix.join('/flash', name)));
   mp.FS.writeFile(path.posix.join('/flash', name), fs.readFileSync(from));

@@ -18,11 +18,11 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.tissue import Case, Settings
-from sim.tissue.contact import read_sensors
-from sim.tissue.material import elasticity
-from sim.tissue.mesh import TissueMesh, build_mesh
-from sim.tissue.probe_shape import ProbeShape
+from palpate.sim.tissue import Case, Settings
+from palpate.sim.tissue.contact import read_sensors
+from palpate.sim.tissue.material import elasticity
+from palpate.sim.tissue.mesh import TissueMesh, build_mesh
+from palpate.sim.tissue.probe_shape import ProbeShape
 from tests.benchmarks.peers import QUARTERS, Peer
 
 _CONTACT_SLOPE = 1e3  # kPa/mm: the probe sinks in by .2 % of the displacement

@@ -9,11 +9,11 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
-from sim.tissue import Case, Settings
-from sim.tissue.contact import read_sensors
-from sim.tissue.material import elasticity
-from sim.tissue.mesh import TissueMesh, build_mesh
-from sim.tissue.probe_shape import ProbeShape
+from palpate.sim.tissue import Case, Settings
+from palpate.sim.tissue.contact import read_sensors
+from palpate.sim.tissue.material import elasticity
+from palpate.sim.tissue.mesh import TissueMesh, build_mesh
+from palpate.sim.tissue.probe_shape import ProbeShape
 from tests.benchmarks.peers import QUARTERS, Peer
 
 PENALTY = 3e3

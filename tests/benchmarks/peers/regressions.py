@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from model_export import reference, sampling
-from model_export.schema import ModelSpec
+from palpate.model_export.fixed_point import reference, sampling
+from palpate.model_export.schema import ModelSpec
 
 _TABLES = """
 import math

@@ -1,0 +1,208 @@
+"""The model image: how a model lies in the probe's store, and how it becomes tables.
+
+Little endian. Head of 104 bytes, at its end the lengths of the sections (u16 each, 0 for one that is
+left out); the sections in order, each padded to a multiple of four; the signature over all of it.
+docs/model-image.md has it in full. The caller verifies the signature first (slh_dsa.py); what is signed
+is checked all the same (model_check.py).
+"""
+
+from array import array
+
+from firmware_py import evaluator, geometry, model_check, status, unpack
+
+PROBE = geometry.NAME
+MAGIC = b"PALP"
+VERSION = 4
+HEAD_SIZE = 104
+ROLLBACK = 1
+MAX_COUNTER = (1 << 30) - 1
+
+# sections
+NUMBERS = 1  # evaluator's head
+IDS = 2
+FEATURES = 3
+STEPS = 4  # the polynomials' program (polynomial.py), then ln sigma's runs, at depth 3
+WORDS = 5  # coefficients, high and low word in one; then the distance's
+ROWS = 6
+OUTPUTS = 7
+LIMITS = 8
+INFO = 9  # text: names of the features, of the outputs, unit of the integers
+FORCE_MAP = 10
+SELF_TEST = 11
+LAST = 11
+
+TESTED = evaluator.LEVEL  # integers of an estimate that a self-test vector fixes
+DISTANCE_BITS = model_check.DISTANCE_BITS
+
+
+def u32(b, at):
+    """Little-endian number of four bytes."""
+    return b[at] | b[at + 1] << 8 | b[at + 2] << 16 | b[at + 3] << 24
+
+
+class Header:
+    """The head of an image; `code` says what is wrong with it, if anything."""
+
+    def __init__(self, read, body, probe=PROBE):
+        self.code = status.OK
+        b = read(0, HEAD_SIZE)
+        if len(b) < HEAD_SIZE or b[:4] != MAGIC:
+            self.code = status.BAD_MAGIC
+            return
+        if b[4] != VERSION:
+            self.code = status.BAD_VERSION
+            return
+        self.kind = b[5]
+        self.features_version = b[6]
+        self.rollback = b[7] & ROLLBACK
+        self.counter = u32(b, 12)
+        self.replaces = u32(b, 16)
+        self.probe = bytes(b[24:40])
+        self.model_id = bytes(b[40:48])
+        self.training = bytes(b[48:80])
+        if u32(b, 8) != body:
+            self.code = status.BAD_LENGTH
+            return
+        if self.probe != probe + bytes(16 - len(probe)):
+            self.code = status.BAD_PROBE
+            return
+        if (
+            self.kind > 1
+            or b[7] > ROLLBACK
+            or u32(b, 20)
+            or b[102] | b[103]
+            or self.counter > MAX_COUNTER
+            or self.replaces > MAX_COUNTER
+            or (self.replaces and not self.rollback)
+        ):
+            self.code = status.BAD_MODEL
+            return
+        self.places = {}
+        at = HEAD_SIZE
+        for tag in range(1, LAST + 1):
+            n = b[78 + 2 * tag] | b[79 + 2 * tag] << 8
+            self.places[tag] = (at, n)
+            at += n + 3 & -4
+        if at != body:
+            self.code = status.BAD_LENGTH
+
+    def section(self, read, tag):
+        """Bytes of a section; empty if the image has none of that tag."""
+        at, n = self.places[tag]
+        return bytes(read(at, n)) if n else b""
+
+
+class Model:
+    """A model ready to evaluate."""
+
+    def __init__(self, header, tables, force_map):
+        self.header = header
+        self.tables = tables
+        self.force_map = force_map
+        self.model_id = header.model_id
+        self.kind = header.kind
+        self.evaluate = tables.evaluate
+
+
+def load(read, body, features_version, feature_count, probe=PROBE):
+    """(status, model) of an image of `body` bytes, signature not counted; the model is None unless OK.
+
+    read(offset, n) gives bytes; features_version and feature_count say what this firmware computes.
+    """
+    try:
+        return _load(read, body, features_version, feature_count, probe)
+    except (ValueError, OverflowError, IndexError):  # a word that does not fit its place
+        return status.BAD_MODEL, None
+
+
+def _load(read, body, features_version, feature_count, probe):
+    h = Header(read, body, probe)
+    if h.code != status.OK:
+        return h.code, None
+    if h.features_version != features_version:
+        return status.BAD_VERSION, None
+    parts = [b""] + [h.section(read, tag) for tag in range(1, SELF_TEST)]
+    code = model_check.check(parts, feature_count)
+    if code != status.OK:
+        return code, None
+    sizes = parts[NUMBERS][25:]
+    head = unpack.head(parts[NUMBERS])
+    limits = array("i", parts[LIMITS])
+    head[evaluator.N_LIMITS] = len(limits) // 3
+    n = head[evaluator.N_FEATURES]
+    outputs = evaluator.OUTPUTS
+    steps = parts[STEPS]
+    head[evaluator.LEAVES], branches, head[evaluator.STEPS] = unpack.program(steps, n)
+    leaves = head[evaluator.LEAVES]
+    low = head[evaluator.LOW_BITS]
+    words = parts[WORDS]
+    terms = leaves + branches
+    two = outputs * (leaves + outputs + n)
+    coarse = n * (n + 1) // 2
+    sigma = (terms * sum(sizes[:outputs]) + 7) // 8
+    start = sigma + ((outputs + n) * sum(sizes[outputs:]) + 7) // 8
+    c = array("h", bytearray(2 * (two + coarse)))
+    d = array("h", bytearray(2 * two))
+    own = array("i", bytearray(4 * outputs * branches))
+    whole = unpack.numbers(words, outputs * terms, sizes[:outputs])
+    unpack.share(steps, head[evaluator.STEPS], whole, head, c, d, own)
+    whole = unpack.numbers(words[sigma:], outputs * (outputs + n), sizes[outputs:])
+    unpack.pieces(whole, low, c, d, outputs * leaves)
+    for k, v in enumerate(unpack.numbers(words[start:], coarse, (DISTANCE_BITS,))):
+        c[two + k] = v
+    tables = evaluator.Tables(
+        parts[IDS],
+        unpack.feats(parts[FEATURES]),
+        steps,
+        c,
+        d,
+        own,
+        unpack.rows(parts[ROWS]),
+        unpack.outs(parts[OUTPUTS], head[evaluator.LINKS]),
+        limits,
+        head,
+    )
+    return status.OK, Model(h, tables, parts[FORCE_MAP] or None)
+
+
+def self_test(model, read, feature_count):
+    """Run the vectors that travel in the image; OK if every integer comes out as stated, else SELF_TEST.
+
+    Section: count, number of extra features, their ids; padding; their values; then for each vector one byte
+    a feature (how far into its clip box, in 1/256) and, padded, the integers of its estimate.
+    """
+    raw = model.header.section(read, SELF_TEST)
+    t = model.tables
+    n = len(t.ids)
+    if len(raw) < 4:
+        return status.SELF_TEST
+    count = raw[0]
+    extra = raw[1]
+    at = 2 + extra + 3 & -4
+    inputs = at + 4 * extra
+    stated = inputs + count * n + 3 & -4
+    if not count or len(raw) != stated + 4 * count * TESTED:
+        return status.SELF_TEST
+    x = array("i", bytearray(4 * feature_count))
+    values = array("i", raw[at:inputs])
+    for i in range(extra):
+        if raw[2 + i] >= feature_count:
+            return status.SELF_TEST
+        x[raw[2 + i]] = values[i]
+    out = array("i", bytearray(4 * evaluator.OUT_SIZE))
+    values = array("i", raw[stated:])
+    for k in range(count):
+        for i in range(n):
+            x[t.ids[i]] = place(t.feats, i, raw[inputs + k * n + i])
+        model.evaluate(x, out)
+        for i in range(TESTED):
+            if out[i] != values[k * TESTED + i]:
+                return status.SELF_TEST
+    return status.OK
+
+
+def place(feats, i, byte):
+    """Feature i of a self-test vector."""
+    at = evaluator.FEATURE_ROW * i
+    lo = feats[at]
+    return lo + (feats[at + evaluator.CLIP_HI] - lo >> 8) * byte

@@ -1,0 +1,49 @@
+"""`palpate board`: the firmware for a board that one has built."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from palpate.cli.emulate import public_key
+from palpate.cli.output import json_option, note, print_json
+
+
+@click.command("board")
+@click.argument("directory", type=click.Path(path_type=Path, file_okay=False))
+@click.option("--key", type=click.Path(path_type=Path), help="Directory of the key whose models it accepts.")
+@click.option("--uart", is_flag=True, help="The board talks over its UART (GP0, GP1), not over USB.")
+@json_option
+def command(directory: Path, key: Path | None, uart: bool, as_json: bool) -> None:
+    """Compile the firmware for the reference board, ready for `mpremote`.
+
+    The directory gets the files that the board needs: the firmware in MicroPython's compiled form, with
+    machine code for the RP2040, `main.py`, and your public key. A board without a key takes no model.
+
+    \b
+    Example:
+      palpate board out/board --key out/key
+      mpremote fs cp out/board/main.py out/board/firmware.pack out/board/key.pub :
+    """
+    from palpate.files import cannot_write
+    from palpate.sim.probe.rp2040.board_files import KEY, board_files
+
+    public = public_key(key)
+    files = board_files(public, uart)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        (directory / KEY).unlink(missing_ok=True)
+        for name, data in files.items():
+            (directory / name).write_bytes(data)
+    except OSError as error:
+        raise cannot_write(directory, error) from error
+    size = sum(map(len, files.values()))
+    if as_json:
+        print_json({"directory": directory, "files": sorted(files), "bytes": size, "key": public is not None})
+        return
+    click.echo(str(directory))
+    paths = " ".join(str(directory / name) for name in sorted(files))
+    note(f"{len(files)} files, {size} bytes; onto the board: mpremote fs cp {paths} :")
+    if not public:
+        note("without --key the board takes no model")

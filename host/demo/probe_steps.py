@@ -1,0 +1,67 @@
+"""The demo's second half: a probe, the model on it, a stroke, its replay."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+from palpate.cli.output import progress
+from palpate.cli.stream import counts_line
+from palpate.demo.lump import LUMP, NOISE, SEED, say
+from palpate.errors import PalpateError
+from palpate.link.events import Estimate, Frame, TactileMap
+
+
+def emulate_step(runtime: str, out: Path) -> Any:
+    from palpate.cli.emulate import strokes_over
+    from palpate.sim.probe.emulated import EmulatedProbe
+
+    strokes, calibration = strokes_over(LUMP, NOISE, SEED, 50, 1)
+    store = out / "probe"
+    shutil.rmtree(store, ignore_errors=True)  # a probe fresh from the factory
+    public_key = (out / "key" / "public.key").read_bytes()
+    return EmulatedProbe(
+        runtime, strokes, store=store, public_key=public_key, calibration=calibration, roomy=True
+    )
+
+
+def flash_step(port: str, image: bytes) -> str:
+    from palpate.link.flash import flash
+    from palpate.link.probe import Probe
+
+    with Probe.open(port) as probe, progress("bytes") as bar:
+        task = bar.add_task("   flashing", total=len(image))
+        done = flash(probe, image, lambda at, size: bar.update(task, completed=at, total=size))
+        model_id = probe.refresh_identity().model_id
+    if model_id != done.model_id:
+        raise PalpateError(f"the probe reports model {model_id} and not {done.model_id}, which was flashed")
+    say(f"{done.size} bytes; signature verified, self-test passed; the probe reports model {model_id}")
+    return model_id
+
+
+def stroke_step(port: str, recording: Path) -> tuple[list[Frame], TactileMap, Estimate]:
+    from palpate.recording.session import both_counts, recorded
+
+    frames: list[Frame] = []
+    found: TactileMap | None = None
+    estimate: Estimate | None = None
+    with recorded(port, recording, overwrite=True) as probe:
+        for event in probe.stream(strokes=1, timeout_s=60):
+            if isinstance(event, Frame):
+                frames.append(event)
+            elif isinstance(event, TactileMap):
+                found = event
+            elif isinstance(event, Estimate):
+                estimate = event
+        say(counts_line(both_counts(probe)))
+    if estimate is None or found is None:
+        raise PalpateError("the stroke ended without an estimate; run the demo again with PALPATE_DEBUG=1")
+    return frames, found, estimate
+
+
+def replay_step(recording: Path) -> bool:
+    from palpate.recording.replay import replay
+
+    strokes = list(replay(recording))
+    return bool(strokes) and all(stroke.identical for stroke in strokes)

@@ -1,0 +1,127 @@
+"""What the demo found: for programs, and as lines on the terminal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from palpate.cli.output import table
+from palpate.demo.lump import LUMP, NOISE
+from palpate.link.answer import stiffness_words
+from palpate.link.events import Estimate
+
+
+@dataclass(frozen=True)
+class DemoResult:
+    """What the demo found.
+
+    Parameters
+    ----------
+    estimate : dict
+        The probe's own estimate, in its JSON form.
+    truth : dict
+        The case's inputs under the estimate's names.
+    replay_identical : bool
+        True where the host's replay of the recording gave the same integers.
+    model_id : str
+        Read back from the probe after flashing.
+    image_bytes : int
+        Size of the signed model image.
+    files : dict of str to Path
+        strokes, model, image, recording, picture, report.
+    seconds : dict of str to float
+        Wall time of each step.
+    """
+
+    estimate: dict[str, Any]
+    truth: dict[str, float]
+    replay_identical: bool
+    model_id: str
+    image_bytes: int
+    files: dict[str, Path]
+    seconds: dict[str, float]
+
+
+def truth() -> dict[str, float]:
+    from palpate.sim.tissue import Case
+
+    case = Case.from_code(LUMP)
+    return {
+        "F_N_per_m": case.F_N_per_m,
+        "t_mm": case.t_mm,
+        "d_mm": case.d_mm,
+        "depth_mm": case.d_mm * case.h,
+        "h": case.h,
+        "E_inv23": case.E_ratio ** (-2 / 3),
+        "E_ratio": case.E_ratio,
+    }
+
+
+def summary(estimate: Estimate, true: dict[str, float], picture: Path) -> Any:
+    """The demo's stroke as the report's first section."""
+    from palpate.report.items import Summary
+
+    text = (
+        f"One stroke of an emulated probe over a lump no model has seen ({LUMP}), {NOISE} sensors in a hand "
+        "whose force wanders. The probe worked the numbers out by itself, in integers; the host's replay of "
+        "the recording gives the same."
+    )
+    title = "What the probe felt, and what it says"
+    return Summary(verdict(estimate), text, title, rows_of(estimate, true), picture)
+
+
+def verdict(estimate: Estimate) -> str:
+    """What was found, in a line."""
+    if not estimate.lump:
+        return "No lump found"
+    if not estimate.valid or (depth := estimate.depth_mm) is None:
+        return f"No estimate: {estimate.reason}"
+    size, factor = estimate.outputs["d_mm"]["value"], stiffness_words(estimate.span("E_inv23"))
+    doubt = "" if estimate.in_domain else " (outside what the model knows)"
+    return f"A lump of {size:.1f} mm, {depth[0]:.1f} mm deep, {estimate.hardness}: {factor}{doubt}"
+
+
+def rows_of(estimate: Estimate, true: dict[str, float]) -> list[tuple[str, str, str, str]]:
+    """Quantity, value, interval and truth, as text; nothing here can be below 0."""
+    spans = {name: estimate.span(name) for name in estimate.outputs}
+    if (depth := estimate.depth_mm) is not None:
+        spans["depth_mm"] = depth
+    names = {
+        "d_mm": "diameter d, mm",
+        "depth_mm": "depth, mm",
+        "h": "depth h, diameters",
+        "t_mm": "fat thickness t, mm",
+        "E_inv23": "stiffness E^(-2/3)",
+        "F_N_per_m": "force F, N/m",
+    }
+    rows = []
+    for name, words in names.items():
+        if name in spans:
+            value, low, high = (max(x, 0.0) for x in spans[name])
+            rows.append((words, f"{value:.3g}", f"{low:.3g} to {high:.3g}", f"{true[name]:.3g}"))
+    if "E_inv23" in spans:
+        factor = stiffness_words(spans["E_inv23"])
+        rows.append(("stiffness, times fat", estimate.hardness, factor, f"{true['E_ratio']:g}"))
+    return rows
+
+
+def say_result(
+    estimate: Estimate,
+    truth: dict[str, float],
+    identical: bool,
+    files: dict[str, Path],
+    stderr: bool,
+) -> None:
+    level = estimate.level_permille / 10
+    click.echo(f"   {verdict(estimate)}", err=stderr)
+    table(("", "the probe says", f"{level:g} % interval", "truth"), rows_of(estimate, truth), stderr=stderr)
+    click.echo(
+        f"   {'inside' if estimate.in_domain else 'outside'} the model's domain; "
+        f"replay: {'identical' if identical else 'DIFFERENT'}",
+        err=stderr,
+    )
+    for name in ("picture", "recording", "report"):
+        click.echo(f"   {name}: {files[name]}", err=stderr)

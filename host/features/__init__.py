@@ -1,0 +1,1 @@
+"""Features of a stroke in float64: what the probe's integers are checked against."""

@@ -1,0 +1,172 @@
+"""The steps of the pipeline in float64, each for itself (see pipeline_features). Units: mm, kPa."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from firmware_py import bins, calib, columns, gauss, geometry, search, stuck
+from palpate.errors import UsageError
+from palpate.features.gaussian import bounded_bump
+from palpate.sim.probe.cells import ROW_MM, SHAPE
+
+Floats = NDArray[np.float64]
+
+STDEV_BOUNDS_MM = (gauss.MIN_STDEV / 2**16, gauss.MAX_STDEV / 2**16)
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """base + amp exp(-(x - centre)^2 / 2 stdev^2); pressures in the map's unit, lengths in mm."""
+
+    base: float
+    amp: float
+    centre: float
+    stdev: float
+    rms: float
+
+
+def bin_frames(
+    counts: ArrayLike,
+    positions_mm: ArrayLike,
+    displacements_mm: ArrayLike,
+    width_mm: float = bins.WIDTH_UM / 1e3,
+) -> tuple[Floats, Floats, Floats]:
+    """Means of the frames (n, cells) that fall into the same position bin, in rising position.
+
+    Bins start where the first frame stood. Returns counts (m, cells), positions (m,), displacements (m,).
+    """
+    counts = np.asarray(counts, float)
+    x = np.asarray(positions_mm, float)
+    which = np.floor((x - x[0]) / width_mm + 1e-9).astype(int)
+    _, index, n = np.unique(which, return_inverse=True, return_counts=True)
+    if n.max() > 16:
+        raise UsageError("more than 16 frames in a bin: the firmware would leave some out")
+
+    def mean(v: Floats) -> Floats:
+        out = np.zeros((len(n), *v.shape[1:]))
+        np.add.at(out, index, v)
+        return out / n.reshape(-1, *[1] * (v.ndim - 1))
+
+    return mean(counts), mean(x), mean(np.asarray(displacements_mm, float))
+
+
+def pressures(counts: Floats, calibration: calib.Calibration) -> Floats:
+    """Calibrated pressures (m, rows, columns) in kPa; dead cells filled from their live neighbours."""
+    offset = np.array(calibration.offset) / 8
+    gain = np.array(calibration.gain) / calib.UNIT_GAIN * calibration.count_mpa / 1e6
+    counts = _mended(counts, np.array(calibration.offset), calibration.dead)
+    p = (counts - offset) * gain
+    for i in range(0, calibration.fills, 3):
+        cell, a, b = calibration.fill[i : i + 3]
+        p[:, cell] = 0.5 * (p[:, a] + p[:, b])
+    return p.reshape(-1, *SHAPE)
+
+
+def _mended(counts: Floats, offset: NDArray[np.int64], dead: bytearray) -> Floats:
+    """Counts with the cells that stand at a rail all along given their neighbours' (firmware_py.stuck)."""
+    looked = counts[np.arange(5) * (len(counts) - 1) // 4]
+    known = np.unpackbits(np.frombuffer(bytes(dead), np.uint8), bitorder="little").astype(bool)
+    found = ((looked == 0).all(0) & (offset >= stuck.CLEAR)) | (looked == geometry.FULL_COUNT).all(0)
+    found &= ~known
+    out = counts.copy()
+    bad = known | found
+    for i in np.flatnonzero(found):
+        row = np.arange(geometry.COLUMNS) + i - i % geometry.COLUMNS
+        left, right = row[(row < i) & ~bad[row]], row[(row > i) & ~bad[row]]
+        beside = [*left[-1:], *right[:1]]
+        if beside:
+            out[:, i] = 0.5 * (out[:, beside[0]] + out[:, beside[-1]])
+    return out
+
+
+def weights(x: Floats, at: ArrayLike) -> Floats:
+    """Matrix (len(at), len(x)) of the cubic that carries values from the places x to the places `at`.
+
+    Hermite's cubic with slopes from the chord over both neighbours, one-sided at the ends; constant beyond.
+    """
+    q = np.atleast_1d(np.asarray(at, float))
+    n = len(x)
+    k = np.clip(np.searchsorted(x, q, side="right") - 1, 0, n - 2)
+    h = x[k + 1] - x[k]
+    t = np.clip((q - x[k]) / h, 0, 1)
+    up, left, right = 3 * t**2 - 2 * t**3, t - 2 * t**2 + t**3, t**3 - t**2
+    w = np.zeros((len(q), n))
+    row = np.arange(len(q))
+    w[row, k] += 1 - up
+    w[row, k + 1] += up
+    for slope, i in ((left, k), (right, k + 1)):
+        before, after = np.maximum(i - 1, 0), np.minimum(i + 1, n - 1)
+        share = slope * h / (x[after] - x[before])
+        w[row, after] += share
+        w[row, before] -= share
+    return w
+
+
+def method2(x: Floats, rows: Floats, at: Floats) -> Floats:
+    """Tactile map by Method 2 of images (n, rows) at the places `at`."""
+    return np.mean([weights(x, at - s) @ rows[:, i] for i, s in enumerate(ROW_MM)], axis=0)
+
+
+def find_place(y: Floats, low: int, high: int) -> int | None:
+    """Index of the best matched Gaussian bump with its middle in low..high; None where nothing rises."""
+    yc = y - y.mean()
+    best, place = -np.inf, None
+    for width in np.array(search.WIDTHS_UM) / 1e3:
+        for c in range(low, high + 1):
+            d = np.abs(np.arange(len(y)) - c)
+            g = np.where(d / width < 3.54, np.exp(-((d / width) ** 2) / 2), 0)
+            norm = (g * g).sum() - g.sum() ** 2 / len(y)
+            num = (g * yc).sum()
+            if num > 0 and norm > 0 and num / np.sqrt(norm) > best:
+                best, place = num / np.sqrt(norm), c
+    return place
+
+
+def fit_gaussian(
+    y: ArrayLike, centre: float = 0.0, widths_mm: tuple[float, ...] = (3.0, 6.0, 12.0)
+) -> Gaussian:
+    """Least squares of a Gaussian on a base, the best from several widths; x = -n/2 .. n/2 mm.
+
+    Bounds: amp at least 0, stdev 1.5 to 25 mm, the centre 14 mm or more inside the ends.
+    """
+    y = np.asarray(y, float)
+    half = len(y) // 2
+    x = np.arange(len(y)) - float(half)
+    size = float(np.ptp(y)) or 1.0
+    middle = float(np.clip(centre, 14.01 - half, half - 14.01))
+    found = bounded_bump(
+        x,
+        y,
+        [(float(np.median(y)), size / 2, middle, stdev) for stdev in widths_mm],
+        (-np.inf, 0, 14 - half, STDEV_BOUNDS_MM[0]),
+        (np.inf, np.inf, half - 14, STDEV_BOUNDS_MM[1]),
+    )
+    assert found is not None
+    (base, amp, middle, stdev), rms = found
+    return Gaussian(base, amp, middle, stdev, rms)
+
+
+def choose_columns(answer: Floats) -> tuple[int, int]:
+    """The columns that see the lump, from each column's share of the bump (firmware_py.columns)."""
+    every = (0, len(answer))
+    smooth = np.array([answer[max(c - 1, 0) : c + 2].mean() for c in range(len(answer))])
+    best = int(smooth.argmax())
+    peak = smooth[best]
+    second = np.abs(np.diff(answer, 2))
+    noise = np.sort(second)[len(second) // 2 - 1] * 39 / 64
+    if peak * 12 < 6 * 7 * noise:
+        return every
+    a, b = best, best + 1
+    while a > 0 and smooth[a - 1] >= peak / 2:
+        a -= 1
+    while b < len(answer) and smooth[b] >= peak / 2:
+        b += 1
+    if b - a >= columns.NEARLY_ALL:
+        return every
+    far = np.r_[answer[: max(a - 2, 0)], answer[b + 2 :]]
+    if len(far) >= 4 and far.mean() * 3 > peak:
+        return every
+    return a, b

@@ -1,0 +1,75 @@
+"""What is worked out of an estimate's outputs for people: depth in mm, stiffness as a factor; one set of
+words for command line, page, report and recordings.
+
+An interval here is (value, low, high).
+"""
+
+from __future__ import annotations
+
+from math import exp, log, sqrt
+
+Span = tuple[float, float, float]
+
+BORDER = 10.0
+"""Times fat: what is stiffer is called hard."""
+BOUND_TO = 50.0
+"""An upper bound of E beyond this is none: such lumps feel alike."""
+
+HARDNESS = {
+    "hard": f"hard: {BORDER:g} times as stiff as fat, or more",
+    "soft": f"soft: less than {BORDER:g} times as stiff as fat",
+    "unsure": f"unsure: the interval lies on both sides of {BORDER:g} times fat",
+}
+
+
+def depth_mm(t_mm: Span, d_mm: Span, h: Span) -> Span:
+    """Fat over the lump, t - d/2, with the interval that the model's three intervals imply.
+
+    The thesis' t = d (h + 1/2) ties the three: ln(h + 1/2) = ln t - ln d, so the widths of t, d and h tell
+    how the errors of t and d go together, and that they do is what makes the depth surer than two
+    independent errors would.
+
+    Parameters
+    ----------
+    t_mm, d_mm, h : value, low, high
+        Of one estimate, at one level.
+
+    Returns
+    -------
+    value, low, high
+        mm, at the same level.
+    """
+    value = max(t_mm[0] - d_mm[0] / 2, 0.0)
+    if min(*t_mm, *d_mm, *h, value) <= 0.0:
+        low, high = t_mm[1] - d_mm[2] / 2, t_mm[2] - d_mm[1] / 2
+        return value, max(low, 0.0), max(high, 0.0)
+    width_t, width_d, width_h = (log(high / low) / 2 for _, low, high in (t_mm, d_mm, h))
+    width_ratio = width_h * h[0] / (h[0] + 0.5)
+    together = (width_t**2 + width_d**2 - width_ratio**2) / 2
+    together = min(max(together, -width_t * width_d), width_t * width_d)
+    a, b = t_mm[0] / value, d_mm[0] / 2 / value
+    width = sqrt(max((a * width_t) ** 2 + (b * width_d) ** 2 - 2 * a * b * together, 0.0))
+    return value, value * exp(-width), value * exp(width)
+
+
+def stiffness(E_inv23: Span) -> tuple[float | None, float | None, float | None]:
+    """E over fat from E^-2/3: value, low, high; None stands for no bound, for the physics saturates above E
+    = 10."""
+
+    def ratio(x: float) -> float | None:
+        return x**-1.5 if x > 1e-3 else None
+
+    value, low, high = E_inv23
+    most = ratio(low)
+    return ratio(value), ratio(high), None if most is None or most > BOUND_TO else most
+
+
+def stiffness_words(E_inv23: Span) -> str:
+    """The interval as a factor: `over 14 × fat`, or `3.1 to 12 × fat`."""
+    _, low, high = stiffness(E_inv23)
+    least = 1.0 if low is None else low
+    return f"over {_short(least)} × fat" if high is None else f"{_short(least)} to {_short(high)} × fat"
+
+
+def _short(factor: float) -> str:
+    return f"{factor:.0f}" if factor >= 10 else f"{factor:.2g}"

@@ -1,0 +1,80 @@
+"""A probe's stream on LabStreamingLayer, beside EEG, eye trackers and whatever else a laboratory records.
+
+Two outlets: `PalpateFrames` (place, displacement and 416 pressures of every frame, stamped with the moment
+of its scan) and `PalpateEvents` (stroke states and estimates as JSON, of LSL's type Markers).
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import Any
+
+from palpate.errors import MissingExtra
+from palpate.link.events import Estimate, Event, Frame, StrokeState
+from palpate.link.probe import Probe
+
+FRAMES, EVENTS = "PalpateFrames", "PalpateEvents"
+ROWS, COLUMNS = 16, 26
+MOTION = (("position", "mm"), ("displacement", "mm"))
+
+
+class Outlets:
+    """What a probe sends, for everyone on the laboratory's network.
+
+    Parameters
+    ----------
+    probe : Probe
+        Live; its serial number and model go into the streams' descriptions.
+
+    Raises
+    ------
+    MissingExtra
+        pylsl is not installed.
+    """
+
+    def __init__(self, probe: Probe) -> None:
+        try:
+            import pylsl
+        except (ImportError, RuntimeError) as error:  # RuntimeError: without the library it wraps
+            raise MissingExtra("pylsl", "lsl", "LabStreamingLayer") from error
+        self._probe = probe
+        self._clock = pylsl.local_clock
+        serial = probe.identity.serial
+        channels = len(MOTION) + ROWS * COLUMNS
+        frames = pylsl.StreamInfo(
+            FRAMES, "Pressure", channels, pylsl.IRREGULAR_RATE, pylsl.cf_float32, f"palpate-{serial}-frames"
+        )
+        listed = frames.desc().append_child("channels")
+        cells = [(f"cell {row},{column}", "kPa") for row in range(ROWS) for column in range(COLUMNS)]
+        for label, unit in (*MOTION, *cells):
+            channel = listed.append_child("channel")
+            channel.append_child_value("label", label)
+            channel.append_child_value("unit", unit)
+        events = pylsl.StreamInfo(
+            EVENTS, "Markers", 1, pylsl.IRREGULAR_RATE, pylsl.cf_string, f"palpate-{serial}-events"
+        )
+        for info in (frames, events):
+            info.desc().append_child_value("serial", serial)
+            info.desc().append_child_value("model_id", probe.identity.model_id)
+        self._frames, self._events = pylsl.StreamOutlet(frames), pylsl.StreamOutlet(events)
+
+    def push(self, event: Event) -> None:
+        """Hand one event on; those that are neither frame, stroke state nor estimate are left out."""
+        if isinstance(event, Frame):
+            sample = [event.position_mm, event.displacement_mm, *map(float, event.pressure_kPa.ravel())]
+            self._frames.push_sample(sample, self._when(event))
+        elif isinstance(event, Estimate):
+            self._tell({"event": "estimate", **event.as_dict()}, event)
+        elif isinstance(event, StrokeState):
+            self._tell({"event": event.state, "stroke": event.stroke}, event)
+
+    def _tell(self, words: dict[str, Any], event: Event) -> None:
+        self._events.push_sample([json.dumps(words)], self._when(event))
+
+    def _when(self, event: Any) -> float:
+        """The moment on LSL's clock, s: of the scan, where the clocks have been compared; else of its
+        arrival."""
+        host_us = self._probe.host_time_us(event.time_us)
+        unix_s = event.host_ns * 1e-9 if host_us is None else host_us * 1e-6
+        return float(self._clock() - (time.time() - unix_s))

@@ -1,0 +1,1 @@
+"""Recordings of sessions: written as they happen, read whole or damaged, replayed, converted."""

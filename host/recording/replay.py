@@ -1,0 +1,184 @@
+"""Replaying a recording: its bytes through the live parser, its frames through the probe's integer code.
+
+The same source that ran on the probe (`firmware_py`) runs here, so the estimate must come out equal to the
+last bit; where frames of a stroke are missing, or the model is not known, that is said instead.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from firmware_py import calib, evaluator, forcemap, messages, pipeline, status
+from firmware_py.estimator import answer
+from palpate.errors import RecordingError
+from palpate.link.events import Estimate, Features, Frame
+from palpate.recording.channels import CALIBRATION, MODEL
+from palpate.recording.playback import open_recording
+from palpate.recording.reader import Recording
+
+FRAMES_KEPT = 1 << 16
+"""Frames kept for a stroke's estimate, at most; 41 MB."""
+
+
+@dataclass(frozen=True)
+class ReplayedStroke:
+    """One stroke: what the probe said, and what its frames say here.
+
+    Parameters
+    ----------
+    probe : Estimate
+        As it came over the wire.
+    host : Estimate or None
+        Worked out here; None where `missing` says why not.
+    features_equal : bool or None
+        Whether the features agree bit for bit; None where the probe sent none.
+    missing : str
+        Why there is no comparison; "" where there is one.
+    """
+
+    probe: Estimate
+    host: Estimate | None
+    features_equal: bool | None
+    missing: str = ""
+
+    @property
+    def identical(self) -> bool:
+        """True where every integer of the estimate (and of the features) is the same."""
+        if self.host is None or self.features_equal is False:
+            return False
+        return self.host.numbers == self.probe.numbers
+
+    def as_dict(self) -> dict[str, Any]:
+        return {
+            "stroke": self.probe.stroke,
+            "identical": self.identical,
+            "missing": self.missing,
+            "estimate": self.probe.as_dict(),
+            "replayed": None if self.host is None else self.host.as_dict(),
+        }
+
+
+class Replayer:
+    """The probe's computation, from frames to estimate, with its calibration and its model.
+
+    Parameters
+    ----------
+    model : bytes
+        The model image.
+    calibration : bytes
+        The probe's stored calibration; b"" is the one it has from birth.
+
+    Raises
+    ------
+    RecordingError
+        Either cannot be used.
+    """
+
+    def __init__(self, model: bytes, calibration: bytes = b"") -> None:
+        from palpate.link.flash import check_image
+        from palpate.model_export.image_builder import inspect
+
+        check_image(model, "the recording's own estimates stay as they are")
+        self.model = inspect(model).model
+        own = calib.Calibration()
+        if calibration and own.load(calibration) != status.OK:
+            raise RecordingError("the recording's calibration cannot be read; record the stroke again")
+        self._pipeline = pipeline.Pipeline(own)
+        self._force_map = forcemap.load(self.model.force_map) if self.model.force_map else None
+        self._out = array("i", bytes(4 * evaluator.OUT_SIZE))
+
+    def estimate(self, said: Estimate, frames: list[Frame]) -> tuple[Estimate, tuple[int, ...]]:
+        """The estimate and the features of a stroke's frames.
+
+        Parameters
+        ----------
+        said : Estimate
+            The probe's own, for the stroke's number and place.
+        frames : list of Frame
+            All frames that it rests on, in order.
+        """
+        p = self._pipeline
+        p.reset()
+        for frame in frames:
+            p.add_frame(frame.packed, frame.position_um, frame.displacement_um)
+        code = p.finish(self._force_map)
+        code, flags, level, distance, values = answer(code, self.model, p.features, self._out)
+        own = Estimate(
+            said.host_ns,
+            said.stream,
+            said.stroke,
+            code,
+            flags,
+            said.damage,
+            level,
+            distance,
+            self.model.model_id,
+            len(frames),
+            said.first_seq,
+            said.last_seq,
+            said.overrun,
+            said.time_us,
+            tuple(values),
+        )
+        return own, tuple(p.features)
+
+
+def replay(path: str | Path, model: bytes | None = None) -> Iterator[ReplayedStroke]:
+    """Replay every stroke of a recording.
+
+    Parameters
+    ----------
+    path : str or Path
+        The recording.
+    model : bytes, optional
+        A model image to use instead of the recorded one.
+
+    Yields
+    ------
+    ReplayedStroke
+
+    Raises
+    ------
+    NotARecording, NoSuchFile, RecordingError
+    """
+    recording = Recording(path)
+    image = model or recording.attachment(MODEL)
+    replayer = Replayer(image, recording.attachment(CALIBRATION) or b"") if image else None
+    frames: dict[int, Frame] = {}
+    features: dict[int, tuple[int, ...]] = {}
+    with open_recording(path) as session:
+        for event in session.events():
+            if isinstance(event, Frame):
+                frames[event.seq] = event
+                if len(frames) > FRAMES_KEPT:
+                    del frames[next(iter(frames))]
+            elif isinstance(event, Features):
+                features[event.stroke] = event.values
+            elif isinstance(event, Estimate):
+                yield _compare(event, frames, features.pop(event.stroke, None), replayer)
+
+
+def _compare(
+    said: Estimate, frames: dict[int, Frame], features: tuple[int, ...] | None, replayer: Replayer | None
+) -> ReplayedStroke:
+    if replayer is None:
+        why = "the recording holds no model image; give one with --model"
+        return ReplayedStroke(said, None, None, why)
+    numbers = [(said.first_seq + k) % messages.WRAP for k in range(said.frames)]
+    own = [frames[seq] for seq in numbers if seq in frames]
+    if len(own) < said.frames:
+        why = f"{said.frames - len(own)} of the stroke's {said.frames} frames are missing"
+        return ReplayedStroke(said, None, None, why)
+    if replayer.model.model_id != said.model_id:
+        held, used = replayer.model.model_id.hex(), said.model_id.hex()
+        why = f"the probe used model {used}, and this image is {held}"
+        return ReplayedStroke(said, None, None, why)
+    estimate, values = replayer.estimate(said, own)
+    equal = None if features is None else values == features
+    for seq in numbers:
+        del frames[seq]
+    return ReplayedStroke(said, estimate, equal)

@@ -1,0 +1,175 @@
+"""`fit`: from a directory of strokes to a model, of either kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from palpate.errors import UsageError
+from palpate.files import whole_file
+from palpate.model_export.schema import ModelSpec
+from palpate.regression.field.result import FieldFit
+from palpate.regression.observed import noise_named
+from palpate.regression.progress import ProgressCallback
+from palpate.regression.thesis.fit import ThesisFit
+from palpate.sim.tissue import Stroke
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from rich.table import Table
+
+    from palpate.regression.field.study import Study
+
+KINDS = ("thesis", "field")
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted model and what is known about it.
+
+    Attributes
+    ----------
+    kind : str
+        "thesis" or "field".
+    spec : ModelSpec
+        The model itself: what `save` writes and `palpate.export` compiles and signs.
+    result : ThesisFit or FieldFit
+        Every number behind the tables.
+    strokes : list of Stroke
+        The thesis' runs; empty for the field kind, which has thousands.
+    """
+
+    kind: str
+    spec: ModelSpec
+    result: ThesisFit | FieldFit
+    strokes: list[Stroke] = field(default_factory=list, repr=False)
+
+    def tables(self) -> list[Table]:
+        """What `palpate fit` prints, as tables of the library `rich`."""
+        return self.result.tables()
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain numbers, for JSON."""
+        return {"kind": self.kind, **self.result.to_dict()}
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write model.json, whole or not at all."""
+        with whole_file(Path(path)) as temporary:
+            self.spec.save(temporary)
+
+    def write_report(self, directory: str | PathLike[str], **measured: Any) -> Path:
+        """Draw the figures (`measured`: options of `palpate.report.write_report`); the path of the page."""
+        from palpate.report import write_report
+
+        thesis = self.result if isinstance(self.result, ThesisFit) else None
+        of_field = self.result if isinstance(self.result, FieldFit) else None
+        return write_report(directory, strokes=self.strokes, thesis=thesis, field=of_field, **measured)
+
+
+def fit(
+    directory: str | PathLike[str],
+    kind: str = "thesis",
+    *,
+    noise: str = "typical",
+    seed: int = 1,
+    lumps: int | None = None,
+    workers: int | None = None,
+    tissue: Mapping[str, float] | None = None,
+    studies: bool = False,
+    progress: ProgressCallback | None = None,
+    note: Callable[[str], None] | None = None,
+) -> Fit:
+    """Fit a model to the strokes in a directory, as `palpate fit` does.
+
+        fitted = fit("out/thesis")
+        fitted.save("out/model.json")
+
+    Parameters
+    ----------
+    directory : path
+        thesis: a sweep of the thesis' design. field: strokes over lumps of all kinds; what is missing is
+        simulated into it first.
+    kind : str
+        "thesis" (the 29 runs and the thesis' equations) or "field" (for use).
+    noise : str
+        Sensors to train for: none, good, typical or poor.
+    seed : int
+        Of the split and of the sensors' noise.
+    lumps : int, optional
+        field: how many to simulate where the directory holds none.
+    workers : int, optional
+        field: processes; by default one for each core.
+    tissue : mapping, optional
+        field: fields of `Case` that differ from the usual tissue or probe, as {"gland_ratio": 8}.
+    studies : bool
+        field: all of `palpate study` too (an hour).
+    progress : callable, optional
+        See `progress.ProgressCallback`.
+    note : callable, optional
+        Is told a line for each setting that a study has tried.
+
+    Raises
+    ------
+    UsageError
+        There is no such kind, noise level or field of a case.
+    TableError
+        The directory holds no strokes, or strokes over another tissue.
+    """
+    noise_named(noise)
+    if kind == "thesis":
+        return _thesis(directory, noise, seed, progress)
+    if kind == "field":
+        return _field(directory, noise, seed, lumps, workers, tissue, studies, progress, note)
+    raise UsageError(f"there is no kind of model {kind!r}; there are {', '.join(KINDS)}")
+
+
+def _thesis(directory: str | PathLike[str], noise: str, seed: int, progress: ProgressCallback | None) -> Fit:
+    from palpate.regression.runs import features_table, read_strokes
+    from palpate.regression.thesis.fit import fit_thesis
+    from palpate.regression.thesis.polynomial import fit_thesis_model
+
+    strokes = read_strokes(directory)
+    result = fit_thesis(features_table(strokes), progress=progress)
+    spec = fit_thesis_model(strokes, seed=seed, noise=noise, progress=progress)
+    return Fit("thesis", spec, result, strokes)
+
+
+def _field(
+    directory: str | PathLike[str],
+    noise: str,
+    seed: int,
+    lumps: int | None,
+    workers: int | None,
+    tissue: Mapping[str, float] | None,
+    studies: bool,
+    progress: ProgressCallback | None,
+    note: Callable[[str], None] | None,
+) -> Fit:
+    from palpate.regression.field.data import LUMPS, prepare
+    from palpate.regression.field.fit import fit_field
+
+    strokes = prepare(directory, lumps or LUMPS, workers=workers, tissue=tissue, progress=progress)
+    result = fit_field(strokes, noise=noise, seed=seed, workers=workers, progress=progress)
+    if studies:
+        result = replace(result, studies=_studies(Path(directory), seed, workers, progress, note))
+    return Fit("field", result.spec, result)
+
+
+def _studies(
+    directory: Path,
+    seed: int,
+    workers: int | None,
+    progress: ProgressCallback | None,
+    note: Callable[[str], None] | None,
+) -> list[tuple[Study, pd.DataFrame]]:
+    from palpate.regression.field.bench import Bench
+    from palpate.regression.field.data import read
+    from palpate.regression.field.study import STUDIES
+    from palpate.regression.field.tissues import TISSUE_STUDY
+
+    every = (*STUDIES.values(), TISSUE_STUDY)
+    with Bench(read(directory), seed, directory, workers, progress) as bench:
+        return [(study, study.table(bench, note)) for study in every]

@@ -1,0 +1,129 @@
+"""Measurements beside simulations: a real tactile map (Figure 20), real force curves (Figure 21).
+
+Units: mm, kPa; measured forces in whatever unit their tables have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from palpate.errors import UsageError
+from palpate.features.gaussian import fit_gaussian
+from palpate.regression.thesis.strain import Placed, StrainForce, fit_strain_force, place_among, scale_from
+from palpate.report.real_maps import RealMap, real_map, real_strain_force
+from palpate.sim.tissue import LIKE_FAT, Case, load_curve
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+FORCES = (0.2, 0.4, 0.6, 0.8, 1.0)
+REFERENCE = Case.from_code("d10h08e10f10")
+STIFFNESSES = (1.0, 2.0, 5.0, 10.0, 50.0, 1000.0)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A measured map with its Gaussian, and force curves placed among the simulated ones; either may lack."""
+
+    map: RealMap | None = None
+    curves: list[tuple[StrainForce, Placed]] = field(default_factory=list)
+
+    def tables(self) -> list[Table]:
+        """What `palpate fit --recording` and `--weights` print."""
+        from rich.table import Table
+
+        out = []
+        if self.map is not None:
+            shown = Table("quantity", title="Measured tactile map (Figure 20)")
+            shown.add_column("value", justify="right")
+            for name, value in self._map_dict().items():
+                shown.add_row(name, f"{value:.4g}")
+            out.append(shown)
+        if self.curves:
+            title = "Measured force curves among the simulated ones (Figure 21)"
+            shown = Table("table", "curve", title=title, caption="the softest sets the scale of the force")
+            for name in ("R2", "acts like E", "misfit"):
+                shown.add_column(name, justify="right")
+            for one, placed in self.curves:
+                row = (f"{one.r2:.4f}", f"{placed.E_ratio:.3g}", f"{100 * placed.misfit:.1f} %")
+                shown.add_row(one.label, one.text(), *row)
+            out.append(shown)
+        return out
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON."""
+        return {
+            "map": self._map_dict() or None,
+            "force_curves": [
+                {"table": one.label, "A": one.A, "B": one.B, "r2": one.r2, **asdict(placed)}
+                for one, placed in self.curves
+            ],
+        }
+
+    def _map_dict(self) -> dict[str, float]:
+        return {} if self.map is None else asdict(self.map.fit) | {"r2": self.map.r2}
+
+
+def measure(
+    recording: Path | None = None, weights: Sequence[Path] = (), thickness_mm: float = 30.0
+) -> Measured:
+    """Read and fit what was measured.
+
+    Parameters
+    ----------
+    recording : path, optional
+        See `recorded_map`.
+    weights : paths
+        A table of force and displacement (mm) for each lump.
+    thickness_mm : float
+        Of the model that they were measured on.
+
+    Raises
+    ------
+    NoSuchFile, UsageError, TableError
+        A file is not there, or holds no such thing.
+    """
+    found = None if recording is None else recorded_map(recording)
+    curves = [real_strain_force(path, thickness_mm) for path in weights]
+    return Measured(found, placed_curves(curves) if curves else [])
+
+
+def recorded_map(path: Path) -> RealMap:
+    """The map of a table (.csv: place in mm, kPa), or of the most Gaussian stroke of a recording (.mcap)."""
+    if path.suffix != ".mcap":
+        return real_map(path)
+    from palpate.view.read_strokes import load_strokes
+
+    maps = [stroke.probe_map for stroke in load_strokes(path) if stroke.probe_map is not None]
+    found = [
+        RealMap(x, p, fit_gaussian(x, p))
+        for x, p in ((np.asarray(m.x_mm), np.asarray(m.pressure_kPa)) for m in maps if m.fit is not None)
+    ]
+    if not found:
+        raise UsageError(f"{path} holds no stroke with a lump in its tactile map")
+    return max(found, key=lambda m: m.r2)
+
+
+def placed_curves(curves: Sequence[StrainForce]) -> list[tuple[StrainForce, Placed]]:
+    """Each measured curve with its place among the simulated; the softest sets the scale of the force."""
+    simulated = simulated_curves()
+    scale = scale_from(min(curves, key=lambda c: c.A), simulated[1.0])
+    return [(one, place_among(one, simulated, scale)) for one in curves]
+
+
+@lru_cache(maxsize=1)
+def simulated_curves() -> dict[float, StrainForce]:
+    """E -> curve of the reference lump with that stiffness; some seconds, once."""
+    return {E: pressed(replace(REFERENCE, E_ratio=max(E, LIKE_FAT)), f"E = {E:g}") for E in STIFFNESSES}
+
+
+def pressed(case: Case, label: str) -> StrainForce:
+    """Press on the lump with all forces, and fit A S^B."""
+    strokes = load_curve(case, FORCES)
+    return fit_strain_force([float(s.strain[0]) for s in strokes], FORCES, label)

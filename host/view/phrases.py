@@ -1,0 +1,123 @@
+"""An estimate in plain words: what the card shows, and what it leaves out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from palpate.link import answer
+from palpate.view.events import Estimate, Interval
+
+NOT_A_DIAGNOSIS = "Research use, not a diagnosis."
+"""Stands on every card, picture and table."""
+
+_TITLES = {
+    "lump": "Lump found",
+    "none": "No lump found",
+    "outside": "Outside what the model knows",
+    "force_low": "Force too low",
+    "force_high": "Force too high",
+    "force": "Force out of range",
+    "unread": "Stroke could not be read",
+    "no_model": "No model on the probe",
+    "uncalibrated": "Calibration lost",
+    "missing": "No answer from the probe",
+}
+_TEXTS = {
+    "none": "The tactile map shows no bump that stands out of its base. "
+    "A small, deep or soft lump can hide from one stroke.",
+    "outside": "This stroke is unlike those the model was fitted to. "
+    "The numbers are extrapolated: do not rely on them.",
+    "force_low": "Press harder and stroke again: at this force the tissue hides what is in it.",
+    "force_high": "Press more gently and stroke again.",
+    "force": "The mean force lies outside the range the model was fitted to. "
+    "Stroke again with another force.",
+    "unread": "The stroke was too short, too fast or too uneven for an answer. Stroke again.",
+    "no_model": "The probe felt the stroke and cannot judge it: nobody has put a model on it.",
+    "uncalibrated": "The calibration that the probe had stored is damaged. Calibrate it, then stroke again.",
+    "missing": "The stroke ended and no estimate came: the link broke, or the probe was reset.",
+}
+
+
+def depth_mm(t_mm: Interval, d_mm: Interval, h: Interval) -> Interval:
+    """Fat over the lump; see `palpate.link.answer`."""
+    return Interval(*answer.depth_mm(_span(t_mm), _span(d_mm), _span(h)))
+
+
+def _span(interval: Interval) -> answer.Span:
+    return interval.value, interval.low, interval.high
+
+
+def verdict(estimate: Estimate | None, *, force_low: bool = False, force_high: bool = False) -> str:
+    """Which kind of card: a key of the titles; what is wrong with the stroke comes before what is in it."""
+    if estimate is None:
+        return "missing"
+    if estimate.no_model:
+        return "no_model"
+    if estimate.uncalibrated:
+        return "uncalibrated"
+    if estimate.force_out:
+        return "force_low" if force_low else "force_high" if force_high else "force"
+    if estimate.invalid:
+        return "unread"
+    if not estimate.lump:
+        return "none"
+    return "lump" if estimate.in_domain else "outside"
+
+
+def card(estimate: Estimate | None, *, force_low: bool = False, force_high: bool = False) -> dict[str, Any]:
+    """What the page writes on the estimate card.
+
+    Returns
+    -------
+    dict
+        kind, title, text; `rows` with key, label, unit, value, low, high and, for the depth, h `beside` it
+        (only what may be said for this kind); hardness and its words; E_ratio (value, low, high; null means
+        unbounded) and its words; level; model_id; notice.
+    """
+    kind = verdict(estimate, force_low=force_low, force_high=force_high)
+    out: dict[str, Any] = {
+        "kind": kind,
+        "title": _TITLES[kind],
+        "text": _TEXTS.get(kind, ""),
+        "rows": [],
+        "hardness": None,
+        "hardness_text": "",
+        "stiffness_text": "",
+        "E_ratio": None,
+        "level": None,
+        "model_id": "",
+        "notice": NOT_A_DIAGNOSIS,
+    }
+    if estimate is None:
+        return out
+    out["level"], out["model_id"] = estimate.level, estimate.model_id
+    if kind == "unread" and estimate.status_text:
+        out["text"] = f"{estimate.status_text[:1].upper()}{estimate.status_text[1:]}. Stroke again."
+
+    def row(key: str, label: str, unit: str, interval: Interval | None) -> None:
+        if interval is not None:
+            out["rows"].append(
+                {
+                    "key": key,
+                    "label": label,
+                    "unit": unit,
+                    "value": interval.value,
+                    "low": interval.low,
+                    "high": interval.high,
+                }
+            )
+
+    if kind in ("lump", "outside"):
+        row("d_mm", "Diameter", "mm", estimate.d_mm)
+        if estimate.t_mm is not None and estimate.d_mm is not None and (h := estimate.h) is not None:
+            row("depth_mm", "Depth", "mm", depth_mm(estimate.t_mm, estimate.d_mm, h))
+            out["rows"][-1]["beside"] = {"label": "h", "value": h.value, "low": h.low, "high": h.high}
+        row("t_mm", "Tissue thickness", "mm", estimate.t_mm)
+        out["hardness"] = estimate.hardness
+        out["hardness_text"] = answer.HARDNESS.get(estimate.hardness, "")
+        if estimate.E_inv23 is not None:
+            value, low, high = answer.stiffness(_span(estimate.E_inv23))
+            out["E_ratio"] = {"value": value, "low": low, "high": high}
+            out["stiffness_text"] = answer.stiffness_words(_span(estimate.E_inv23))
+    row("F_N_per_m", "Force", "N/m", estimate.F_N_per_m)
+    return out

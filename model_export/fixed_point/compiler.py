@@ -1,0 +1,209 @@
+"""ModelSpec to the integer tables of `firmware_py.evaluator`.
+
+Features become u in +-1 over the clip box, so that every monomial stays in +-1 (Q28); coefficients
+are rescaled accordingly; nested.py puts the terms in the order in which they are evaluated, quantise.py
+splits the coefficients into words.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+
+import numpy as np
+
+from firmware_py import evaluator as ev
+from firmware_py import features as firmware_features
+from firmware_py import unpack
+from palpate.model_export.errors import ModelError
+from palpate.model_export.fixed_point import nested, quantise, reference, sampling
+from palpate.model_export.fixed_point import word_pairs as words
+from palpate.model_export.fixed_point.word_pairs import Row, to_word
+from palpate.model_export.schema import ModelSpec, Term
+
+Q24 = 1 << 24
+LN_MILLION = math.log(1e6)
+TRIED = 2000  # vectors of the domain on which the words' precision is chosen
+NO_LIMIT = 1 << 29
+MARGIN_ONE = 256  # the domain's margin of one half-width
+
+
+def feature_ids(names: tuple[str, ...] | list[str]) -> list[int]:
+    """Index of each name in the firmware's feature list; ModelError names the one it does not know."""
+    known = list(firmware_features.NAMES)
+    for name in names:
+        if name not in known:
+            raise ModelError(f"the firmware computes no feature called {name!r}; it knows {', '.join(known)}")
+    return [known.index(name) for name in names]
+
+
+def compile_model(spec: ModelSpec) -> ev.Tables:
+    """Integer tables of a validated model.
+
+    Raises
+    ------
+    ModelError
+        If a feature is unknown to the firmware, or the domain's precision is not positive definite.
+    ProofError
+        If a coefficient or an intercept does not fit its word.
+    """
+    spec.validate()
+    if spec.features_version != firmware_features.FEATURES_VERSION:
+        raise ModelError(
+            f"the model was trained on version {spec.features_version} of the features, "
+            f"the firmware computes version {firmware_features.FEATURES_VERSION}; fit it again"
+        )
+    ids = feature_ids(spec.features)
+    feats, radius = _features(spec)
+    steps = nested.program(spec.terms)
+    index = {t: k for k, t in enumerate(nested.order(steps))}
+    outs, y_radius, y_mid = _outputs(spec)
+    gain = radius / np.array(spec.scale)
+    rows = _output_rows(spec, index, gain)
+    floors = [0.0 if o.link == "ln" else (o.hi - o.lo) / 10 for o in spec.outputs]
+    distance = _distance_rows(spec, gain)
+    features = _some_features(spec)
+    z = (np.clip(features, spec.clip_lo, spec.clip_hi) - np.array(spec.centre)) / spec.scale
+    form, summed = quantise.choose(rows, quantise.Inputs(z / gain, steps), floors)
+    said = reference.evaluate(spec, features)
+    y = (said["y"] - y_mid) / y_radius
+    widths = said["sigma"] * np.array(spec.interval.quantiles).max(axis=1)
+    sigma, runs, down = quantise.choose_few(
+        _sigma_rows(spec, gain, y_radius, y_mid), form, np.c_[y, z / gain], widths
+    )
+    summed += sigma
+    coarse = [words.coarse(row, form.high) for row in distance]
+    c, d, own, heads = array("h"), array("h"), array("i"), array("i")
+    at = 0
+    for step in form.steps:
+        for _ in step.terms:
+            if isinstance(step, nested.Run):
+                c.extend(int(w.high[at]) for w in summed[: ev.OUTPUTS])
+                d.extend(int(w.low[at]) for w in summed[: ev.OUTPUTS])
+            else:
+                own.extend(form.own(j, w, at) for j, w in enumerate(summed[: ev.OUTPUTS]))
+            at += 1
+    c.extend(np.array([w.high for w in sigma]).T.ravel().tolist())
+    d.extend(np.array([w.low for w in sigma]).T.ravel().tolist())
+    for row in coarse:
+        c.extend(row.high.tolist())
+    for row in summed + coarse:
+        heads.extend((row.intercept, row.shift))
+    limits = array("i")
+    for ident, limit in zip(feature_ids([r.feature for r in spec.lump]), spec.lump):
+        lo = -NO_LIMIT if limit.lo is None else to_word(limit.lo * Q24, limit.feature)
+        hi = NO_LIMIT if limit.hi is None else to_word(limit.hi * Q24, limit.feature)
+        limits.extend((ident, lo, hi))
+    head = array("i", [0] * ev.HEAD)
+    head[ev.N_FEATURES] = len(ids)
+    head[ev.LEAVES] = len(index) - len(own) // ev.OUTPUTS
+    head[ev.LOW_BITS] = form.low
+    head[ev.PART_BITS] = form.part
+    head[ev.HIGH_BITS] = form.high
+    head[ev.STEPS] = len(nested.to_bytes(form.steps))
+    head[ev.DOWNS] = sum(down << 4 * j for j, down in enumerate((*form.downs, down)))
+    head[ev.N_LIMITS] = len(spec.lump)
+    head[ev.HARD_BELOW] = to_word(spec.hard_below * 1e6, "hard_below")
+    head[ev.FORCE_LO] = to_word(spec.force_range[0] * 1e6, "force_range")
+    head[ev.FORCE_HI] = to_word(spec.force_range[1] * 1e6, "force_range")
+    head[ev.LINKS] = sum(1 << j for j, output in enumerate(spec.outputs) if output.link == "ln")
+    head[ev.LEVEL_PERMILLE] = round(spec.interval.level * 1000)
+    head[ev.MARGIN] = round(spec.domain.margin * MARGIN_ONE)
+    return ev.Tables(
+        bytes(ids), feats, nested.to_bytes((*form.steps, *runs)), c, d, own, heads, outs, limits, head
+    )
+
+
+def _some_features(spec: ModelSpec) -> np.ndarray:
+    """Some vectors of the domain."""
+    try:
+        return sampling.in_domain(spec, TRIED)
+    except ModelError:  # nothing lies in it: any vectors will do
+        return np.array([spec.centre] * 2)
+
+
+def _features(spec: ModelSpec) -> tuple[array[int], np.ndarray]:
+    """Feature table, and for each feature how much of its unit makes u = 1."""
+    table = array("i")
+    radius = []
+    for i in range(len(spec.features)):
+        lo, hi = math.floor(spec.clip_lo[i] * Q24), math.ceil(spec.clip_hi[i] * Q24)
+        lo, hi = max(lo, 1 - NO_LIMIT), min(hi, NO_LIMIT - 1)
+        centre = round(spec.centre[i] * Q24)
+        shift, factor = unpack.scaling(lo, hi, centre)
+        box = (math.floor(spec.domain.lo[i] * Q24), math.ceil(spec.domain.hi[i] * Q24))
+        table.extend((lo, hi, centre, shift, factor, *box))
+        radius.append(2.0**42 / factor * 2.0**shift / Q24)
+    return table, np.array(radius)
+
+
+def _outputs(spec: ModelSpec) -> tuple[array[int], np.ndarray, np.ndarray]:
+    """Output table; radius and middle of each clipped prediction on the spec's own link scale."""
+    table = array("i")
+    radius, middle = [], []
+    for output, quantiles, ends in zip(spec.outputs, spec.interval.quantiles, spec.domain.ranges):
+        is_ln = output.link == "ln"
+        offset = LN_MILLION if is_ln else 0.0
+        lo, hi = ((math.log(v) if is_ln else v) + offset for v in (output.lo, output.hi))
+        y_lo, y_hi = math.ceil(lo * Q24), math.floor(hi * Q24)
+        mid, shift = unpack.middle(y_lo, y_hi)
+        ln_q = [ev.NO_WIDTH if q <= 1e-6 else round(math.log(q) * Q24) for q in quantiles]
+        if max(ln_q) >= 1 << 28:
+            raise ModelError(
+                f"the interval's quantile of {output.name} is too large for the firmware's integers"
+            )
+        # where a range has no end, the prediction's own limit serves: nothing lies beyond it
+        bound = [edge if e is None else round(((math.log(e) if is_ln else e) + offset) * Q24)
+                 for e, edge in zip(ends, (y_lo, y_hi))]  # fmt: skip
+        table.extend((int(is_ln), y_lo, y_hi, mid, shift, *ln_q, max(bound[0], y_lo), min(bound[1], y_hi)))
+        radius.append(2.0 ** (28 + shift) / Q24)
+        middle.append(mid / Q24 - offset)
+    return table, np.array(radius), np.array(middle)
+
+
+def _gain(term: Term, gain: np.ndarray) -> float:
+    return float(np.prod([gain[i] for i in term]))
+
+
+def _output_rows(spec: ModelSpec, index: dict[Term, int], gain: np.ndarray) -> list[Row]:
+    rows = []
+    for output in spec.outputs:
+        row = Row(np.zeros(len(index)), LN_MILLION if output.link == "ln" else 0.0, 24, output.name)
+        for term, value in zip(spec.terms, output.coefficients):
+            if term:
+                row.coefficients[index[term]] = value * _gain(term, gain)
+            else:
+                row.intercept += value
+        rows.append(row)
+    return rows
+
+
+def _sigma_rows(spec: ModelSpec, gain: np.ndarray, y_radius: np.ndarray, y_mid: np.ndarray) -> list[Row]:
+    rows = []
+    n_terms = len(spec.interval.terms)
+    for output, values in zip(spec.outputs, spec.interval.coefficients):
+        on_y = np.array(values[n_terms:])
+        row = Row(np.zeros(5 + len(gain)), float(on_y @ y_mid), 24, f"ln sigma of {output.name}")
+        row.coefficients[:5] = on_y * y_radius
+        for term, value in zip(spec.interval.terms, values):
+            if term:
+                row.coefficients[5 + term[0]] = value * gain[term[0]]
+            else:
+                row.intercept += value
+        rows.append(row)
+    return rows
+
+
+def _distance_rows(spec: ModelSpec, gain: np.ndarray) -> list[Row]:
+    """Rows m, lower triangular: |m (z - centre)|^2 = (z - centre)' precision (z - centre) / threshold."""
+    precision = np.array(spec.domain.precision)
+    try:
+        lower = np.linalg.cholesky(precision[::-1, ::-1])
+    except np.linalg.LinAlgError:
+        raise ModelError("domain.precision is not positive definite") from None
+    m = lower.T[::-1, ::-1] / math.sqrt(spec.domain.threshold)
+    offset = -m @ np.array(spec.domain.centre)
+    return [
+        Row((m[i] * gain)[: i + 1], float(offset[i]), 12, f"coordinate {i} of the domain")
+        for i in range(len(gain))
+    ]

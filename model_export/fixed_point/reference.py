@@ -1,0 +1,81 @@
+"""The model in float64, as schema.py writes it down: the yardstick of the integer evaluator."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from palpate.model_export.schema import ModelSpec, Term
+
+
+def monomials(z: np.ndarray, terms: tuple[Term, ...]) -> np.ndarray:
+    """Products of columns of z (n x features) for each term: n x terms."""
+    out = np.ones((len(z), len(terms)))
+    for k, term in enumerate(terms):
+        for i in term:
+            out[:, k] *= z[:, i]
+    return out
+
+
+def evaluate(spec: ModelSpec, features: np.ndarray) -> dict[str, Any]:
+    """Everything the probe answers for n strokes, in float64.
+
+    Parameters
+    ----------
+    spec : ModelSpec
+    features : array, n x len(spec.features)
+        In feature units and the spec's order.
+
+    Returns
+    -------
+    dict
+        value, low, high (n x 5, units of `schema.OUTPUTS`), y (n x 5, link scale, clipped), sigma (n x 5),
+        distance (n, squared, 1 at the threshold), beyond (n: an estimate is out of its range and margin),
+        in_domain (n), hardness (n strings), force_out (n).
+        The lump rule is not applied: it may need features that the model does not use.
+    """
+    raw = np.atleast_2d(np.asarray(features, float))
+    x = np.clip(raw, spec.clip_lo, spec.clip_hi)
+    z = (x - np.array(spec.centre)) / np.array(spec.scale)
+    is_ln = np.array([o.link == "ln" for o in spec.outputs])
+    y = monomials(z, spec.terms) @ np.array([o.coefficients for o in spec.outputs]).T
+    lo, hi = (np.array([getattr(o, word) for o in spec.outputs]) for word in ("lo", "hi"))
+    lo[is_ln], hi[is_ln] = np.log(lo[is_ln]), np.log(hi[is_ln])
+    y = np.clip(y, lo, hi)
+    inputs = np.hstack([monomials(z, spec.interval.terms), y])
+    sigma = np.exp(inputs @ np.array(spec.interval.coefficients).T)
+    value = np.where(is_ln, np.exp(y), y)
+    hard = (value[:, 4] < spec.hard_below).astype(int)
+    width = np.array(spec.interval.quantiles).T[hard] * sigma
+    ends = [np.clip(y + s * width, lo, hi) for s in (-1, 1)]
+    low, high = (np.where(is_ln, np.exp(e), e) for e in ends)
+    away = z - np.array(spec.domain.centre)
+    distance = np.einsum("ni,ij,nj->n", away, np.array(spec.domain.precision), away) / spec.domain.threshold
+    boxed = np.all((raw >= spec.domain.lo) & (raw <= spec.domain.hi), axis=1)
+    sure_hard, sure_soft = high[:, 4] < spec.hard_below, low[:, 4] >= spec.hard_below
+    beyond = _beyond(spec, y, width, is_ln)
+    force = value[:, 0]
+    return {
+        "value": value,
+        "low": low,
+        "high": high,
+        "y": y,
+        "sigma": sigma,
+        "distance": distance,
+        "in_domain": boxed & (distance <= 1) & ~beyond,
+        "beyond": beyond,
+        "hardness": np.where(sure_hard, "hard", np.where(sure_soft, "soft", "unsure")),
+        "force_out": (force < spec.force_range[0]) | (force > spec.force_range[1]),
+    }
+
+
+def _beyond(spec: ModelSpec, y: np.ndarray, width: np.ndarray, is_ln: np.ndarray) -> np.ndarray:
+    """Whether any estimate lies beyond its declared range by more than the margin."""
+    ends = np.array(
+        [[-np.inf if lo is None else lo, np.inf if hi is None else hi] for lo, hi in spec.domain.ranges]
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ends[is_ln] = np.log(np.maximum(ends[is_ln], 0))
+    excess = np.maximum(ends[:, 0] - y, y - ends[:, 1])
+    return np.asarray((excess > spec.domain.margin * width).any(axis=1))

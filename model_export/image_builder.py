@@ -1,0 +1,217 @@
+"""Building and reading model images on the host; the layout is `firmware_py.model_image`'s."""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from dataclasses import dataclass
+
+from firmware_py import evaluator, slh_dsa, status
+from firmware_py import features as firmware_features
+from firmware_py import model_image as fw
+from palpate.model_export import self_test
+from palpate.model_export.errors import ImageError, ModelError, ProofError
+from palpate.model_export.fixed_point import nested
+from palpate.model_export.schema import KINDS, OUTPUTS, ModelSpec
+
+MAX_COUNTER = fw.MAX_COUNTER
+
+
+def packed(words: list[int], sizes: list[int]) -> bytes:
+    """Signed numbers of sizes[0], sizes[1], .. bits in turns, lowest bit first."""
+    whole = at = 0
+    for k, word in enumerate(words):
+        bits = sizes[k % len(sizes)]
+        if not -1 << bits - 1 <= word < 1 << bits - 1:
+            raise ProofError(f"a coefficient does not fit {bits} bits")
+        whole |= (word & (1 << bits) - 1) << at
+        at += bits
+    return whole.to_bytes((at + 7) // 8, "little")
+
+
+def _in_order(tables: evaluator.Tables, leaves: list[int]) -> list[int]:
+    """The outputs' coefficients, of leaves and branches, in the program's order."""
+    head = tables.head
+    ups = [
+        head[evaluator.PART_BITS] - head[evaluator.LOW_BITS] - (head[evaluator.DOWNS] >> 4 * j & 15)
+        for j in range(5)
+    ]
+    words, own = iter(leaves), iter(tables.own)
+    out = []
+    for step in nested.from_bytes(tables.steps[: head[evaluator.STEPS]]):
+        if isinstance(step, nested.Run):
+            out += [next(words) for _ in range(5 * len(step.terms))]
+        else:
+            out += [next(own) >> up for up in ups]
+    return out
+
+
+def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None) -> dict[int, bytes]:
+    n = tables.head[0]
+    low = tables.head[evaluator.LOW_BITS]
+    words = [(c << low) + d for c, d in zip(tables.c, tables.d)]
+    coarse = tables.c[len(words) :].tolist()
+    first = 5 * tables.head[evaluator.LEAVES]
+    parts = (_in_order(tables, words[:first]), words[first:])
+    sizes = [
+        [max(2, max((w ^ (w >> 31)).bit_length() for w in part[j::5]) + 1) for j in range(5)]
+        for part in parts
+    ]
+    info = ",".join(spec.features) + "\n1e-6 " + ",".join(unit for _, unit in OUTPUTS)
+    feats = [tables.feats[7 * i + k] for i in range(n) for k in (0, 1, 2, 5, 6)]
+    row = evaluator.OUTPUT_ROW
+    outs = [tables.outs[row * j + k] for j in range(evaluator.OUTPUTS) for k in (1, 2, 5, 6, 7, 8)]
+    rows = tables.rows.tolist()
+    return {
+        fw.NUMBERS: struct.pack(
+            "<4i2H15B", *(tables.head[k] for k in (5, 6, 7, 2, 8, 10, 0, 3, 9, 11, 12)), *sizes[0], *sizes[1]
+        ),
+        fw.IDS: bytes(tables.ids),
+        fw.FEATURES: struct.pack(f"<{len(feats)}i", *feats),
+        fw.STEPS: bytes(tables.steps),
+        fw.WORDS: packed(parts[0], sizes[0])
+        + packed(parts[1], sizes[1])
+        + packed(coarse, [fw.DISTANCE_BITS]),
+        fw.ROWS: struct.pack(f"<{len(rows) // 2}i{len(rows) // 2}b", *rows[::2], *rows[1::2]),
+        fw.OUTPUTS: struct.pack(f"<{len(outs)}i", *outs),
+        fw.LIMITS: tables.limits.tobytes(),
+        fw.INFO: info.encode("ascii"),
+        fw.FORCE_MAP: force_map or b"",
+        fw.SELF_TEST: self_test.section(tables, *self_test.vectors(spec, tables)),
+    }
+
+
+def build(
+    spec: ModelSpec,
+    tables: evaluator.Tables,
+    force_map: bytes | None,
+    counter: int,
+    replaces: int = 0,
+) -> bytes:
+    """The image without its signature.
+
+    Parameters
+    ----------
+    spec, tables : the model and its tables (`compiler.compile_model`)
+    force_map : bytes or None
+        Blob of `firmware_py.forcemap`.
+    counter : int
+        Security counter; a probe that has confirmed a higher one refuses the image.
+    replaces : int
+        For a rollback: the highest counter that this image may replace; 0 for an ordinary image.
+    """
+    if not 0 <= counter <= MAX_COUNTER or not 0 <= replaces <= MAX_COUNTER:
+        raise ModelError(f"a security counter lies between 0 and {MAX_COUNTER}")
+    if replaces and replaces < counter:
+        raise ModelError("a rollback replaces newer images: its limit must not be below its own counter")
+    sections = _sections(spec, tables, force_map)
+    content = b"".join(self_test.padded(sections[tag]) for tag in range(1, fw.LAST + 1))
+    lengths = [len(sections[tag]) for tag in range(1, fw.LAST + 1)]
+    if max(lengths) > 0xFFFF:
+        raise ModelError(f"a section of the image would have {max(lengths)} bytes; 65535 fit")
+
+    def head(model_id: bytes) -> bytes:
+        return struct.pack(
+            f"<4sBBBBIII4x16s8s32s{fw.LAST}H2x", fw.MAGIC, fw.VERSION, KINDS.index(spec.kind),
+            spec.features_version, fw.ROLLBACK if replaces else 0, fw.HEAD_SIZE + len(content), counter,
+            replaces, spec.probe.encode("ascii"), model_id, bytes.fromhex(spec.training["hash"]), *lengths,
+        )  # fmt: skip
+
+    # the id is the hash of everything else in the image
+    model_id = hashlib.sha256(head(bytes(8)) + content).digest()[:8]
+    return head(model_id) + content
+
+
+@dataclass(frozen=True)
+class Info:
+    """What an image states about itself.
+
+    Attributes
+    ----------
+    kind, probe, model_id (hex), training (hex), features, features_version
+    counter, replaces : int
+        Security counter, and for a rollback the highest counter it may replace.
+    size : int
+        Bytes with the signature.
+    signature : str or None
+        None if no key was given, else "good".
+    model : firmware_py.model_image.Model
+    """
+
+    kind: str
+    probe: str
+    model_id: str
+    training: str
+    features: tuple[str, ...]
+    features_version: int
+    counter: int
+    replaces: int
+    size: int
+    signature: str | None
+    model: fw.Model
+
+
+def _body_size(data: bytes, key: bytes | None) -> int:
+    if key is not None:
+        code = slh_dsa.verify(key, lambda at, n: data[at : at + n], len(data))
+        if code != status.OK:
+            raise ImageError(
+                "the image's signature does not fit the key: it was changed, or another key signed it"
+            )
+        return len(data) - slh_dsa.signature_size(key)
+    if len(data) < fw.HEAD_SIZE or data[:4] != fw.MAGIC:
+        raise ImageError("this is not a model image")
+    return int(struct.unpack_from("<I", data, 8)[0])
+
+
+def inspect(data: bytes, key: bytes | None = None, probe: str | None = None) -> Info:
+    """Read an image on the host, verifying the signature first if a public key is given.
+
+    Raises
+    ------
+    ImageError
+        One sentence: not an image, changed, of an unknown version, for another probe, or in need of a
+        feature that this firmware does not compute (named).
+    """
+    body = _body_size(data, key)
+    names: tuple[str, ...] = ()
+
+    def read(at: int, n: int) -> bytes:
+        return data[at : at + n]
+
+    own = (probe or fw.PROBE.decode()).encode("ascii")
+    header = fw.Header(read, body, own)
+    if header.code == status.BAD_PROBE:
+        other = header.probe.rstrip(b"\0").decode("ascii", "replace")
+        raise ImageError(f"the model was made for the probe {other!r}, not for {own.decode()!r}")
+    if header.code == status.BAD_VERSION:
+        raise ImageError(f"the image has format version {data[4]}, this program knows version {fw.VERSION}")
+    if header.code == status.OK:
+        text = header.section(read, fw.INFO).decode("ascii", "replace")
+        names = tuple(text.split("\n")[0].split(","))
+        if header.features_version != firmware_features.FEATURES_VERSION:
+            raise ImageError(
+                f"the model needs version {header.features_version} of the features, "
+                f"this firmware computes version {firmware_features.FEATURES_VERSION}"
+            )
+        unknown = [name for name in names if name not in firmware_features.NAMES]
+        if unknown:
+            raise ImageError(
+                f"the model needs the feature {unknown[0]!r}, which this firmware does not compute"
+            )
+    code, model = fw.load(read, body, firmware_features.FEATURES_VERSION, firmware_features.COUNT, own)
+    if code != status.OK or model is None:
+        raise ImageError(f"the image cannot be read: {status.TEXT[code]}")
+    return Info(
+        KINDS[header.kind] if header.kind < len(KINDS) else f"kind {header.kind}",
+        own.decode(),
+        header.model_id.hex(),
+        header.training.hex(),
+        names,
+        header.features_version,
+        header.counter,
+        header.replaces,
+        len(data),
+        None if key is None else "good",
+        model,
+    )

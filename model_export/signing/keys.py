@@ -1,0 +1,175 @@
+"""Signing keys on disk.
+
+A key directory holds
+
+    secret.json    seeds and set (mode 600): whoever has this file signs as its owner
+    public.key     for the probe
+    counter.json   the last security counter given, so that two images of one minute have an order
+
+SLH-DSA keeps no state: nothing here counts what was signed, so that a copy of the directory, in a backup, on
+another machine or in two programs at once, signs as safely as the original. The security counter is no
+part of the signature. It is the minutes since 2024 began (or $SOURCE_DATE_EPOCH's), or one more than the
+last one given: the homes of a key need not know of each other.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import secrets
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from firmware_py import keyring, model_image, slh_dsa, status
+from palpate.model_export.errors import SigningError
+from palpate.model_export.signing import key_files as files
+from palpate.model_export.signing import slh_sign
+
+EPOCH_S = 1704067200
+"""2024-01-01T00:00Z."""
+
+MAX_COUNTER = model_image.MAX_COUNTER
+"""In minutes, the year 4065."""
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key directory, read; `counter` is the last security counter it has given, 0 before the first."""
+
+    directory: Path
+    secret: slh_sign.Secret
+    public: bytes
+    counter: int
+
+
+def generate(directory: str | os.PathLike[str], secret: slh_sign.Secret | None = None) -> bytes:
+    """Make a signing key in a new directory (`palpate keygen`); returns the public key, 36 bytes.
+
+    Parameters
+    ----------
+    directory : path
+        Must not hold a key yet.
+    secret : Secret, optional
+        For tests; otherwise drawn from the operating system.
+
+    Raises
+    ------
+    SigningError
+        If the directory cannot be written or already holds a key.
+    """
+    path = Path(directory)
+    if secret is None:
+        seed, prf, public_seed = (secrets.token_bytes(slh_dsa.N) for _ in range(3))
+        secret = slh_sign.Secret(seed, prf, public_seed)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        if (path / "secret.json").exists():
+            raise SigningError(f"{path} already holds a signing key; choose another directory")
+        public = slh_sign.public_key(secret)
+        content = {
+            "format": "palpate-signing-key",
+            "version": 2,
+            "set": secret.set,
+            "seeds": (secret.seed + secret.prf + secret.public_seed).hex(),
+        }
+        files.write(path / "public.key", public)
+        # last, so that a directory without it is no key
+        files.write(path / "secret.json", json.dumps(content, indent=1).encode() + b"\n", 0o600)
+    except OSError as error:
+        raise SigningError(f"the key cannot be written to {path}: {error.strerror or error}") from None
+    return public
+
+
+def load(directory: str | os.PathLike[str]) -> Key:
+    """Read a key directory; SigningError if it is missing, damaged or of the old kind."""
+    path = Path(directory)
+    try:
+        data = json.loads((path / "secret.json").read_text())
+        if data["format"] != "palpate-signing-key":
+            raise ValueError
+        if data["version"] == 1:
+            raise SigningError(
+                f"the key in {path} is of the old kind (LMS), whose copies could be made to sign forgeries; "
+                "make a new one with `palpate keygen` and give the probe its public key"
+            )
+        seeds = bytes.fromhex(data["seeds"])
+        public = (path / "public.key").read_bytes()
+        secret = slh_sign.Secret(seeds[:16], seeds[16:32], seeds[32:], data["set"])
+        good = len(seeds) == 48 and slh_dsa.parameters(public) and public[3] == secret.set
+        if data["version"] != 2 or not good or public[4:20] != secret.public_seed:
+            raise ValueError
+    except FileNotFoundError:
+        raise SigningError(f"{path} holds no signing key; make one with `palpate keygen {path}`") from None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        raise SigningError(
+            f"the signing key in {path} is damaged; copy it back from a backup, or make a new one with "
+            "`palpate keygen`"
+        ) from None
+    return Key(path, secret, public, _last_counter(path))
+
+
+def _last_counter(path: Path) -> int:
+    try:
+        last = json.loads((path / "counter.json").read_text())["last"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return 0
+    return last if type(last) is int and 0 <= last <= MAX_COUNTER else 0
+
+
+def _minutes() -> int:
+    """Minutes since 2024 began, by $SOURCE_DATE_EPOCH where it is set (seconds since 1970)."""
+    try:
+        now = float(os.environ.get("SOURCE_DATE_EPOCH") or time.time())
+    except ValueError:
+        raise SigningError("SOURCE_DATE_EPOCH must be a number of seconds since 1970") from None
+    return int((now - EPOCH_S) // 60)
+
+
+def sign(
+    directory: str | os.PathLike[str], make: Callable[[int], bytes], counter: int | None = None
+) -> tuple[bytes, Key]:
+    """Sign `make(security counter)`; returns message with signature, and the key.
+
+    Parameters
+    ----------
+    directory : path
+    make : callable
+        Gives the message for a counter.
+    counter : int, optional
+        In place of the next one.
+
+    Raises
+    ------
+    SigningError
+        If the key is missing or damaged, or its signature does not verify.
+    """
+    key = load(directory)
+    if counter is None:
+        counter = min(max(key.counter + 1, _minutes()), MAX_COUNTER)
+    message = make(counter)
+    signed = message + slh_sign.sign(key.secret, key.public, message)
+    _check(key, signed, slh_dsa.MODEL)
+    # only an order within a minute hangs on it: a directory that cannot be written may sign all the same
+    with contextlib.suppress(OSError):
+        files.write(key.directory / "counter.json", json.dumps({"last": counter}).encode() + b"\n")
+    return signed, Key(key.directory, key.secret, key.public, counter)
+
+
+def succeed(old: str | os.PathLike[str], new: bytes) -> bytes:
+    """What makes a probe take the models of another public key: that key, signed by the old one."""
+    key = load(old)
+    message = keyring.SUCCESSION + new
+    signed = message + slh_sign.sign(key.secret, key.public, message, slh_dsa.SUCCESSOR)
+    _check(key, signed, slh_dsa.SUCCESSOR)
+    return signed
+
+
+def _check(key: Key, signed: bytes, context: bytes) -> None:
+    if slh_dsa.verify(key.public, lambda at, n: signed[at : at + n], len(signed), context) != status.OK:
+        raise SigningError(
+            f"the signing key in {key.directory} is damaged: its signature does not verify; copy it back "
+            "from a backup"
+        )

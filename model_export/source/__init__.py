@@ -1,0 +1,1 @@
+"""A model as source code: straight-line Python, `.py` and `.mpy`."""

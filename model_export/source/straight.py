@@ -1,0 +1,266 @@
+"""A model's arithmetic as straight-line Python: the evaluator's integers without its tables and loops.
+
+Every constant of the model stands in the expression that uses it, every input in a local variable, every sum
+is one expression of products of small integers: what an interpreter is quickest at, and nothing is
+allocated. An interpreter's time goes by its operators, not by its loads and stores: words that are zero
+have no product. Names: u is an input of +-1 in Q28, a and b its upper and lower halves, p its first bits
+(the evaluator's `part`), q fewer of them (`high`); v is a branch's value, t the sum of all; y0 to y4 are the
+predictions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from firmware_py import evaluator as ev
+from firmware_py import scales
+from palpate.model_export.fixed_point import compiler, nested
+from palpate.model_export.fixed_point.nested import Run
+from palpate.model_export.schema import OUTPUTS, ModelSpec
+from palpate.model_export.source.expressions import (
+    clipped,
+    exponential,
+    product,
+    shifted,
+    terms,
+    value,
+    wrapped,
+)
+
+_CLIP = 1 << 29  # where `scales.scaled` holds its result
+
+_LN_WIDTHS = (scales.MIN_LN_WIDTH, scales.MAX_LN_WIDTH)
+
+
+def body(spec: ModelSpec, tables: ev.Tables, places: dict[int, int], whole: bool = True) -> str:
+    """Statements, indented by four, that work on `features` and `out`.
+
+    Parameters
+    ----------
+    spec, tables : the model, and what `compiler.compile_model` made of it
+    places : dict
+        Where in `features` each of the firmware's features stands, by its index there.
+    whole : bool
+        Else only the five values, into out[0..4].
+    """
+    return "\n".join(_Writer(spec, tables, places).lines(whole)) + "\n"
+
+
+class _Writer:
+    def __init__(self, spec: ModelSpec, tables: ev.Tables, places: dict[int, int]) -> None:
+        self.spec = spec
+        self.t = tables
+        self.places = places
+        head = tables.head
+        self.n, self.leaves = head[ev.N_FEATURES], head[ev.LEAVES]
+        self.low, self.part, self.high = head[ev.LOW_BITS], head[ev.PART_BITS], head[ev.HIGH_BITS]
+        self.low_sum_shift = self.low + self.high - self.part
+        self.downs = [head[ev.DOWNS] >> 4 * j & 15 for j in range(6)]
+        self.steps = nested.from_bytes(tables.steps[: head[ev.STEPS]])
+        self.runs = nested.from_bytes(tables.steps[head[ev.STEPS] :])
+        self.branching = {step.branch[-1] for step in self.steps if not isinstance(step, Run)}
+        self.named = [f"y{j}" for j in range(5)] + [str(i) for i in range(self.n)]
+
+    def lines(self, whole: bool) -> Iterator[str]:
+        yield f"    # the features within +-1 over the clip box; p: {self.part} bits of them, q: {self.high}"
+        for i in range(self.n):
+            yield from self._feature(i)
+        for j in range(5):
+            yield from self._output(j, whole)
+        if whole:
+            yield from self._intervals()
+            yield from self._distance()
+            yield from self._verdict()
+
+    # ---- inputs
+
+    def _kept(self, name: str, u: str) -> str:
+        """The statements that keep an input's first bits."""
+        return "; ".join(
+            f"{letter}{name} = {u} + {1 << 27 - bits} >> {28 - bits}"
+            for letter, bits in (("p", self.part), ("q", self.high))
+        )
+
+    def _feature(self, i: int) -> Iterator[str]:
+        lo, hi, centre, shift, factor = self.t.feats[7 * i : 7 * i + 5]
+        assert max(hi - centre, centre - lo) << max(-shift, 0) <= _CLIP  # the evaluator would hold it there
+        yield f"    x{i} = features[{self.places[self.t.ids[i]]}]  # {self.spec.features[i]}"
+        moved = f"({clipped(f'x{i}', lo, hi)}) - {centre}"
+        up = -shift
+        if 0 <= up < 14:  # the shift up goes into constants
+            yield f"    v = {moved}"
+            yield f"    u = (v >> {14 - up}) * {factor} + ((v & {(1 << 14 - up) - 1}) * {factor << up} >> 14)"
+        else:
+            yield f"    v = {shifted(f'({moved})', shift)}"
+            yield f"    u = (v >> 14) * {factor} + ((v & 16383) * {factor} >> 14)"
+        if i in self.branching:
+            yield f"    a{i} = u >> 14; b{i} = u & 16383"
+        yield f"    {self._kept(str(i), 'u')}"
+
+    # ---- sums
+
+    def _words(self, at: int, j: int, n: int) -> tuple[list[int], list[int]]:
+        """High and low words of sum j of the five whose words begin at `at`, over n inputs."""
+        where = range(at + j, at + 5 * n, 5)
+        return [self.t.c[i] for i in where], [self.t.d[i] for i in where]
+
+    def _run(self, target: str, sign: str, at: int, j: int, names: list[str], down: int) -> Iterator[str]:
+        """A run's sum: the first products, and the lesser ones cut down."""
+        high, low = self._words(at, j, len(names))
+        first = terms(high, [f"p{v}" for v in names])
+        lesser = terms(low, [f"q{v}" for v in names])
+        yield f"    {target} {sign} ("
+        if first != ["0"]:
+            yield from wrapped(first, "        ")
+        if lesser != ["0"] or first == ["0"]:
+            yield "        + (" if first != ["0"] else "        ("
+            yield from wrapped(lesser, "            ")
+            yield f"            >> {self.low_sum_shift})" if self.low_sum_shift else "        )"
+        yield f"        >> {down})" if down else "    )"
+
+    def _polynomial(self, j: int) -> Iterator[str]:
+        """Output j's sum in t."""
+        at = branch = 0
+        begun: set[str] = set()
+        for step in self.steps:
+            target = "tvw"[len(step.branch)]
+            sign = "+=" if target in begun else "="
+            if isinstance(step, Run):
+                yield from wrapped(self._place(step).split(), "    # ")
+                names = [str(i) for i in step.features]
+                yield from self._run(target, sign, at, j, names, self.downs[j])
+                begun.add(target)
+                at += 5 * len(step.terms)
+            else:
+                outer = "tvw"[len(step.branch) - 1]
+                own = self.t.own[branch + j]
+                branch += 5
+                i = step.branch[-1]
+                yield f"    {target} {sign} {own}  # {product(step.branch, self.spec.features)}"
+                yield f"    h = {target} >> 14"
+                yield (
+                    f"    {outer} {'+=' if outer in begun else '='} "
+                    f"a{i} * h + (a{i} * ({target} & 16383) + b{i} * h >> 14)"
+                )
+                begun.discard(target)
+                begun.add(outer)
+
+    def _place(self, run: Run) -> str:
+        """A run in words."""
+        inner = ", ".join(self.spec.features[i] for i in run.features)
+        return f"{product(run.branch, self.spec.features)} * ({inner})" if run.branch else f"({inner})"
+
+    def _scaled(self, row: int, name: str, most: int) -> list[str]:
+        """What turns a row's sum, which cannot be beyond `most`, into a number with its intercept in v."""
+        intercept, shift = self.t.rows[2 * row : 2 * row + 2]
+        lines = []
+        held = _CLIP if shift >= 0 else 1 << (29 + shift)
+        if shift <= 0 and most > held:
+            lines.append(f"    {name} = {clipped(name, -held, held)}")
+        lines.append(f"    v = {shifted(name, shift)}" + (f" + {intercept}" if intercept else ""))
+        return lines
+
+    def _output(self, j: int, whole: bool) -> Iterator[str]:
+        name, unit = OUTPUTS[j]
+        link, lo, hi, mid, shift = self.t.outs[9 * j : 9 * j + 5]
+        yield f"    # {name}: ln of millionths of {unit}, Q24" if link else f"    # {name}, Q24"
+        yield from self._polynomial(j)
+        yield from self._scaled(j, "t", 1 << 30)
+        yield f"    y{j} = {clipped('v', lo, hi)}"
+        yield from value(3 * j if whole else j, f"y{j}", link)
+        if whole:
+            yield f"    u = {shifted(f'(y{j} - {mid})', shift)}"
+            yield f"    {self._kept(f'y{j}', 'u')}"
+
+    # ---- intervals, domain, flags
+
+    def _intervals(self) -> Iterator[str]:
+        head = self.t.head
+        yield "    # half the intervals, from ln sigma and the quantile of the predicted class"
+        yield f"    hard = out[12] < {head[ev.HARD_BELOW]}"
+        yield "    inside = True"
+        for j, (name, _) in enumerate(OUTPUTS):
+            link, lo, hi = self.t.outs[9 * j : 9 * j + 3]
+            soft, hard, range_lo, range_hi = self.t.outs[9 * j + 5 : 9 * j + 9]
+            yield f"    # {name}"
+            at, most = 5 * self.leaves, 0
+            for step in self.runs:
+                assert isinstance(step, Run)
+                names = [self.named[i] for i in step.features]
+                yield from self._run("v", "+=" if most else "=", at, j, names, self.downs[5])
+                high, low = self._words(at, j, len(names))
+                size = (sum(map(abs, high)) << self.part) + (
+                    sum(map(abs, low)) << self.high >> self.low_sum_shift
+                )
+                most += (size >> self.downs[5]) + 2
+                at += 5 * len(names)
+            yield from self._scaled(5 + j, "v", most)
+            least, most = _LN_WIDTHS
+            if soft == hard:  # held before and after it is added: the same as once, to the narrower ends
+                yield f"    v += {soft}"
+                least, most = max(least, least + soft), min(most, most + soft)
+            else:
+                yield f"    v = {clipped('v', least, most)}"
+                yield f"    v += {hard} if hard else {soft}"
+            yield f"    v = {clipped('v', least, most)}"
+            yield from exponential("v", 0, "v")
+            yield f"    u = y{j} - v"
+            yield from value(3 * j + 1, f"u if u > {lo} else {lo}", link)
+            yield f"    u = y{j} + v"
+            yield from value(3 * j + 2, f"u if u < {hi} else {hi}", link)
+            beyond = [f"{range_lo} - y{j} > v"] if range_lo > lo else []
+            beyond += [f"y{j} - {range_hi} > v"] if range_hi < hi else []
+            if beyond:
+                yield f"    v = (v >> 8) * {head[ev.MARGIN]}"
+                yield f"    if {' or '.join(beyond)}:"
+                yield "        inside = False"
+
+    def _distance(self) -> Iterator[str]:
+        yield "    # squared distance from the middle of the domain, a row of its matrix at a time"
+        yield "    total = 0"
+        at = 5 * (self.leaves + 5 + self.n)
+        for i in range(self.n):
+            words = terms(self.t.c[at : at + i + 1], [f"q{k}" for k in range(i + 1)])
+            yield from ["    v = (", *wrapped(words, "        "), "    )"]
+            yield from self._scaled(10 + i, "v", 1 << 30)
+            intercept, shift = self.t.rows[20 + 2 * i : 22 + 2 * i]
+            most = sum(abs(c) for c in self.t.c[at : at + i + 1]) << self.high
+            if shift < 0 or (most >> shift) + abs(intercept) >= 16384:
+                yield f"    v = {clipped('v', -16384, 16384)}"
+            yield "    total += v * v >> 3"
+            at += i + 1
+        yield f"    out[{ev.DISTANCE}] = (total >> 11) * 1000 >> 10"
+
+    def _verdict(self) -> Iterator[str]:
+        head = self.t.head
+        yield f"    out[{ev.LEVEL}] = {head[ev.LEVEL_PERMILLE]}"
+        yield f"    if out[{ev.DISTANCE}] > 1000:"
+        yield "        inside = False"
+        yield "    # the domain's box"
+        for i in range(self.n):
+            lo, hi = self.t.feats[7 * i + 5 : 7 * i + 7]
+            yield f"    if x{i} < {lo} or x{i} > {hi}:  # {self.spec.features[i]}"
+            yield "        inside = False"
+        yield f"    flags = {ev.IN_DOMAIN} if inside else 0"
+        conditions = []
+        for ident, lo, hi in zip(*(iter(self.t.limits),) * 3, strict=True):
+            low = f"{lo} <= " if lo > -compiler.NO_LIMIT else ""
+            high = f" <= {hi}" if hi < compiler.NO_LIMIT else ""
+            if low or high:
+                conditions.append(f"{low}features[{self.places[ident]}]{high}")
+        if conditions:
+            yield "    # the lump rule"
+            yield f"    if not ({' and '.join(conditions)}):"
+            yield "        for i in range(15):"
+            yield "            out[i] = 0"
+            yield f"        out[{ev.FLAGS}] = flags"
+            yield f"        return {ev.NO_LUMP}"
+        yield f"    flags |= {ev.LUMP}"
+        yield f"    if out[14] < {head[ev.HARD_BELOW]}:"
+        yield f"        flags |= {ev.HARD}"
+        yield f"    elif out[13] >= {head[ev.HARD_BELOW]}:"
+        yield f"        flags |= {ev.SOFT}"
+        yield f"    if out[0] < {head[ev.FORCE_LO]} or out[0] > {head[ev.FORCE_HI]}:"
+        yield f"        flags |= {ev.FORCE_OUT}"
+        yield f"    out[{ev.FLAGS}] = flags"
+        yield "    return 0"

@@ -1,0 +1,72 @@
+"""Frames as the wire carries them, and the truth behind them. Positions in um, times in us."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py.outputs import NAMES
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What the estimate is compared with: the case's inputs at the force that the hand really kept."""
+
+    F_N_per_m: float
+    t_mm: float
+    d_mm: float
+    h: float
+    E_inv23: float
+    lump: bool
+    centre_mm: float
+
+    def outputs(self) -> dict[str, float]:
+        """The five outputs of the inverse model, in its order."""
+        return {k: getattr(self, k) for k in NAMES}
+
+
+@dataclass(frozen=True)
+class FrameStream:
+    """A stroke as the wire carries it.
+
+    Attributes
+    ----------
+    packed : list of bytes
+        Each frame's geometry.FRAME_BYTES.
+    counts : ndarray (n, cells)
+        The same counts (float64 where Noise.quantise is False, then `packed` holds them rounded).
+    positions_um, displacements_um, times_us : ndarray (n,), int
+    truth : Truth
+    """
+
+    packed: list[bytes]
+    counts: NDArray[Any]
+    positions_um: NDArray[np.int64]
+    displacements_um: NDArray[np.int64]
+    times_us: NDArray[np.int64]
+    truth: Truth
+
+    def __len__(self) -> int:
+        return len(self.packed)
+
+
+def pack(counts: NDArray[Any]) -> bytes:
+    """Pack counts of 12 bits, two in three bytes."""
+    v = np.asarray(counts).astype(np.uint16).reshape(-1, 2)
+    out = np.empty((len(v), 3), np.uint8)
+    out[:, 0] = v[:, 0] & 255
+    out[:, 1] = v[:, 0] >> 8 | (v[:, 1] & 15) << 4
+    out[:, 2] = v[:, 1] >> 4
+    return out.tobytes()
+
+
+def unpack(packed: bytes) -> NDArray[np.uint16]:
+    """The counts of a packed frame (docs/protocol.md, "Frame"), shape (cells,)."""
+    triples = np.frombuffer(packed, np.uint8).reshape(-1, 3).astype(np.uint16)
+    counts = np.empty((len(triples), 2), np.uint16)
+    counts[:, 0] = triples[:, 0] | (triples[:, 1] & 15) << 8
+    counts[:, 1] = triples[:, 1] >> 4 | triples[:, 2] << 4
+    return counts.ravel()

@@ -1,0 +1,133 @@
+"""What an element's kernels need, from scikit-fem: gradients, volumes and pressure functions at 27 Gauss
+points.
+
+Displacement is triquadratic; pressure is linear, free in each element and condensed there. The energy is
+
+    W = mu/2 I + (lambda + mu)/2 (Jbar - 1)^2,    I = F:F - 1 - 2 J,
+
+where tissue stiffens mu/2b (exp(b I) - 1) in place of mu/2 I (`palpate.sim.tissue.forms` has the weak form),
+with Jbar the projection of J on {1, x, y, z}; under plane strain it is the plane solver's. Units: mm, kPa.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import CellBasis, ElementHex2
+
+from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.solid.mesh import SolidMesh
+
+Floats = NDArray[np.float64]
+
+POINTS = 27
+LANES = 32
+"""Gauss points, and the length of the vectors that hold them: filled up with points of no volume."""
+
+
+@dataclass(frozen=True)
+class SolidIntegrals:
+    """Of every element of a mesh, whatever it is made of.
+
+    Attributes
+    ----------
+    dN : ndarray (M, 3, 27, LANES)
+        Gradients of the shape functions at the Gauss points.
+    dx : ndarray (M, LANES)
+        The points' volumes.
+    Ndx : ndarray (M, 4, LANES)
+        Pressure functions, orthonormal in the element, times the volumes.
+    y : ndarray (M, LANES)
+        Heights of the points.
+    volume : ndarray (M,)
+    """
+
+    dN: Floats
+    dx: Floats
+    Ndx: Floats
+    y: Floats
+    volume: Floats
+
+
+def basis_of(mesh: SolidMesh) -> CellBasis:
+    """scikit-fem's basis, of three by three by three Gauss points."""
+    return CellBasis(mesh.fem, ElementHex2(), intorder=5)
+
+
+def integrate(mesh: SolidMesh) -> SolidIntegrals:
+    """Gradients and volumes of all elements of `mesh`.
+
+    Raises
+    ------
+    CaseError
+        An element is folded over (its Jacobian is not positive).
+    """
+    basis = basis_of(mesh)
+    corners = mesh.nodes_mm[mesh.elements]
+    if not (basis.dx > 0).all() or basis.dx.shape[1] != POINTS or not _right_handed(corners):
+        raise CaseError("the lump cannot be meshed: an element is folded over")
+    count = len(mesh.elements)
+    dN, dx = np.zeros((count, 3, 27, LANES)), np.zeros((count, LANES))
+    for a in range(27):
+        dN[:, :, a, :POINTS] = basis.basis[a][0].grad.transpose(1, 0, 2)
+    dx[:, :POINTS] = basis.dx
+    where = np.asarray(basis.global_coordinates())
+    linear = np.ones((count, 4, POINTS))
+    linear[:, 1:] = (where - where.mean(2, keepdims=True)).transpose(1, 0, 2)
+    gram = np.einsum("ekp,elp,ep->ekl", linear, linear, basis.dx)
+    orthonormal = np.linalg.solve(np.linalg.cholesky(gram), linear)
+    Ndx = np.zeros((count, 4, LANES))
+    Ndx[:, :, :POINTS] = orthonormal * basis.dx[:, None]
+    y = np.zeros((count, LANES))
+    y[:, :POINTS] = where[1]
+    return SolidIntegrals(dN, dx, Ndx, y, dx.sum(1))
+
+
+def _right_handed(corners: Floats) -> bool:
+    """scikit-fem takes volumes without their sign: the corner at (1, 1, 1) and its three neighbours have
+    it."""
+    edges = corners[:, [3, 2, 1]] - corners[:, [0]]
+    return bool((np.linalg.det(edges) < 0).all())
+
+
+@dataclass(frozen=True)
+class SolidElasticity:
+    """Constants per Gauss point, so that a border may cut an element, and the stiffness that never changes.
+
+    Attributes
+    ----------
+    mu_dx : ndarray (M, LANES)
+        Shear modulus times volume.
+    b : ndarray (M, LANES)
+        Stiffening of the exponential law; 0 where the tissue is linear.
+    stiffening : ndarray (M,), bool
+        Elements with a b.
+    bulk : ndarray (M,)
+        lambda + mu, mean over the element.
+    L : ndarray (M, 27, 27)
+        Integral of mu grad N_a . grad N_b.
+    """
+
+    mu_dx: Floats
+    b: Floats
+    stiffening: NDArray[np.bool_]
+    bulk: Floats
+    L: Floats
+
+
+def elasticity(case: Case, mesh: SolidMesh, integrals: SolidIntegrals) -> SolidElasticity:
+    """The constants of fat, gland and lump. Without a lump its place is filled by fat and gland."""
+    I, nu = integrals, case.poisson
+    lump = mesh.lump[:, None] & case.has_lump
+    fat = I.y > mesh.grid.border
+    young = case.fat_kPa * np.where(lump, case.E_ratio, np.where(fat, 1.0, case.gland_ratio))
+    b = np.where(lump, case.lump_stiffening, np.where(fat, case.fat_stiffening, case.gland_stiffening))
+    b = np.where(I.dx > 0, b, 0.0)
+    mu_dx = young / (2 * (1 + nu)) * I.dx
+    bulk_of_mu = 2 * nu / (1 - 2 * nu) + 1
+    flat = I.dN.transpose(0, 2, 1, 3).reshape(len(b), 27, -1)
+    L = (flat * np.tile(mu_dx, 3)[:, None]) @ flat.transpose(0, 2, 1)
+    return SolidElasticity(mu_dx, b, np.asarray((b > 0).any(1)), bulk_of_mu * mu_dx.sum(1) / I.volume, L)

@@ -1,0 +1,269 @@
+"""Newton's method for one position of the probe over a solid lump, under a given force.
+
+As in the plane (`palpate.sim.tissue.newton`): multipliers eliminated with a large stiffness, the probe's
+height one bordered unknown, the mixed right-hand side. A factorisation is what costs here. One serves for a
+position: nodes that come into contact or leave it meanwhile are corrected for (Woodbury) up to a few.
+Units: mm, kPa, mN.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.sim.tissue.newton import NoConvergence
+from palpate.sim.tissue.solid.body import Body
+from palpate.sim.tissue.solid.face import FaceContact, Touching
+from palpate.sim.tissue.solid.multifrontal import Multifrontal
+from palpate.sim.tissue.solid.predictor import SolidState
+from palpate.sim.tissue.solver.linear import NotPositiveDefinite
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_GAP_TOLERANCE_MM = 2e-4
+_FORCE_TOLERANCE = 1e-7
+_NODE_SHARE = 0.2
+"""A node bears about this much less of the force than in the plane, so its imbalance must be as much
+smaller."""
+
+_ROUGH = 1e-3
+
+_LARGEST_RISE_MM = 1.5
+WINDOW_MM = 17.0
+"""The tangent of elements farther from the probe is renewed only if the iteration goes badly."""
+
+_GOOD_PROGRESS = 0.6
+"""While each step leaves less of the error than this, the tangent may stay."""
+
+_MOST_CHANGES = 40
+"""Changes of the active set that are corrected for, rather than factored anew."""
+
+
+@dataclass
+class Counts:
+    """What the work consisted of."""
+
+    iterations: int = 0
+    factorisations: int = 0
+    flops: float = 0.0
+    solves: int = 0
+
+
+@dataclass
+class _Correction:
+    """What nodes in or out of contact since the factorisation change in its solutions (Woodbury)."""
+
+    changed: Ints
+    dofs: Ints
+    normals: Floats
+    columns: Floats
+    inverse: Floats
+
+    def apply(self, solutions: Floats) -> Floats:
+        seen = (solutions[:, self.dofs] * self.normals).sum(-1)
+        return np.asarray(solutions - seen @ self.inverse.T @ self.columns)
+
+
+class SolidNewton:
+    """Finds equilibria of a body under a face.
+
+    Parameters
+    ----------
+    body, contact, solver
+        The body, the probe's face on it and the linear solver of its mesh.
+    tolerance : float
+        Largest nodal imbalance, as a fraction of the force, in the measure of the plane.
+    """
+
+    def __init__(self, body: Body, contact: FaceContact, solver: Multifrontal, tolerance: float) -> None:
+        self.body, self.contact, self.solver = body, contact, solver
+        self.tolerance = _NODE_SHARE * tolerance
+        self.counts = Counts()
+        mesh = body.mesh
+        self._held = np.nonzero(mesh.fixed.ravel())[0]
+        self._middle_mm = mesh.nodes_mm[mesh.elements, 0].mean(1)
+        self._all = np.arange(len(mesh.elements))
+        self._stiffness = np.zeros((len(mesh.elements), 81, 81), np.float32)
+        self._frozen = np.zeros((len(mesh.elements), 4, 81))
+        self._started = False
+        self._slow = 0
+        self._factored: Touching | None = None
+        self._normals: Floats = np.zeros((len(contact.nodes), 3))
+        self._correction: _Correction | None = None
+
+    def solve(
+        self,
+        start: SolidState,
+        position: float,
+        force: float,
+        limit: int = 30,
+        careful: bool = False,
+        rough: bool = False,
+        again: bool = False,
+    ) -> SolidState:
+        """Equilibrium at `position` under `force`, from the guess `start`, which is left as it is.
+
+        Parameters
+        ----------
+        limit : int
+            Most iterations.
+        careful : bool
+            Renew the whole tangent in every iteration.
+        rough : bool
+            Three digits will do, for a state that is only a start.
+        again : bool
+            The last factor is of this position: go on with it.
+
+        Raises
+        ------
+        NoConvergence
+            It did not settle within `limit` iterations, or diverged.
+        """
+        state = start.copy()
+        if not again:
+            self._factored = None
+        tolerance = _ROUGH if rough else self.tolerance
+        self._slow = 0
+        before: Touching | None = None
+        error = np.inf
+        for _ in range(limit):
+            seen = self.contact.evaluate(state.u, state.multiplier, state.height, position)
+            residual, theta = self.body.residual(state.u, state.pressure, self._frozen)
+            self._balance(residual, seen)
+            lack = force - seen.force.sum()
+            error_before, error = error, max(np.abs(residual).max(), 0.05 * abs(lack)) / force
+            gap = np.abs(seen.gap).max() if len(seen.active) else 1.0
+            if (
+                error < tolerance
+                and abs(lack) < _FORCE_TOLERANCE * force
+                and (rough or gap < _GAP_TOLERANCE_MM)
+            ):
+                state.smallest_jacobian = self.body.smallest_jacobian(state.u)
+                return state
+            if not error < 1e4:
+                raise NoConvergence("the iteration diverged")
+            renew = self._to_renew(seen, error, error_before, position, careful)
+            if renew is not None:
+                self._factor(state, seen, renew)
+                residual, theta = self.body.residual(state.u, state.pressure, self._frozen)
+                self._balance(residual, seen)
+            else:
+                self._correct(seen)
+                seen = replace(seen, normal=self._normals[seen.active])
+            fresh = renew is not None or before is None or not np.array_equal(seen.active, before.active)
+            self._step(state, seen, residual, theta, lack, fresh)
+            before = seen
+            self.counts.iterations += 1
+        raise NoConvergence(f"no equilibrium within {limit} iterations (still {error:.1e} of the force out)")
+
+    def _balance(self, residual: Floats, seen: Touching) -> None:
+        self.contact.push(seen, residual)
+        residual[self._held] = 0.0
+
+    def _to_renew(
+        self, seen: Touching, error: float, error_before: float, position: float, careful: bool
+    ) -> Ints | None:
+        """Elements whose tangent to renew before the next step; None if the factor may stay."""
+        if careful or not self._started or error > 0.5:
+            return self._all
+        near = np.nonzero(np.abs(self._middle_mm - position) < WINDOW_MM)[0]
+        if self._factored is None:
+            return near
+        self._slow = self._slow + 1 if error > _GOOD_PROGRESS * error_before else 0
+        if self._slow > 1 or error > 3 * error_before:
+            return self._all  # renewing only the window could go on for ever
+        changes = len(np.setxor1d(seen.active, self._factored.active, assume_unique=True))
+        return near if changes > _MOST_CHANGES else None
+
+    def _factor(self, state: SolidState, seen: Touching, which: Ints) -> None:
+        solver = self.solver
+        try:
+            self._renew(state.u, state.pressure, seen, which, curved=True)
+        except NotPositiveDefinite:
+            # Far from equilibrium the pressure's geometric term can spoil definiteness; go on without.
+            try:
+                self._renew(state.u, np.zeros_like(state.pressure), seen, self._all, curved=False)
+            except NotPositiveDefinite:
+                self._started = False
+                raise NoConvergence("the tissue has buckled") from None
+        self._started = True
+        self._factored, self._correction = seen, None
+        self._normals[seen.active] = seen.normal
+        self.counts.flops += solver.flops
+
+    def _renew(self, u: Floats, q: Floats, seen: Touching, which: Ints, curved: bool) -> None:
+        self.counts.factorisations += 1
+        self.body.tangent(u, q, which, self._stiffness, self._frozen)
+        self.solver.change_elements(which)
+        self.solver.change_contact(self.contact.stiffness(seen, curved))
+        self.solver.factor(self._stiffness)
+
+    def _correct(self, seen: Touching) -> None:
+        """Prepare the correction for what has come into contact or left it since the factorisation."""
+        assert self._factored is not None
+        changed = np.setxor1d(seen.active, self._factored.active, assume_unique=True)
+        if not len(changed):
+            self._correction = None
+            return
+        if self._correction is not None and np.array_equal(self._correction.changed, changed):
+            return
+        contact = self.contact
+        left = np.isin(changed, self._factored.active)
+        came = changed[~left]
+        self._normals[came] = seen.normal[np.searchsorted(seen.active, came)]
+        stiffness = np.where(left, -1.0, 1.0) * contact.augmentation * contact.weight[changed]
+        normals = self._normals[changed] * contact.free[changed]
+        dofs = contact.dofs[changed]
+        sides = np.zeros((len(changed), len(self._held_mask)))
+        sides[np.arange(len(changed))[:, None], dofs] = normals
+        columns = self._solved(sides)
+        seen_columns = (columns[:, dofs] * normals).sum(-1)  # [i, j]: what node j sees of node i's column
+        inverse = np.linalg.inv(np.diag(1 / stiffness) + seen_columns.T)
+        self._correction = _Correction(changed, dofs, normals, columns, inverse)
+
+    @property
+    def _held_mask(self) -> NDArray[np.bool_]:
+        return self.body.mesh.fixed.ravel()
+
+    def _solved(self, sides: Floats) -> Floats:
+        self.counts.solves += len(sides)
+        return self.solver.solve(sides)
+
+    def _step(
+        self, state: SolidState, seen: Touching, residual: Floats, theta: Floats, lack: float, fresh: bool
+    ) -> None:
+        contact, active = self.contact, seen.active
+        weight = contact.weight[active] * contact.augmentation
+        pull = contact.augmentation * seen.gap
+        right = -residual
+        right[contact.dofs[active]] -= (contact.weight[active] * pull)[:, None] * seen.normal
+        right[self._held] = 0.0
+        sides = right[None]
+        if fresh:
+            border = np.zeros_like(right)
+            border[contact.dofs[active]] = -weight[:, None] * seen.normal
+            border[self._held] = 0.0
+            self._border = border
+            sides = np.stack([right, border])
+        solutions = self._solved(sides)
+        if self._correction is not None:
+            solutions = self._correction.apply(solutions)
+        if fresh:
+            self._border_change = solutions[1]
+            self._pivot = weight.sum() - self._border @ solutions[1]
+        change = solutions[0]
+        if len(active):
+            rise = (float(contact.weight[active] @ pull) - lack - self._border @ change) / self._pivot
+        else:
+            rise = -0.2  # not touching yet: let the probe sink
+        scale = min(1.0, _LARGEST_RISE_MM / max(abs(rise), 1e-12))
+        change -= self._border_change * rise
+        moved = (seen.normal * change[contact.dofs[active]]).sum(-1) - rise
+        state.multiplier[active] += scale * (pull + contact.augmentation * moved)
+        pressure = self.body.pressure(change, theta, self._frozen)
+        state.pressure += scale * (pressure - state.pressure)
+        state.u += scale * change
+        state.height += scale * rise

@@ -1,0 +1,1 @@
+"""Linear solvers for Newton's tangent: Cholesky on the strip, and general sparse ones."""

@@ -1,0 +1,81 @@
+"""How long a stroke over a solid lump takes, beside its floor: python -m tests.benchmarks.bench_solid
+
+One process, one thread, CPU seconds, set-up of a fresh geometry included; medians of rounds taken by turns
+with the floor: as many partial factorisations (the elements near the probe at each position) as there are
+positions.
+"""
+
+from __future__ import annotations
+
+import resource
+import statistics
+import time
+
+import numpy as np
+
+from palpate.sim.tissue import Case, Settings, simulate
+from palpate.sim.tissue.solid.element import elasticity
+from palpate.sim.tissue.solid.grid import lay_grid
+from palpate.sim.tissue.solid.multifrontal import Multifrontal
+from palpate.sim.tissue.solid.newton import WINDOW_MM
+from palpate.sim.tissue.solid.run import Body, set_up
+from palpate.sim.tissue.solid.stroke import forget_geometry, simulate_forces
+from palpate.sim.tissue.stroke import one_blas_thread
+
+CASES = (("on the line", "d10h08e10f07_ball"), ("5 mm beside it", "d10h08e10f07_ball_y5"))
+ROUNDS = 3
+
+
+class Floor:
+    """The factorisations that a stroke cannot do without."""
+
+    def __init__(self, case: Case, settings: Settings) -> None:
+        self.positions = settings.solid_positions_mm()
+        geometry = set_up(lay_grid(case, settings, self.positions[0], self.positions[-1]))
+        mesh = geometry.mesh
+        body = Body(mesh, geometry.integrals, elasticity(case, mesh, geometry.integrals))
+        count = len(mesh.elements)
+        self.K = np.zeros((count, 81, 81), np.float32)
+        rest = np.zeros(3 * len(mesh.nodes_mm)), np.zeros((count, 4))
+        body.tangent(*rest, np.arange(count), self.K, np.zeros((count, 4, 81)))
+        self.solver = Multifrontal(geometry.fronts)
+        self.solver.factor(self.K)
+        middle = mesh.nodes_mm[mesh.elements, 0].mean(1)
+        self.near = [np.nonzero(np.abs(middle - x) < WINDOW_MM)[0] for x in self.positions]
+
+    def cpu_s(self) -> float:
+        began = time.process_time()
+        with one_blas_thread():
+            for near in self.near:
+                self.solver.change_elements(near)
+                self.solver.factor(self.K)
+        return time.process_time() - began
+
+
+def main() -> None:
+    for words, code in CASES:
+        case, settings = Case.from_code(code), Settings()
+        simulate(case, settings)
+        floor = Floor(case, settings)
+        alone, together, bare = [], [], []
+        for _ in range(ROUNDS):
+            forget_geometry()
+            stroke = simulate(case, settings)
+            alone.append(stroke.cpu_s)
+            forget_geometry()
+            two = simulate_forces(case, [case.F_rel / 1.4, case.F_rel], settings, ramp=True)
+            together.append(two[0].cpu_s)
+            bare.append(floor.cpu_s())
+        a, b, c = map(statistics.median, (alone, together, bare))
+        print(
+            f"{words}: {a:.1f} CPU s a stroke, {b:.1f} each of two forces with a ramp; "
+            f"{len(floor.positions)} partial factorisations {c:.1f} (stroke over floor {a / c:.1f}); "
+            f"{stroke.nodes} nodes, {stroke.factorisations} factorisations, "
+            f"{stroke.iterations.sum()} iterations",
+            flush=True,
+        )
+    print(f"largest memory of the process {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,97 @@
+"""The pipeline on real MicroPython: the same integers, and not one allocation while frames come in."""
+
+import struct
+
+import pytest
+
+from firmware_py import calib, status
+from palpate.firmware_twin.replay_core import Replay
+from palpate.sim.probe.scripts import run_micropython
+from palpate.sim.probe.sensors import LEVELS, SensorModel
+
+SCRIPT = """
+import micropython, struct
+from firmware_py import calib, forcemap, pipeline, rowpipeline
+
+force_map = forcemap.load(open("map", "rb").read())
+data = open("strokes", "rb").read()
+frames, at = [], 0
+for k in range(len(data) // 632):
+    position, displacement = struct.unpack("<ii", data[at + 624:at + 632])
+    frames.append((data[at:at + 624], position, displacement))
+    at += 632
+
+def feed(p, frames):
+    micropython.heap_lock()
+    codes = 0
+    for f in frames:
+        codes |= p.add_frame(f[0], f[1], f[2])
+    micropython.heap_unlock()
+    return codes
+
+calibration = calib.Calibration()
+calibration.load(open("calibration", "rb").read())
+for p in (pipeline.Pipeline(calibration), rowpipeline.RowPipeline(calibration)):
+    for k in range(0, len(frames), 50):
+        p.reset()
+        assert feed(p, frames[k:k + 50]) == 0
+        print(p.finish(force_map), *p.features, *p.map, *p.fit, *p.span)
+"""
+
+
+def numbers(pipeline, code):
+    p = pipeline
+    return [code, *p.features, *p.map, *p.fit, *p.span]
+
+
+def test_the_same_integers_with_the_heap_locked(fields, map_blob):
+    raw, expected = b"", []
+    whole, small = Replay(map_blob), Replay(map_blob, small=True)
+    calibration = calib.Calibration()
+    calibration.set_dead([3, 77, 78, 400])
+    streams = [
+        SensorModel(fields[k], LEVELS["typical"], k, across_mm=4.0 if k == 1 else None).stroke()
+        for k in range(3)
+    ]
+    for replay in (whole, small):
+        for stream in streams:
+            expected.append(numbers(replay.pipeline, replay.stream(stream, calibration)))
+    assert sum(e[0] == status.OK for e in expected) >= 4
+    for s in streams:
+        for k, packed in enumerate(s.packed):
+            raw += packed + struct.pack("<ii", int(s.positions_um[k]), int(s.displacements_um[k]))
+    files = {"strokes": raw, "map": map_blob, "calibration": calibration.to_bytes()}
+    said = run_micropython(SCRIPT, files)
+    assert [[int(v) for v in line.split()] for line in said.splitlines()] == expected
+
+
+def test_the_lock_would_catch_an_allocation():
+    """So the silence above means something."""
+    script = """
+import micropython
+def grow():
+    micropython.heap_lock()
+    try:
+        return bytearray(100)
+    except MemoryError:
+        print("caught")
+    finally:
+        micropython.heap_unlock()
+grow()
+"""
+    assert run_micropython(script).strip() == "caught"
+
+
+@pytest.mark.parametrize("small", [False, True])
+def test_the_small_build_sees_what_the_whole_one_sees(fields, map_blob, small):
+    """All columns: the same features, but for rounding; fixed columns on both: a ball's too."""
+    whole = Replay(map_blob, fixed_columns=(9, 16) if small else (0, 26))
+    other = Replay(map_blob, fixed_columns=(9, 16) if small else (0, 26), small=True)
+    for k, field in enumerate(fields[:4]):
+        model = SensorModel(field, LEVELS["typical"], k, across_mm=4.0 if small else None)
+        stream = model.stroke()
+        code = whole.stream(stream, model.calibration())
+        assert other.stream(stream, model.calibration()) == code
+        assert list(other.pipeline.span) == list(whole.pipeline.span)
+        # dead cells are filled in one build, left out in the other
+        assert other.features() == pytest.approx(whole.features(), abs=0.1)

@@ -1,0 +1,146 @@
+"""The whole chain: as exact as its reference, indifferent to how the stroke was made, never out of range."""
+
+import numpy as np
+import pytest
+
+from firmware_py import calib, features, forcemap, status
+from palpate.features import pipeline_features as field_features
+from palpate.firmware_twin.replay_core import Replay
+from palpate.sim.probe.sensors import LEVELS, SensorModel, pack
+from tests.firmware_py import checked_int
+
+# .2 % of a feature: of the quantity under a logarithm, of the pressure or displacement a ratio is made of
+LOGARITHMS = [n for n in features.NAMES if n.startswith(("ln_", "asinh_"))]
+RATIOS = [n for n in features.NAMES if n not in LOGARITHMS]
+
+
+def replayed(replay, model, n_frames=50, **kwargs):
+    frames = model.stroke(n_frames, **kwargs)
+    code = replay.stream(frames, model.calibration())
+    return frames, code
+
+
+def test_within_a_fifth_of_a_percent_of_float64_on_200_strokes(fields, replay, fitted_map):
+    worst = dict.fromkeys(features.NAMES, 0.0)
+    n = 0
+    for i, field in enumerate(fields):
+        for seed in range(20):
+            level = ("none", "good", "typical", "poor")[seed % 4]
+            model = SensorModel(field, LEVELS[level], 100 * i + seed)
+            frames, code = replayed(replay, model)
+            assert code == status.OK
+            true = field_features.compute(
+                frames.counts,
+                frames.positions_um / 1e3,
+                frames.displacements_um / 1e3,
+                model.calibration(),
+                fitted_map,
+            )
+            assert tuple(replay.pipeline.span) == true.columns
+            assert replay.pipeline.place_um / 1e3 == pytest.approx(true.place_mm, abs=0.05)
+            for name, got in zip(features.NAMES, replay.features(), strict=True):
+                worst[name] = max(worst[name], abs(got - true.features[name]))
+            n += 1
+    assert n == 200
+    # the misfit is a thousandth of the bump; the .2 % are of the bump
+    misfit = worst.pop("ln_misfit")
+    assert misfit < 0.05
+    assert {k: v for k, v in worst.items() if v > 2e-3} == {}
+
+
+@pytest.mark.parametrize("level", ["none", "typical"])
+def test_compiled_plain_and_watched_give_the_same_integers(fields, map_blob, level):
+    watched, watch = checked_int.load()
+    slow = watched.pipeline.Pipeline(calib.Calibration())
+    fast, plain = Replay(map_blob), Replay(map_blob, plain=True)
+    for i, field in enumerate(fields[:4]):
+        model = SensorModel(field, LEVELS[level], i, across_mm=3.9 if i % 2 else None)
+        frames, code = replayed(fast, model)
+        assert plain.stream(frames, model.calibration()) == code
+        slow.reset()
+        slow.calibration = model.calibration()
+        for k, packed in enumerate(frames.packed):
+            slow.add_frame(packed, int(frames.positions_um[k]), int(frames.displacements_um[k]))
+        assert slow.finish(forcemap.load(map_blob)) == code
+        for name in ("features", "map", "fit", "span", "columns", "profile"):
+            expected = list(getattr(plain.pipeline, name))
+            assert list(getattr(fast.pipeline, name)) == expected, name
+            assert list(getattr(slow, name)) == expected, name
+    assert watch.most > 2**28
+
+
+def garbage(rng, kind):
+    """Frames that no probe would send, but a broken one might."""
+    n = int(rng.integers(2, 120))
+    counts = {
+        "noise": rng.integers(0, 4096, (n, 416)),
+        "full": np.full((n, 416), 4095),
+        "empty": np.zeros((n, 416), int),
+        "flicker": rng.integers(0, 2, (n, 1)) * 4095 * np.ones((1, 416), int),
+        "cells": rng.integers(0, 2, (n, 416)) * 4095,
+    }[kind]
+    x = np.linspace(-45_000, 45_000, n) + rng.normal(0, 3000, n)
+    d = rng.integers(-131_071, 131_072, n)
+    return counts, x.astype(int) + int(rng.integers(-(2**28), 2**28)), d
+
+
+@pytest.mark.parametrize("kind", ["noise", "full", "empty", "flicker", "cells"])
+def test_no_frames_whatever_lead_out_of_range(kind, map_blob):
+    watched, _ = checked_int.load()
+    rng = np.random.default_rng(11)
+    c = calib.Calibration()
+    p = watched.pipeline.Pipeline(c)
+    for k in range(3):
+        for i in range(calib.CELLS):
+            c.gain[i] = int(rng.choice([0, 8192, 32767]))
+            c.offset[i] = int(rng.choice([0, 655, 32767]))
+        counts, x, d = garbage(rng, kind)
+        p.reset()
+        for j in range(len(x)):
+            p.add_frame(pack(counts[j]), int(x[j]), int(d[j]))
+        p.finish(None if k == 1 else forcemap.load(map_blob))
+        assert all(abs(v) < 2**29 for v in p.features)
+
+
+def test_a_force_map_of_extreme_numbers_stays_in_range(fields):
+    watched, _ = checked_int.load()
+    rng = np.random.default_rng(3)
+    p = watched.pipeline.Pipeline(calib.Calibration())
+    frames = SensorModel(fields[0], LEVELS["poor"], 1).stroke()
+    for extreme in (-32768, 32767, None):
+        blob = bytearray([0x46, forcemap.VERSION, 12, 0, *bytes(8)])
+        for _ in range(forcemap.COEFS):
+            v = int(rng.integers(-32768, 32768)) if extreme is None else extreme
+            blob += (v & 65535).to_bytes(2, "little")
+        p.reset()
+        for k, packed in enumerate(frames.packed):
+            p.add_frame(packed, int(frames.positions_um[k]), int(frames.displacements_um[k]))
+        p.finish(watched.forcemap.load(bytes(blob)))
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+def test_all_200_strokes_stay_in_range(fields, map_blob):
+    """The strokes of the accuracy test, and as many over balls, every intermediate watched."""
+    watched, watch = checked_int.load()
+    p = watched.pipeline.Pipeline(calib.Calibration())
+    small = watched.rowpipeline.RowPipeline(calib.Calibration(), 5, 21)
+    loaded = forcemap.load(map_blob)
+    fast = Replay(map_blob)
+    for i, field in enumerate(fields):
+        for seed in range(20):
+            level = ("none", "good", "typical", "poor")[seed % 4]
+            for across in (None, 3.9):
+                model = SensorModel(field, LEVELS[level], 100 * i + seed, across_mm=across)
+                frames, code = replayed(fast, model)
+                for build in (p, small):
+                    build.reset()
+                    build.calibration = model.calibration()
+                    for k, packed in enumerate(frames.packed):
+                        build.add_frame(packed, int(frames.positions_um[k]), int(frames.displacements_um[k]))
+                    done = build.finish(loaded)
+                    if build is p:
+                        assert done == code
+                        assert list(build.features) == list(fast.pipeline.features)
+    print(f"largest intermediate: {watch.most} at {watch.where}")
+    assert 2**29 < watch.most < 2**30

@@ -1,0 +1,57 @@
+"""The firmware's machine code in the place of its plain loops, on an emulated processor."""
+
+import ast
+import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from palpate.sim.probe.machine_code import MachineCode
+from palpate.sim.probe.scripts import FIRMWARE
+
+HOT = FIRMWARE / "hot_viper.py"
+EVALUATOR = FIRMWARE / "evaluator_viper.py"
+LINK = FIRMWARE / "boards" / "fast_link.py"
+SCAN = FIRMWARE / "boards" / "fast_scan.py"
+
+
+def places(source: Path) -> dict[str, tuple[str, str]]:
+    """Which function `install` puts where: its name -> module of firmware_py, attribute."""
+    found = {}
+    for node in ast.walk(ast.parse(source.read_text())):
+        if isinstance(node, ast.FunctionDef) and node.name == "install":
+            for line in node.body:
+                if isinstance(line, ast.Assign):
+                    (target,) = line.targets
+                    assert isinstance(target, ast.Attribute)
+                    assert isinstance(target.value, ast.Name)
+                    assert isinstance(line.value, ast.Name)
+                    found[line.value.id] = target.value.id, target.attr
+    return found
+
+
+@contextmanager
+def installed(source: Path, code: MachineCode) -> Iterator[dict[str, int]]:
+    """What `install` does, for as long as this lasts; gives how often each function was called."""
+    calls: dict[str, int] = {}
+    before = []
+
+    def counted(name):
+        function = code[name]
+        calls[name] = 0
+
+        def call(*arguments):
+            calls[name] += 1
+            return function(*arguments)
+
+        return call
+
+    for name, (module_name, attribute) in places(source).items():
+        module = importlib.import_module(f"firmware_py.{module_name}")
+        before.append((module, attribute, getattr(module, attribute)))
+        setattr(module, attribute, counted(name))
+    try:
+        yield calls
+    finally:
+        for module, attribute, plain in before:
+            setattr(module, attribute, plain)

@@ -1,0 +1,167 @@
+"""The commands that talk to a probe, from flash to convert, and what ends them early."""
+
+import json
+import os
+import signal
+
+import pytest
+
+from palpate.link import emulated as notes
+from palpate.recording.reader import Recording
+from tests.host.cli.sentences import one_sentence
+from tests.host.probes import LUMP
+from tests.host.processes import start_palpate
+from tests.waiting import PATIENCE_S, wait_until
+
+
+@pytest.fixture
+def flashed(emulated, images, tmp_path, palpate):
+    """A probe with a model, found by `auto`."""
+    device = emulated("micropython")
+    notes.leave(notes.Note(device.port, os.getpid(), LUMP, "micropython"))
+    image = tmp_path / "model.palp"
+    image.write_bytes(images[0])
+    status, out, _ = palpate("flash", image, "--json")
+    assert status == 0
+    return device, json.loads(out)
+
+
+def test_flash_stream_replay_and_convert_through_the_command_line(flashed, palpate, tmp_path):
+    _, model = flashed
+    status, out, _ = palpate("devices", "--json")
+    found = [d for d in json.loads(out) if d["state"] == "probe"]
+    assert status == 0 and [d["model_id"] for d in found] == [model["model_id"]]
+    path = tmp_path / "visit.mcap"
+    status, out, err = palpate("stream", "--strokes", 2, "--record", path, "--json")
+    told = json.loads(out)
+    assert status == 0 and err == ""
+    assert len(told["strokes"]) == 2
+    for estimate in told["strokes"]:
+        for name in ("F_N_per_m", "t_mm", "d_mm", "h", "E_inv23"):
+            assert estimate[name]["low"] <= estimate[name]["value"] <= estimate[name]["high"]
+        assert isinstance(estimate["lump"], bool) and isinstance(estimate["in_domain"], bool)
+        assert estimate["hardness"] in ("hard", "soft", "unsure")
+        assert estimate["level"] == 0.9 and estimate["model_id"] == model["model_id"]
+    assert told["link"]["frames_lost"] == told["link"]["probe_frames_dropped"] == 0
+    assert 0 < told["clock"]["uncertainty_us"] < 1_000_000
+    assert Recording(path).metadata()["clock"]["offset_us"]
+    status, out, _ = palpate("replay", path, "--json")
+    again = json.loads(out)
+    assert status == 0 and again["identical"] is True and again["compared"] == 2
+    assert [s["replayed"]["d_mm"] for s in again["strokes"]] == [s["d_mm"] for s in told["strokes"]]
+    status, out, _ = palpate("replay", path)
+    assert status == 0 and out.splitlines()[-1].startswith("replay: identical")
+    status, out, _ = palpate("convert", path, tmp_path / "visit.csv", "--json")
+    assert status == 0 and json.loads(out)["estimates"] == 2
+
+
+def test_settings_and_calibration_are_kept_on_the_probe(flashed, palpate):
+    status, out, _ = palpate("settings", "frame_rate", 80000, "--json")
+    (setting,) = json.loads(out)
+    assert status == 0 and (setting["value"], setting["unit"], setting["lowest"]) == (80000, "mHz", 100)
+    assert len(json.loads(palpate("settings", "--json")[1])) > 5
+    status, _, err = palpate("settings", "frame_rate", 1)
+    assert status == 1 and "frame_rate takes 100 to 10000000 mHz, not 1" in err
+    status, _, err = palpate("calibrate", "zero", "--frames", 20)
+    assert status == 1 and "the probe is in contact: lift it off" in err  # it has three frames in the air
+    status, out, _ = palpate("calibrate", "zero", "--frames", 3, "--json")
+    done = json.loads(out)
+    assert status == 0 and done["frames"] == 3 and done["noise_counts"] >= 0
+    assert palpate("calibrate", "clear")[0] == 0
+
+
+def test_a_recording_that_was_tampered_with_is_found_out(flashed, palpate, tmp_path):
+    """One count of one frame changed, its checksum corrected: the replay differs and says so."""
+    from firmware_py import messages, wire
+    from palpate.link.events import Frame
+    from palpate.link.parser import LiveParser
+    from palpate.recording.replay import CALIBRATION, MODEL
+    from palpate.recording.writer import RecordingWriter
+
+    path, changed = tmp_path / "true.mcap", tmp_path / "changed.mcap"
+    assert palpate("stream", "--strokes", 1, "--record", path)[0] == 0
+    parser, count = LiveParser(), 0
+    with RecordingWriter(changed) as writer:
+        for name in (MODEL, CALIBRATION):
+            writer.attach(name, "", Recording(path).attachment(name))
+        for host_ns, _, raw in Recording(path).wire():
+            for event in parser.feed(raw, host_ns):
+                data = parser.raw
+                count += isinstance(event, Frame)
+                if isinstance(event, Frame) and count == 20:
+                    body, target = bytearray(700), bytearray(800)
+                    place = (
+                        event.seq,
+                        event.time_us % messages.WRAP,
+                        event.position_um,
+                        event.displacement_um,
+                    )
+                    packed = bytes([event.packed[0] ^ 0x80, *event.packed[1:]])
+                    length = messages.pack(body, messages.TYPE["frame"], 0, 0, place, packed)
+                    data = bytes(target[: wire.seal(body, length, target, 0)])
+                writer.received(data, event, host_ns)
+    status, out, err = palpate("replay", changed)
+    assert status == 1 and "DIFFERENT" in out and "differs" in err
+
+
+def test_a_flipped_byte_in_a_model_image_is_refused_in_a_sentence(flashed, images, palpate, tmp_path):
+    device, model = flashed
+    for at in (0, 9, len(images[1]) // 2, len(images[1]) - 1):
+        changed = bytearray(images[1])
+        changed[at] ^= 1
+        (tmp_path / "bad.palp").write_bytes(changed)
+        status, out, err = palpate("flash", tmp_path / "bad.palp", "--port", device.port)
+        assert status in (1, 2) and out == "" and one_sentence(err), err
+    status, out, _ = palpate("devices", "--json")
+    assert [d["model_id"] for d in json.loads(out) if d["port"] == device.port] == [model["model_id"]]
+
+
+def test_ctrl_c_ends_a_recording_whole_and_exits_130(emulated, tmp_path):
+    device, path = emulated(repeat=True), tmp_path / "stopped.mcap"
+    with start_palpate("stream", "--port", device.port, "--record", path, "--json") as run:
+        wait_until(lambda: path.exists() and path.stat().st_size >= 60_000, "a recording that grows")
+        run.send_signal(signal.SIGINT)
+        out, err = run.communicate(timeout=PATIENCE_S)
+    assert run.returncode == 130 and one_sentence(err)
+    assert json.loads(out)["link"]["frames_received"] > 10
+    recording = Recording(path)
+    assert recording.finished and "counts" in recording.metadata()
+
+
+def test_a_full_disk_ends_the_stream_at_once_with_a_sentence(emulated, tmp_path):
+    import resource
+
+    device, path = emulated(repeat=True), tmp_path / "full.mcap"
+    words = ("stream", "--port", device.port, "--record", path, "--json")
+
+    def small_disk():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+
+    with start_palpate(*words, prepare=small_disk) as run:
+        out, err = run.communicate(timeout=PATIENCE_S)
+    assert run.returncode == 1 and out == "" and "the disk is full" in err and one_sentence(err)
+    assert 50_000 < path.stat().st_size <= 60_000
+    assert Recording(path).check() == ""
+
+
+def test_emulate_is_found_streams_and_leaves_no_note(palpate):
+    words = (
+        "emulate",
+        LUMP,
+        "--runtime",
+        "cpython",
+        "--frames",
+        "20",
+        "--listen",
+        "tcp:127.0.0.1:0",
+        "--json",
+    )
+    with start_palpate(*words) as run:
+        told = json.loads(run.stdout.readline())
+        assert told["port"].startswith("socket://127.0.0.1:") and told["pid"] == run.pid
+        status, out, _ = palpate("stream", "--strokes", 1)
+        assert status == 0 and "lump diameter d" in out  # it has the model in the box
+        run.send_signal(signal.SIGINT)
+        run.communicate(timeout=PATIENCE_S)
+    assert run.returncode == 130
+    assert notes.running() == []

@@ -1,0 +1,306 @@
+"""The client against the real firmware, over real pseudo-terminals and sockets."""
+
+import os
+import pty
+import tty
+from itertools import pairwise
+
+import pytest
+
+from firmware_py import messages
+from palpate.errors import (
+    CommandRefused,
+    CommandTimeout,
+    FlashError,
+    ImageRefused,
+    LinkGone,
+    NotAProbe,
+    PortMissing,
+    UsageError,
+)
+from palpate.link.events import Estimate, Features, Frame, Gap, StrokeState, TactileMap
+from palpate.link.flash import flash
+from palpate.link.probe import Probe
+from palpate.link.transport import FdTransport, open_transport
+from palpate.model_export.exporter import export
+from palpate.sim.probe.faults import Faults
+from tests.host.probes import FRAMES, connect, settled
+from tests.waiting import PATIENCE_S, wait_until
+
+RUNTIMES = [("cpython", "pty"), ("micropython", "pty"), ("micropython", "tcp:127.0.0.1:0")]
+
+
+@pytest.mark.parametrize(("runtime", "listen"), RUNTIMES)
+def test_a_probe_says_who_it_is_takes_a_model_and_answers_a_stroke(emulated, images, runtime, listen):
+    with connect(emulated(runtime, listen=listen, serial=b"SERIAL-7")) as probe:
+        assert probe.identity.serial == b"SERIAL-7".hex()
+        assert not probe.identity.has_model
+        done = flash(probe, images[0])
+        assert probe.identity.has_model and probe.identity.model_id == done.model_id
+        assert probe.read_back(messages.READ_MODEL) == images[0]
+        events = list(probe.stream(strokes=2, timeout_s=PATIENCE_S))
+        frames = [e for e in events if isinstance(e, Frame)]
+        estimates = [e for e in events if isinstance(e, Estimate)]
+        assert [e.stroke for e in estimates] == [1, 2]
+        assert all(e.valid and e.model_id.hex() == done.model_id for e in estimates)
+        assert [f.seq for f in frames] == list(range(frames[0].seq, frames[0].seq + len(frames)))
+        assert len(frames) >= 2 * FRAMES
+        for kind in (TactileMap, Features):
+            assert [e.stroke for e in events if isinstance(e, kind)] == [1, 2]
+        assert {"contact", "started", "lump_passed", "ended"} <= {
+            e.state for e in events if isinstance(e, StrokeState)
+        }
+
+
+def test_frames_are_what_the_sensors_read(emulated, strokes):
+    with connect(emulated()) as probe:
+        frames = [e for e in probe.stream(timeout_s=PATIENCE_S, strokes=1) if isinstance(e, Frame)]
+    touched = frames[3 : 3 + FRAMES]
+    assert [f.packed for f in touched] == [bytes(p) for p in strokes[0].packed]
+    assert [f.position_um for f in touched] == strokes[0].positions_um.tolist()
+    assert [f.displacement_um for f in touched] == strokes[0].displacements_um.tolist()
+    assert (touched[0].counts.ravel() == strokes[0].counts[0]).all()
+    times = [f.time_us for f in frames]
+    assert times == sorted(times)
+
+
+def test_both_ends_count_the_same(emulated):
+    with connect(emulated()) as probe:
+        probe.set_setting("frame_rate", 500_000)
+        list(probe.stream(strokes=2, timeout_s=PATIENCE_S))
+        told = settled(probe)
+        assert probe.frame_counts.received == told["frames_sent"]
+        assert probe.frame_counts.lost == told["frames_dropped"]
+        assert probe.counts.bad_crc == probe.counts.bad_frame == probe.counts.unreadable == 0
+
+
+def test_settings_are_kept_and_guarded(emulated):
+    with connect(emulated()) as probe:
+        probe.set_setting("frame_rate", 123_000)
+        assert probe.get_setting("frame_rate") == 123_000
+        with pytest.raises(CommandRefused, match=r"frame_rate takes 100 to 10000000 mHz, not 1 "):
+            probe.set_setting("frame_rate", 1)
+        with pytest.raises(UsageError, match="frame_rate"):
+            probe.get_setting("colour")
+
+
+def test_each_nth_frame_is_no_loss(emulated):
+    with connect(emulated()) as probe:
+        events = probe.stream(strokes=1, every=3, timeout_s=PATIENCE_S)
+        frames = [e for e in events if isinstance(e, Frame)]
+        assert {b.seq - a.seq for a, b in pairwise(frames)} == {3}
+        assert probe.frame_counts.lost == 0
+
+
+def test_the_clock_is_compared(emulated):
+    with connect(emulated()) as probe:
+        wait_until(lambda: probe.sync_clock().uncertainty_us < 50_000, "one quick exchange")
+        uncertainty_us, behind_us = probe.clock.uncertainty_us, []
+        for event in probe.stream(timeout_s=PATIENCE_S):
+            if isinstance(event, Frame):
+                behind_us.append(event.host_ns / 1000 - probe.host_time_us(event.time_us))
+                if min(behind_us) < 100_000 and len(behind_us) > FRAMES:
+                    break
+        assert min(behind_us) > -uncertainty_us - 1000, "no frame comes before it was taken"
+
+
+class Tardy(FdTransport):
+    """Holds back what comes until the host has asked `asks` times."""
+
+    def __init__(self, inner, asks):
+        self.inner, self.asks, self.name = inner, asks, inner.name
+        self.held = b""
+
+    def read(self, timeout_s):
+        self.held += self.inner.read(timeout_s)
+        if self.asks > 0:
+            return b""
+        held, self.held = self.held, b""
+        return held
+
+    def write(self, data):
+        self.asks -= 1
+        self.inner.write(data)
+
+    def close(self):
+        self.inner.close()
+
+
+def test_a_late_answer_is_dropped_and_shifts_nothing(emulated):
+    transport = Tardy(open_transport(emulated().port), 0)
+    with Probe(transport) as probe:
+        transport.asks, late = 2, probe.counts.late_answers
+        with pytest.raises(CommandTimeout):
+            probe.command("get_setting", 0, timeout_s=0.2, once=True)
+        assert probe.get_setting("contact_threshold") == 300  # not the frame rate that was asked before
+        assert probe.counts.late_answers > late
+
+
+def test_a_command_sent_twice_is_executed_once(emulated):
+    transport = Tardy(open_transport(emulated().port), 0)
+    with Probe(transport) as probe:
+        before, retries = probe.statistics(), probe.counts.retries
+        transport.asks = 3
+        probe.set_setting("frame_rate", 77_000)
+        after = probe.statistics()
+        assert probe.counts.retries - retries >= 2
+        assert after["commands_duplicate"] - before["commands_duplicate"] >= 2
+        assert after["commands"] - before["commands"] == 2  # the setting, and the statistics before it
+
+
+def test_an_unplugged_probe_comes_back_and_the_gap_is_marked(emulated):
+    device = emulated()
+    with connect(device) as probe:
+        probe.set_setting("frame_rate", 200_000)
+        probe.start_stream()
+        seen, frames = [], 0
+        for event in probe.events(PATIENCE_S):
+            seen.append(event)
+            frames += isinstance(event, Frame)
+            if frames == 10:
+                device.unplug()
+                frames += 1
+            gaps = [e for e in seen if isinstance(e, Gap)]
+            # the estimate is sent again until it is acknowledged: it may come before the stream is back
+            if any(isinstance(e, Estimate) for e in seen) and gaps and gaps[-1].ended:
+                break
+        assert [g.ended for g in gaps] == [False, True]
+        assert not gaps[1].restarted and "gone" in gaps[0].reason
+        assert probe.counts.reconnects == 1
+        probe.stop_stream()
+        settled(probe)
+
+
+def test_a_restarted_probe_is_noticed(emulated):
+    device = emulated(listen="tcp:127.0.0.1:0")
+    with connect(device) as probe:
+        boots = probe.identity.boots
+        probe.start_stream()
+        next(e for e in probe.events(PATIENCE_S) if isinstance(e, Frame))
+        device.cut_power()
+        device.start()
+        device.unplug()
+        gap = next(e for e in probe.events(PATIENCE_S) if isinstance(e, Gap) and e.ended)
+        assert gap.restarted
+        assert probe.identity.boots == boots + 1
+        assert next(e for e in probe.events(PATIENCE_S) if isinstance(e, Frame)).seq < FRAMES
+        assert probe.frame_counts.restarts == 1
+
+
+def test_without_a_way_back_a_lost_link_is_an_error(emulated):
+    device = emulated()
+    with Probe(open_transport(device.port)) as probe:
+        probe.start_stream()
+        device.unplug()
+        with pytest.raises(LinkGone, match="plug it in again"):
+            list(probe.events(PATIENCE_S))
+
+
+def test_flashing_gets_through_a_link_that_loses_one_byte_in_a_hundred(emulated, images):
+    with connect(emulated(to_host=Faults(lose=0.01), to_device=Faults(lose=0.01), seed=3)) as probe:
+        done = flash(probe, images[0])
+        assert probe.identity.model_id == done.model_id  # a hash over all of it
+        assert probe.counts.retries > 5
+
+
+def test_flashing_goes_on_after_an_unplug_in_the_middle(emulated, images):
+    device = emulated()
+    with connect(device) as probe:
+        cuts = iter((400, 1500))
+        at = next(cuts)
+
+        def progress(done, size):
+            nonlocal at
+            if done >= at:
+                at = next(cuts, size + 1)
+                device.unplug()
+
+        done = flash(probe, images[0], progress)
+        assert probe.identity.model_id == done.model_id
+        assert probe.counts.reconnects == 2
+
+
+def test_a_port_that_vanishes_while_flashing_and_stays_away_is_an_error_and_nothing_is_lost(
+    emulated, images, monkeypatch
+):
+    from palpate.link import line
+
+    monkeypatch.setattr(line, "AWAY_S", 0.5)
+    device = emulated()
+
+    def away():
+        raise PortMissing(device.port, "the probe is in somebody's pocket")
+
+    with Probe(open_transport(device.port), None, away) as probe:
+        live = flash(probe, images[0]).model_id
+
+        def vanish(done, size):
+            if done > size // 2:
+                device.unplug()
+
+        with pytest.raises(FlashError, match=r"gone.*the model it had stays: plug it in and flash again"):
+            flash(probe, images[1], vanish)
+        assert not probe.connected
+    with connect(device) as probe:
+        assert probe.identity.model_id == live
+        done = flash(probe, images[1])
+        assert 0 < done.resumed_at < len(images[1]), "it goes on where it stopped"
+        assert probe.identity.model_id == done.model_id != live
+
+
+def test_another_image_of_the_same_size_is_not_mixed_with_one_that_was_broken_off(
+    emulated, specs, images, key_dir
+):
+    class Enough(Exception):
+        pass
+
+    def enough(done, size):
+        if done > size // 2:
+            raise Enough
+
+    other = export(specs[0], key_dir, counter=500)[0]  # the same model once more, signed anew
+    assert len(other) == len(images[0]) and other != images[0]
+    with connect(emulated()) as probe:
+        with pytest.raises(Enough):
+            flash(probe, images[0], enough)
+        done = flash(probe, other)
+        assert done.resumed_at == 0
+        assert probe.read_back(messages.READ_MODEL) == other
+
+
+def test_flashing_goes_on_through_a_cut_at_every_message(emulated, images, monkeypatch):
+    device = emulated()
+    with connect(device) as probe:
+        cuts, send = 0, probe.command
+
+        def cut_and_send(name, *fields, **words):
+            nonlocal cuts
+            if name.startswith("flash_"):
+                device.unplug()
+                cuts += 1
+            return send(name, *fields, **words)
+
+        monkeypatch.setattr(probe, "command", cut_and_send)
+        done = flash(probe, images[0])
+        print(f"{cuts} cuts while flashing {len(images[0])} bytes")
+        assert cuts >= len(images[0]) // 48 + 3  # begin, every piece, verify, confirm
+        assert probe.identity.model_id == done.model_id
+
+
+def test_a_changed_image_is_refused_and_the_old_model_stays(emulated, images):
+    with connect(emulated()) as probe:
+        live = flash(probe, images[0]).model_id
+        for at in (len(images[1]) // 2, len(images[1]) - 1):
+            changed = bytearray(images[1])
+            changed[at] ^= 4
+            with pytest.raises(ImageRefused, match="the model it had stays"):
+                flash(probe, bytes(changed))
+            assert probe.refresh_identity().model_id == live
+        assert flash(probe, images[1]).model_id != live
+
+
+def test_something_else_at_the_other_end_is_no_probe():
+    _ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+    with pytest.raises(NotAProbe, match="does not answer as a Palpate probe"):
+        Probe(open_transport(os.ttyname(theirs)))

@@ -1,0 +1,70 @@
+"""Notes of emulated probes: nobody else's are believed, and none can write on the terminal."""
+
+from __future__ import annotations
+
+import json
+import os
+
+import pytest
+
+from palpate.errors import PalpateError
+from palpate.link import emulated
+
+NOTE = {"port": "socket://127.0.0.1:9", "pid": os.getpid(), "code": "d10h08e10f10", "runtime": "cpython"}
+
+
+@pytest.fixture
+def fallback(tmp_path, monkeypatch):
+    """The directory that is used without XDG_RUNTIME_DIR, in a shared temporary one."""
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    monkeypatch.setattr(emulated.tempfile, "gettempdir", lambda: str(tmp_path))
+    return emulated.directory()
+
+
+def plant(folder, **words):
+    folder.mkdir(mode=0o700, exist_ok=True)
+    (folder / "1.json").write_text(json.dumps(NOTE | words))
+
+
+def test_ours_is_read(fallback):
+    plant(fallback)
+    assert [note.port for note in emulated.running()] == [NOTE["port"]]
+
+
+def test_a_directory_that_somebody_else_made_is_neither_read_nor_written(fallback, monkeypatch):
+    """A note planted there made `palpate devices` connect to a foreign port."""
+    plant(fallback)
+    monkeypatch.setattr(os, "getuid", lambda: fallback.stat().st_uid + 1)
+    monkeypatch.setattr(emulated, "directory", lambda: fallback)
+    assert emulated.running() == []
+    with pytest.raises(PalpateError, match="belongs to another user"):
+        emulated.leave(emulated.Note(**NOTE))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX permissions")
+def test_nor_is_one_that_others_can_write_or_a_link(fallback, tmp_path):
+    plant(fallback)
+    fallback.chmod(0o777)
+    assert emulated.running() == []
+    fallback.chmod(0o700)
+    fallback.rename(tmp_path / "elsewhere")
+    fallback.symlink_to(tmp_path / "elsewhere")
+    assert emulated.running() == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [{"code": "\x1b[2J\x1b]0;owned\x07"}, {"runtime": "a\nb"},
+     {"port": "\x9b31m"}, {"pid": "1"}, {"pid": True},
+     {"port": None}, {"code": ["x"]}],
+)  # fmt: skip
+def test_no_note_prints_escape_codes(fallback, words):
+    plant(fallback, **words)
+    assert emulated.running() == []
+
+
+def test_notes_that_are_no_notes_are_passed_over(fallback):
+    plant(fallback)
+    for k, text in enumerate(("[" * 100000, "{}", "\xff", "[1]", '{"port": 1e999}')):
+        (fallback / f"bad-{k}.json").write_bytes(text.encode("latin-1"))
+    assert len(emulated.running()) == 1

@@ -1,0 +1,210 @@
+"""Bytes into events, with every number accounted for, whatever the cut and whatever the damage."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from firmware_py import messages, wire
+from palpate.link.accounting import WRAP, Sequence
+from palpate.link.clock import ClockSync, Unwrapper
+from palpate.link.events import Estimate, Frame
+from palpate.link.parser import LiveParser
+from palpate.sim.probe.faults import Faults, FaultyLine
+from tests.host.link import wires
+
+
+def parse(data: bytes, cuts=(), parser=None):
+    parser = parser or LiveParser()
+    events, raws, before = [], [], 0
+    for cut in [*sorted(c for c in cuts if c < len(data)), len(data)]:
+        for event in parser.feed(data[before:cut], 1_000):
+            events.append(event)
+            raws.append(parser.raw)
+        before = cut
+    return parser, events, raws
+
+
+@given(st.lists(st.integers(0, 4000), max_size=20))
+def test_no_cut_of_the_stream_matters_and_no_byte_is_forgotten(cuts):
+    data = wires.identified() + b"".join(wires.frame(k) for k in range(4)) + wires.estimate(1) + b"\x05half"
+    parser, events, raws = parse(data, cuts)
+    assert b"".join(raws) + parser.take_tail() == data
+    assert [e.seq for e in events if isinstance(e, Frame)] == [0, 1, 2, 3]
+    assert [e.stroke for e in events if isinstance(e, Estimate)] == [1]
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.0005, 0.003, 0.02]))
+def test_a_damaged_wire_gives_no_wrong_frame_and_exact_losses(seed, much):
+    sent = {k: wires.frame(k) for k in range(30)}
+    line = FaultyLine(Faults(flip=much, lose=much, double=much, swap=much, chatter=much / 9), seed)
+    start = wires.packet("stream_start", wires.start(0), answer=True)
+    end = wires.packet("stream_stop", wires.stop(30), answer=True)
+    data = start + b"".join(line.pass_through(packet) for packet in sent.values()) + b"\0" + end
+    parser, events, _ = parse(data)
+    parser.settle()
+    frames = [e for e in events if isinstance(e, Frame)]
+    assert all(set(f.packed) == {f.seq % 251 + 1} and f.position_um == 1000 * f.seq - 25000 for f in frames)
+    counts = parser.frames.counts
+    assert counts.received == len(frames) == len({f.seq for f in frames})
+    assert counts.received + counts.lost == 30
+    assert sum(f.lost_before for f in frames) <= counts.lost
+
+
+def test_lost_frames_are_counted_at_both_ends_of_a_stream():
+    parts = [wires.packet("stream_start", wires.start(10), answer=True)]
+    parts += [wires.frame(k) for k in range(12, 20)]  # 10 and 11 never come
+    parts += [wires.packet("stream_stop", wires.stop(23), answer=True)]  # nor do 20, 21, 22
+    parser, _, _ = parse(b"".join(parts))
+    assert parser.frames.counts.lost == 2
+    parser.settle()
+    assert parser.frames.counts.lost == 5
+    parse(wires.packet("stream_start", wires.start(90), answer=True) + wires.frame(90), parser=parser)
+    assert parser.frames.counts.lost == 5  # what passed between two streams was never promised
+
+
+def test_results_that_come_again_are_counted_not_repeated():
+    data = wires.started() + wires.estimate(1) + wires.estimate(1) + wires.estimate(2)
+    parser, events, _ = parse(data)
+    assert [e.stroke for e in events if isinstance(e, Estimate)] == [1, 2]
+    assert parser.counts.resent == 1
+
+
+@pytest.mark.parametrize("piece", [100, 65_536, 1 << 23])
+def test_noise_is_handed_out_and_not_gathered(piece):
+    """Noise without a packet grew the parser byte by byte: 277 MB for 270."""
+    noise = np.random.default_rng(3).integers(1, 256, 8 << 20, dtype=np.uint8).tobytes()
+    data, parser, got = noise + b"\0" + wires.frame(5), LiveParser(), bytearray()
+    frames = []
+    tracemalloc.start()
+    for at in range(0, len(data), piece):
+        for event in parser.feed(data[at : at + piece], 1):
+            got += parser.raw
+            frames += [event] if isinstance(event, Frame) else []
+            assert len(parser.raw) < 9000
+            if len(got) > len(noise) // 2 and tracemalloc.is_tracing():
+                held = tracemalloc.get_traced_memory()[0] - len(got)
+                tracemalloc.stop()
+                assert held < 3 * piece + 1_500_000
+    assert bytes(got) + parser.take_tail() == data
+    assert [f.seq for f in frames] == [5] and parser.counts.oversize == 1
+
+
+def test_messages_that_are_not_known_are_not_gathered_either():
+    body = bytearray(200)
+    body[0] = 0x7E
+    target = bytearray(300)
+    unknown = bytes(target[: wire.seal(body, 150, target, 0)])
+    parser, events, raws = parse(1000 * unknown + wires.frame(1))
+    assert parser.counts.unknown == 1000
+    assert max(map(len, raws)) < 9000 and b"".join(raws).endswith(wires.frame(1))
+    assert [e.seq for e in events if isinstance(e, Frame)] == [1]
+
+
+def test_a_restart_of_the_probe_begins_all_counts_anew():
+    before = wires.identified(1) + wires.frame(5000) + wires.estimate(1)
+    parser, events, _ = parse(before + wires.identified(2) + wires.frame(0) + wires.estimate(1))
+    assert [e.seq for e in events if isinstance(e, Frame)] == [5000, 0]
+    assert len([e for e in events if isinstance(e, Estimate)]) == 2
+    assert parser.frames.counts.restarts == 1 and parser.frames.counts.lost == 0
+
+
+@given(
+    st.integers(0, WRAP - 1),
+    st.lists(st.tuples(st.integers(0, 3), st.integers(-9, 0)), min_size=1, max_size=300),
+)
+def test_sequence_counts_agree_with_a_set_of_numbers(start, steps):
+    """Steps forward with gaps, and glances back: against bookkeeping with an unbounded set."""
+    counter, newest, seen, duplicates = Sequence(), start, set(), 0
+    for ahead, back in steps:
+        newest += ahead if seen else 0
+        number = max(newest + (back if ahead == 0 else 0), start)
+        fresh = number not in seen
+        assert counter.add(number % WRAP) == fresh
+        duplicates += not fresh
+        seen.add(number)
+    counts = counter.counts
+    assert counts.received == len(seen) and counts.duplicate == duplicates
+    assert counts.lost == max(seen) - start + 1 - len(seen)
+    assert counts.restarts == 0
+
+
+def test_more_than_a_day_of_device_time_unwraps_through_silences():
+    clock, rng = Unwrapper(), np.random.default_rng(5)
+    true = np.cumsum(rng.choice([5_000, 60_000_000, 4_500_000_000], 600, p=[0.8, 0.15, 0.05]))
+    got = np.array([clock(int(t) % WRAP, int(t) + 9_000_000) for t in true])
+    assert true[-1] > 24 * 3600e6
+    assert (np.diff(got) == np.diff(true)).all()
+
+
+@pytest.mark.parametrize("drift_ppm", [-80.0, 0.0, 35.0])
+def test_clock_sync_finds_offset_and_drift_through_jitter(drift_ppm):
+    rng, sync, offset = np.random.default_rng(6), ClockSync(), 1.7e15
+    for k in range(60):
+        probe = 1_000_000.0 * k + 1000
+        host = offset + probe / (1 + drift_ppm * 1e-6)
+        out, back = 200 + rng.exponential(300, 2)
+        sync.add(host - out, round(probe) % WRAP, (round(probe) + 50) % WRAP, host + 50 + back)
+    state = sync.state
+    assert abs(state.drift_ppm - drift_ppm) < 5
+    assert abs(sync.host_time_us(59_001_000) - (offset + 59_001_000 / (1 + drift_ppm * 1e-6))) < 200
+    assert 100 < state.uncertainty_us < 500
+
+
+def test_an_hour_at_a_thousandth_lost_is_counted_exactly_and_memory_stays_flat():
+    """Half a minute here, the hour below: the real firmware on a virtual clock, the wire between."""
+    from tests.host.link.simulated import stream_over_a_bad_line
+
+    told = stream_over_a_bad_line(minutes=0.5, seed=8)
+    assert told.received + told.lost == told.acquired
+    assert told.lost == told.missing > 0
+    assert told.grown_bytes < 200_000
+
+
+@pytest.mark.long
+def test_an_hour_of_streaming():
+    from tests.host.link.simulated import stream_over_a_bad_line
+
+    told = stream_over_a_bad_line(minutes=60, seed=9)
+    print(told)
+    assert told.received + told.lost == told.acquired
+    assert told.lost == told.missing > 0
+    assert told.grown_bytes < 200_000
+
+
+def test_echoes_and_unknown_messages_are_not_believed():
+    from palpate.link.commands import pack_command
+
+    parser, events, _ = parse(pack_command("identify", 3, (9,)) + wires.packet("boot", (1, 0))[:-3] + b"\0")
+    assert events == []
+    assert parser.counts.bad_crc + parser.counts.bad_frame == 1
+    assert messages.SCHEMA  # the table both ends share
+
+
+def test_a_slow_program_loses_the_oldest_frames_and_no_results():
+    from palpate.link.event_queue import EventQueue
+
+    data = b"".join(wires.frame(k) for k in range(50)) + wires.estimate(1) + wires.frame(50)
+    queue = EventQueue(frames_kept=8)
+    for event in parse(data)[1]:
+        queue.put(event)
+    got = []
+    while (event := queue.get(0)) is not None:
+        got.append(event)
+    assert [e.seq for e in got if isinstance(e, Frame)] == list(range(43, 51))
+    assert len([e for e in got if isinstance(e, Estimate)]) == 1
+    assert queue.dropped == 43
+
+
+def test_counts_are_unpacked_as_the_protocol_says():
+    from palpate.sim.probe.packed_frames import unpack
+
+    rng = np.random.default_rng(7)
+    counts = rng.integers(0, 4096, 416)
+    packed = bytearray()
+    for v, w in counts.reshape(-1, 2).tolist():
+        packed += bytes((v & 255, v >> 8 | (w & 15) << 4, w >> 4))  # docs/protocol.md, "frame"
+    assert (unpack(bytes(packed)) == counts).all()

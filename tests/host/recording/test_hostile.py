@@ -1,0 +1,133 @@
+"""Recordings made to do harm: limits hold, checksums are compared, and the rest is read."""
+
+import json
+import subprocess
+import sys
+import zlib
+
+import numpy as np
+import pytest
+import zstandard
+from click.testing import CliRunner
+from mcap.records import Chunk
+from mcap.writer import CompressionType, Writer
+
+from palpate.cli.convert import command as convert_command
+from palpate.link.events import Frame, Gap
+from palpate.recording import channels, chunks
+from palpate.recording.playback import open_recording
+from palpate.recording.reader import Recording
+from palpate.view.replay import ReplaySource
+from tests.host.link import wires
+from tests.host.recording.test_damage import FRAMES, HEAD, read, records_of, session
+
+BOMB = """
+import resource, sys, zstandard
+from palpate.recording.reader import Recording
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+said = Recording(sys.argv[1]).check()
+print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)
+print(said)
+"""
+
+
+def with_chunk(data, change):
+    """A sealed file with its first chunk changed."""
+    from palpate.recording import records
+
+    at, _, length = next(r for r in records_of(data) if r[1] == 6)
+    chunk = records.parse(6, data[at + HEAD.size : at + HEAD.size + length])
+    change(chunk)
+    from mcap.data_stream import RecordBuilder
+
+    built = RecordBuilder()
+    chunk.write(built)
+    return data[:at] + built.end() + data[at + HEAD.size + length :]
+
+
+@pytest.mark.parametrize("told", [2 << 30, 1000])
+def test_a_chunk_that_unpacks_to_two_gigabytes_takes_no_such_memory(tmp_path, told):
+    """A chunk of 197 kB that declares 2 GiB took 2 GB."""
+    path = tmp_path / "bomb.mcap"
+    zeros = zstandard.ZstdCompressor().compressobj(size=2 << 30)
+    block = bytes(1 << 24)
+    bomb = b"".join(zeros.compress(block) for _ in range(128)) + zeros.flush()
+
+    def swell(chunk):
+        chunk.data, chunk.uncompressed_size = bomb, told
+
+    path.write_bytes(with_chunk(session(path, True), swell))
+    out = subprocess.run([sys.executable, "-c", BOMB, path], capture_output=True, text=True, check=True)
+    grown_mb, said = out.stdout.splitlines()
+    assert int(grown_mb) < 150
+    assert "is damaged: a chunk" in said
+
+
+def test_a_chunks_checksum_is_compared_and_its_packets_are_still_read(tmp_path):
+    """1932 of 2634 messages were read past a wrong checksum, in silence."""
+    path = tmp_path / "crc.mcap"
+
+    def rot(chunk):
+        raw = bytearray(chunks.unpack(chunk)[0])
+        raw[len(raw) // 2] ^= 4
+        chunk.data = zstandard.compress(bytes(raw))
+
+    path.write_bytes(with_chunk(session(path, True), rot))
+    felt, _ = read(path)
+    assert FRAMES - 1 <= len(felt) <= FRAMES + 1
+    assert "checksum does not match" in Recording(path).check()
+
+
+def test_a_chunk_that_cannot_be_unpacked_is_a_sentence(tmp_path):
+    """It was an uncaught ZstdError."""
+    path = tmp_path / "zstd.mcap"
+
+    def spoil(chunk):
+        chunk.data = b"\xff" * 40 + chunk.data[40:]
+
+    path.write_bytes(with_chunk(session(path, True), spoil))
+    assert "cannot be unpacked" in Recording(path).check()
+    done = CliRunner().invoke(convert_command, [str(path), str(tmp_path / "out.csv")])
+    assert done.exit_code == 0 and "is damaged" in done.output
+
+
+@pytest.mark.parametrize("packing", ["zstd", "lz4", "", "rar"])
+def test_what_unpacks_within_limits_is_bounded(packing):
+    raw = np.random.default_rng(1).bytes(5000)
+    packed = {"zstd": zstandard.compress(raw), "lz4": raw, "": raw, "rar": raw}[packing]
+    data, wrong = chunks.unpack(Chunk(packing, packed, 0, 0, zlib.crc32(raw), len(raw)))
+    assert (data == raw and not wrong) if packing in ("zstd", "") else wrong
+
+
+WRONG_JSON = [
+    b"[]", b"null", b"3", b"{", b'"up"', b"{}", b'{"event":3}', b'{"event":"up"}',
+    b'{"event":"up","seconds":"x","reason":"y","restarted":1}',
+    b'{"event":"up","seconds":NaN,"reason":"y","restarted":1}',
+    b'{"event":"up","seconds":' + b"9" * 400 + b',"reason":"y","restarted":1}',
+    b'{"event":"up","seconds":' + b"9" * 9000 + b',"reason":"y","restarted":1}',
+    b'{"event":' + b"[" * 100_000 + b"]" * 100_000 + b"}", b"\xff\xfe{}", b'{"message":[]}',
+]  # fmt: skip
+
+
+def test_json_of_the_wrong_shape_is_passed_over(tmp_path):
+    """It was "unexpected KeyError", or RecursionError."""
+    path = tmp_path / "json.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType.NONE)
+        writer.start("palpate", "made up")
+        ids = {topic: writer.register_channel(topic, "json", 0) for topic in channels.TOPICS}
+        writer.add_message(ids[channels.WIRE_IN], 1, wires.identified() + wires.frame(0), 1)
+        for text in WRONG_JSON:
+            for topic in (channels.LINK, channels.LOG, channels.ESTIMATE):
+                writer.add_message(ids[topic], 2, text, 2)
+        good = {"event": "up", "seconds": 2, "reason": "back", "restarted": True}
+        writer.add_message(ids[channels.LINK], 3, json.dumps(good).encode(), 3)
+        writer.add_message(ids[channels.WIRE_IN], 4, wires.frame(1), 4)
+        writer.finish()
+    with open_recording(path) as played:
+        events = list(played.events())
+    assert [e.seq for e in events if isinstance(e, Frame)] == [0, 1]
+    assert [(e.seconds, e.reason, e.restarted) for e in events if isinstance(e, Gap)] == [(2.0, "back", True)]
+    source = ReplaySource(path)
+    for text in WRONG_JSON:
+        source._note_mark(0.0, text)

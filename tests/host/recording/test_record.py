@@ -1,0 +1,319 @@
+"""Recordings: whole to the last complete frame whatever happens, and the same session when played."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+from mcap.reader import make_reader
+
+from palpate.errors import DiskFull, NoSuchFile, NotARecording, NotLive, RecordingError, UnknownFormat
+from palpate.link.events import Estimate, Event, Frame, Gap
+from palpate.link.parser import LiveParser
+from palpate.link.probe import Probe
+from palpate.link.reader import LineReader
+from palpate.recording import channels
+from palpate.recording.convert import convert
+from palpate.recording.playback import open_recording
+from palpate.recording.reader import Recording
+from palpate.recording.writer import RecordingWriter
+from tests.host.link import wires
+from tests.host.probes import connect, settled
+from tests.host.processes import start_palpate
+from tests.waiting import PATIENCE_S
+
+WRITER = """
+import sys, time
+from palpate.link.parser import LiveParser
+from palpate.recording.writer import RecordingWriter
+from tests.host.link import wires
+writer, parser = RecordingWriter(sys.argv[1]), LiveParser()
+def put(data):
+    for event in parser.feed(data, time.time_ns()):
+        writer.received(parser.raw, event, time.time_ns())
+put(wires.identified())
+for k in range(int(sys.argv[2])):
+    put(wires.frame(k))
+    writer.check()
+    print(k, flush=True)
+writer.close()
+"""
+
+
+def record(path, data: bytes, seal=True) -> list[Event]:
+    parser, events = LiveParser(), []
+    writer = RecordingWriter(path)
+    for event in parser.feed(data, 1_700_000_000_000_000_000):
+        writer.received(parser.raw, event, event.host_ns)
+        events.append(event)
+    writer.received(parser.take_tail(), None, 1)
+    writer.close(seal)
+    return events
+
+
+def frames_of(path) -> list[int]:
+    with open_recording(path) as probe:
+        return [e.seq for e in probe.events() if isinstance(e, Frame)]
+
+
+@pytest.mark.parametrize("after", [1, 40, 200])
+def test_kill_9_leaves_every_frame_that_was_taken(tmp_path, after):
+    path = tmp_path / "killed.mcap"
+    with subprocess.Popen(
+        [sys.executable, "-c", WRITER, path, "100000"], stdout=subprocess.PIPE, text=True
+    ) as writer:
+        told = [int(writer.stdout.readline()) for _ in range(after)]
+        writer.send_signal(signal.SIGKILL)
+        told += [int(line) for line in writer.stdout.read().splitlines()]
+    recording = Recording(path)
+    assert not recording.finished
+    seen = frames_of(path)
+    assert seen == list(range(len(seen)))
+    assert len(seen) >= told[-1] + 1
+
+
+def test_a_file_cut_at_any_byte_opens_to_its_last_complete_frame(tmp_path):
+    whole = tmp_path / "whole.mcap"
+    record(whole, wires.identified() + b"".join(wires.frame(k) for k in range(3)), seal=False)
+    data = whole.read_bytes()
+    head = data.index(b"palpate recording") + 200
+    cut, before = tmp_path / "cut.mcap", 0
+    for at in [*range(head, len(data), 19), len(data)]:
+        cut.write_bytes(data[:at])
+        raw = b"".join(piece for _, _, piece in Recording(cut).wire())
+        parser = LiveParser()
+        seen = [e.seq for e in parser.feed(raw, 0) if isinstance(e, Frame)]
+        assert seen == list(range(len(seen))) and len(seen) >= before
+        before = len(seen)
+    assert before == 3
+
+
+def test_a_full_disk_is_said_and_costs_nothing_that_was_written(tmp_path):
+    path = tmp_path / "full.mcap"
+    run = subprocess.run(
+        [sys.executable, "-c", WRITER, path, "100000"], capture_output=True, text=True, check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000)),
+    )  # fmt: skip
+    assert f"{DiskFull.__name__}: the disk is full" in run.stderr
+    told = [int(line) for line in run.stdout.split()]
+    assert frames_of(path) == told
+    assert len(told) > 10
+
+
+def test_a_recording_holds_the_wire_byte_for_byte_damage_included(tmp_path):
+    damaged = bytearray(wires.frame(1))
+    damaged[100] ^= 1
+    data = wires.identified() + wires.frame(0) + bytes(damaged) + wires.frame(2) + b"\x07half"
+    path = tmp_path / "damage.mcap"
+    record(path, data)
+    assert b"".join(raw for _, _, raw in Recording(path).wire()) == data
+    with open_recording(path) as probe:
+        frames = [e for e in probe.events() if isinstance(e, Frame)]
+        assert [f.seq for f in frames] == [0, 2]
+        assert frames[1].lost_before == 1
+        assert probe.counts.bad_crc == 1 and probe.frame_counts.lost == 1
+
+
+def test_noise_reaches_the_disk_as_it_comes(tmp_path):
+    """Nothing was written while no packet came; a kill then lost all of it."""
+    noise = np.random.default_rng(5).integers(1, 256, 300_000, dtype=np.uint8).tobytes()
+    parser, path = LiveParser(), tmp_path / "noise.mcap"
+    writer = RecordingWriter(path)
+    for at in range(0, len(noise), 1000):
+        for event in parser.feed(noise[at : at + 1000], 1):
+            writer.received(parser.raw, event, 1)
+        kept = b"".join(raw for _, _, raw in Recording(path).wire()) if at % 100_000 == 0 else None
+        assert kept is None or (noise.startswith(kept) and len(kept) > at - 5000)
+    writer.received(parser.take_tail(), None, 1)
+    writer.close()
+    assert b"".join(raw for _, _, raw in Recording(path).wire()) == noise
+
+
+def test_a_quiet_line_leaves_nothing_in_memory(tmp_path):
+    """Half a packet, then silence: it is on disk before anything else comes."""
+    path, ours = tmp_path / "quiet.mcap", [b"\x07half"]
+
+    class Wire:
+        name = "made up"
+
+        def read(self, timeout_s):
+            return ours.pop() if ours else time.sleep(0.01) or b""
+
+        def close(self):
+            pass
+
+    reader = LineReader(Wire(), RecordingWriter(path))
+    deadline = time.monotonic() + PATIENCE_S
+    while not list(Recording(path).wire()) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert [raw for _, _, raw in Recording(path).wire()] == [b"\x07half"]
+    reader.close()
+    reader.recorder.close()
+
+
+@pytest.mark.parametrize("before", [b"", 400 * b"\xa5chatter of another program\n"])
+def test_a_recording_without_a_handshake_is_read(tmp_path, before):
+    """It was refused whole where the handshake was cut off, or came late."""
+    path = tmp_path / "without.mcap"
+    data = before + b"\0" + b"".join(wires.frame(k) for k in range(9))
+    record(path, data)
+    with open_recording(path) as played:
+        assert not played.identified and played.identity.serial == ""
+        assert [e.seq for e in played.events() if isinstance(e, Frame)] == list(range(9))
+    late = tmp_path / "late.mcap"
+    record(late, data + wires.identified() + wires.frame(9))
+    with open_recording(late) as played:
+        assert played.identified
+        assert [e.seq for e in played.events() if isinstance(e, Frame)] == list(range(10))
+    early = tmp_path / "early.mcap"
+    writer = RecordingWriter(early)
+    writer.close(seal=False)
+    with open_recording(early) as played:
+        assert list(played.events()) == []
+
+
+@pytest.mark.parametrize("sealed", [True, False])
+def test_other_programs_read_the_decoded_topics(tmp_path, sealed):
+    path = tmp_path / "foxglove.mcap"
+    rng = np.random.default_rng(1)
+    data = wires.identified() + b"".join(wires.frame(k, rng=rng) for k in range(5)) + wires.estimate(1)
+    events = record(path, data, sealed)
+    topics = {}
+    with path.open("rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages():
+            if schema is None:
+                continue
+            assert schema.encoding == "jsonschema" and channel.message_encoding == "json"
+            known = json.loads(schema.data)["properties"]
+            words = json.loads(message.data)
+            assert set(known) <= set(words)
+            topics.setdefault(channel.topic, []).append((message, words))
+    frames = [e for e in events if isinstance(e, Frame)]
+    message, image = topics[channels.IMAGE][3]
+    import base64
+
+    pascal = np.frombuffer(base64.b64decode(image["data"]), "<u2").reshape(16, 26)
+    assert np.abs(pascal - 1000 * frames[3].pressure_kPa.clip(0)).max() <= 0.5
+    assert (image["width"], image["height"], image["encoding"]) == (26, 16, "mono16")
+    assert message.publish_time == 1000 * frames[3].time_us
+    assert message.log_time == frames[3].host_ns
+    _, motion = topics[channels.MOTION][3]
+    assert motion["position_mm"] == pytest.approx(frames[3].position_mm)
+    _, estimate = topics[channels.ESTIMATE][0]
+    assert estimate["d_mm"] == {"value": 7.0, "low": 8.0, "high": 9.0}
+
+
+def test_a_session_played_is_the_session_that_was_live(emulated, tmp_path):
+    path = tmp_path / "session.mcap"
+    device = emulated("micropython")
+    with RecordingWriter(path) as writer, connect(device, writer) as probe:
+        probe.set_setting("frame_rate", 150_000)
+        live, unplugged = [], False
+        for event in probe.stream(strokes=1, timeout_s=PATIENCE_S):
+            live.append(event)
+            if not unplugged and sum(isinstance(e, Frame) for e in live) == 12:
+                device.unplug()
+                unplugged = True
+        settled(probe)
+        counts = probe.frame_counts
+        identity = probe.identity
+    with open_recording(path) as played:
+        assert played.identity.serial == identity.serial and not played.live
+        events = list(played.events())
+        assert played.frame_counts == counts
+        assert list(played.events()) == events, "it plays again from the beginning"
+    told = [e for e in live if isinstance(e, Frame | Estimate | Gap)]
+    again = [e for e in events if isinstance(e, Frame | Estimate | Gap)]
+    assert again[: len(told)] == told
+    gaps = [e for e in events if isinstance(e, Gap)]
+    assert [g.ended for g in gaps] == [False, True]
+    with pytest.raises(NotLive, match="is a recording, not a port"):
+        Probe.open(str(path))
+
+
+def test_all_formats_hold_the_same_table(tmp_path):
+    rng = np.random.default_rng(2)
+    data = wires.identified() + b"".join(wires.frame(k, rng=rng) for k in range(1203) if k != 7)
+    path = tmp_path / "table.mcap"
+    frames = [e for e in record(path, data + wires.estimate(1) + wires.estimate(2)) if isinstance(e, Frame)]
+    for name in ("t.csv", "t.parquet", "t.h5"):
+        done = convert(path, tmp_path / name)
+        assert (done.frames, done.estimates, done.lost) == (1202, 2, 1)
+        assert all(file.exists() for file in done.files)
+    truth = np.stack([f.pressure_kPa for f in frames])
+    csv = pd.read_csv(tmp_path / "t.csv")
+    parquet = pd.read_parquet(tmp_path / "t.parquet")
+    import h5py
+
+    with h5py.File(tmp_path / "t.h5") as file:
+        tables = {
+            "csv": csv.filter(like="_kPa").to_numpy().reshape(-1, 16, 26),
+            "parquet": np.stack(parquet["pressure_kPa"]).reshape(-1, 16, 26),
+            "h5": file["frames/pressure_kPa"][:],
+        }
+        assert file["estimates/d_mm_high"][:].tolist() == [9.0, 9.0]
+        assert (file["frames/seq"][:] == csv["seq"]).all()
+    for table in tables.values():
+        np.testing.assert_allclose(table, truth, rtol=1e-4, atol=1e-4)
+    assert (parquet["time_us"] == [f.time_us for f in frames]).all()
+    assert parquet["lost_before"].sum() == csv["lost_before"].sum() == 1
+    beside = pd.read_csv(tmp_path / "t.estimates.csv")
+    assert beside["d_mm"].tolist() == [7.0, 7.0] and beside["hardness"].tolist() == ["hard", "hard"]
+
+
+@pytest.mark.parametrize("suffix", ["parquet", "csv", "h5"])
+def test_a_disk_that_fills_while_converting_is_said_and_leaves_nothing(tmp_path, suffix):
+    path, out = tmp_path / "long.mcap", tmp_path / "out" / f"long.{suffix}"
+    out.parent.mkdir()
+    rng = np.random.default_rng(4)
+    record(path, wires.identified() + b"".join(wires.frame(k, rng=rng) for k in range(2100)))
+    small = (300_000, 300_000)
+    with start_palpate(
+        "convert", path, out, prepare=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, small)
+    ) as run:
+        _, err = run.communicate(timeout=PATIENCE_S)
+    assert run.returncode == 1
+    assert "Traceback" not in err
+    assert "the disk is full" in err.strip().splitlines()[-1]
+    assert list(out.parent.iterdir()) == []
+
+
+def test_what_is_no_recording_and_what_cannot_be_written(tmp_path):
+    (tmp_path / "text.mcap").write_text("not MCAP at all")
+    (tmp_path / "empty.mcap").touch()
+    for name in ("text.mcap", "empty.mcap"):
+        with pytest.raises(NotARecording, match="no MCAP"):
+            Recording(tmp_path / name)
+    with pytest.raises(NoSuchFile, match="check the name"):
+        Recording(tmp_path / "none.mcap")
+    good = tmp_path / "good.mcap"
+    record(good, wires.identified())
+    with pytest.raises(RecordingError, match="--overwrite"):
+        RecordingWriter(good)
+    with pytest.raises(RecordingError, match="choose another place"):
+        RecordingWriter(tmp_path / "text.mcap" / "place.mcap")
+    with pytest.raises(UnknownFormat, match=r"\.parquet"):
+        convert(good, tmp_path / "out.xlsx")
+    assert not list(tmp_path.glob(".*")), "a temporary file was left"
+
+
+def test_flipped_bytes_in_a_recording_never_end_in_a_traceback(tmp_path):
+    path = tmp_path / "flips.mcap"
+    record(path, wires.identified() + b"".join(wires.frame(k) for k in range(6)), seal=False)
+    data, rng = path.read_bytes(), np.random.default_rng(3)
+    for _ in range(150):
+        changed = bytearray(data)
+        changed[int(rng.integers(8, len(data)))] ^= 1 << int(rng.integers(8))
+        path.write_bytes(changed)
+        recording = Recording(path)
+        raw = b"".join(piece for _, _, piece in recording.wire())
+        seen = [e.seq for e in LiveParser().feed(raw, 0) if isinstance(e, Frame)]
+        assert set(seen) <= set(range(6))
+        assert isinstance(recording.check(), str)
+    os.unlink(path)

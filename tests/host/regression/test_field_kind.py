@@ -1,0 +1,235 @@
+"""The field kind on a small set of committed strokes: honest splits, and intervals that cover."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from palpate.model_export import exporter
+from palpate.model_export import image_builder as image
+from palpate.model_export.fixed_point.reference import evaluate
+from palpate.model_export.schema import ModelSpec
+from palpate.regression import ridge
+from palpate.regression.field import data, design, fit, model, recipe, score, tissues
+from palpate.regression.field.observer import Observer
+from palpate.regression.field.study import STUDIES, study_table
+from palpate.regression.observed import ObservedStrokes, observe
+from palpate.regression.table import TableError
+from palpate.report.study_figures import save_study_figure
+from palpate.sim.probe.sensors import LEVELS
+from palpate.sim.tissue import Case
+
+STROKES = Path(__file__).parent / "data"
+SIGNATURE = 900
+"""Bytes, by the key that `palpate keygen` makes if nothing is said."""
+
+
+def test_no_lump_is_in_two_parts_and_none_is_lost():
+    parts = data.split(101)
+    together = np.concatenate([parts.train, parts.calibration, parts.test])
+    assert sorted(together) == list(range(101))
+    assert data.split(101).test.tolist() == parts.test.tolist(), "the split is the same every time"
+    assert data.split(101, seed=2).test.tolist() != parts.test.tolist()
+
+
+def test_test_lumps_are_never_fitted_to(bench, parts):
+    train, calibration, test, _ = parts
+    assert not set(test.group) & (set(train.group) | set(calibration.group))
+    assert not set(train.group) & set(calibration.group)
+
+
+def test_the_same_seed_gives_the_same_strokes_and_another_seed_others(bench):
+    some = bench.lumps[:2]
+    a, b, c = (observe(some, "typical", seed) for seed in (5, 5, 6))
+    assert np.array_equal(a.X, b.X) and not np.array_equal(a.X, c.X)
+
+
+def test_a_small_field_model_holds_on_lumps_it_never_saw(fitted, parts):
+    answers = fitted.answer(parts[2])
+    found = score.scores(parts[2], answers.value, answers.lump)
+    assert found["t_r2"] > 0.97 and found["d_r2"] > 0.8 and found["h_r2"] > 0.8
+    assert found["hard_soft_far"] > 0.8
+
+
+def test_moving_frames_to_the_mean_force_is_what_makes_it_hold(bench, parts, fitted):
+    """Without the force map the hand's wandering turns into ripple of the map (FACTS, "The sensor")."""
+    bare = recipe.Recipe("bare", recipe.PILOT_FEATURES, 1, force_map=False)
+    train, calibration, test, _ = bench.parts("typical", False, draws=(2, 2, 2))
+    poor = model.fit_field_model(bare, train, calibration).answer(test)
+    good = fitted.answer(parts[2])
+    with_map = score.scores(parts[2], good.value, good.lump)["d_error"]
+    assert with_map < 0.7 * score.scores(test, poor.value, poor.lump)["d_error"]
+
+
+def test_the_written_model_says_what_the_fitted_one_says(fitted, parts, bench, tmp_path):
+    """ModelSpec through model.json, evaluated as the compiler does it, against the model that was scored."""
+    spec = fitted.spec({"hash": model.hash_of(parts[0], parts[1]), "n": 1}, bench.force_map.as_dict())
+    spec.save(tmp_path / "model.json")
+    read = ModelSpec.load(tmp_path / "model.json")
+    test = parts[2]
+    answers, said = fitted.answer(test), evaluate(read, test.columns(read.features))
+    assert said["value"] == pytest.approx(answers.value)
+    assert said["low"] == pytest.approx(answers.low) and said["high"] == pytest.approx(answers.high)
+    assert said["in_domain"].tolist() == answers.in_domain.tolist()
+    assert said["hardness"].tolist() == answers.hardness.tolist()
+
+
+def test_plain_tissue_is_no_lump(bench, fitted):
+    observed = bench.observe(bench.plain, np.arange(len(bench.plain)), "typical", 2, 400)
+    assert not observed.lump.any()
+    assert fitted.lump(observed).mean() < 0.05
+
+
+def test_the_whole_fit_is_one_json_document_that_names_what_it_left_out(strokes):
+    said: list[tuple[str, int, int]] = []
+    result = fit.fit_field(strokes, levels=(), recipes=(), progress=lambda *words: said.append(words))
+    document = json.loads(json.dumps(result.to_dict(), allow_nan=False))
+    left_out = {why: n for why, n in document["excluded"].items() if why.startswith("test")}
+    test_strokes = len(result.test)
+    one = next(row for row in document["held_out"] if row["strokes"] == 1)
+    assert one["n"] + sum(left_out.values()) == test_strokes
+    assert {"false_alarms", "flagged_inside", "decided", "E_is_a_bound"} <= set(document)
+    assert len(result.tables()) == 7
+    done = {what: (n, of) for what, n, of in said}
+    assert {"strokes observed through the sensors", "terms chosen", "models fitted", "models scored"} == set(
+        done
+    )
+    assert all(n == of for n, of in done.values())
+    assert result.spec.force_map is not None and result.spec.training["noise"] == "typical"
+    # Whatever it was fitted to, the recipe's image has room in the probe's slot and on slow links.
+    prepared, _, force_map = exporter.prepare(result.spec)
+    assert len(image.build(result.spec, prepared, force_map, counter=1)) + SIGNATURE < 8000
+
+
+def test_lumps_of_another_seed_are_known_as_such(strokes):
+    pair = strokes.lumps[0]
+    first = dataclasses.replace(pair.low, case=design.lump_cases(1, data._LUMPS_SEED)[0])
+    own = dataclasses.replace(strokes, lumps=[dataclasses.replace(pair, low=first)])
+    assert data.of_the_command(own) and not data.of_the_command(strokes)
+
+
+def test_strokes_without_a_partner_are_counted_not_used(strokes):
+    pair = strokes.lumps[0]
+    pairs, alone = design.pairs_of([pair.low, strokes.lumps[1].low, pair.high])
+    assert len(pairs) == 1 and alone == [strokes.lumps[1].low.code]
+    assert pairs[0].case.F_rel == pytest.approx(pair.low.case.F_rel * 1.4**0.5)
+
+
+def test_an_empty_directory_is_refused_in_one_sentence(tmp_path):
+    with pytest.raises(TableError, match="no strokes in pairs"):
+        data.read(tmp_path)
+    with pytest.raises(ValueError, match="no noise level 'awful'"):
+        observe([], "awful", 1)
+
+
+def test_strokes_over_another_tissue_are_not_fitted_to_in_silence():
+    with pytest.raises(TableError, match="gland_ratio 6, not 8; name another directory"):
+        data.prepare(STROKES, rim=0, wide=0, tissue={"gland_ratio": 8.0})
+    assert data.prepare(STROKES, rim=0, wide=0).lumps
+
+
+def test_the_design_fills_the_range_and_no_lump_cases_have_none():
+    cases = design.lump_cases(32)
+    assert len(cases) == 64
+    mean = [np.sqrt(a.F_rel * b.F_rel) for a, b in zip(cases[::2], cases[1::2])]
+    assert min(mean) >= 0.3 and max(mean) <= 1.0
+    assert {c.gland_ratio for c in design.lump_cases(4, tissue={"gland_ratio": 4.0})} == {4.0}
+    plain = design.no_lump_cases(16)
+    assert not any(c.has_lump for c in plain) and all(3.9 < c.t_mm < 40.1 for c in plain)
+    assert not design.inside(Case(25.0, 0.8, 10.0)) and design.inside(Case(15.0, 0.8, 10.0))
+
+
+def test_ridge_finds_a_polynomial_and_judges_on_whole_lumps():
+    rng = np.random.default_rng(2)
+    z = rng.uniform(-1, 1, (400, 3))
+    terms = ridge.all_terms(3, 3)
+    assert len(terms) == 20 and terms[0] == ()
+    A = ridge.monomials(z, terms)
+    assert A[:, terms.index((0, 0, 2))] == pytest.approx(z[:, 0] ** 2 * z[:, 2])
+    truth = rng.normal(size=(20, 2))
+    found = ridge.fit_ridge(A, A @ truth, [len(t) for t in terms], np.arange(400) // 4)
+    assert found.coefficients == pytest.approx(truth, abs=0.01)
+    # Copies of a lump in every fold make noise look learnable; whole lumps do not.
+    noise = np.repeat(rng.normal(size=(40, 1)), 10, axis=0)
+    z = np.repeat(rng.uniform(-1, 1, (40, 3)), 10, axis=0)
+    A = ridge.monomials(z, terms)
+    honest = ridge.fit_ridge(A, noise, [len(t) for t in terms], np.arange(400) // 10)
+    fooled = ridge.fit_ridge(A, noise, [len(t) for t in terms], np.arange(400))
+    assert fooled.error[0] < honest.error[0]
+
+
+def test_strokes_seen_by_many_processes_are_those_seen_by_one(bench):
+    some = [int(k) for k in range(40)]
+    fields = [bench.lumps[k] for k in some]
+    words = {"noise": LEVELS["typical"], "seeds": (3, 4), "groups": some, "force_map": bench.blob}
+    with Observer(workers=1) as one, Observer(workers=2, worth_a_pool=1) as two:
+        observed = one.observe(fields, **words)
+        together = two.observe(fields, **words)
+        assert two._pool is not None
+    assert np.array_equal(observed.X, together.X) and observed.group.tolist() == some + some
+
+
+def test_cubic_terms_are_kept_by_what_they_are_worth():
+    rng = np.random.default_rng(6)
+    z = rng.uniform(-1, 1, (600, 4))
+    small = recipe.Recipe("small", ("a", "b", "c", "d"), 2, cubic=("a", "b", "c", "d"), most_cubic=2)
+    Y = z[:, :1] + 0.5 * (z[:, 0] * z[:, 1] * z[:, 2])[:, None] + 0.5 * z[:, 3:] ** 3
+    Y = np.hstack([Y + 0.01 * rng.normal(size=Y.shape), z[:, 1:2] ** 2])
+    terms = small.terms(z, Y, np.arange(600) // 2)
+    assert len(small.candidates()) == 35 and len(terms) == 17
+    assert set(terms[15:]) == {(0, 1, 2), (3, 3, 3)}
+
+
+def test_averaging_strokes_needs_the_lump_in_all_of_them():
+    Y = np.tile([50.0, 10.0, 10.0, 0.5, 0.2], (6, 1))
+    group = np.array([0, 0, 0, 1, 1, 1])
+    observed = ObservedStrokes(np.zeros((6, 28)), np.zeros(6, int), Y, np.ones(6, bool), group)
+    y = np.arange(30.0).reshape(6, 5)
+    found = np.array([1, 1, 1, 1, 0, 1], bool)
+    mean_observed, mean, lost = score.averaged(observed, y, found, strokes=3)
+    assert lost == 1 and mean_observed.group.tolist() == [0]
+    assert mean[0] == pytest.approx(y[:3].mean(0))
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_study_runs_and_says_how_good_its_first_setting_is(bench, name):
+    row = next(STUDIES[name].run(bench))
+    assert row["setting"] and 0 < row["d_error"] < 0.2 and row["n"] > 0
+
+
+def test_strokes_over_another_tissue_are_simulated_once_and_scored(bench, fitted, tmp_path):
+    changes = {"gland_ratio": 8.0}
+    pairs = tissues.other_tissue(tmp_path, changes, lumps=4, workers=1)
+    assert {pair.case.gland_ratio for pair in pairs} == {8.0}
+    (written,) = tmp_path.glob("*/strokes.parquet")
+    before = written.stat().st_mtime_ns
+    assert len(tissues.other_tissue(tmp_path, changes, lumps=4, workers=1)) == len(pairs)
+    assert written.stat().st_mtime_ns == before
+    observed = observe(data.stroke_fields(pairs), "typical", 1, force_map=bench.blob)
+    row = tissues.tissue_row("gland 8 times the fat", fitted, observed)
+    assert -0.5 < row["d_bias"] < 0.5 and 0 <= row["flagged"] <= 1 and 0 <= row["covered_d"] <= 1
+    result = pd.DataFrame([row])
+    heads, rows = study_table(tissues.TISSUE_STUDY, result)
+    assert "flagged" in heads and len(rows[0]) == len(heads)
+
+
+def test_a_study_retrains_for_each_setting_and_draws_one_figure(bench, tmp_path):
+    study = STUDIES["pitch"]
+    result = study.table(bench)
+    assert list(result["setting"]) == ["1.5 mm (16 rows)", "3 mm (8 rows)"]
+    assert result["d_error"].between(0, 0.2).all()
+    heads, rows = study_table(study, result)
+    assert len(heads) == len(rows[0]) == len(rows[1])
+    save_study_figure(study, result, tmp_path / "pitch.svg")
+    assert (tmp_path / "pitch.svg").read_text().count("3 mm (8 rows)") == 1
+
+
+def test_fewer_bits_and_coarser_cells_change_what_the_pipeline_gets(bench):
+    some = bench.lumps[:1]
+    fine = observe(some, "typical", 3)
+    coarse = observe(some, "typical", 3, alter=lambda counts: counts // 64 * 64 + 32)
+    assert not np.array_equal(fine.X, coarse.X)
+    assert coarse.columns(["ln_base"]) == pytest.approx(fine.columns(["ln_base"]), abs=0.05)

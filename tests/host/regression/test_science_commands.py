@@ -1,0 +1,128 @@
+"""`palpate fit` and `palpate study`: the whole on few strokes; invalid arguments refused before any work."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from palpate.cli import fit, study
+from palpate.errors import PalpateError, UsageError
+from palpate.model_export.schema import ModelSpec
+from palpate.report import measured
+from tests.docs.test_reference import fields_in_the_page
+
+STROKES = Path(__file__).parent / "data"
+
+
+def test_one_command_goes_from_strokes_to_a_model_and_its_held_out_table(tmp_path):
+    """On few lumps; nothing is simulated, since all parts are there."""
+    out = tmp_path / "m.json"
+    words = [
+        str(STROKES),
+        "--kind",
+        "field",
+        "--out",
+        str(out),
+        "--noise",
+        "good",
+        "--workers",
+        "1",
+        "--json",
+    ]
+    result = CliRunner().invoke(fit.command, words)
+    assert result.exception is None, result.output
+    said = json.loads(result.stdout)
+    assert {row["noise"] for row in said["held_out"]} == {"none", "good", "typical", "poor"}
+    assert {row["strokes"] for row in said["held_out"] if row["model"] == "field"} == {1, 4}
+    assert 0 <= said["flagged_inside"] < said["flagged_or_not_found_outside"] <= 1
+    assert said["outside_strokes"] > 0 and said["training"]["rim_lumps"] > 0
+    distances = said["flagged_by_distance"]
+    assert distances[0]["from"] is None and distances[-1]["to"] is None
+    assert all(0 <= row["flagged"] <= 1 and row["strokes"] > 0 for row in distances)
+    assert said["excluded"] and said["detectability"] and said["coverage"]
+    assert ModelSpec.load(out).training["noise"] == "good"
+    assert set(said) == fields_in_the_page("fit-field")
+    assert said["measured"] == {"map": None, "force_curves": []}
+
+
+def test_what_was_measured_is_fitted_placed_and_printed(tmp_path):
+    """Two lumps of the simulation's own kind, in other units: each is found where it was taken from."""
+    x = np.linspace(-25, 25, 41)
+    rows = zip(x, 4 + 1.5 * np.exp(-0.5 * ((x - 2) / 6) ** 2))
+    (tmp_path / "map.csv").write_text("x,p\n" + "".join(f"{a:.3f},{b:.5f}\n" for a, b in rows))
+    curves = measured.simulated_curves()
+    weights = []
+    for E in (1.0, 5.0):
+        lines = "".join(f"{30 * float(curves[E](s)):.5f},{25 * s:.4f}\n" for s in (0.05, 0.1, 0.15, 0.2))
+        weights.append(tmp_path / f"like-{E:g}.csv")
+        weights[-1].write_text("force,mm\n" + lines)
+    found = measured.measure(tmp_path / "map.csv", weights, thickness_mm=25.0)
+    said = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert said["map"]["centre_mm"] == pytest.approx(2.0, abs=0.01)
+    assert said["map"]["stdev_mm"] == pytest.approx(6.0, rel=0.01)
+    assert abs(said["map"]["skewness"]) < 0.01 and said["map"]["rms_kPa"] < 0.01
+    placed = {one["table"]: one for one in said["force_curves"]}
+    assert placed["like-5"]["E_ratio"] == pytest.approx(5.0, rel=0.05)
+    assert placed["like-5"]["misfit"] < 0.01 and placed["like-1"]["E_ratio"] < 1.1
+    text = "".join(str(c) for table in found.tables() for column in table.columns for c in column.cells)
+    assert "skewness" in text and "like-5" in text
+
+
+def test_a_measured_file_that_is_not_there_is_said_before_the_work(tmp_path):
+    words = ["--out", str(tmp_path / "m.json"), "--recording", str(tmp_path / "absent.csv")]
+    result = CliRunner().invoke(fit.command, [str(tmp_path), "--kind", "field", *words])
+    assert isinstance(result.exception, PalpateError) and "absent.csv" in str(result.exception)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--noise", "awful"], "no noise level 'awful'; there are none, good, typical, poor"),
+        (["--kind", "field", "--tissue", "d_mm=4"], "there is no 'd_mm' in a case's tissue; there are"),
+        (["--kind", "field", "--tissue", "gland_ratio=soft"], "'soft' is not a number"),
+    ],
+)
+def test_invalid_arguments_to_fit_are_refused(tmp_path, words, sentence):
+    result = CliRunner().invoke(fit.command, [str(tmp_path), "--out", str(tmp_path / "m.json"), *words])
+    assert isinstance(result.exception, UsageError) and sentence in str(result.exception)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_study_is_printed_and_drawn_by_one_command(tmp_path):
+    figure = tmp_path / "pitch.svg"
+    result = CliRunner().invoke(study.command, ["pitch", str(STROKES), "--figure", str(figure), "--json"])
+    assert result.exception is None, result.output
+    said = json.loads(result.stdout)
+    assert [row["setting"] for row in said["rows"]] == ["1.5 mm (16 rows)", "3 mm (8 rows)"]
+    assert figure.read_text(encoding="utf-8").startswith("<?xml")
+
+
+def test_a_study_that_does_not_exist_and_a_directory_without_strokes_are_refused(tmp_path):
+    result = CliRunner().invoke(study.command, ["colour", str(tmp_path)])
+    assert isinstance(result.exception, UsageError) and "no study 'colour'" in str(result.exception)
+    result = CliRunner().invoke(study.command, ["noise", str(tmp_path)])
+    assert isinstance(result.exception, PalpateError) and "no strokes in pairs" in str(result.exception)
+
+
+def test_strokes_over_another_shape_are_refused_by_name(tmp_path):
+    """The shape is a word: the sentence was once written for numbers alone, and failed over it."""
+    from palpate.regression.field import data
+    from palpate.sim.tissue import Case
+
+    class Pair:
+        case = Case(10.0, 0.8, 10.0, shape="ball")
+
+    strokes = data.FieldStrokes([Pair()], [], [], [], {})
+    with pytest.raises(PalpateError, match="holds strokes with shape ball, not cylinder"):
+        data._check_tissue(strokes, {}, tmp_path)
+
+
+def test_a_directory_that_is_missing_is_not_simulated_unasked(tmp_path):
+    """A mistyped name began 4096 simulations."""
+    words = [str(tmp_path / "typo"), "--kind", "field", "--out", str(tmp_path / "m.json")]
+    result = CliRunner().invoke(fit.command, words)
+    assert isinstance(result.exception, UsageError) and "--lumps" in str(result.exception)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,93 @@
+"""`palpate view` as a user types it."""
+
+from __future__ import annotations
+
+import re
+import signal
+import socket
+import urllib.request
+
+import pytest
+
+from tests.host.processes import start_palpate
+from tests.host.view.waiting import PATIENCE_S
+
+
+def test_help_shows_examples_that_name_both_uses(palpate):
+    status, out, _ = palpate("view", "--help")
+    assert status == 0
+    assert "palpate view --port auto" in out and "palpate view monday.mcap" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((), "either --port PORT for a probe or the FILE.mcap"),
+        (("a.mcap", "--port", "auto"), "either --port PORT"),
+        (("nowhere.mcap",), "there is no recording nowhere.mcap"),
+        (("notes.txt",), "should end in .mcap"),
+        (("--port", "auto", "--http-port", "99999"), "99999"),
+    ],
+)
+def test_invalid_arguments_are_one_sentence_and_status_2(palpate, words, said):
+    status, out, err = palpate("view", "--no-browser", *words)
+    assert status == 2 and out == ""
+    assert said in err and err.count("\n") == 1 and "Traceback" not in err
+
+
+def test_a_file_that_is_no_recording_is_refused(palpate, tmp_path):
+    (tmp_path / "x.mcap").write_bytes(b"hello")
+    status, _, err = palpate("view", "--no-browser", tmp_path / "x.mcap")
+    assert status == 2 and "is not a recording" in err
+
+
+def test_a_port_in_use_is_said_with_what_to_do(palpate):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        status, _, err = palpate(
+            "view", "--no-browser", "--port", "socket://127.0.0.1:9", "--http-port", port
+        )
+    assert status == 1 and "in use" in err and "--http-port" in err
+
+
+def test_it_serves_until_interrupted_and_ends_cleanly(tmp_path):
+    process = start_palpate(
+        "view", "--port", "socket://127.0.0.1:9", "--no-browser", "--http-port", 0, "--recordings", tmp_path
+    )
+    try:
+        line = process.stdout.readline()
+        url, token = re.search(r"(http://localhost:\d+/)\?token=([\w-]{20,})", line).groups()
+        with pytest.raises(urllib.error.HTTPError) as refused:
+            urllib.request.urlopen(url, timeout=PATIENCE_S)
+        assert refused.value.code == 401
+        request = urllib.request.Request(url, headers={"Authorization": f"Bearer {token}"})
+        with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
+            assert b"<title>Palpate</title>" in answer.read()
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=PATIENCE_S)
+    finally:
+        process.kill()
+    assert process.returncode in (0, 130) and "Traceback" not in err
+
+
+def test_beyond_localhost_the_printed_link_holds_a_token(tmp_path):
+    process = start_palpate(
+        "view", "--port", "socket://127.0.0.1:9", "--no-browser", "--http-port", 0, "--host", "0.0.0.0",
+        "--recordings", tmp_path,
+    )  # fmt: skip
+    try:
+        line = process.stdout.readline()
+        port, token = re.search(r":(\d+)/\?token=([\w-]{20,})", line).groups()
+        with pytest.raises(urllib.error.HTTPError) as refused:
+            urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=PATIENCE_S)
+        assert refused.value.code == 401
+        request = urllib.request.Request(
+            f"http://127.0.0.1:{port}/", headers={"Authorization": f"Bearer {token}"}
+        )
+        with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
+            assert answer.status == 200
+    finally:
+        process.kill()
+        process.communicate()

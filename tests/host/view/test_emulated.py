@@ -1,0 +1,271 @@
+"""The whole way: firmware in its interpreter, the link, the viewer, a real browser."""
+
+from __future__ import annotations
+
+import os
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+from palpate.link import emulated as notes
+from palpate.link.events import Estimate, Gap
+from palpate.link.flash import flash
+from palpate.link.probe import Probe
+from palpate.recording.playback import open_recording
+from palpate.view.live import LiveSource
+from palpate.view.phrases import depth_mm
+from palpate.view.read_strokes import load_strokes
+from palpate.view.replay import ReplaySource
+from palpate.view.translate import estimate as as_shown
+from tests.host.view.waiting import PATIENCE_S, eventually, noticed, recording_begun, see
+
+pytestmark = pytest.mark.browser
+
+SLOWLY = 0.001
+
+
+@pytest.fixture
+def probe(emulated, images):
+    """An emulated probe with a model, strokes without end, on a TCP port that outlives an unplug."""
+    made = emulated("cpython", listen="tcp:127.0.0.1:0", repeat=True, serial=b"LEFTHAND")
+    with Probe.open(made.port) as client:
+        flash(client, images[0])
+    return made
+
+
+@pytest.fixture(scope="module")
+def recording(strokes, public_key, images, tmp_path_factory):
+    """Three strokes on MicroPython, recorded."""
+    from palpate.recording.session import recorded
+    from palpate.sim.probe.emulated import EmulatedProbe
+
+    path = tmp_path_factory.mktemp("recording") / "monday.mcap"
+    three = [*strokes, strokes[0]]  # and no more, however long the recording goes on after the third
+    with EmulatedProbe("micropython", strokes=three, public_key=public_key) as made:
+        with Probe.open(made.port) as client:
+            flash(client, images[0])
+        with recorded(made.port, path) as client:
+            estimates = [e for e in client.stream(strokes=3, timeout_s=PATIENCE_S) if isinstance(e, Estimate)]
+    return path, estimates
+
+
+def numbers_of(estimate: Estimate) -> dict[str, str]:
+    """What the card must say of an estimate."""
+    shown = as_shown(estimate)
+    depth = depth_mm(shown.t_mm, shown.d_mm, shown.h)
+    wanted = {"d_mm": shown.d_mm, "depth_mm": depth, "t_mm": shown.t_mm}
+    out = {key: f"{v.value:.1f} mm {v.low:.1f} to {v.high:.1f}" for key, v in wanted.items()}
+    force = shown.F_N_per_m
+    out["F_N_per_m"] = f"{force.value:.0f} N/m {force.low:.0f} to {force.high:.0f}"
+    return out
+
+
+def numbers_on(page) -> dict[str, str]:
+    """What the card says, on one line each, without labels and scales."""
+    found = {}
+    for node in page.locator("#card [data-key]").all():
+        value = " ".join(node.locator("dd", has=page.locator(".number")).inner_text().split())
+        between = re.search(r"[\d.]+ to [\d.]+", node.locator(".range-text").inner_text())
+        key = node.get_attribute("data-key")
+        if key != "stiffness":
+            found[key] = f"{value.split(between[0])[0].strip()} {between[0]}"
+    return found
+
+
+def test_a_stroke_appears_and_the_card_says_what_the_probe_said(probe, viewer, open_page, tmp_path):
+    running = viewer(LiveSource(probe.port))
+    page = open_page(running)
+    expect(page.locator("#link-text")).to_have_text("Connected")
+    expect(page.locator("#device")).to_contain_text("LEFTHAND")
+    recording_begun(page)
+    see(page, '[data-step="stroke"].on')  # these strokes know no rest
+    see(page, "#map-legend", "fit by the probe")
+    expect(page.locator("#stroke-3")).to_be_visible()
+    page.keyboard.press("r")
+    expect(page.locator("#record-text")).to_have_text("Record")
+    (file,) = (tmp_path / "recordings").glob("*.mcap")
+    with open_recording(file) as recorded:
+        said = {e.stroke: e for e in recorded.events() if isinstance(e, Estimate)}
+    assert said
+
+    def numbers() -> dict[float, int]:
+        known = running.session.visits.strokes()
+        return {round(s.estimate.time_s, 3): s.number for s in known if s.estimate is not None}
+
+    times = {round(e.time_us * 1e-6, 3) for e in said.values()}
+    eventually(lambda: times <= set(numbers()))  # the file may be ahead of the page
+    by_time = numbers()
+    for estimate in said.values():
+        number = by_time[round(estimate.time_us * 1e-6, 3)]
+        page.locator(f"#stroke-{number}").click()
+        expect(page.locator("#image-note")).to_have_text(f"stroke {number}")
+        expect(page.locator("#estimate-which")).to_contain_text(f"stroke {number},")
+        assert numbers_on(page) == numbers_of(estimate)
+        expect(page.locator("#card .foot")).to_contain_text(estimate.model_id.hex())
+
+
+def test_health_is_shown_and_nothing_is_lost(probe, viewer, open_page):
+    page = open_page(viewer(LiveSource(probe.port)))
+    expect(page.locator("#h-latency")).not_to_have_text("–")
+    expect(page.locator("#h-rate")).not_to_have_text("0")
+    expect(page.locator("#h-lost")).to_have_text("0")
+    expect(page.locator("#h-crc")).to_have_text("0")
+
+
+def test_unplugged_it_says_so_and_plugged_in_again_it_goes_on(probe, viewer, open_page, tmp_path):
+    page = open_page(viewer(LiveSource(probe.port)))
+    expect(page.locator("#stroke-1")).to_be_visible()
+    recording_begun(page)
+    begun = page.locator("#strokes [data-number]").count()
+    expect(page.locator(f"#stroke-{begun + 1}")).to_be_visible()
+    probe.cut_power()
+    probe.unplug()
+    expect(page.locator("#banner")).to_contain_text("The probe is gone")
+    expect(page.locator("body")).to_have_attribute("data-link", "gone")
+    seen = page.locator("#strokes [data-number]").count()
+    probe.start()
+    expect(page.locator("#banner")).to_be_hidden()
+    expect(page.locator(f"#stroke-{seen + 1}")).to_be_visible()
+    page.keyboard.press("r")
+    expect(page.locator("#record-text")).to_have_text("Record")
+    (file,) = (tmp_path / "recordings").glob("*.mcap")
+    with open_recording(file) as recorded:
+        gaps = [e for e in recorded.events() if isinstance(e, Gap)]
+    assert [g.ended for g in gaps] == [False, True] and gaps[1].restarted
+
+
+def test_a_page_opened_before_the_probe_is_there_waits_for_it(emulated, viewer, open_page):
+    made = emulated("cpython", listen="tcp:127.0.0.1:0")
+    port = made.port
+    made.cut_power()
+    page = open_page(viewer(LiveSource(port)))
+    expect(page.locator("#banner")).to_contain_text("Trying again")
+    made.start()
+    expect(page.locator("#link-text")).to_have_text("Connected")
+    expect(page.locator("#card .verdict")).to_have_text("No model on the probe")
+
+
+def test_the_page_puts_a_model_on_a_probe_that_has_none(emulated, viewer, open_page, images, tmp_path):
+    """The page held the port, and told its reader to use another program that needs it."""
+    made = emulated("cpython", listen="tcp:127.0.0.1:0", repeat=True)
+    page = open_page(viewer(LiveSource(made.port)))
+    expect(page.locator("#card .verdict")).to_have_text("No model on the probe")
+    broken, whole = tmp_path / "broken.palp", tmp_path / "whole.palp"
+    broken.write_bytes(images[0][:-1] + b"?")
+    whole.write_bytes(images[0])
+    page.locator("#card button").click()
+    page.locator("#flash-file").set_input_files(broken)
+    expect(page.locator("#flash-state")).to_contain_text("signature does not fit")
+    page.locator("#flash-file").set_input_files(whole)
+    noticed(page, "The probe has model")
+    expect(page.locator("#card .verdict")).not_to_have_text("No model on the probe")
+    expect(page.locator("#device")).to_contain_text("model ")
+
+
+def test_where_any_probe_will_do_a_replaced_one_is_found(emulated, viewer, open_page):
+    """A restarted emulator, or another board on the bench, was never found again."""
+    first = emulated("cpython", listen="tcp:127.0.0.1:0", repeat=True, serial=b"FIRST001")
+    note = notes.leave(notes.Note(first.port, os.getpid(), "d10h08e10f10", "cpython"))
+    page = open_page(viewer(LiveSource("auto")))
+    expect(page.locator("#device")).to_contain_text("FIRST001")
+    note.unlink()
+    first.stop()
+    expect(page.locator("#link-text")).to_have_text("Probe gone")
+    second = emulated("cpython", listen="tcp:127.0.0.1:0", repeat=True, serial=b"SECOND02")
+    notes.leave(notes.Note(second.port, os.getpid(), "d10h08e10f10", "cpython"))
+    expect(page.locator("#device")).to_contain_text("SECOND02")
+    expect(page.locator("#link-text")).to_have_text("Connected")
+
+
+def test_at_its_end_a_recording_rests_on_its_last_stroke(recording, viewer, open_page):
+    source = ReplaySource(recording[0])
+    source.set_speed(50)
+    page = open_page(viewer(source, mode="replay"))
+    expect(page.locator("#link-text")).to_have_text("Played to its end")
+    expect(page.locator("#image-note")).to_have_text("stroke 3")
+    expect(page.locator("#now-peak")).not_to_have_text("–")
+    source.set_speed(SLOWLY)
+    page.keyboard.press("Space")
+    expect(page.locator("#image-note")).to_have_text("")
+
+
+def test_a_recording_is_replayed_with_the_same_estimates(recording, viewer, open_page):
+    path, estimates = recording
+    page = open_page(viewer(ReplaySource(path), mode="replay"))
+    expect(page.locator("#transport")).to_be_visible()
+    expect(page.locator("#ticks .stroke")).to_have_count(3)
+    for number, estimate in enumerate(estimates, 1):
+        page.locator(f"#stroke-{number}").click()
+        expect(page.locator("#image-note")).to_have_text(f"stroke {number}")
+        expect(page.locator("#estimate-which")).to_contain_text(f"stroke {number},")
+        assert numbers_on(page) == numbers_of(estimate)
+    expect(page.locator("#record")).to_be_hidden()
+
+
+def test_a_recording_is_paused_wound_and_hurried(recording, viewer, open_page):
+    source = ReplaySource(recording[0])
+    source.set_speed(SLOWLY)  # it must not end before this page has asked for anything
+    running = viewer(source, mode="replay")
+    page = open_page(running)
+    expect(page.locator("#ticks .stroke")).to_have_count(3)
+    page.keyboard.press("Space")
+    expect(page.locator("#play")).to_have_attribute("aria-label", "Play")
+    eventually(lambda: not running.session.playback.playing)
+    paused = running.session.playback
+    eventually(lambda: running.session.playback is not paused)
+    assert running.session.playback.position_s == paused.position_s
+    page.locator("#seek").fill("0.5")
+    expect(page.locator("#play-time")).to_have_text("0:00.5")
+    page.locator("body").click(position={"x": 5, "y": 60})
+    page.keyboard.press("ArrowRight")
+    expect(page.locator("#play-time")).to_have_text("0:01.5")
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("]")
+    expect(page.locator("#speed")).to_have_value("2")
+    page.locator("#speed").select_option("10")
+    page.locator("body").click(position={"x": 5, "y": 60})
+    page.keyboard.press("Space")
+    expect(page.locator("#link-text")).to_have_text("Played to its end")
+    expect(page.locator("#play")).to_have_attribute("aria-label", "Play")
+    expect(page.locator("#estimate-which")).to_contain_text("stroke 3,")
+    source.set_speed(SLOWLY)
+    page.keyboard.press("Space")
+    expect(page.locator("#play")).to_have_attribute("aria-label", "Pause")
+
+
+def test_an_earlier_recording_is_loaded_as_a_visit(recording, viewer, open_page, tmp_path):
+    path, estimates = recording
+    folder = tmp_path / "recordings"
+    folder.mkdir()
+    (folder / "last-year.mcap").write_bytes(path.read_bytes())
+    (folder / "broken.mcap").write_bytes(b"not a recording")
+    page = open_page(viewer(ReplaySource(path), mode="replay", load_strokes=load_strokes))
+    expect(page.locator("#ticks .stroke")).to_have_count(3)
+    page.locator("#load-visit").click()
+    page.get_by_role("button", name="broken.mcap").click()
+    noticed(page, "is not a recording")
+    page.locator("#load-visit").click()
+    page.get_by_role("button", name="last-year.mcap").click()
+    expect(page.locator("#visit-a option:checked")).to_have_text("last-year")
+    expect(page.locator("#comparison .result")).to_contain_text("within repeatability")
+    expect(page.locator("#strokes [data-number]")).to_have_count(2 * len(estimates))
+
+
+@pytest.mark.parametrize(("name", "width", "height"), [("desk", 1280, 800), ("phone", 390, 844)])
+def test_both_windows_show_the_stroke(recording, viewer, open_page, name, width, height):
+    page = open_page(viewer(ReplaySource(recording[0]), mode="replay"), width, height)
+    expect(page.locator("#link-text")).to_have_text("Played to its end")
+    expect(page.locator("#map-legend")).to_contain_text("fit by the probe")
+    page.wait_for_function(  # more than the frame and the scale
+        """() => {
+          const canvas = document.getElementById("image");
+          const data = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+          const colors = new Set();
+          for (let i = 0; i < data.length; i += 4) colors.add(data.slice(i, i + 3).join());
+          return colors.size > 20;
+        }"""
+    )
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    if name == "desk":
+        assert page.evaluate("(c => c.scrollHeight - c.clientHeight)(document.querySelector('#card'))") <= 1

@@ -1,0 +1,265 @@
+"""Who may talk to the viewer: nobody reaches files, settings or calibration by way of the page."""
+
+from __future__ import annotations
+
+import ast
+import http.client
+import json
+import urllib.error
+import urllib.request
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+from palpate.cli import view
+from palpate.link.probe import Probe
+from palpate.view import commands
+from palpate.view.guard import COOKIE, cookie_name
+from palpate.view.serve import Viewer
+from tests.host.view.synthetic import Bump, SyntheticSource
+from tests.host.view.waiting import PATIENCE_S
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recordings")
+    (folder.parent / "secret.mcap").write_bytes(b"not for the page")
+    with Viewer(SyntheticSource([Bump()]), mode="live", recordings=folder, token="") as viewer:
+        yield viewer
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory):
+    source = SyntheticSource([Bump()])
+    with Viewer(source, mode="live", recordings=tmp_path_factory.mktemp("r"), token="open sesame") as viewer:
+        yield viewer
+
+
+def ask(viewer, path, method="GET", **headers):
+    address = urlsplit(viewer.url)
+    connection = http.client.HTTPConnection("127.0.0.1", address.port, timeout=PATIENCE_S)
+    connection.putrequest(method, path, skip_host="Host" in headers)
+    for name, value in headers.items():
+        connection.putheader(name.replace("_", "-"), value)
+    connection.endheaders()
+    answer = connection.getresponse()
+    body = answer.read()
+    connection.close()
+    return answer, body
+
+
+def run_command(viewer, **command):
+    address = urlsplit(viewer.url)
+    with connect(f"ws://127.0.0.1:{address.port}/ws", max_size=None) as page:
+        page.send(json.dumps({"id": 1, **command}))
+        while True:
+            message = page.recv(PATIENCE_S)
+            if isinstance(message, str) and (answer := json.loads(message)).get("type") == "answer":
+                return answer
+
+
+def test_the_page_is_served_on_localhost_with_headers_that_keep_other_sites_out(running):
+    answer, body = ask(running, "/")
+    assert answer.status == 200 and b"Palpate" in body
+    assert "default-src 'self'" in answer.headers["content-security-policy"]
+    assert answer.headers["x-frame-options"] == "DENY"
+
+
+def test_other_machines_cannot_even_connect_unless_an_address_is_named(running):
+    assert running._socket.getsockname()[0] == "127.0.0.1"
+    assert next(o for o in view.command.params if o.name == "host").default == "127.0.0.1"
+
+
+def test_a_name_that_is_not_localhost_is_refused(running):
+    answer, _ = ask(running, "/", Host="evil.example")
+    assert answer.status == 403
+
+
+def test_another_sites_page_is_refused(running):
+    port = urlsplit(running.url).port
+    assert ask(running, "/api/strokes.csv", Origin="http://evil.example")[0].status == 403
+    with pytest.raises(InvalidStatus):
+        connect(f"ws://localhost:{port}/ws", origin="http://evil.example")
+    with connect(f"ws://localhost:{port}/ws", origin=f"http://localhost:{port}"):
+        pass
+
+
+PATHS = st.lists(
+    st.sampled_from(
+        ["..", "%2e%2e", "static", "api", "etc", "passwd", ".", "%2f", "%5c", "secret.mcap", "//", "%00"]
+    ),
+    min_size=1,
+    max_size=7,
+)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(parts=PATHS)
+def test_no_path_leads_to_a_file_of_the_host(running, parts):
+    answer, body = ask(running, "/" + "/".join(parts))
+    assert b"root:" not in body and b"not for the page" not in body
+    assert answer.status in (200, 303, 307, 400, 404)
+    if answer.status == 200:
+        assert b"<title>Palpate</title>" in body
+
+
+def test_a_visit_is_loaded_by_name_from_one_folder_only(running, tmp_path):
+    for name in ("../secret.mcap", "/etc/passwd", "..\\secret.mcap", "", ".", "secret.mcap\0"):
+        answer = run_command(running, do="load-visit", file=name)
+        assert not answer["ok"] and "There is no recording" in answer["text"]
+
+
+def test_a_link_in_the_folder_leads_nowhere(running):
+    folder = running.commands._recordings
+    (folder / "linked.mcap").symlink_to(folder.parent / "secret.mcap")
+    assert "linked.mcap" not in run_command(running, do="recordings")["files"]
+
+
+def test_a_recordings_name_stays_inside_the_folder(running):
+    answer = run_command(running, do="record", name="../../../tmp/evil\0/x")
+    assert answer["ok"] and "/" not in answer["file"] and ".." not in answer["file"]
+    run_command(running, do="stop-recording")
+    assert [p.parent for p in running.source.recorded] == [running.commands._recordings]
+
+
+def test_there_is_no_command_that_reaches_the_probes_settings(running):
+    known = set(running.commands.table)
+    assert known == {
+        "record", "stop-recording", "mark", "new-visit", "recordings", "load-visit",
+        "repeatability", "compare", "play", "pause", "seek", "speed",
+    }  # fmt: skip
+    for word in ("flash", "flash_begin", "set_setting", "calibrate", "__class__", "run"):
+        assert "no command" in run_command(running, do=word)["text"]
+
+
+def test_no_line_of_the_viewer_names_a_way_to_the_probes_settings_or_calibration():
+    """What a page's command could call at all: the link's methods that change the probe are not there. Only
+    a model is given to it, as a whole, and the probe itself judges that."""
+    changes = {"command", "set_setting", "calibrate_zero", "calibrate_gain", "forget_calibration"}
+    assert changes <= set(dir(Probe)), "the link has other names for these now"
+    used = set()
+    for path in Path(commands.__file__).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Attribute):
+                used.add(node.attr)
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                used |= {node.module.rpartition(".")[2], *(name.name for name in node.names)}
+    assert "read_back" in used, "the viewer asks for the calibration, so what it calls is seen here"
+    assert not used & changes
+
+
+@pytest.mark.parametrize("headers", [{}, {"x-palpate": "page", "origin": "http://evil.example"}])
+def test_no_other_sites_page_can_send_a_model(running, headers):
+    request = urllib.request.Request(running.url + "api/model", b"model", headers, method="POST")
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        urllib.request.urlopen(request)
+    assert refused.value.code == 403
+
+
+def test_a_source_that_takes_no_model_says_so(running):
+    headers = {"x-palpate": "page"}
+    request = urllib.request.Request(running.url + "api/model", b"model", headers, method="POST")
+    with urllib.request.urlopen(request) as answer:
+        assert json.load(answer) == {
+            "ok": False,
+            "text": "A recording takes no model; the probe that it came from does.",
+        }
+
+
+def test_a_file_that_is_too_large_for_a_model_is_not_read_to_its_end(running):
+    request = urllib.request.Request(
+        running.url + "api/model", bytes(1 << 20), {"x-palpate": "page"}, method="POST"
+    )
+    with pytest.raises((urllib.error.HTTPError, ConnectionError, urllib.error.URLError)) as refused:
+        urllib.request.urlopen(request)
+    if isinstance(refused.value, urllib.error.HTTPError):
+        assert refused.value.code == 413
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
+    max_leaves=8,
+)
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    do=st.sampled_from(
+        ["mark", "repeatability", "compare", "seek", "speed", "load-visit", "play", "new-visit", "?"]
+    )
+    | JSON,
+    words=st.dictionaries(
+        st.sampled_from(["visit", "a", "b", "last", "position_s", "speed", "file", "name", "text"]), JSON
+    ),
+)
+def test_whatever_a_page_sends_is_answered_with_a_sentence(running, do, words):
+    answer = running.commands.run({**words, "do": do})
+    assert answer["ok"] or answer["text"].endswith(".")
+
+
+def test_a_page_that_sends_rubbish_is_still_served(running):
+    address = urlsplit(running.url)
+    with connect(f"ws://127.0.0.1:{address.port}/ws", max_size=None) as page:
+        for rubbish in (
+            "{",
+            "[]",
+            "null",
+            "[" * 3000,
+            '{"drawn": "x"}',
+            '{"drawn": 1e99}',
+            b"\xff\x00",
+            "x" * 5000,
+        ):
+            page.send(rubbish)
+        page.send(json.dumps({"do": "recordings", "id": 7}))
+        message = page.recv(PATIENCE_S)
+        while isinstance(message, bytes) or json.loads(message).get("id") != 7:
+            message = page.recv(PATIENCE_S)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+def test_every_address_makes_a_token_up(tmp_path, host):
+    """Without one on localhost, the page obeyed any user of the machine."""
+    viewer = Viewer(SyntheticSource([]), mode="live", host=host, recordings=tmp_path)
+    try:
+        assert viewer.token is not None and len(viewer.token) >= 32
+        assert f"?token={viewer.token}" in viewer.url
+    finally:
+        viewer.close()
+
+
+def test_the_browser_gets_a_code_that_is_good_once(guarded):
+    code = guarded._code()
+    assert ask(guarded, f"/static/main.js?token={code}x")[0].status == 401
+    answer, _ = ask(guarded, f"/?token={code}")
+    assert answer.status == 303 and "open sesame" in answer.headers["set-cookie"].replace("%20", " ")
+    assert ask(guarded, f"/?token={code}")[0].status == 401
+
+
+def test_two_viewers_of_one_machine_do_not_take_each_others_cookie():
+    assert cookie_name("localhost:8765") != cookie_name("localhost:8766")
+    assert cookie_name("localhost") == cookie_name("localhost:80") and cookie_name("[") == COOKIE
+
+
+def test_without_the_token_nothing_is_answered(guarded):
+    port = urlsplit(guarded.url).port
+    for path in ("/", "/static/main.js", "/api/strokes.csv", "/?token=wrong", "/api/stroke-1.json"):
+        assert ask(guarded, path)[0].status == 401
+    assert ask(guarded, "/", Authorization="Bearer nonsense")[0].status == 401
+    with pytest.raises((InvalidStatus, ConnectionClosed)):
+        connect(f"ws://127.0.0.1:{port}/ws").recv(PATIENCE_S)
+
+
+def test_the_token_moves_from_the_address_into_a_cookie(guarded):
+    answer, _ = ask(guarded, "/?token=open%20sesame")
+    assert answer.status == 303 and answer.headers["location"] == "/"
+    cookie = answer.headers["set-cookie"]
+    assert "HttpOnly" in cookie and "SameSite=strict" in cookie
+    assert ask(guarded, "/", Cookie=cookie.split(";")[0])[0].status == 200
+    assert ask(guarded, "/", Authorization="Bearer open sesame")[0].status == 200

@@ -1,0 +1,100 @@
+"""The emitted module, readable or compiled, gives the integers of the image."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import subprocess
+import sys
+from array import array
+
+import pytest
+
+from firmware_py import evaluator
+from palpate.model_export.errors import ModelError
+from palpate.model_export.fixed_point import compiler
+from palpate.model_export.source import emit
+from palpate.sim.probe.scripts import run_micropython
+from tests.model_export import synthetic
+from tests.model_export.test_micropython import rows
+
+SCRIPT = """
+import json, sys
+sys.path.insert(0, '')
+import palpate_model as m
+out = [0] * m.SIZE
+answers = []
+for row in json.loads(open('vectors.json').read()):
+    answers.append([m.estimate(row, out)] + out)
+print(json.dumps(answers))
+"""
+
+
+def chosen(spec, vectors):
+    """Rows of all features cut to those of the emitted module, in its order."""
+    names = [*spec.features, *(r.feature for r in spec.lump if r.feature not in spec.features)]
+    return [[row[i] for i in compiler.feature_ids(names)] for row in vectors]
+
+
+def expected(spec, vectors):
+    tables = compiler.compile_model(spec)
+    out = array("i", [0] * evaluator.OUT_SIZE)
+    return [[tables.evaluate(array("i", row), out), *out] for row in vectors]
+
+
+@pytest.mark.parametrize(("kind", "degree"), [("thesis", 2), ("field", 2), ("field", 3)])
+def test_the_module_stands_alone_on_cpython(kind, degree, tmp_path):
+    spec = synthetic.model(kind, degree)
+    vectors = rows(spec, 300)
+    (tmp_path / "palpate_model.py").write_text(emit.emit_py(spec))
+    (tmp_path / "vectors.json").write_text(json.dumps(chosen(spec, vectors)))
+    said = subprocess.run(
+        [sys.executable, "-S", "-c", SCRIPT], cwd=tmp_path, capture_output=True, text=True, check=True
+    ).stdout
+    assert json.loads(said) == expected(spec, vectors)
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize(("kind", "degree"), [("thesis", 2), ("field", 2), ("field", 3)])
+def test_and_on_micropython_as_source_and_as_bytecode(compiled, kind, degree):
+    spec = synthetic.model(kind, degree)
+    vectors = rows(spec, 200)
+    files = {"vectors.json": json.dumps(chosen(spec, vectors)).encode()}
+    if compiled:
+        files["palpate_model.mpy"] = emit.emit_mpy(spec)
+    else:
+        files["palpate_model.py"] = emit.emit_py(spec).encode()
+    assert json.loads(run_micropython(SCRIPT, files)) == expected(spec, vectors)
+
+
+def test_the_five_values_alone_are_the_same_integers(field):
+    vectors = rows(field, 100)
+    space: dict = {}
+    exec(emit.emit_py(field, whole=False), space)
+    out = [0] * 5
+    tables = compiler.compile_model(dataclasses.replace(field, lump=()))
+    full = array("i", [0] * evaluator.OUT_SIZE)
+    for row, given in zip(vectors, chosen(field, vectors), strict=True):
+        tables.evaluate(array("i", row), full)
+        space["values"](given, out)
+        assert out == full[:15:3].tolist()
+
+
+@pytest.mark.parametrize("arch", ["armv6m", "armv7emsp", "xtensawin", "rv32imc"])
+def test_machine_code_for_boards(arch, thesis):
+    code = emit.emit_mpy(thesis, arch)
+    assert code[:2] == b"M\x06"
+    assert code[2] >> 2 != 0  # names an architecture
+    assert emit.emit_mpy(thesis)[2] >> 2 == 0
+
+
+def test_an_unknown_architecture_is_named(thesis):
+    with pytest.raises(ModelError, match="pdp11"):
+        emit.emit_mpy(thesis, "pdp11")
+
+
+def test_the_module_is_readable(field):
+    text = emit.emit_py(field)
+    assert "# ln_force * (ln_force, asinh_amp, " in text
+    assert '"""Estimate into' in text
+    assert max(map(len, text.splitlines())) < 125

@@ -1,0 +1,136 @@
+"""The same integers on real MicroPython (the WASM port), and no allocation in an evaluation."""
+
+from __future__ import annotations
+
+import json
+from array import array
+
+import pytest
+
+from firmware_py import evaluator, model_image
+from firmware_py import features as firmware_features
+from palpate.model_export.fixed_point import compiler, sampling
+from palpate.sim.probe.scripts import run_micropython
+
+COMMON = """
+import json, micropython
+from array import array
+from firmware_py import evaluator, features, slh_dsa, model_image, slots, status, store
+
+def reader(name):
+    data = open(name, 'rb').read()
+    return lambda at, n: data[at:at + n], len(data)
+
+key = open('public.key', 'rb').read()
+slh_dsa.SETS[200] = 2, 4, 8, 4  # tests.model_export.small_key
+"""
+
+EVALUATE = (
+    COMMON
+    + """
+read, size = reader('model.palp')
+assert slh_dsa.verify(key, read, size) == 0
+body = size - slh_dsa.signature_size(key)
+code, model = model_image.load(read, body, features.FEATURES_VERSION, features.COUNT)
+assert code == 0 and model_image.self_test(model, read, features.COUNT) == 0
+x = array('i', [0] * features.COUNT)
+out = array('i', [0] * evaluator.OUT_SIZE)
+
+def locked():
+    micropython.heap_lock()
+    code = model.evaluate(x, out)
+    micropython.heap_unlock()
+    return code
+
+answers = []
+for row in json.loads(open('vectors.json').read()):
+    for i in range(features.COUNT):
+        x[i] = row[i]
+    code = locked()
+    answers.append([code] + list(out))
+print(json.dumps(answers))
+"""
+)
+
+
+def rows(spec, n):
+    """Full feature rows: half of them vectors of the domain, half anything at all."""
+    out = []
+    for k, vector in enumerate(sampling.in_domain(spec, n, seed=5)):
+        row = [(k * 7919 * (i + 3) * 104729) % (2**30) - 2**29 for i in range(firmware_features.COUNT)]
+        if k % 2:
+            for ident, value in zip(compiler.feature_ids(spec.features), vector):
+                row[ident] = round(value * 2**24)
+        out.append([max(min(v, 2**29 - 1), 1 - 2**29) for v in row])
+    return out
+
+
+@pytest.mark.parametrize("kind", ["thesis", "field"])
+def test_1000_vectors_give_the_same_integers_and_allocate_nothing(kind, request, key_dir, tmp_path):
+    from palpate.model_export.exporter import export
+
+    spec = request.getfixturevalue(kind)
+    data, _ = export(spec, key_dir)
+    vectors = rows(spec, 1000)
+    said = run_micropython(
+        EVALUATE,
+        {
+            "model.palp": data,
+            "public.key": (key_dir / "public.key").read_bytes(),
+            "vectors.json": json.dumps(vectors).encode(),
+        },
+    )
+    tables = compiler.compile_model(spec)
+    out = array("i", [0] * evaluator.OUT_SIZE)
+    here = [[tables.evaluate(array("i", row), out), *out] for row in vectors]
+    assert json.loads(said) == here
+    assert len({tuple(row) for row in here}) > 500
+
+
+FLASH = (
+    COMMON
+    + """
+import os
+os.mkdir('/probe')
+place = store.FileStore('/probe')
+
+def boot():
+    s = slots.Slots(place, key, features.FEATURES_VERSION, features.COUNT)
+    return s, s.boot()
+
+said = [boot()[1]]
+for name in ('one', 'two', 'one', 'back', 'torn'):
+    data = open(name, 'rb').read()
+    s, _ = boot()
+    code = s.begin(len(data))
+    for at in range(0, len(data), 48):
+        code = code or s.write(at, data[at:at + 48])
+    code = code or s.verify() or s.try_() or s.confirm()
+    s, booted = boot()
+    said.append([code, booted, s.live_id().hex() if hasattr(bytes, 'hex') else None])
+print(json.dumps(said))
+"""
+)
+
+
+def test_flashing_verifying_and_rolling_back_on_micropython(signed, public_key):
+    torn = bytearray(signed[3])
+    torn[900] ^= 4
+    files = {
+        "one": signed[1],
+        "two": signed[2],
+        "back": signed[-1],
+        "torn": bytes(torn),
+        "public.key": public_key,
+    }
+    ids = {name: data[40:48].hex() for name, data in files.items()}
+    said = json.loads(run_micropython(FLASH, files))
+    assert said == [
+        -7,
+        [0, 0, ids["one"]],
+        [0, 0, ids["two"]],
+        [-17, 0, ids["two"]],
+        [0, 0, ids["back"]],
+        [-14, 0, ids["back"]],
+    ]
+    assert ids["one"] != ids["back"] and model_image.PROBE == b"16x26 at 1500 um"

@@ -1,0 +1,264 @@
+"""Power is cut at every operation and every byte of each write, then again while recovering.
+
+Not only clean cuts: what had not been synced may be kept, lost, reordered or turned into zeros
+(`palpate.sim.probe.flash_sim.MODES`). After each, the probe must start with a whole signed model, old or new.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from firmware_py import features as firmware_features
+from firmware_py import safe_record, slh_dsa, slots, status
+from palpate.sim.probe import flash_sim
+from palpate.sim.probe.flash_sim import FlashSim, cut_states
+
+PIECE = 48
+
+
+@pytest.fixture(autouse=True)
+def remember_signatures(monkeypatch):
+    """Verify each distinct content once: the answer depends on nothing else."""
+    known: dict[tuple, int] = {}
+    real = slh_dsa.verify
+
+    def verify(key, read, size, context=slh_dsa.MODEL):
+        content = key, read(0, size), context
+        if content not in known:
+            known[content] = real(key, read, size, context)
+        return known[content]
+
+    monkeypatch.setattr(slh_dsa, "verify", verify)
+
+
+def start(store, key):
+    """A probe with this store after its boot."""
+    probe = slots.Slots(store, key, firmware_features.FEATURES_VERSION, firmware_features.COUNT)
+    probe.boot()
+    return probe
+
+
+def flash(store, key, image):
+    """Boot, and flash an image as the host would."""
+    probe = start(store, key)
+    assert probe.begin(len(image)) == status.OK
+    for at in range(0, len(image), PIECE):
+        assert probe.write(at, image[at : at + PIECE]) == status.OK
+    assert probe.verify() == status.OK
+    assert probe.try_() == status.OK
+    assert probe.confirm() == status.OK
+    return probe.live_id()
+
+
+class Watched(FlashSim):
+    """A store that notes which names were looked at."""
+
+    def __init__(self, files):
+        super().__init__(files)
+        self.seen = {}
+
+    def size(self, name):
+        self.seen[name] = self.files.get(name)
+        return super().size(name)
+
+    def read(self, name, offset, n):
+        self.seen[name] = self.files.get(name)
+        return super().read(name, offset, n)
+
+
+class Boots:
+    """What a probe with this key boots to. A boot depends on nothing but the names it looks at."""
+
+    def __init__(self, key):
+        self.key = key
+        self.known: dict[tuple, list] = {}
+        self.real = 0
+
+    def __call__(self, files):
+        records = (files.get("live0"), files.get("live1"))
+        for seen, found in self.known.setdefault(records, []):
+            if all(files.get(name) == content for name, content in seen.items()):
+                return found
+        store = Watched(files)
+        found = start(store, self.key).live_id()
+        # again finds the same, and neither writes
+        assert start(store, self.key).live_id() == found
+        assert store.trace == []
+        self.known[records].append((store.seen, found))
+        self.real += 1
+        return found
+
+
+class Campaign:
+    """Flashing one image over some start state, cut everywhere, and recovered with cuts everywhere."""
+
+    def __init__(self, files, key, image):
+        self.key = key
+        self.image = image
+        self.files = files
+        self.boot = Boots(key)
+        store = FlashSim(files)
+        self.old = start(store, key).live_id()
+        self.new = flash(store, key, image)
+        self.trace = store.trace
+        self.cuts = self.pairs = 0
+        self.found = set()
+        self.second: dict[tuple, int] = {}
+
+    def run(self, recover_every):
+        """All single cuts; from every n-th state they leave, and all near the record, all second cuts."""
+        recovered = set()
+        for number, _mode, files in cut_states(self.files, self.trace):
+            self.cuts += 1
+            found = self.boot(files)
+            assert found in (self.old, self.new)
+            self.found.add(found)
+            near_record = self.trace[min(number, len(self.trace) - 1)][1].startswith("live")
+            if near_record or self.cuts % recover_every == 0:
+                state = frozenset(files.items())
+                if state not in recovered:
+                    recovered.add(state)
+                    self.recover(files, found)
+        return self
+
+    def recover(self, files, before):
+        """Flash again from what the first cut left, and cut that everywhere, too.
+
+        The second flash begins by emptying its slot, so two states that differ only there pass through the
+        same stores from then on; those are tried once.
+        """
+        store = FlashSim(files)
+        assert flash(store, self.key, self.image) == self.new
+        assert store.trace[0][0] == "create" and store.trace[0][2] == b""
+        target = store.trace[0][1]
+        rest = frozenset((k, v) for k, v in files.items() if k != target)
+        kind = (rest, tuple(store.trace))
+        if kind not in self.second:
+            self.second[kind] = 0
+            for _number, _mode, again in cut_states(files, store.trace):
+                self.second[kind] += 1
+                assert self.boot(again) in (before, self.new)
+        self.pairs += self.second[kind]
+
+
+def campaign(capsys, name, files, key, image, recover_every):
+    done = Campaign(files, key, image).run(recover_every)
+    with capsys.disabled():
+        print(
+            f"\n{name}: {len(done.trace)} operations, {done.cuts} cuts, {done.pairs} pairs of cuts, "
+            f"{done.boot.real} boots that looked at something different"
+        )
+    assert done.cuts > 10000 and done.pairs > done.cuts
+    return done
+
+
+def once_flashed(key, *images):
+    store = FlashSim()
+    for image in images:
+        flash(store, key, image)
+    return store.files
+
+
+@pytest.mark.parametrize("recover_every", [97, pytest.param(1, marks=pytest.mark.long)])
+def test_an_update_survives_every_cut_and_every_second_cut(capsys, signed, public_key, recover_every):
+    start_files = once_flashed(public_key, signed[1])
+    done = campaign(capsys, "update", start_files, public_key, signed[2], recover_every)
+    assert any(done.old) and done.found == {done.old, done.new}
+
+
+@pytest.mark.parametrize("recover_every", [997, pytest.param(3, marks=pytest.mark.long)])
+def test_a_later_update_back_into_the_first_slot_survives_too(capsys, signed, public_key, recover_every):
+    start_files = once_flashed(public_key, signed[1], signed[2])
+    done = campaign(capsys, "next update", start_files, public_key, signed[3], recover_every)
+    assert any(done.old) and done.found == {done.old, done.new}
+
+
+def test_the_first_model_of_all_is_there_whole_or_not_at_all(capsys, signed, public_key):
+    done = campaign(capsys, "first model", {}, public_key, signed[1], 997)
+    assert done.old == bytes(8) and done.found == {done.old, done.new}
+
+
+def test_an_aborted_update_leaves_the_old_model_at_every_cut(signed, public_key):
+    files = once_flashed(public_key, signed[1])
+    store = FlashSim(files)
+    probe = start(store, public_key)
+    old = probe.live_id()
+    probe.begin(len(signed[2]))
+    probe.write(0, signed[2][:1000])
+    probe.abort()
+    boot = Boots(public_key)
+    for _number, _mode, left in cut_states(files, store.trace):
+        assert boot(left) == old
+
+
+def records_left(files, name="cal"):
+    return safe_record.Record(FlashSim(files), name).load()
+
+
+@pytest.mark.parametrize("length", [0, 1, 30])
+def test_a_record_survives_every_cut_and_every_second_cut(length):
+    old, new, newest = (bytes((k,)) * length + b"!" * k for k in (1, 2, 3))
+    store = FlashSim()
+    safe_record.Record(store, "cal").save(old)
+    files = store.files
+    store = FlashSim(files)
+    safe_record.Record(store, "cal").save(new)
+    cuts = pairs = 0
+    for _number, _mode, left in cut_states(files, store.trace):
+        cuts += 1
+        found = records_left(left)
+        assert found in (old, new)
+        again = FlashSim(left)
+        assert safe_record.Record(again, "cal").save(newest) == status.OK
+        for _second, _mode2, left2 in cut_states(left, again.trace):
+            pairs += 1
+            assert records_left(left2) in (found, newest)
+    assert cuts > 50 and pairs > cuts * cuts / 2
+
+
+def test_a_calibration_survives_every_cut(capsys):
+    old, new = (bytes((i * k + k) % 256 for i in range(1700)) for k in (3, 5))
+    store = FlashSim()
+    for content in (old, new, old):
+        safe_record.Record(store, "cal").save(content)
+    files = store.files
+    store = FlashSim(files)
+    safe_record.Record(store, "cal").save(new)
+    seen = set()
+    cuts = 0
+    for _number, _mode, left in cut_states(files, store.trace):
+        cuts += 1
+        seen.add(frozenset(left.items()))
+        assert records_left(left) in (old, new)
+    with capsys.disabled():
+        print(f"\ncalibration: {cuts} cuts, {len(seen)} different stores")
+
+
+def test_an_empty_store_holds_no_record_and_the_first_save_is_whole_or_nothing():
+    store = FlashSim()
+    assert safe_record.Record(store, "cal").load() is None
+    safe_record.Record(store, "cal").save(b"first")
+    for _number, _mode, left in cut_states({}, store.trace):
+        assert records_left(left) in (None, b"first")
+
+
+def test_a_full_store_keeps_the_old_record():
+    store = FlashSim(full_at=60)
+    assert safe_record.Record(store, "cal").save(b"x" * 20) == status.OK
+    assert safe_record.Record(store, "cal").save(b"y" * 40) == status.NO_SPACE
+    assert safe_record.Record(store, "cal").load() == b"x" * 20
+
+
+def test_the_simulator_itself_can_lose_and_tear():
+    trace = [("create", "a", b"xy"), ("sync", "", b""), ("append", "a", b"z")]
+    left = {(mode, files.get("a")) for _n, mode, files in cut_states({"a": b"old"}, trace)}
+    for wanted in [
+        (flash_sim.LOST, b"old"),
+        (flash_sim.KEPT, b"x"),
+        (flash_sim.IN_PLACE, b"xld"),
+        (flash_sim.HOLES, b"\0\0"),
+        (flash_sim.HOLES, b"xy\0"),
+        (flash_sim.KEPT, b"xyz"),
+        (flash_sim.LOST, b"xy"),
+    ]:
+        assert wanted in left

@@ -1,0 +1,112 @@
+"""SLH-DSA: our signer, the probe's verifier and an implementation by others agree."""
+
+from __future__ import annotations
+
+import hashlib
+
+import pytest
+import slhdsa
+
+from firmware_py import slh_dsa, status
+from palpate.model_export.signing import slh_kernels, slh_sign
+from palpate.sim.probe.scripts import run_micropython
+from tests.model_export import small_key
+
+SECRET = slh_sign.Secret(*(bytes(range(k, k + 16)) for k in (0, 16, 32)))
+
+
+@pytest.fixture(scope="module")
+def public():
+    return slh_sign.public_key(SECRET)
+
+
+@pytest.fixture(scope="module")
+def signed(public):
+    message = bytes(range(256)) * 3
+    return message + slh_sign.sign(SECRET, public, message)
+
+
+def verify(key, data, *context):
+    return slh_dsa.verify(key, lambda at, n: data[at : at + n], len(data), *context)
+
+
+def test_the_constants_of_sha_256_are_worked_out_rightly():
+    import numpy as np
+
+    block = np.zeros(64, np.int64)
+    block[:3], block[3], block[63] = list(b"abc"), 128, 24
+    out = np.empty(8, np.int64)
+    slh_kernels.compress(slh_kernels.START, block, np.empty(64, np.int64), out)
+    assert b"".join(int(w).to_bytes(4, "big") for w in out) == hashlib.sha256(b"abc").digest()
+
+
+def test_another_implementation_makes_the_same_key_and_signature(public, signed):
+    """PyPI's slh-dsa, written from FIPS 205 by others."""
+    seeds = (SECRET.seed, SECRET.prf, SECRET.public_seed, public[20:])
+    theirs = slhdsa.SecretKey(seeds, slhdsa.sha2_128s)
+    assert theirs.pubkey.digest() == public[4:]
+    message, signature = signed[:768], signed[768:]
+    assert len(signature) == slh_dsa.signature_size(public) == 7856
+    assert theirs.pubkey.verify_pure(message, signature, slh_dsa.MODEL)
+    assert not theirs.pubkey.verify_pure(message + b"!", signature, slh_dsa.MODEL)
+
+
+@pytest.mark.long
+def test_another_implementation_signs_to_the_same_bytes(public, signed):
+    seeds = (SECRET.seed, SECRET.prf, SECRET.public_seed, public[20:])
+    theirs = slhdsa.SecretKey(seeds, slhdsa.sha2_128s)
+    assert theirs.sign_pure(signed[:768], False, slh_dsa.MODEL) == signed[768:]
+
+
+def test_the_probes_verifier_takes_it_for_this_purpose_only(public, signed):
+    assert verify(public, signed) == status.OK
+    assert verify(public, signed, slh_dsa.SUCCESSOR) == status.BAD_SIGNATURE
+
+
+def test_micropython_agrees_and_keeps_its_numbers_small(public, signed):
+    broken = bytearray(signed)
+    broken[2000] ^= 1
+    said = run_micropython(
+        "from firmware_py import slh_dsa\n"
+        "key = open('key', 'rb').read()\n"
+        "for name in ('good', 'broken'):\n"
+        "    data = open(name, 'rb').read()\n"
+        "    print(slh_dsa.verify(key, lambda at, n: data[at:at + n], len(data)))\n",
+        {"key": public, "good": signed, "broken": bytes(broken)},
+    )
+    assert said.split() == [str(status.OK), str(status.BAD_SIGNATURE)]
+
+
+@pytest.mark.parametrize("numbers", [(2, 4, 8, 4), (3, 3, 5, 6), (4, 9, 3, 12), (1, 5, 9, 3)])
+def test_sets_of_any_shape_agree(numbers, monkeypatch):
+    """Trees' addresses of 0 to 27 bits, digits that do not end at a byte: what one set alone would hide."""
+    monkeypatch.setitem(slh_dsa.SETS, 201, numbers)
+    secret = slh_sign.Secret(SECRET.seed, SECRET.prf, SECRET.public_seed, 201)
+    public = slh_sign.public_key(secret)
+    for k in range(3):
+        message = bytes((k,)) * (1 + 100 * k)
+        data = message + slh_sign.sign(secret, public, message)
+        assert verify(public, data) == status.OK
+        assert verify(public, b"?" + data[1:]) == status.BAD_SIGNATURE
+
+
+@pytest.mark.parametrize("key", [b"", bytes(36), b"SLH\x02" + bytes(32), b"SLH\x01" + bytes(31)])
+def test_what_is_no_key_verifies_nothing(key, signed):
+    assert verify(key, signed) == status.BAD_SIGNATURE and slh_dsa.signature_size(key) == 0
+
+
+def test_a_store_that_ends_early_is_no_signature(public, signed):
+    for end in (0, 10, 800, 3000, len(signed) - 1):
+        code = slh_dsa.verify(public, lambda at, n, e=end: signed[at : min(at + n, e)], len(signed))
+        assert code == status.BAD_SIGNATURE
+
+
+def test_the_small_set_is_no_part_of_what_is_installed():
+    import subprocess
+    import sys
+
+    said = subprocess.run(
+        [sys.executable, "-c", "from firmware_py import slh_dsa; print(list(slh_dsa.SETS))"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert said.stdout.strip() == "[1]" and small_key.SMALL in slh_dsa.SETS

@@ -1,0 +1,228 @@
+"""The slots as the probe's link uses them: what is accepted, what is refused, and what stays live."""
+
+from __future__ import annotations
+
+import dataclasses
+from array import array
+
+import pytest
+
+from firmware_py import evaluator, model_image, slh_dsa, slots, status
+from firmware_py import features as firmware_features
+from firmware_py.store import FileStore
+from palpate.model_export import image_builder as host_image
+from palpate.model_export.fixed_point import compiler
+from palpate.model_export.fixed_point.force_map import blob as pack_force_map
+from palpate.sim.probe.flash_sim import FlashSim
+from tests.model_export import small_key, synthetic
+from tests.model_export.flashing import a_force_map, flash, model_id, probe_of, send
+
+
+@pytest.fixture(scope="module")
+def signer():
+    """Signs any bytes with a small key of its own: (public key, sign)."""
+    return small_key.signer(1)
+
+
+@pytest.fixture(params=["memory", "files"])
+def store(request, tmp_path):
+    return FlashSim() if request.param == "memory" else FileStore(str(tmp_path))
+
+
+def test_a_new_probe_has_no_model_then_the_one_flashed_and_keeps_it_over_a_restart(store, signed, public_key):
+    probe = probe_of(store, public_key)
+    assert probe.live() is None and probe.live_id() == bytes(8)
+    assert flash(probe, signed[1]) == status.OK
+    assert probe.live_id() == model_id(signed[1])
+    again = probe_of(store, public_key)
+    assert again.live_id() == model_id(signed[1])
+    assert b"".join(again.read(at, 100) for at in range(0, again.live_size(), 100)) == signed[1]
+
+
+def test_models_take_turns_in_the_two_slots(store, signed, public_key):
+    probe = probe_of(store, public_key)
+    for counter in (1, 2, 3):
+        assert flash(probe, signed[counter]) == status.OK
+        assert probe_of(store, public_key).live_id() == model_id(signed[counter])
+
+
+def test_a_model_is_not_live_before_it_is_confirmed(store, signed, public_key):
+    probe = probe_of(store, public_key)
+    flash(probe, signed[1])
+    send(probe, signed[2])
+    assert probe.confirm() == probe.try_() == status.BAD_STATE
+    assert probe.verify() == probe.verify() == status.OK
+    assert probe.confirm() == status.BAD_STATE
+    assert probe.try_() == probe.try_() == status.OK
+    assert probe.live_id() == model_id(signed[1])
+    assert probe_of(store, public_key).live_id() == model_id(signed[1])
+    probe.abort()
+    assert probe.live_id() == model_id(signed[1])
+
+
+def test_an_older_image_is_refused_unless_signed_as_a_rollback(store, signed, public_key):
+    probe = probe_of(store, public_key)
+    assert flash(probe, signed[3]) == status.OK
+    for old in (1, 2):
+        assert flash(probe, signed[old]) == status.TOO_OLD
+        assert probe_of(store, public_key).live_id() == model_id(signed[3])
+    assert flash(probe, signed[-1]) == status.OK
+    assert probe.live_id() == model_id(signed[-1])
+    # the rollback does not open the way for the others
+    assert flash(probe, signed[2]) == status.TOO_OLD
+    assert flash(probe_of(store, public_key), signed[2]) == status.TOO_OLD
+    assert flash(probe, signed[3]) == status.OK
+
+
+def test_a_rollback_reaches_no_further_than_it_says(thesis, signer):
+    key, sign = signer
+    tables = compiler.compile_model(thesis)
+    new = sign(host_image.build(thesis, tables, None, 9))
+    rollback = sign(host_image.build(thesis, tables, None, 2, 8))
+    probe = probe_of(FlashSim(), key)
+    assert flash(probe, rollback) == status.OK
+    assert flash(probe, new) == status.OK
+    assert flash(probe, rollback) == status.TOO_OLD
+
+
+def test_pieces_may_come_twice_but_not_early_and_not_too_many(signed, public_key):
+    probe = probe_of(FlashSim(), public_key)
+    data = signed[1]
+    assert probe.write(0, b"x") == probe.verify() == status.BAD_STATE
+    assert probe.begin(len(data)) == status.OK
+    assert probe.write(0, data[:100]) == status.OK
+    assert probe.write(40, data[40:130]) == status.OK and probe.received == 130
+    assert probe.write(131, data[131:140]) == status.BAD_VALUE
+    assert probe.verify() == status.BAD_STATE
+    # after a break of the link the transfer goes on
+    assert probe.begin(len(data)) == status.OK and probe.received == 130
+    assert probe.write(130, data[130:] + b"!") == status.BAD_VALUE
+    assert probe.write(130, data[130:]) == status.OK
+    assert probe.verify() == status.OK
+
+
+def test_sizes_that_cannot_be_are_refused_at_once(public_key):
+    probe = probe_of(FlashSim(), public_key, max_size=8192)
+    assert probe.begin(8193) == status.NO_SPACE
+    assert probe.begin(slh_dsa.signature_size(public_key)) == status.BAD_SIGNATURE
+    assert probe.begin(0) == probe.begin(-1) == status.BAD_VALUE
+
+
+def test_a_full_store_keeps_the_old_model(signed, public_key):
+    store = FlashSim(full_at=len(signed[1]) + 500)
+    probe = probe_of(store, public_key)
+    assert flash(probe, signed[1]) == status.OK
+    assert probe.begin(len(signed[2])) == status.OK
+    code = status.OK
+    for at in range(0, len(signed[2]), 48):
+        code = probe.write(at, signed[2][at : at + 48])
+        if code != status.OK:
+            break
+    assert code == status.NO_SPACE
+    assert probe_of(store, public_key).live_id() == model_id(signed[1])
+
+
+def test_a_bad_signature_is_refused(signed, public_key):
+    data = bytearray(signed[2])
+    data[700] ^= 1
+    probe = probe_of(FlashSim(), public_key)
+    flash(probe, signed[1])
+    assert flash(probe, bytes(data)) == status.BAD_SIGNATURE
+    assert probe.state == slots.IDLE and probe.live_id() == model_id(signed[1])
+
+
+def changed(body: bytes, at: int, value: int) -> bytes:
+    data = bytearray(body)
+    data[at] = value
+    return bytes(data)
+
+
+def test_what_is_rightly_signed_may_still_not_fit_this_probe(thesis, thesis_tables, signer):
+    key, sign = signer
+    body = host_image.build(thesis, thesis_tables, None, 1)
+    probe = probe_of(FlashSim(), key)
+    ids = body.index(bytes(thesis_tables.ids), model_image.HEAD_SIZE)
+    for other, wanted in (
+        (changed(body, 0, 0), status.BAD_MAGIC),
+        (changed(body, 4, 9), status.BAD_VERSION),
+        (changed(body, 6, 99), status.BAD_VERSION),
+        (changed(body, 24, 65), status.BAD_PROBE),
+        (changed(body, 8, body[8] ^ 4), status.BAD_LENGTH),
+        (changed(body, ids, 255), status.MISSING_FEATURE),
+        (changed(body, 80, body[80] ^ 8), status.BAD_LENGTH),
+    ):
+        assert flash(probe, sign(other)) == wanted
+    assert flash(probe, sign(body)) == status.OK
+
+
+def test_a_model_whose_own_vectors_fail_is_not_confirmed(thesis, signer):
+    key, sign = signer
+    tables = compiler.compile_model(thesis)
+    body = host_image.build(thesis, tables, None, 1)
+    wrong = bytearray(body)
+    wrong[-3] ^= 1  # inside the last stated integer
+    probe = probe_of(FlashSim(), key)
+    assert flash(probe, sign(bytes(wrong))) == status.SELF_TEST
+    assert probe.live() is None
+    assert flash(probe, sign(body)) == status.OK
+
+
+def test_a_damaged_live_slot_gives_way_to_the_model_before(signed, public_key):
+    store = FlashSim()
+    probe = probe_of(store, public_key)
+    flash(probe, signed[1])
+    flash(probe, signed[2])
+    name = slots.NAMES[1]
+    store.files[name] = changed(store.files[name], 200, store.files[name][200] ^ 8)
+    probe = probe_of(store, public_key)
+    assert probe.live_id() == model_id(signed[1])
+    # and a new one goes to the damaged slot, not over the one that serves
+    assert flash(probe, signed[3]) == status.OK
+    assert probe_of(store, public_key).live_id() == model_id(signed[3])
+
+
+def test_a_slot_put_back_to_an_older_image_is_not_started(signed, public_key):
+    store = FlashSim()
+    probe = probe_of(store, public_key)
+    flash(probe, signed[2])
+    flash(probe, signed[3])
+    store.files[slots.NAMES[1]] = signed[1]
+    store.files[slots.NAMES[0]] = signed[1]
+    assert probe_of(store, public_key).live() is None
+
+
+def test_without_sha256_it_says_not_supported(monkeypatch, signed, public_key):
+    probe = probe_of(FlashSim(), public_key)
+    monkeypatch.setattr(slh_dsa, "sha256", None)
+    assert probe.begin(len(signed[1])) == status.NOT_SUPPORTED
+    assert probe_of(FlashSim(), public_key).live() is None
+
+
+def test_the_force_map_and_kind_travel(field, signer):
+    key, sign = signer
+    blob = pack_force_map(a_force_map())
+    tables = compiler.compile_model(field)
+    body = host_image.build(field, tables, blob, 1)
+    probe = probe_of(FlashSim(), key)
+    assert flash(probe, sign(body)) == status.OK
+    assert probe.live().force_map == blob
+    assert probe.live().kind == 1
+
+
+def test_the_live_model_evaluates_as_the_compiled_one(signed, public_key):
+    probe = probe_of(FlashSim(), public_key)
+    flash(probe, signed[1])
+    tables = compiler.compile_model(synthetic.model("thesis", seed=1))
+    x = array("i", [0] * firmware_features.COUNT)
+    for ident in range(firmware_features.COUNT):
+        x[ident] = (ident - 3) << 22
+    first, second = (array("i", [0] * evaluator.OUT_SIZE) for _ in range(2))
+    assert probe.live().evaluate(x, first) == tables.evaluate(x, second)
+    assert first == second and any(first)
+
+
+def test_a_model_for_another_probe_is_named(thesis, signer):
+    other = dataclasses.replace(thesis, probe="another-probe")
+    body = host_image.build(other, compiler.compile_model(other), None, 1)
+    with pytest.raises(host_image.ImageError, match="another-probe"):
+        host_image.inspect(signer[1](body), signer[0])

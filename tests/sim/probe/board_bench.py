@@ -1,0 +1,128 @@
+"""A reference board on the test's bench: the emulated chip, its circuit, and a plain host at its USB port."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from firmware_py import calib, messages, safe_record, slots
+from firmware_py.store import FileStore
+from palpate.errors import PalpateError
+from palpate.sim.probe.circuit import Matrix
+from palpate.sim.probe.hand import Hand, Moment
+from palpate.sim.probe.rp2040 import interpreter
+from tests.firmware_py.talk import Ears, Message, command
+
+
+@functools.cache
+def uf2() -> Path | None:
+    """MicroPython's port, or None where there is none: then the board's promises are not tried."""
+    try:
+        return interpreter.find()
+    except PalpateError:
+        return None
+
+
+@functools.cache
+def firmware() -> dict[str, bytes]:
+    """The board's files, compiled once."""
+    from palpate.sim.probe.rp2040.board_files import board_files
+
+    return board_files()
+
+
+def kept_files(
+    folder: Path, model: bytes | None = None, calibration: calib.Calibration | None = None
+) -> dict[str, bytes]:
+    """The files of a probe on which this signed model is live and this calibration kept."""
+    store = FileStore(str(folder))
+    if calibration:
+        assert safe_record.Record(store, "cal").save(calibration.to_bytes()) == 0
+    if model:
+        store.create(slots.NAMES[0], model)
+        record = bytearray(slots._RECORD)
+        record[1:5] = model[12:16]
+        record[5:13] = model[40:48]
+        assert safe_record.Record(store, "live").save(record) == 0
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+class Board:
+    """A board with its power on.
+
+    Parameters
+    files: beside the firmware; one named main.py takes its place
+    way: what the hand does once a stream begins
+    cells, displacement: counts under a hand that does nothing
+    blocks: the flash chip's file system, instead of files
+    """
+
+    def __init__(
+        self,
+        files: Mapping[str, bytes] | None = None,
+        way: Sequence[Moment] = (),
+        cells: np.ndarray | None = None,
+        displacement: int = 0,
+        blocks: bytes | None = None,
+        settling_us: float = 1.0,
+    ) -> None:
+        from palpate.sim.probe.rp2040 import flash
+        from palpate.sim.probe.rp2040.chip import Chip
+        from palpate.sim.probe.rp2040.wiring import ReferenceCircuit
+
+        path = uf2()
+        assert path
+        self.matrix = Matrix(settling_us=settling_us)
+        self.hand = Hand(self.matrix, way)
+        if cells is not None:
+            self.matrix.cells, self.matrix.displacement_counts = cells.reshape(-1), displacement
+        if blocks is None:
+            blocks = flash.image({**firmware(), **(files or {})})
+        self.circuit = ReferenceCircuit(self.matrix, self.hand)
+        self.chip = Chip(path, blocks, [self.circuit])
+        self.ears = Ears()
+        self.heard: list[Message] = []
+        self._number = 100
+
+    def until(self, reached: Callable[[], bool], limit_us: float = 5e6) -> None:
+        """Run until something is so."""
+
+        def listened() -> bool:
+            self.heard += self.ears.hear(self.chip.take())
+            return reached()
+
+        self.chip.run(listened, limit_us)
+
+    def run_us(self, us: float) -> None:
+        """Run for so long."""
+        end = self.chip.us + us
+        self.until(lambda: self.chip.us >= end, 2 * us + 1e6)
+
+    def named(self, name: str) -> list[dict]:
+        """The fields of every message of that name."""
+        return [message.fields for message in self.heard if message.name == name]
+
+    def logs(self) -> list[str]:
+        """What the probe has said in words."""
+        return [bytes(fields["tail"]).decode() for fields in self.named("log")]
+
+    def ask(self, name: str, values=(), tail=b"", limit_us: float = 5e6) -> Message:
+        """A command and its answer."""
+        self._number += 1
+        number = self._number
+        self.chip.send(command(name, number, values, tail))
+        answers: list[Message] = []
+
+        def answered() -> bool:
+            answers.extend(m for m in self.heard if m.number == number and m.kind & messages.ANSWER)
+            return bool(answers)
+
+        self.until(answered, limit_us)
+        return answers[0]
+
+    def counters(self) -> dict[str, int]:
+        """The probe's own counters."""
+        return dict(zip(messages.COUNTERS, self.ask("statistics").fields["tail"], strict=True))

@@ -1,0 +1,173 @@
+"""The viper twins as machine code for Cortex-M0, M3 and M4, executed: the plain loops' integers exactly.
+
+mpy-cross compiles them as for a board; Unicorn runs them (machine_code), and stops them at any
+access beyond the end of an array.
+"""
+
+import copy
+from array import array
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from firmware_py import cobs, crc, evaluator, features, forcemap, pipeline, status
+from palpate.model_export.fixed_point import compiler
+from palpate.sim.probe import mpy_file
+from palpate.sim.probe.machine_code import PROCESSORS, BadAccess, MachineCode, compile_viper
+from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
+from tests.firmware_py import stages, twins, vectors
+from tests.firmware_py.strokes import read_strokes
+from tests.model_export import synthetic
+from tests.model_export.test_micropython import rows
+
+# the M3's code is the M4's: it is run, but on fewer vectors
+VECTORS = {"armv6m": 1000, "armv7m": 100, "armv7emsp": 1000}
+SOURCES = (twins.HOT, twins.EVALUATOR, twins.LINK)
+SOURCE = """
+import micropython
+
+@micropython.viper
+def second(a: ptr16) -> int:
+    return a[1]
+
+@micropython.viper
+def product(a: int, b: int) -> int:
+    return a * b
+
+@micropython.viper
+def fill(a: ptr32, n: int):
+    while n > 0:
+        n -= 1
+        a[n] = -n // 7
+"""
+
+
+@pytest.fixture(scope="module", params=PROCESSORS)
+def architecture(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def hot(architecture):
+    return MachineCode(twins.HOT, architecture)
+
+
+# ---- the instrument itself
+
+
+def test_the_emulation_computes_and_refuses_as_a_board_would(architecture, tmp_path):
+    source = tmp_path / "trial.py"
+    source.write_text(SOURCE)
+    code = MachineCode(source, architecture, count=True)
+    assert code.names() == {"second", "product", "fill"}
+    assert code["product"](-30000, 30001) == -30000 * 30001
+    assert code["second"](array("H", (1, 65535))) == 65535
+    numbers = array("i", bytes(40))
+    assert code["fill"](numbers, 10) is None
+    assert list(numbers) == [-n // 7 for n in range(10)]
+    assert code.divisions == 10
+    assert 100 < code.instructions < 1000
+    with pytest.raises(BadAccess):
+        code["second"](array("H", (1,)))
+    with pytest.raises(BadAccess):
+        code["fill"](numbers, 11)
+    with pytest.raises(OverflowError):
+        code["product"](30000, 40000)
+    with pytest.raises(TypeError):
+        code["product"](1)
+    with pytest.raises(TypeError):
+        code["product"](numbers, 1)
+
+
+def test_a_broken_file_is_refused(tmp_path):
+    compiled = compile_viper(twins.HOT, "armv6m")
+    path = tmp_path / "x.mpy"
+    whole = bytes(compiled.raw)
+    for data in (b"", b"M\x05" + whole[2:], b"M\x06\xfc" + whole[3:], whole[:-1], whole + b"x"):
+        path.write_bytes(data)
+        with pytest.raises(ValueError):
+            mpy_file.Module(path)
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
+def test_every_twin_is_machine_code(architecture, source):
+    module = compile_viper(source, architecture)
+    assert module.architecture == architecture
+    placed = twins.places(source)
+    assert set(module.viper) == (set(placed) or {"_append", "_encode"})
+
+
+# ---- a thousand random vectors for each loop
+
+
+@pytest.mark.parametrize("name", twins.places(twins.HOT))
+def test_the_hot_loops_on_random_vectors(hot, architecture, name):
+    n = 0
+    for mine in vectors.of(".".join(twins.places(twins.HOT)[name]), VECTORS[architecture]):
+        theirs = copy.deepcopy(mine)
+        vectors.plain(".".join(twins.places(twins.HOT)[name]))(*mine)
+        hot[name](*theirs)
+        assert theirs == mine
+        n += 1
+    assert n == VECTORS[architecture]
+
+
+def test_the_links_loops_on_random_messages(architecture):
+    code = MachineCode(twins.LINK, architecture)
+    random = np.random.default_rng(3)
+    for k in range(VECTORS[architecture]):
+        n = int(random.integers(0, 700))
+        # many zeros, few, none
+        data = bytearray((random.integers(0, 256, n) * (random.random(n) > (0.3, 0.01, 0)[k % 3])).tolist())
+        mine, theirs = data + bytearray(4), data + bytearray(4)
+        crc.append_plain(mine, n)
+        code["_append"](theirs, n, crc._LOW, crc._HIGH)
+        assert theirs == mine
+        mine_out, theirs_out = bytearray(n + 20), bytearray(n + 20)
+        end = cobs.encode(mine, n + 4, mine_out, 3)
+        assert code["_encode"](theirs, n + 4, theirs_out, 3) == end
+        assert theirs_out == mine_out
+
+
+# ---- whole strokes, whole models
+
+
+def feed(stream, calibration, force_map, fixed_columns):
+    p = pipeline.Pipeline(calibration, fixed_columns=fixed_columns)
+    for packed, x, d in zip(stream.packed, stream.positions_um, stream.displacements_um):
+        p.add_frame(packed, int(x), int(d))
+    code = p.finish(force_map)
+    return [code, p.n, p.stuck, list(p.features), list(p.map), list(p.fit), list(p.span), list(p.columns)]
+
+
+def test_whole_strokes(hot):
+    force_map = forcemap.load(stages.any_force_map())
+    calls: Counter[str] = Counter()
+    for seed, pair in enumerate(read_strokes()[:4]):
+        model = SensorModel(StrokeField(*pair), LEVELS["typical"], seed, across_mm=3.9)
+        stream = model.stroke(60)
+        given = stream, model.calibration(), force_map, (None, (6, 20))[seed % 2]
+        expected = feed(*given)
+        with twins.installed(twins.HOT, hot) as called:
+            assert feed(*given) == expected
+        assert expected[0] == status.OK
+        calls.update(called)
+    assert min(calls.values()) > 0, calls
+
+
+def test_whole_models_on_random_vectors(architecture):
+    code = MachineCode(twins.EVALUATOR, architecture)
+    out = array("i", [0] * evaluator.OUT_SIZE)
+    calls: Counter[str] = Counter()
+    for kind, degree in (("thesis", 2), ("field", 2), ("field", 3)):
+        spec = synthetic.model(kind, degree)
+        tables = compiler.compile_model(spec)
+        given = rows(spec, VECTORS[architecture] if degree == 2 else 100)
+        plain = [[tables.evaluate(array("i", row), out), *out] for row in given]
+        with twins.installed(twins.EVALUATOR, code) as called:
+            assert [[tables.evaluate(array("i", row), out), *out] for row in given] == plain
+        assert max(called.values()) >= len(given)
+        assert all(len(row) == features.COUNT for row in given)
+        calls.update(called)
+    assert min(calls.values()) > 0, calls

@@ -1,0 +1,128 @@
+"""The reference board: MicroPython's own port on an emulated RP2040, its circuit, and USB."""
+
+import numpy as np
+import pytest
+
+from firmware_py import messages, status
+from palpate.sim.probe import sensors
+from palpate.sim.probe.rp2040 import flash
+from palpate.sim.probe.rp2040.chip import SERIAL
+from tests.sim.probe import board_bench
+from tests.sim.probe.board_bench import Board
+
+pytestmark = pytest.mark.board
+
+RANDOM_CELLS = np.random.default_rng(3).integers(0, 4096, 416)
+FRAMES, STROKES = messages.CONTENT_FRAMES, messages.CONTENT_STROKES
+
+
+@pytest.fixture(scope="module")
+def started():
+    """A board without key or model, cells at random; it was waited for until it had said its first words."""
+    board = Board(cells=RANDOM_CELLS, displacement=1000)
+    board.hand.begin = board.hand.end = lambda *_: None  # nobody touches it
+    board.until(lambda: len(board.logs()) >= 3)
+    return board
+
+
+def test_a_file_system_made_here_is_read_as_it_was_written():
+    files = {"main.py": b"x" * 5000, "firmware_py/boards/scan.mpy": b"y", "key.pub": bytes(56)}
+    assert flash.read(flash.image(files)) == files
+
+
+MEASURE = """
+import time
+exec(open("loader.py").read())
+from machine import Pin, unique_id
+from firmware_py.boards import fast_scan, scan
+fast_scan.install()
+one = scan.Scan(Pin(2), Pin(17), Pin(16, Pin.IN), Pin(10))
+counts = bytearray(624)
+began = time.ticks_us()
+one.start()
+started = time.ticks_us()
+while not one.done():
+    pass
+done = time.ticks_us()
+one.take(counts)
+taken = time.ticks_us()
+print(unique_id().hex(), counts.hex(), one.displacement())
+print(started - began, done - began, taken - done)
+"""
+
+
+def measured(settling_us):
+    """What a board at MicroPython's prompt measures: serial number, cells, displacement, times in us."""
+    files = dict(board_bench.firmware())
+    loader = files.pop("main.py").decode().partition("from firmware_py.boards import rp2_reference")[0]
+    board = Board(
+        {"main.py": b"", "loader.py": loader.encode()},
+        cells=RANDOM_CELLS,
+        displacement=1000,
+        settling_us=settling_us,
+    )
+    board.chip.run(lambda: board.chip.connected)
+    first, times = board.chip.execute(MEASURE).splitlines()
+    serial, cells, displacement = first.split()
+    return (
+        serial,
+        sensors.unpack(bytes.fromhex(cells)),
+        int(displacement),
+        [int(time) for time in times.split()],
+    )
+
+
+def test_the_state_machines_measure_every_cell_in_its_place_while_the_processor_does_something_else():
+    serial, cells, displacement, (start_us, scan_us, take_us) = measured(settling_us=1.5)
+    assert serial == SERIAL.hex()
+    assert np.array_equal(cells, RANDOM_CELLS)
+    assert displacement == 2000
+    assert scan_us < 10_000, "eighty-five frames a second leave 11.7 ms"
+    assert start_us + take_us < 1000
+    print(f"scan {scan_us} us in the background; to start it {start_us} us, to take it {take_us} us")
+
+
+def test_amplifiers_that_are_too_slow_would_be_seen():
+    assert not np.array_equal(measured(settling_us=6.0)[1], RANDOM_CELLS)
+
+
+@pytest.mark.long
+def test_it_starts_in_two_seconds_with_machine_code_and_forty_kilobytes_free(started):
+    board = started
+    assert board.chip.us < 2e6
+    assert board.named("boot") == [{"boots": 1, "status": status.OK}]
+    code, memory, key = board.logs()[:3]
+    assert code == "machine code: link, frames, model, scan"
+    assert int(memory.split()[1]) > 40_000, memory
+    assert key.startswith("no public key: ")
+    print(f"up after {board.chip.us / 1e6:.2f} s; {memory}")
+
+
+@pytest.mark.long
+def test_it_says_who_it_is_by_its_flash_chips_number(started):
+    identity = started.ask("identify", (7,)).fields
+    assert identity["serial"] == SERIAL
+    assert identity["model_status"] == status.NO_KEY
+    assert identity["boots"] == 1
+
+
+@pytest.mark.long
+def test_every_cell_arrives_in_its_place_at_fifty_frames_a_second_and_none_is_late(started):
+    board = started
+    before = board.counters()
+    assert board.ask("stream_start", (FRAMES | STROKES, 1, 0, 60_000)).code == status.OK
+    begun = board.chip.us
+    board.until(lambda: len(board.named("frame")) >= 25, 2e6)
+    took = board.chip.us - begun
+    assert board.ask("stream_stop").code == status.OK
+    after = board.counters()
+    frames = board.named("frame")
+    for frame in frames:
+        assert np.array_equal(sensors.unpack(frame["tail"]).reshape(-1), RANDOM_CELLS)
+        assert frame["displacement_um"] == pytest.approx(6105, abs=4)
+    times = [frame["time_us"] for frame in frames]
+    assert np.diff(times) == pytest.approx(20_000, abs=1500)
+    for name in ("frames_overrun", "frames_dropped"):
+        assert after[name] == before[name], name
+    apart = f"{np.diff(times).min()} to {np.diff(times).max()} us apart"
+    print(f"{len(frames)} frames in {took / 1000:.0f} ms, {apart}")

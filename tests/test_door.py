@@ -1,0 +1,110 @@
+"""The front door: `from palpate import ...`, whatever else lies on the path, and what a wheel installs."""
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import palpate
+
+ROOT = Path(__file__).parent.parent
+NAMES = {
+    "Case", "EmulatedProbe", "PalpateError", "Probe", "export", "fit", "open_recording", "simulate", "sweep",
+}  # fmt: skip
+GIT_FILES = ["git", "ls-files", "-zco", "--exclude-standard"]
+"""What is committed, and what is about to be."""
+NPM = ("sim/probe/wasm/node_modules", "host/view/fonts/node_modules")
+"""What set-up installs there goes into a wheel as well."""
+HEAVY = "click matplotlib mcap numba numpy pandas rich scipy serial skfem statsmodels"
+
+
+def python(*arguments, path: Path | None = None, cwd: Path | None = None) -> str:
+    """What a fresh interpreter prints; `path` comes first where it looks for modules."""
+    environment = os.environ | ({} if path is None else {"PYTHONPATH": str(path)})
+    done = subprocess.run(
+        [sys.executable, *map(str, arguments)],
+        capture_output=True, text=True, check=False, env=environment, cwd=cwd,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def test_every_name_of_the_door_opens():
+    assert set(palpate.__all__) == NAMES <= set(dir(palpate))
+    for name in NAMES:
+        assert getattr(palpate, name).__module__.startswith("palpate.")
+    with pytest.raises(AttributeError, match="no attribute 'Caes'"):
+        palpate.Caes  # noqa: B018
+
+
+def test_the_door_itself_imports_nothing():
+    """Each name's home is imported when the name is first used."""
+    loaded = f"import sys, palpate; print([m for m in '{HEAVY}'.split() if m in sys.modules])"
+    assert python("-c", loaded) == "[]"
+
+
+def test_modules_of_one_s_own_do_no_harm(tmp_path):
+    """With a `sim/` or a `host.py` beside one's work `palpate --version` crashed, when we had these names."""
+    for name in ("host", "sim", "model_export", "tests"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('the wrong module')\n")
+    assert python("-m", "palpate.cli", "--version", path=tmp_path, cwd=tmp_path).startswith("palpate ")
+    opened = python("-c", "from palpate import simulate, fit, Probe; print(1)", path=tmp_path, cwd=tmp_path)
+    assert opened == "1"
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory) -> zipfile.ZipFile:
+    """The wheel of the files that git knows, and of what set-up installs among them."""
+    place = tmp_path_factory.mktemp("wheel")
+    listed = subprocess.run(GIT_FILES, cwd=ROOT, capture_output=True, check=True).stdout
+    for name in filter(None, listed.decode().split("\0")):
+        if not name.startswith(("docs/", "tests/")) and (ROOT / name).exists():
+            (place / "source" / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, place / "source" / name)
+    for folder in NPM:
+        shutil.copytree(ROOT / folder, place / "source" / folder)
+    pip = ["-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "--no-index"]
+    python(*pip, "--wheel-dir", place, place / "source")
+    (built,) = place.glob("palpate-*.whl")
+    return zipfile.ZipFile(built)
+
+
+def test_a_wheel_takes_two_names_and_no_other(wheel):
+    tops = {name.split("/")[0] for name in wheel.namelist()}
+    assert {top for top in tops if not top.endswith(".dist-info")} == {"palpate", "firmware_py"}
+
+
+def test_a_wheel_holds_every_file_of_the_rooms(wheel):
+    """Code, the page, the WASM runner, the report's template, the manifest: all that git knows there."""
+    homes = {"host": "palpate", "sim": "palpate/sim", "model_export": "palpate/model_export"}
+    homes["firmware_py"] = "firmware_py"
+    inside = set(wheel.namelist())
+    listed = subprocess.run([*GIT_FILES, *homes], cwd=ROOT, capture_output=True, check=True)
+    files = [Path(name) for name in filter(None, listed.stdout.decode().split("\0"))]
+    npm = {f.parent for f in files if f.name == "package-lock.json"}
+    wanted = [
+        f for f in files
+        if (ROOT / f).exists()
+        and not f.name.startswith(".")
+        and not (f.parent in npm and f.name in ("package.json", "package-lock.json"))
+    ]  # fmt: skip
+    missing = [f for f in wanted if "/".join((homes[f.parts[0]], *f.parts[1:])) not in inside]
+    assert not missing
+
+
+def test_an_unpacked_wheel_runs_without_the_repository(wheel, tmp_path):
+    """The emulated probe is the longest way through it: firmware, runner and link are all found inside."""
+    wheel.extractall(tmp_path / "site")
+    code = (
+        "import firmware_py, palpate\n"
+        f"assert palpate.__file__.startswith({str(tmp_path)!r}), palpate.__file__\n"
+        f"assert firmware_py.__file__.startswith({str(tmp_path)!r}), firmware_py.__file__\n"
+        "with palpate.EmulatedProbe('cpython') as device, palpate.Probe.open(device.port) as probe:\n"
+        "    print(probe.identity.protocol)\n"
+    )
+    assert python("-c", code, path=tmp_path / "site", cwd=tmp_path).isdigit()
+    assert python("-m", "palpate.cli", "--help", path=tmp_path / "site", cwd=tmp_path).startswith("Usage")
