@@ -129,6 +129,10 @@ def turn(circuit: Circuit, steps: int, interrupt: bool = True, step_us: float = 
         b.drive(level_b, interrupt)
 
 
+def _boards() -> set[str]:
+    return {name for name in sys.modules if name.startswith("firmware_py.boards.")}
+
+
 @contextmanager
 def installed(circuit: Circuit) -> Iterator[None]:
     """MicroPython's `machine`, `micropython` and the clock are the circuit's for as long as this lasts."""
@@ -167,6 +171,7 @@ def installed(circuit: Circuit) -> Iterator[None]:
     }.items():
         setattr(rp2, name, member)
     before = {name: sys.modules.get(name) for name in ("machine", "micropython", "rp2")}
+    boards_before = _boards()
     sys.modules.update(machine=machine, micropython=micropython, rp2=rp2)
     time.sleep_us, time.ticks_us = sleep_us, ticks_us  # type: ignore[attr-defined]
     try:
@@ -177,7 +182,7 @@ def installed(circuit: Circuit) -> Iterator[None]:
                 del sys.modules[name]
             else:
                 sys.modules[name] = module
-        for name in [n for n in sys.modules if n.startswith("firmware_py.boards.")]:
+        for name in _boards() - boards_before:  # they hold this board's pins
             delattr(sys.modules["firmware_py.boards"], name.rpartition(".")[2])
             del sys.modules[name]
         del time.sleep_us, time.ticks_us  # type: ignore[attr-defined]

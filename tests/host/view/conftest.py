@@ -13,6 +13,9 @@ from palpate.view.source import Source
 from tests.host.view.chromium import CHROMIUM_OPTIONS, chromium
 from tests.host.view.waiting import PATIENCE_S, WATCH
 
+GONE = ("WebSocket connection", "net::ERR_CONNECTION_REFUSED")
+"""What the browser itself notes when a viewer program has ended: no fault of the page."""
+
 
 @pytest.fixture(scope="session")
 def launch():
@@ -71,7 +74,7 @@ def open_page(browser):
             "console",
             lambda message: (
                 wrong.append(message.text)
-                if message.type == "error" and "WebSocket connection" not in message.text
+                if message.type == "error" and not any(text in message.text for text in GONE)
                 else None
             ),
         )
