@@ -49,4 +49,4 @@ docs: dev ## the documentation as a site, in site/
 	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --strict -q
 
 clean:
-	rm -rf .venv .links build dist site out sim/probe/wasm/node_modules host/view/fonts/node_modules *.egg-info
+	rm -rf .venv .links build dist site out sim/probe/wasm/node_modules host/view/fonts/node_modules .ci/docs/node_modules *.egg-info

@@ -7,8 +7,10 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import sync_playwright
 
 from tests.docs.blocks import ROOT
+from tests.host.view.chromium import CHROMIUM_OPTIONS, chromium
 
 _LOADS = {"script": "src", "link": "href", "img": "src", "iframe": "src", "source": "src", "video": "src"}
 _HARMLESS_LINKS = {"canonical", "prev", "next", "alternate"}
@@ -31,6 +33,25 @@ def site(tmp_path_factory):
     assert done.returncode == 0, said
     assert "WARNING" not in said, said
     return out
+
+
+@pytest.mark.browser
+def test_search_works_from_a_disk(site):
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium(), args=CHROMIUM_OPTIONS)
+        page = browser.new_page()
+        asked: list[str] = []
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto((site / "tutorial" / "emulated.html").as_uri())
+        page.wait_for_function("typeof __index === 'object'", timeout=120_000)
+        page.locator("[data-md-component=search-query]").click()
+        page.keyboard.type("curvature")
+        first = page.locator(".md-search-result__item a").first
+        first.wait_for(timeout=120_000)
+        target = first.get_attribute("href") or ""
+        browser.close()
+    assert re.match(r"(\.\./|file:).*\.html", target), target
+    assert all(address.startswith(("file:", "data:", "about:", "blob:")) for address in asked), asked
 
 
 class Loads(HTMLParser):
