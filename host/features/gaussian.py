@@ -5,6 +5,7 @@ Units: mm, kPa.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -33,32 +34,40 @@ def bounded_bump(
     starts: Sequence[Sequence[float]],
     lower: Sequence[float],
     upper: Sequence[float],
+    centre_mm: float | None = None,
     tolerance: float = 1e-11,
     most: int | None = None,
 ) -> tuple[Floats, float] | None:
     """Least squares of a bump between bounds on base, amp, centre and stdev; the best of several starts.
 
-    Returns the four and the rms of what they leave, or None if no start ended within `most` evaluations.
+    Returns the four and the rms of the residual, or None if no start converged within `most` evaluations.
+    A `centre_mm` that is given is held: its start and bounds do not count.
     """
     size = float(np.ptp(pressure)) or 1.0
+    free = [0, 1, 2, 3] if centre_mm is None else [0, 1, 3]
+    scale = np.array([size, size, _LENGTH_MM, _LENGTH_MM])[free]
 
-    def residual(p: Floats) -> Floats:
-        return (bump(x_mm, *p) - pressure) / size
+    def whole(q: Floats) -> Floats:
+        return q if centre_mm is None else np.array([q[0], q[1], centre_mm, q[2]])
 
-    def slope(p: Floats) -> Floats:
-        z = (x_mm - p[2]) / p[3]
+    def residual(q: Floats) -> Floats:
+        return (bump(x_mm, *whole(q)) - pressure) / size
+
+    def slope(q: Floats) -> Floats:
+        _, amp, centre, stdev = whole(q)
+        z = (x_mm - centre) / stdev
         g = np.exp(-0.5 * z * z)
-        b = p[1] / p[3] * g * z
-        return np.column_stack([np.ones_like(x_mm), g, b, b * z]) / size
+        b = amp / stdev * g * z
+        return np.column_stack([np.ones_like(x_mm), g, b, b * z])[:, free] / size
 
     best = None
     for start in starts:
         found = least_squares(
             residual,
-            start,
+            np.asarray(start, float)[free],
             slope,
-            bounds=(lower, upper),
-            x_scale=[size, size, _LENGTH_MM, _LENGTH_MM],
+            bounds=(np.asarray(lower, float)[free], np.asarray(upper, float)[free]),
+            x_scale=scale,
             xtol=tolerance,
             ftol=tolerance / 10,
             gtol=tolerance,
@@ -68,7 +77,7 @@ def bounded_bump(
             best = found
     if best is None:
         return None
-    return best.x, size * float(np.sqrt(2 * best.cost / len(x_mm)))
+    return whole(best.x), size * float(np.sqrt(2 * best.cost / len(x_mm)))
 
 
 @dataclass(frozen=True)
@@ -118,46 +127,27 @@ def fit_gaussian(x_mm: ArrayLike, pressure_kPa: ArrayLike, centre_mm: float | No
         raise UsageError("a map needs at least five places, each with one pressure")
     if not (np.isfinite(x).all() and np.isfinite(p).all()):
         raise UsageError("the map holds a value that is not finite")
-    span = float(np.ptp(p)) or 1.0
-    lo, hi = STDEV_RANGE_MM
-
-    def parts(q: Floats) -> tuple[Floats, Floats]:
-        z = (x - (q[1] if centre_mm is None else centre_mm)) / np.exp(q[0])
-        columns = np.c_[np.ones_like(z), np.exp(-z * z / 2)]
-        return columns, np.linalg.lstsq(columns, p, rcond=None)[0]
-
-    def residual(q: Floats) -> Floats:
-        columns, weights = parts(q)
-        return (columns @ weights - p) / span
-
-    # Base and amplitude are linear, so only centre and stdev are searched (variable projection). A tail
-    # of the stroke can look like half a Gaussian: start from several widths and places, keep the best.
-    starts = [0.0] if centre_mm is not None else [float(x[np.argmax(p)]), float(x.mean())]
-    low, high = [np.log(lo)], [np.log(hi)]
-    if centre_mm is None:
-        low, high = [*low, float(x.min())], [*high, float(x.max())]
-    best = None
-    for width in (3.0, 6.0, 12.0):
-        for start in starts:
-            q0 = np.array([np.log(width)] if centre_mm is not None else [np.log(width), start])
-            found = least_squares(
-                residual, np.clip(q0, low, high), bounds=(low, high), xtol=1e-12, ftol=1e-12
-            )
-            if best is None or found.cost < best.cost:
-                best = found
-    assert best is not None
-    columns, (base, amp) = parts(best.x)
-    left = p - columns @ [base, amp]
-    stdev = float(np.exp(best.x[0]))
-    centre = float(best.x[1]) if centre_mm is None else centre_mm
-    return GaussianFit(
-        float(base),
-        float(amp),
-        centre,
-        stdev,
-        float(np.sqrt(np.mean(left**2))),
-        _skewness(x, p, base, amp, centre, stdev),
+    # The tail of a stroke can look like half a Gaussian: start from several widths and places, keep the best.
+    # Base and amplitude are linear, so every start has those that fit best with its centre and width.
+    centres = [centre_mm] if centre_mm is not None else [float(x[np.argmax(p)]), float(x.mean())]
+    starts = []
+    for width, centre in itertools.product((3.0, 6.0, 12.0), centres):
+        columns = np.c_[np.ones_like(x), bump(x, 0.0, 1.0, centre, width)]
+        starts.append((*np.linalg.lstsq(columns, p, rcond=None)[0], centre, width))
+    narrowest, widest = STDEV_RANGE_MM
+    found = bounded_bump(
+        x,
+        p,
+        starts,
+        (-np.inf, -np.inf, float(x.min()), narrowest),
+        (np.inf, np.inf, float(x.max()), widest),
+        centre_mm,
     )
+    if found is None:
+        raise UsageError("no Gaussian can be fitted to this map: its search did not end")
+    (base, amp, centre, stdev), rms = found
+    skewness = _skewness(x, p, base, amp, centre, stdev)
+    return GaussianFit(float(base), float(amp), float(centre), float(stdev), rms, skewness)
 
 
 def _skewness(x: Floats, p: Floats, base: float, amp: float, centre: float, stdev: float) -> float:

@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 from firmware_py import bins, calib, features, geometry, profile
 from palpate.errors import UsageError
 from palpate.features import pipeline_steps as steps
-from palpate.features.pipeline_steps import Gaussian, fit_gaussian
+from palpate.features.pipeline_steps import Gaussian, fit_like_firmware
 from palpate.model_export.fixed_point.force_map import ForceMap
 from palpate.sim.probe.cells import PITCH_MM, ROW_MM
 
-__all__ = ["Gaussian", "Reference", "StrokeTooShort", "compute", "fit_gaussian"]
+__all__ = ["Gaussian", "Reference", "StrokeTooShort", "compute", "fit_like_firmware"]
 
 Floats = NDArray[np.float64]
 
@@ -107,7 +107,7 @@ def compute(
         y = steps.method2(x, r, middle + GRID_MM)
         if place is None:
             return y, steps.Gaussian(y.mean(), 0.0, 0.0, steps.STDEV_BOUNDS_MM[1], float(y.std()))
-        return y, steps.fit_gaussian(y)
+        return y, steps.fit_like_firmware(y)
 
     y, fit = fitted(image)
     answer = np.zeros(geometry.COLUMNS)

@@ -125,7 +125,7 @@ def find_place(y: Floats, low: int, high: int) -> int | None:
     return place
 
 
-def fit_gaussian(
+def fit_like_firmware(
     y: ArrayLike, centre: float = 0.0, widths_mm: tuple[float, ...] = (3.0, 6.0, 12.0)
 ) -> Gaussian:
     """Least squares of a Gaussian on a base, the best from several widths; x = -n/2 .. n/2 mm.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from palpate.sim.probe.cells import SHAPE
 from palpate.view.events import Estimate, Frame, MapFit, ProbeMap
 from palpate.view.phrases import card
-from palpate.view.tactile_map import columns_over_lump, fit_gaussian, method_2, peak_kPa
+from palpate.view.tactile_map import columns_over_lump, fit_growing_map, method_2, peak_kPa
 
 MAX_IMAGES = 96
 MAX_FRAMES = 4096
@@ -84,7 +84,7 @@ class Stroke:
         seen = images[:, :, columns_over_lump(images)].mean(axis=2)
         x, p, rows = method_2(np.asarray(self.image_position_mm), seen)
         whole = rows >= (rows.max() if rows.size else 0)
-        return _rounded(x, 2), _rounded(p, 4), fit_gaussian(x[whole], p[whole])
+        return _rounded(x, 2), _rounded(p, 4), fit_growing_map(x[whole], p[whole])
 
     def progress(self) -> dict[str, Any]:
         """The running stroke for the page."""

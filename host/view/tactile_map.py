@@ -76,7 +76,7 @@ def method_2(position_mm: Array, row_kPa: Array) -> tuple[Array, Array, Array]:
     return x[keep], mean, rows[keep].astype(np.float64)
 
 
-def fit_gaussian(x_mm: Array, pressure_kPa: Array) -> MapFit | None:
+def fit_growing_map(x_mm: Array, pressure_kPa: Array) -> MapFit | None:
     """Fit the map's bump; None where there is none to see yet (too few points, not past the top, a poor
     fit)."""
     if x_mm.size < 12:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from firmware_py import gauss, gaussfit, search
-from palpate.features.pipeline_features import fit_gaussian
+from palpate.features.pipeline_features import fit_like_firmware
 from palpate.firmware_twin.replay_core import compiled
 from tests.firmware_py import checked_int
 
@@ -65,7 +65,7 @@ def test_within_1e_3_of_least_squares_on_1000_noisy_maps_and_no_failure():
         # one start is enough where both end in the same place
         for widths in ((6.0,), (3.0, 6.0, 12.0)):
             if error > 1e-3:
-                true = fit_gaussian(np.array(counts) / UNITS_PER_KPA, widths_mm=widths)
+                true = fit_like_firmware(np.array(counts) / UNITS_PER_KPA, widths_mm=widths)
                 amp = got[gauss.AMP] / UNITS_PER_KPA / true.amp - 1
                 error = max(abs(amp), abs(got[gauss.STDEV] / 65536 / true.stdev - 1))
         worst = max(worst, error)
@@ -76,7 +76,7 @@ def test_centre_and_base_too():
     fitter = Fitter(compiled())
     for y in noisy_maps(50, seed=2):
         counts = integers(y)
-        got, true = fitter(counts), fit_gaussian(np.array(counts) / UNITS_PER_KPA)
+        got, true = fitter(counts), fit_like_firmware(np.array(counts) / UNITS_PER_KPA)
         assert got[gauss.CENTRE] / 65536 - 28 == pytest.approx(true.centre, abs=2e-3 * true.stdev)
         assert got[gauss.BASE] / UNITS_PER_KPA == pytest.approx(true.base, rel=2e-4)
         rms = np.exp(got[gauss.COST] / 2**25) / np.sqrt(57) / UNITS_PER_KPA

@@ -36,6 +36,8 @@ def test_a_gaussian_on_a_base_is_found_again(base, amp, stdev, centre):
         [base, amp, centre, stdev], rel=1e-3, abs=1e-3
     )
     assert fit.rms_kPa < 1e-4 * max(1.0, amp)
+    held = features.fit_gaussian(X, fit.curve(X), centre_mm=centre)
+    assert held.centre_mm == centre and held.stdev_mm == pytest.approx(stdev, rel=1e-3)
 
 
 @pytest.mark.parametrize("skew", [-0.4, 0.0, 0.4])

@@ -29,7 +29,7 @@ from palpate.view.phrases import card
 from palpate.view.repeatability import compare, spread
 from palpate.view.session import Session
 from palpate.view.stroke import MAX_FRAMES, MAX_IMAGES, Stroke
-from palpate.view.tactile_map import columns_over_lump, fit_gaussian, method_2
+from palpate.view.tactile_map import columns_over_lump, fit_growing_map, method_2
 from tests.host.view.synthetic import Bump, estimate, stroke
 from tests.host.view.waiting import eventually
 
@@ -99,7 +99,7 @@ def test_a_whole_strokes_map_gives_its_gaussian_back(base, amp, centre, stdev):
     rows = bump(place, base, amp, centre, stdev)
     x, p, covered = method_2(position, rows)
     whole = covered == 16
-    fit = fit_gaussian(x[whole], p[whole])
+    fit = fit_growing_map(x[whole], p[whole])
     assert fit is not None
     assert fit.base_kPa == pytest.approx(base, rel=0.01)
     assert fit.amp_kPa == pytest.approx(amp, rel=0.02)
@@ -117,13 +117,13 @@ def test_where_only_part_of_the_face_has_been_the_face_itself_leaves_no_mark():
 @pytest.mark.parametrize("n", [0, 1, 2])
 def test_a_stroke_that_has_hardly_begun_has_no_map_and_no_fit(n):
     x, p, _ = method_2(np.zeros(n), np.ones((n, 16)))
-    assert x.size == p.size == 0 and fit_gaussian(x, p) is None
+    assert x.size == p.size == 0 and fit_growing_map(x, p) is None
 
 
 def test_noise_alone_gets_no_fit():
     rng = np.random.default_rng(5)
     x = np.arange(-30.0, 31.0)
-    found = [fit_gaussian(x, 4 + rng.normal(0, 0.01, x.size)) for _ in range(40)]
+    found = [fit_growing_map(x, 4 + rng.normal(0, 0.01, x.size)) for _ in range(40)]
     assert sum(f is not None for f in found) <= 4
 
 
