@@ -21,6 +21,8 @@ _FAR = 0x20000000
 _DEEP = 0x20000
 
 
+# What reads a frame unpacks it in its own loop, here and elsewhere: a call for each pair of cells would take
+# longer than all the rest, and a frame's counts as an array memory that a small board has not.
 def put_cells(packed, at, cells, base):
     """Unpack a frame's counts of 12 bits from `packed[at:]` into `cells[base:]`."""
     end = at + _FRAME_BYTES

@@ -29,7 +29,7 @@ def add_frame(packed, total, before, first):
     squares = 0
     at = 0
     for i in range(0, _CELLS, 2):
-        b = packed[at + 1]
+        b = packed[at + 1]  # unpacked here: no call for each pair (bins.put_cells)
         v = packed[at] | (b & 15) << 8
         w = b >> 4 | packed[at + 2] << 4
         at += 3

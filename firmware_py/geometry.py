@@ -1,6 +1,8 @@
 """The sensor array in numbers, all worked out from sensor_array.py; everybody else takes them from here.
 
-A frame holds the cells row by row, two counts of 12 bits in three bytes. Lengths in um, pressures in Pa.
+A frame holds the cells row by row, two counts of 12 bits in three bytes: the first's low eight bits, then its
+high four with the second's low four above them, then the second's high eight (`bins.put_cells`).
+Lengths in um, pressures in Pa.
 """
 
 from firmware_py import sensor_array

@@ -20,7 +20,9 @@ def add_rows(packed, at, first, last, offset, gain, rows, base):
         cell = _COLUMNS * r + first
         end = _COLUMNS * r + last
         while cell < end:
-            p = at + (cell >> 1) * 3
+            p = (
+                at + (cell >> 1) * 3
+            )  # unpacked here: this build has no room for a frame's counts (bins.put_cells)
             if cell & 1:
                 v = packed[p + 1] >> 4 | packed[p + 2] * 16
             else:

@@ -105,7 +105,7 @@ class StrokeState:
         for row in range(_ROWS):
             line = 0
             for _ in range(_PAIRS_A_ROW):
-                b = packed[at + 1]
+                b = packed[at + 1]  # unpacked here: no call for each pair (bins.put_cells)
                 line += (packed[at] | (b & 15) << 8) + (b >> 4 | packed[at + 2] << 4)
                 at += 3
             total += line

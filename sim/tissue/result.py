@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import UsageError
+from palpate.sim.tissue import symmetry
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.probe_shape import SENSORS_MM
+from palpate.sim.tissue.symmetry import Mirror
 
 Floats = NDArray[np.float64]
 
@@ -63,6 +65,18 @@ class Stroke:
     nodes: int
     cpu_s: float
 
+    MIRRORS: ClassVar[dict[str, Mirror]] = {
+        "positions_mm": symmetry.PLACES,
+        "displacement_mm": symmetry.SERIES,
+        "images_kPa": symmetry.IMAGES,
+        "peak_mm": symmetry.PLACES,
+        "peak_kPa": symmetry.SERIES,
+        "contact_mm": symmetry.SPANS,
+        "force_error": symmetry.SERIES,
+        "smallest_jacobian": symmetry.SERIES,
+        "iterations": symmetry.SERIES,
+    }
+
     @property
     def code(self) -> str:
         """The case's code."""
@@ -83,22 +97,11 @@ class Stroke:
         """Nominal strain of the fat, (n,): displacement over undeformed thickness."""
         return self.displacement_mm / self.case.t_mm
 
-    def mirrored(self) -> Stroke:
+    def mirrored(self) -> Self:
         """The same stroke made from the other side."""
-        return replace(
-            self,
-            positions_mm=-self.positions_mm[::-1],
-            displacement_mm=self.displacement_mm[::-1],
-            images_kPa=self.images_kPa[::-1, ::-1],
-            peak_mm=-self.peak_mm[::-1],
-            peak_kPa=self.peak_kPa[::-1],
-            contact_mm=-self.contact_mm[::-1, ::-1],
-            force_error=self.force_error[::-1],
-            smallest_jacobian=self.smallest_jacobian[::-1],
-            iterations=self.iterations[::-1],
-        )
+        return replace(self, **{name: how.of(getattr(self, name)) for name, how in self.MIRRORS.items()})
 
-    def full(self) -> Stroke:
+    def full(self) -> Self:
         """The stroke continued to the other side by mirror symmetry, where it ends over the lump.
 
         Raises
@@ -106,18 +109,18 @@ class Stroke:
         UsageError
             The stroke stops before the lump, or friction breaks the symmetry.
         """
-        if self.positions_mm[-1] > 1e-9:
+        last = float(self.positions_mm[-1])
+        over = symmetry.ends_over_lump(last)
+        if last > 0 and not over:
             return self
-        if self.positions_mm[-1] < -1e-9 or self.case.friction > 0.0:
+        if not over or self.case.friction > 0.0:
             raise UsageError(
                 f"{self.code}: only a frictionless stroke that ends over the lump has a mirror half"
             )
-        back = self.mirrored()
-        names = (*_SERIES, "images_kPa", "contact_mm", "iterations")
-        joined: dict[str, Any] = {
-            name: np.concatenate([getattr(self, name), getattr(back, name)[1:]]) for name in names
-        }
-        return replace(self, **joined)
+        along = {name: how for name, how in self.MIRRORS.items() if 0 in how.axes}
+        return replace(
+            self, **{name: how.continued(getattr(self, name), last) for name, how in along.items()}
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain lists and numbers, for JSON; `from_dict` reads them back exactly."""

@@ -1,6 +1,25 @@
 """What stands twice, for speed or for another language, says the same as its one home."""
 
-from firmware_py import evaluator, geometry, outputs, polynomial, verdict
+from array import array
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware_py import (
+    bins,
+    calibrate,
+    evaluator,
+    geometry,
+    outputs,
+    polynomial,
+    rowpipeline,
+    settings,
+    stroke_state,
+    verdict,
+)
+from firmware_py.boards import scan_order
+from palpate.sim.probe import packed_frames
 from palpate.view.app import array_module
 
 
@@ -39,3 +58,48 @@ def test_the_page_is_handed_the_probes_array():
         "PITCH_MM": geometry.PITCH_UM / 1000,
         "FULL_SCALE_KPA": geometry.FULL_SCALE_PA / 1000,
     }
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_everybody_packs_and_unpacks_a_frame_alike(seed):
+    """Five loops of the firmware unpack in place; `bins.put_cells` is what they must agree with."""
+    counts = np.random.default_rng(seed).integers(0, geometry.FULL_COUNT + 1, geometry.CELLS)
+    expected = counts.tolist()
+    packed = packed_frames.pack(counts)
+    assert len(packed) == geometry.FRAME_BYTES
+    on_the_board = bytearray(geometry.FRAME_BYTES)
+    scan_order.pack(expected, range(geometry.CELLS), on_the_board)
+    assert bytes(on_the_board) == packed
+
+    assert packed_frames.unpack(packed).tolist() == expected
+    cells = [0] * geometry.CELLS
+    bins.put_cells(packed, 0, cells, 0)
+    assert cells == expected
+    bins.add_cells(packed, 0, cells, 0)
+    assert cells == [2 * count for count in expected]
+    total, before = array("i", bytes(4 * geometry.CELLS)), array("H", bytes(2 * geometry.CELLS))
+    calibrate.add_frame(packed, total, before, True)
+    assert total.tolist() == before.tolist() == expected
+    assert counts_of_each_row(packed) == counts.reshape(geometry.ROWS, -1)[:, 1:].sum(1).tolist()
+    assert least_sum_in_contact(packed) == int(counts.sum())
+
+
+def counts_of_each_row(packed):
+    """As the small build adds them up, without the first column."""
+    zero, unit = [0] * geometry.CELLS, [512 // 8] * geometry.CELLS
+    rows = [0] * geometry.ROWS
+    rowpipeline.add_rows(packed, 0, 1, geometry.COLUMNS, zero, unit, rows, 0)
+    return rows
+
+
+def least_sum_in_contact(packed):
+    """The sum of all counts, from where the frame ceases to be a contact as the zero rises."""
+    values = list(settings.Settings().values)
+    pressure = values[settings.CONTACT_THRESHOLD]
+    excess = -(-pressure * geometry.COUNTS_A_100_PA // 100)  # counts that are this pressure
+    low, high = -excess - 1, geometry.CELLS * geometry.FULL_COUNT
+    while high - low > 1:
+        zero = (low + high) // 2
+        touches = stroke_state.StrokeState(values, zero).in_contact(packed)
+        low, high = (zero, high) if touches else (low, zero)
+    return low + excess

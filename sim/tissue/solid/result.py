@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.sim.tissue import symmetry
 from palpate.sim.tissue.result import Stroke
 from palpate.sim.tissue.solid.face import sensor_places_mm
+from palpate.sim.tissue.symmetry import Mirror
 
 Floats = NDArray[np.float64]
 
@@ -39,31 +41,15 @@ class SolidStroke(Stroke):
     ramp_displacement_mm: Floats
     ramp_images_kPa: Floats
 
+    MIRRORS: ClassVar[dict[str, Mirror]] = Stroke.MIRRORS | {
+        "peak_across_mm": symmetry.SERIES,
+        "ramp_images_kPa": Mirror(axes=(1,)),  # taken at the first position, whichever side that is
+    }
+
     @property
     def across_mm(self) -> Floats:
         """Places of the sensors across the stroke, in the probe's frame."""
         return sensor_places_mm(self.images_kPa.shape[2])
-
-    def mirrored(self) -> SolidStroke:
-        """The same stroke made from the other side."""
-        back = super().mirrored()
-        assert isinstance(back, SolidStroke)
-        return replace(
-            back,
-            images_kPa=self.images_kPa[::-1, ::-1, :],
-            peak_across_mm=self.peak_across_mm[::-1],
-            ramp_images_kPa=self.ramp_images_kPa[:, ::-1, :],
-        )
-
-    def full(self) -> SolidStroke:
-        """The stroke continued to the other side by mirror symmetry, where it ends over the lump."""
-        whole = super().full()
-        assert isinstance(whole, SolidStroke)
-        if whole is self:
-            return self
-        return replace(
-            whole, peak_across_mm=np.concatenate([self.peak_across_mm, self.peak_across_mm[-2::-1]])
-        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain lists and numbers, for JSON; `from_dict` reads them back exactly."""
