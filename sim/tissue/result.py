@@ -99,7 +99,8 @@ class Stroke:
 
     def mirrored(self) -> Self:
         """The same stroke made from the other side."""
-        return replace(self, **{name: how.of(getattr(self, name)) for name, how in self.MIRRORS.items()})
+        back: dict[str, Any] = {name: how.of(getattr(self, name)) for name, how in self.MIRRORS.items()}
+        return replace(self, **back)
 
     def full(self) -> Self:
         """The stroke continued to the other side by mirror symmetry, where it ends over the lump.
@@ -118,9 +119,10 @@ class Stroke:
                 f"{self.code}: only a frictionless stroke that ends over the lump has a mirror half"
             )
         along = {name: how for name, how in self.MIRRORS.items() if 0 in how.axes}
-        return replace(
-            self, **{name: how.continued(getattr(self, name), last) for name, how in along.items()}
-        )
+        whole: dict[str, Any] = {
+            name: how.continued(getattr(self, name), last) for name, how in along.items()
+        }
+        return replace(self, **whole)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain lists and numbers, for JSON; `from_dict` reads them back exactly."""
