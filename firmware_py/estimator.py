@@ -86,7 +86,7 @@ class Estimator:
         return self.model.model_id if self.model else bytes(8)
 
     def damage(self):
-        """What was found damaged in the store, as bits messages.DAMAGED_...; in every answer and estimate."""
+        """What was found damaged of calibration and models, as bits messages.DAMAGED_..."""
         bits = 0
         found = self.flash.slots.health if self.flash else status.OK
         if self.calibration_lost():
@@ -94,7 +94,7 @@ class Estimator:
         if found == status.ROTTEN:
             bits |= messages.DAMAGED_MODEL
         if found == status.TRIAL_HUNG:
-            bits |= messages.TRIAL_HUNG
+            bits |= messages.DAMAGE_TRIAL_HUNG
         if status.REPAIRED in (found, self.calibration_status):
             bits |= messages.DAMAGE_REPAIRED
         return bits
@@ -134,10 +134,10 @@ class Estimator:
         """Add one frame of the stroke. Allocates nothing."""
         return self.pipeline.add_frame(counts, position_um, displacement_um)
 
-    def finish(self, results, place):
+    def finish(self, results, place, damage):
         """Evaluate the stroke: put its map, features and estimate into `results`.
 
-        place: frames, first_seq, last_seq, overrun, time_us of the stroke.
+        place: frames, first_seq, last_seq, overrun, time_us of the stroke; damage: as in identify.
         """
         p = self.pipeline
         code = p.finish(self._force_map)
@@ -152,7 +152,7 @@ class Estimator:
         if self.model is None:
             code = self.model_status
         code, flags, level, distance, values = answer(code, self.model, p.features, self._out)
-        results.put(2, (code, flags, self.damage(), level, distance, self.model_id()) + place, values)
+        results.put(2, (code, flags, damage, level, distance, self.model_id()) + place, values)
 
     # ---- commands
 

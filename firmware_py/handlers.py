@@ -44,12 +44,11 @@ class Handlers:
     def identify(self, fields):
         probe = self._probe
         probe.results.quiet()
-        capabilities = damage = 0
+        capabilities = 0
         model = (0, status.NO_MODEL, bytes(8))
         if probe.estimator:
             capabilities, features_version, model_status, model_id = probe.estimator.describe()
             model = (features_version, model_status, model_id)
-            damage = probe.estimator.damage()
         values = (
             fields[0],
             tables.PROTOCOL,
@@ -62,7 +61,7 @@ class Handlers:
             geometry.BITS,
             capabilities,
         )
-        now = (probe.board.boots, probe.board.ticks_us(), damage, probe.stream.number)
+        now = (probe.board.boots, probe.board.ticks_us(), probe.damage(), probe.stream.number)
         return status.OK, values + model + now, b""
 
     def get_setting(self, fields):

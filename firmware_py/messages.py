@@ -48,7 +48,7 @@ DAMAGED_CALIBRATION = 1
 DAMAGED_MODEL = 2
 DAMAGED_SETTINGS = 4
 DAMAGE_REPAIRED = 8  # a copy of something was damaged, the other whole: nothing is lost
-TRIAL_HUNG = 16  # the probe restarted while it tried a model; the one that it had stays
+DAMAGE_TRIAL_HUNG = 16  # the probe restarted while it tried a model; the one that it had stays
 
 # capabilities (identify, bits)
 CAN_FLASH = 1

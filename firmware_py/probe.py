@@ -39,7 +39,7 @@ class Probe:
         self.board = board
         self.estimator = estimator
         self.counts = counters.fresh()
-        self.settings = settings.Settings(board.keep_settings, board.kept_settings())
+        self.settings = settings.Settings(board.settings_record)
         values = self.settings.values
         self.box = outbox.Outbox(self.counts)
         self.receiver = wire.Receiver(messages.COMMAND_BODY)
@@ -63,7 +63,18 @@ class Probe:
         self.received_us = 0
         self._ms_rest_us = 0
         self._last_us = board.ticks_us()
-        self._post(messages.TYPE["boot"], (board.boots, estimator.health() if estimator else status.OK))
+        self._post(messages.TYPE["boot"], (board.boots, self._health()))
+
+    def damage(self):
+        """What was found damaged in the store, as bits (messages.DAMAGED_...)."""
+        return self.settings.damage() | (self.estimator.damage() if self.estimator else 0)
+
+    def _health(self):
+        """OK, or the worst that was found in the store at the start (status.py)."""
+        found = self.estimator.health() if self.estimator else status.OK
+        if found in (status.OK, status.REPAIRED) and self.settings.state != status.OK:
+            return self.settings.state
+        return found
 
     # ---- the loop
 
@@ -227,6 +238,7 @@ class Probe:
             self.estimator.finish(
                 self.results,
                 (self.strokes.frames, self._first_seq, seq, overrun, self.acquire.time_us),
+                self.damage(),
             )
             counters.add(self.counts, counters.ESTIMATES, 1)
             self.acquire.start(self.board.ticks_us())  # the time it took is no overrun

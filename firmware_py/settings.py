@@ -17,13 +17,20 @@ RESEND_RESULTS = 7
 
 
 class Settings:
-    """Values by key; `keep` is called with the packed values whenever one changes, and returns a status."""
+    """Values by key, kept in a record (safe_record.Record) whenever one changes; None: kept nowhere.
 
-    def __init__(self, keep=None, stored=None):
+    `state` is the record's at the start: with ROTTEN the defaults stand in for what had been set.
+    """
+
+    def __init__(self, record=None):
         self.values = [definition[5] for definition in messages.SETTINGS]
-        self._keep = keep
-        if stored:
-            self._restore(stored)
+        self.state = status.OK
+        self._record = record
+        if record:
+            stored = record.restore()
+            self.state = record.state
+            if stored:
+                self._restore(stored)
 
     def _restore(self, stored):
         """Take what an earlier run kept; a key that is gone or out of limits falls back to its default."""
@@ -56,15 +63,21 @@ class Settings:
     def set(self, key, value):
         """Change and keep a value; return a status. A value that could not be kept is not changed."""
         code = self.check(key, value)
-        if code != status.OK or self.values[key] == value:
+        if code != status.OK or self.values[key] == value and self.state != status.ROTTEN:
             return code
         before = self.values[key]
         self.values[key] = value
-        if self._keep:
-            code = self._keep(self.pack())
+        if self._record:
+            code = self._record.save(self.pack())
             if code != status.OK:
                 self.values[key] = before
         return code
+
+    def damage(self):
+        """What was found damaged at the start, as bits messages.DAMAGED_...; told until the next start."""
+        if self.state == status.ROTTEN:
+            return messages.DAMAGED_SETTINGS
+        return messages.DAMAGE_REPAIRED if self.state == status.REPAIRED else 0
 
     def pack(self):
         """The values as they are kept: key (1 byte) and value (4), one after the other."""

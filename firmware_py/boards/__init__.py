@@ -14,8 +14,7 @@ A board has
     scan(counts)         them, into geometry.FRAME_BYTES bytes, two counts of 12 bits in three
     position_um()        of the stroke, signed
     displacement_um()    of the probe into the tissue, signed
-    kept_settings(), keep_settings(data)
-                         the stored settings (bytes or None); store them, returning a status
+    settings_record      where the settings are kept (safe_record.Record), or None
 
 `read`, `write`, `start_scan`, `scanned`, `scan`, `position_um`, `displacement_um` and `ticks_us` run in the
 frame path and allocate nothing.

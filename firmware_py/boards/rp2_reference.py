@@ -65,7 +65,7 @@ class Board:
         self.store = store.FileStore(root)
         self.serial = bytes(machine.unique_id() + bytes(8))[:8]
         self.boots = self._count_boot()
-        self._settings = safe_record.Record(self.store, "set")
+        self.settings_record = safe_record.Record(self.store, "set")
         self._scan = scan.Scan(Pin(ADDRESS_PIN), Pin(SELECT_PIN), Pin(DOUT_PIN, Pin.IN), Pin(DIN_PIN))
         a, b = [Pin(n, Pin.IN, Pin.PULL_UP) for n in ENCODER_PINS]
         self._encoder = pio_encoder.best(a, b, ENCODER_UM[0], ENCODER_UM[1])
@@ -109,14 +109,6 @@ class Board:
     def displacement_um(self) -> int:
         """The potentiometer at the beginning of the last scan; allocates nothing."""
         return self._scan.displacement() * DISPLACEMENT_UM // (geometry.FULL_COUNT * scan.READINGS)
-
-    def kept_settings(self) -> "bytes | None":
-        """What `keep_settings` kept."""
-        return self._settings.load()
-
-    def keep_settings(self, data: bytes) -> int:
-        """Keep the settings; a status."""
-        return self._settings.save(data)
 
 
 def make(link: "links.UsbLink | links.UartLink") -> "tuple[Board, estimator.Estimator]":

@@ -7,7 +7,7 @@ from dataclasses import asdict
 import click
 
 from palpate.cli.output import json_option, print_json
-from palpate.cli.ports import port_option
+from palpate.cli.ports import port_option, tell_damage
 from palpate.errors import UsageError
 
 
@@ -34,6 +34,7 @@ def command(kind: str, pressure_kPa: float | None, frames: int, port: str, baud:
             "--pressure belongs to gain, and gain needs it: palpate calibrate gain --pressure 10"
         )
     with Probe.open(port, baud) as probe:
+        tell_damage(probe)
         if kind == "clear":
             done = probe.forget_calibration()
         elif pressure_kPa is None:

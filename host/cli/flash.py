@@ -8,8 +8,8 @@ from pathlib import Path
 
 import click
 
-from palpate.cli.output import json_option, note, print_json, progress
-from palpate.cli.ports import port_option
+from palpate.cli.output import json_option, print_json, progress
+from palpate.cli.ports import port_option, tell_damage
 from palpate.files import read_whole
 
 
@@ -33,8 +33,7 @@ def command(image: Path, port: str, baud: int, as_json: bool) -> None:
     data = read_whole(image, "model image")
     check_image(data)
     with Probe.open(port, baud) as probe:
-        for damage in probe.identity.damaged:
-            note(f"the probe found damaged in its store: {damage}")
+        tell_damage(probe)
         before = probe.identity.model_id
         began = time.monotonic()
         with progress("bytes") as bar:

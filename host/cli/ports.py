@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from firmware_py import geometry, outputs
+from palpate.cli.output import note
 from palpate.link.answer import HARDNESS, stiffness_words
 
 if TYPE_CHECKING:
     from palpate.link.events import Estimate
+    from palpate.link.probe import Probe
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -36,6 +38,12 @@ def port_option(function: F) -> F:
     return click.option("--port", default="auto", show_default=True, help=where)(function)
 
 
+def tell_damage(probe: Probe) -> None:
+    """Say on standard error what the probe has found damaged in its store."""
+    for damage in probe.identity.damaged:
+        note(f"the probe found damaged in its store: {damage}")
+
+
 def estimate_lines(estimate: Estimate) -> list[str]:
     """An estimate for people: one line each, intervals beside the values, reservations in plain words."""
     head = f"stroke {estimate.stroke}, {estimate.frames} frames"
@@ -52,6 +60,8 @@ def estimate_lines(estimate: Estimate) -> list[str]:
         value, low, high = depth
         lines.append(f"  {'lump depth':20} {value:8.3f} mm   ({low:.3f} to {high:.3f}, {level})")
     lines.append(f"  the lump is {HARDNESS[estimate.hardness]}; {stiffness_words(estimate.span('E_inv23'))}")
+    if not estimate.calibrated:
+        lines.append("  the probe has lost its calibration: do not rely on the numbers")
     if not estimate.in_domain:
         lines.append("  outside what the model was trained on: do not rely on the numbers")
     lines.append("  research use, not a diagnosis")

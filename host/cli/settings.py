@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from palpate.cli.output import json_option, print_json, table
-from palpate.cli.ports import port_option
+from palpate.cli.ports import port_option, tell_damage
 
 
 @click.command("settings")
@@ -28,6 +28,7 @@ def command(name: str | None, value: int | None, port: str, baud: int, as_json: 
     if name is not None:
         setting_key(name)  # a wrong word is told before the port is opened
     with Probe.open(port, baud) as probe:
+        tell_damage(probe)
         if name is not None and value is not None:
             probe.set_setting(name, value)
         wanted = [row for row in messages.SETTINGS if name in (None, row[1])]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from palpate.cli.output import json_option, note, plain, print_json
-from palpate.cli.ports import NOMINAL_SCALE, estimate_lines, port_option
+from palpate.cli.ports import NOMINAL_SCALE, estimate_lines, port_option, tell_damage
 from palpate.errors import CommandTimeout, LinkError
 
 if TYPE_CHECKING:
@@ -151,8 +151,7 @@ def _greet(probe: Probe) -> None:
     who = probe.identity
     model = f"model {who.model_id}" if who.has_model else "no model yet: `palpate flash` puts one on it"
     note(f"{probe.name}: probe {who.serial}, firmware {who.firmware}, {model}")
-    for damage in who.damaged:
-        note(f"the probe found damaged in its store: {damage}")
+    tell_damage(probe)
 
 
 def _say_scale(probe: Probe) -> None:

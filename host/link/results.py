@@ -22,7 +22,7 @@ DAMAGES = {
     messages.DAMAGED_MODEL: "model record",
     messages.DAMAGED_SETTINGS: "settings",
     messages.DAMAGE_REPAIRED: "one copy, repaired from the other",
-    messages.TRIAL_HUNG: "a model that the probe hung in while it tried it",
+    messages.DAMAGE_TRIAL_HUNG: "a model that the probe hung in while it tried it",
 }
 
 

@@ -31,6 +31,7 @@ class Device:
     runtime: str = ""
     model_id: str = ""
     full_scale_kPa: float = FULL_SCALE_KPA
+    damaged: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

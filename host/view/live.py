@@ -256,6 +256,7 @@ def describe(source: EventSource, scale: CellScale) -> Device:
         runtime=source.name if source.live else "",
         model_id=identity.model_id if identity.model_status == 0 else "",
         full_scale_kPa=scale.full_scale_kPa,
+        damaged=identity.damaged,
     )
 
 

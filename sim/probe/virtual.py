@@ -6,9 +6,10 @@ Units: us. The firmware is the same; only its board is made of Python lists.
 import struct
 from collections.abc import Callable
 
-from firmware_py import counters, messages, status
+from firmware_py import counters, messages, safe_record
 from firmware_py.probe import Probe
 from palpate.sim.probe import source
+from palpate.sim.probe.flash_sim import FlashSim
 
 
 class VirtualBoard:
@@ -31,7 +32,7 @@ class VirtualBoard:
         self.now_us = start_us  # does not wrap
         self.to_probe = bytearray()
         self.from_probe = bytearray()
-        self.settings: bytes | None = None
+        self.settings_record = safe_record.Record(FlashSim(), "set")
         self._bytes_per_s = bytes_per_s
         self._link_bytes = link_bytes
         self._in_flight = bytearray()
@@ -89,13 +90,6 @@ class VirtualBoard:
     def scan(self, counts: memoryview) -> None:
         counts[:] = self.frames[self._current + 8 : self._current + source.RECORD_BYTES]
         self._at = (self._at + source.RECORD_BYTES) % len(self.frames)
-
-    def kept_settings(self) -> bytes | None:
-        return self.settings
-
-    def keep_settings(self, data: bytes) -> int:
-        self.settings = bytes(data)
-        return status.OK
 
 
 class VirtualProbe:

@@ -3,7 +3,7 @@
 import re
 import struct
 
-from firmware_py import messages, status, tables
+from firmware_py import messages, outputs, status, tables
 from tests.firmware_py.protocol_words import FIELDS
 
 TYPES = {"B": "uint8_t", "b": "int8_t", "H": "uint16_t", "I": "uint32_t", "i": "int32_t"}
@@ -43,11 +43,13 @@ def fields_of(fields):
 
 def constants() -> list[str]:
     out = [f"#define PALPATE_PROTOCOL {tables.PROTOCOL}", f"#define PALPATE_SCHEMA 0x{tables.SCHEMA:08X}u"]
-    for prefix in ("CONTENT_", "CAN_", "CALIBRATE_", "STATE_", "END_", "FLAG_", "HAVE_", "READ_", "LOG_",
-                   "DAMAGED_", "LEASE_", "FLASH_PIECE", "FIXED_COLUMNS", "WRAP"):  # fmt: skip
+    for prefix in ("CONTENT_", "CAN_", "CALIBRATE_", "STATE_", "END_", "HAVE_", "READ_", "LOG_",
+                   "DAMAGE", "LEASE_", "FLASH_PIECE", "FIXED_COLUMNS", "WRAP"):  # fmt: skip
         for name, value in vars(messages).items():
             if name.startswith(prefix) and isinstance(value, int):
                 out.append(f"#define PALPATE_{name} {value}")
+    flags = ("LUMP", "IN_DOMAIN", "SOFT", "HARD", "FORCE_OUT", "INVALID")
+    out += [f"#define PALPATE_FLAG_{name} {getattr(outputs, name)}" for name in flags]
     out.append("")
     for code in sorted(STATUS_NAMES, reverse=True):
         out.append(f"#define PALPATE_{STATUS_NAMES[code]} ({code}) /* {status.TEXT[code]} */")

@@ -17,7 +17,7 @@ from firmware_py import geometry, messages, status, tables, wire
 from palpate.link import devices, line, patience, remote, stream_wish
 from palpate.link import flash as flashing
 from tests.firmware_py import c_header, protocol_session
-from tests.firmware_py.protocol_words import FIELDS
+from tests.firmware_py.protocol_words import DAMAGE, FIELDS
 
 ROOT = Path(__file__).parent.parent.parent
 PAGE = ROOT / "docs" / "protocol.md"
@@ -65,6 +65,14 @@ def status_rows() -> str:
     return "\n".join(rows)
 
 
+def damage_rows() -> str:
+    """Every bit of `damage`."""
+    bits = {name: value for name, value in vars(messages).items() if name.startswith("DAMAGE")}
+    rows = ["| bit | name | what was damaged, and what that means |", "|---|---|---|"]
+    rows += [f"| {bit} | {name} | {DAMAGE[name]} |" for name, bit in bits.items()]
+    return "\n".join(rows)
+
+
 def time_rows() -> str:
     """How long everybody waits, out of the constants of both ends."""
     again, most = patience.SHORTEST_WAIT_S, patience.FIRST_WAIT_S
@@ -75,7 +83,7 @@ def time_rows() -> str:
         ("each further wait is longer by", f"{patience.GROWTH:g}", "host"),
         ("an answer at all", f"{line.GIVE_UP_S:g} s", "host"),
         (
-            "to flash_verify and flash_confirm (SHA-256 of the image)",
+            "to flash_verify and flash_confirm (it is verified and tried)",
             f"{flashing.VERIFY_TIMEOUT_S:g} s",
             "host",
         ),
@@ -130,6 +138,7 @@ def page_tables() -> dict[str, str]:
         "answer fields": field_rows(messages.ANSWERS[:-1]),
         "event fields": field_rows(messages.EVENTS),
         "status": status_rows(),
+        "damage": damage_rows(),
         "times": time_rows(),
         "usb": usb_rows(),
         "session": session_rows(),

@@ -14,6 +14,14 @@ NEXT_STROKE = "", "number that the next stroke will have"
 MODEL_ID = "", "first 8 bytes of the SHA-256 of the model image's signed part; zeros: none"
 HAVE = "bits: 1 map, 2 features, 4 estimate"
 
+DAMAGE = {
+    "DAMAGED_CALIBRATION": "both copies of the calibration: nominal values stand in until it is made anew",
+    "DAMAGED_MODEL": "the record of models or of keys, or the live model: the newest whole one is live",
+    "DAMAGED_SETTINGS": "both copies of the settings: defaults stand in; told until the next start",
+    "DAMAGE_REPAIRED": "one copy of any of these, or a power cut while it was written: nothing is lost",
+    "DAMAGE_TRIAL_HUNG": "nothing; the probe restarted while it tried a model, and the one before is live",
+}
+
 FIELDS: dict[str, tuple[str, str]] = {
     "identify.nonce": ("", "any number; comes back in the answer"),
     "identify.protocol": ("", "version of the protocol: 2; another one is not spoken to"),
@@ -30,7 +38,7 @@ FIELDS: dict[str, tuple[str, str]] = {
     "identify.model_id": MODEL_ID,
     "identify.boots": ("", "how often the probe has started"),
     "identify.time_us": TIME,
-    "identify.damage": ("", "bits: 1 calibration, 2 model record, 4 settings were damaged in the store"),
+    "identify.damage": ("", "bits: what was damaged in the store (Damage)"),
     "identify.stream": ("", "the stream that runs, 0: none"),
     "get_setting.key": ("", "of the table of settings"),
     "get_setting.value": ("the setting's", "its value"),

@@ -90,8 +90,8 @@ def test_settings_keep_to_their_limits_and_survive_a_restart():
         assert bench.ask("set_setting", (key, high + 1)).code == status.BAD_VALUE
         assert bench.ask("get_setting", (key,)).fields["value"] == low
     assert bench.ask("get_setting", (200,)).code == status.BAD_VALUE
-    restarted = Bench()
-    restarted.probe.board.settings = bench.probe.board.settings
+    restarted = Bench(board=VirtualBoard())
+    restarted.probe.board.settings_record.store.files |= bench.probe.board.settings_record.store.files
     restarted = Bench(board=restarted.probe.board)
     for key in range(len(messages.SETTINGS)):
         told = restarted.ask("get_setting", (key,)).fields
@@ -110,8 +110,8 @@ def test_the_force_warnings_keep_their_order():
     again = Bench(board=bench.probe.board)
     assert again.ask("get_setting", (low,)).fields["value"] == 300_000  # above the other's default
     board = VirtualBoard()
-    board.settings = b"".join(
-        struct.pack("<Bi", key, value) for key, value in ((low, 900_000), (high, 5_000))
+    board.settings_record.save(
+        b"".join(struct.pack("<Bi", key, value) for key, value in ((low, 900_000), (high, 5_000)))
     )
     kept = [Bench(board).ask("get_setting", (key,)).fields["value"] for key in (low, high)]
     assert kept == [messages.SETTINGS[low][5], messages.SETTINGS[high][5]]
@@ -119,7 +119,7 @@ def test_the_force_warnings_keep_their_order():
 
 def test_a_setting_that_cannot_be_stored_is_not_changed():
     board = VirtualBoard()
-    board.keep_settings = lambda data: status.STORE_ERROR
+    board.settings_record.store.create = lambda name, data=b"": status.STORE_ERROR
     bench = Bench(board)
     assert bench.ask("set_setting", (0, 40000)).code == status.STORE_ERROR
     assert bench.ask("get_setting", (0,)).fields["value"] == 50000

@@ -47,10 +47,7 @@ class Board:
         for i in range(624):
             counts[i] = FRAMES[self.at + 8 + i]
         self.at = (self.at + RECORD) % len(FRAMES)
-    def kept_settings(self):
-        return None
-    def keep_settings(self, data):
-        return 0
+    settings_record = None
 
 board = Board()
 p = probe.Probe(board, estimator.Estimator(store.FileStore()))

@@ -104,6 +104,16 @@ def emulated(bench, public_key):
 
 
 @pytest.fixture
+def rotten_store(tmp_path):
+    """A probe's store in which both copies of the settings are damaged."""
+    store = tmp_path / "store"
+    store.mkdir()
+    for name in ("set0", "set1"):
+        (store / name).write_bytes(bytes(range(40)))
+    return store
+
+
+@pytest.fixture
 def palpate(capsys):
     """Runs the command line in this process: (exit status, standard output, standard error)."""
 

@@ -23,6 +23,13 @@ def settled(files, key):
     return firmware_flash.Flash(FlashSim(files), key).slots
 
 
+def told(step, bits, name, capsys):
+    """What a campaign has tried, for the page; of the long ones only."""
+    if step == 1:
+        with capsys.disabled():
+            print(f"\n{len(bits)} flips of {name}: all repaired or told")
+
+
 @pytest.fixture
 def files(signed, public_key):
     """A probe's store: two models flashed, the second live."""
@@ -64,9 +71,13 @@ def test_after_a_rollback_the_counter_comes_back_from_what_it_replaced(signed, p
     assert flash(probe, signed[2]) == status.TOO_OLD
 
 
-def test_a_damaged_live_image_is_told(files, public_key, signed):
-    probe = settled(flipped(files, slots.NAMES[1], 8 * 300), public_key)
-    assert probe.health == status.ROTTEN and probe.live_id() == model_id(signed[2])
+@pytest.mark.parametrize("step", [331, pytest.param(1, marks=pytest.mark.long)])
+def test_a_damaged_live_image_is_told_and_the_one_before_serves(files, public_key, signed, step, capsys):
+    bits = range(0, 8 * len(signed[3]), step)
+    for bit in bits:
+        probe = settled(flipped(files, slots.NAMES[1], bit), public_key)
+        assert probe.health == status.ROTTEN and probe.live_id() == model_id(signed[2])
+    told(step, bits, "the live image", capsys)
 
 
 class Store(FlashSim):
@@ -81,25 +92,17 @@ class Store(FlashSim):
                 assert safe_record.Record(self, "cal").save(own.to_bytes()) == status.OK
 
 
+@pytest.mark.parametrize("step", [37, pytest.param(1, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", ["cal0", "cal1"])
-def test_no_flip_in_a_copy_of_the_calibration_changes_it(name):
+def test_no_flip_in_a_copy_of_the_calibration_changes_it(name, step, capsys):
     """376 of 376 fell back to the older one, or to nominal gains, and nobody was told."""
     files = Store().files
-    for bit in range(0, 8 * len(files[name]), 37):
+    bits = range(0, 8 * len(files[name]), step)
+    for bit in bits:
         made = estimator.Estimator(Store(flipped(files, name, bit)))
         assert made.calibration.offset[5] == 700
         assert made.health() == status.REPAIRED and made.damage() == messages.DAMAGE_REPAIRED
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", ["cal0", "cal1"])
-def test_nor_does_any_at_all(name, capsys):
-    files = Store().files
-    for bit in range(8 * len(files[name])):
-        made = estimator.Estimator(Store(flipped(files, name, bit)))
-        assert made.calibration.offset[5] == 700 and made.health() == status.REPAIRED
-    with capsys.disabled():
-        print(f"\n{8 * len(files[name])} flips of {name}: all repaired")
+    told(step, bits, name, capsys)
 
 
 def test_a_calibration_lost_in_both_copies_is_told_until_there_is_a_new_one():
@@ -168,6 +171,21 @@ def test_only_the_current_key_may_name_a_successor(public_key, succession, tmp_p
         data[bit // 8] ^= 1 << bit % 8
         assert flash(probe, bytes(data)) != status.OK
     assert probe.keys.current == public_key
+
+
+@pytest.mark.parametrize("step", [29, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.parametrize("name", ["key0", "key1"])
+def test_no_flip_in_a_copy_of_the_keys_changes_whose_models_are_taken(
+    public_key, succession, name, step, capsys
+):
+    store = FlashSim()
+    assert flash(probe_of(store, public_key), succession[1]) == status.OK
+    bits = range(0, 8 * len(store.files[name]), step)
+    for bit in bits:
+        probe = settled(flipped(store.files, name, bit), public_key)
+        assert probe.keys.current == succession[0] and probe.health == status.REPAIRED
+        assert settled(probe.store.files, public_key).health == status.OK
+    told(step, bits, name, capsys)
 
 
 def test_with_its_record_lost_no_key_is_believed_and_a_new_installation_starts_afresh(

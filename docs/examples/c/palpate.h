@@ -54,12 +54,20 @@ static inline int8_t palpate_status(const uint8_t *body) { return (int8_t)body[3
 #define PALPATE_DAMAGED_CALIBRATION 1
 #define PALPATE_DAMAGED_MODEL 2
 #define PALPATE_DAMAGED_SETTINGS 4
+#define PALPATE_DAMAGE_REPAIRED 8
+#define PALPATE_DAMAGE_TRIAL_HUNG 16
 #define PALPATE_LEASE_MS 10000
 #define PALPATE_LEASE_LEAST_MS 500
 #define PALPATE_LEASE_MOST_MS 300000
 #define PALPATE_FLASH_PIECE 48
 #define PALPATE_FIXED_COLUMNS 4
 #define PALPATE_WRAP 1073741824
+#define PALPATE_FLAG_LUMP 1
+#define PALPATE_FLAG_IN_DOMAIN 2
+#define PALPATE_FLAG_SOFT 4
+#define PALPATE_FLAG_HARD 8
+#define PALPATE_FLAG_FORCE_OUT 16
+#define PALPATE_FLAG_INVALID 32
 
 #define PALPATE_OK (0) /* ok */
 #define PALPATE_BAD_CRC (-1) /* the checksum does not fit the bytes */
@@ -365,7 +373,7 @@ struct palpate_identify_answer {
     uint8_t model_id[8]; /* first 8 bytes of the SHA-256 of the model image's signed part; zeros: none */
     uint32_t boots; /* how often the probe has started */
     uint32_t time_us; /* us: the probe's clock, modulo 2^30 */
-    uint8_t damage; /* bits: 1 calibration, 2 model record, 4 settings were damaged in the store */
+    uint8_t damage; /* bits: what was damaged in the store (Damage) */
     uint32_t stream; /* the stream that runs, 0: none */
 };
 static inline int palpate_get_identify_answer(const uint8_t *body, size_t n, struct palpate_identify_answer *m) {

@@ -125,8 +125,10 @@ function showLink({ state, text, device }) {
   document.body.dataset.link = state;
   const short = { connected: "Connected", gone: "Probe gone", connecting: "Looking for the probe", ended: "Played to its end" };
   get("link-text").textContent = document.body.dataset.mode === "replay" && state === "connected" ? "Recording" : short[state];
-  get("banner").hidden = state === "connected" || state === "ended";
-  get("banner").replaceChildren(...sentence(text));
+  const found = device && device.damaged.length ? `The probe found damaged in its store: ${device.damaged.join(", ")}.` : "";
+  const told = state === "connected" || state === "ended" ? found : text;
+  get("banner").hidden = !told;
+  get("banner").replaceChildren(...sentence(told));
   page.model = device ? device.model_id : null;
   if (device) {
     image.full = device.full_scale_kPa;

@@ -63,7 +63,7 @@ class EmulatedBoard:
         self.store = HostStore()
         self.serial = bytes([hostport.serial_byte(i) for i in range(8)])
         self.boots = hostport.boots()
-        self._settings = safe_record.Record(self.store, "set")
+        self.settings_record = safe_record.Record(self.store, "set")
         self.begin = hostport.begin
         self.end = hostport.end
         self.ticks_us = hostport.ticks_us
@@ -85,9 +85,3 @@ class EmulatedBoard:
 
     def scan(self, counts):
         _scan(addressof(counts))
-
-    def kept_settings(self):
-        return self._settings.load()
-
-    def keep_settings(self, data):
-        return self._settings.save(data)

@@ -70,6 +70,36 @@ def test_settings_and_calibration_are_kept_on_the_probe(flashed, palpate):
     assert palpate("calibrate", "clear")[0] == 0
 
 
+def test_settings_that_were_lost_are_told_by_every_command(emulated, rotten_store, images, palpate, tmp_path):
+    """The probe went on with its defaults, and nobody was told."""
+    port = emulated("cpython", store=rotten_store).port
+    lost = "the probe found damaged in its store: settings\n"
+    image = tmp_path / "model.palp"
+    image.write_bytes(images[0])
+    for words in (("settings",), ("flash", image), ("calibrate", "clear"), ("stream", "--strokes", 1)):
+        status, _, err = palpate(*words, "--port", port)
+        assert status == 0 and err.count(lost) == 1, words
+    told = json.loads(palpate("stream", "--strokes", 1, "--json", "--port", port)[1])
+    assert told["probe"]["damaged"] == told["strokes"][0]["damaged"] == ["settings"]
+
+
+def test_numbers_without_a_calibration_say_so(emulated, images, tmp_path, palpate):
+    """They stood there like any others."""
+    store = tmp_path / "store"
+    device = emulated("cpython", store=store)
+    image = tmp_path / "model.palp"
+    image.write_bytes(images[0])
+    assert palpate("flash", image, "--port", device.port)[0] == 0
+    device.stop()
+    for name in ("cal0", "cal1"):
+        (store / name).write_bytes(b"x" * 100)
+    device = emulated("cpython", store=store, calibration=None)
+    status, out, err = palpate("stream", "--strokes", 1, "--port", device.port)
+    assert status == 0 and "found damaged in its store: calibration" in err
+    assert ("the probe has lost its calibration: do not rely on the numbers" in out) == ("diameter" in out)
+    assert "diameter" in out
+
+
 def test_a_recording_that_was_tampered_with_is_found_out(flashed, palpate, tmp_path):
     """One count of one frame changed, its checksum corrected: the replay differs and says so."""
     from firmware_py import messages, wire

@@ -105,6 +105,13 @@ def test_a_stroke_appears_and_the_card_says_what_the_probe_said(probe, viewer, o
         expect(page.locator("#card .foot")).to_contain_text(estimate.model_id.hex())
 
 
+def test_what_the_probe_found_damaged_is_shown(emulated, rotten_store, viewer, open_page):
+    """Of a probe's store only a lost calibration was ever seen here."""
+    page = open_page(viewer(LiveSource(emulated("cpython", store=rotten_store, repeat=True).port)))
+    expect(page.locator("#link-text")).to_have_text("Connected")
+    expect(page.locator("#banner")).to_have_text("The probe found damaged in its store: settings.")
+
+
 def test_health_is_shown_and_nothing_is_lost(probe, viewer, open_page):
     page = open_page(viewer(LiveSource(probe.port)))
     expect(page.locator("#h-latency")).not_to_have_text("–")
