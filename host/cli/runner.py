@@ -44,6 +44,7 @@ CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("replay", "palpate.cli.replay", "a recording through the live parser and the probe's code"),
         ("convert", "palpate.cli.convert", "a recording as Parquet, HDF5 or CSV"),
     ),
+    "Real strokes": (("import", "palpate.cli.import_", "frames of anybody's sensor as recordings"),),
     "This machine": (
         ("doctor", "palpate.cli.doctor", "is this machine ready, and what to do"),
         ("completion", "palpate.cli.completion", "let the shell complete commands"),

@@ -33,10 +33,10 @@ def give_model(port: str) -> str:
     with Probe.open(port) as probe:
         if probe.identity.has_model:
             return probe.identity.model_id
-        return flash(probe, _image()).model_id
+        return flash(probe, image()).model_id
 
 
-def _image() -> bytes:
+def image() -> bytes:
     """Signed once, and kept."""
     path = _folder() / f"field-{models.file_hash()[:16]}-{public_key().hex()[-8:]}.palp"
     if path.exists():

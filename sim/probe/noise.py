@@ -17,8 +17,8 @@ class Noise:
     white, offset, drift : float
         Of full scale, standard deviations: of each reading, of each cell's zero since calibration, of the
         common zero (at the start, and twice that more by the end).
-    gain, row_gain : float
-        Of the reading: spread of the cells, and of whole rows.
+    gain, row_gain, common_gain : float
+        Of the reading: spread of the cells, of whole rows, and from probe to probe of all cells together.
     dead, dead_unknown : float
         Share of dead cells; share of these that the calibration does not know.
     displacement_noise_mm, displacement_zero_mm, displacement_drift_mm : float
@@ -29,6 +29,9 @@ class Noise:
         Greatest departure of the hand's force from its mean, as a fraction, wandering slowly.
     creep : float
         Twice the part of each reading that lags by .3 s at 60 mm/s.
+    hysteresis : float
+        Greatest excess of a reading while a cell is unloaded over that while it is loaded, of the greatest
+        pressure that it has felt since the stroke began.
     start_mm : float
         The lump lies up to so far from the middle of the stroke.
     quantise : bool
@@ -40,6 +43,7 @@ class Noise:
     drift: float = 0.0
     gain: float = 0.0
     row_gain: float = 0.0
+    common_gain: float = 0.0
     dead: float = 0.0
     dead_unknown: float = 0.0
     displacement_noise_mm: float = 0.0
@@ -49,6 +53,7 @@ class Noise:
     position_scale: float = 0.0
     force: float = 0.0
     creep: float = 0.0
+    hysteresis: float = 0.0
     start_mm: float = 0.0
     quantise: bool = True
 

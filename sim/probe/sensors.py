@@ -77,6 +77,8 @@ class SensorModel:
         n = noise
         self.gain = 1 + n.gain * rng.standard_normal(SHAPE)
         self.gain *= 1 + n.row_gain * rng.standard_normal((geometry.ROWS, 1))
+        # of a generator of its own: a seed gives the same probe as before in everything else
+        self.gain *= 1 + n.common_gain * np.random.default_rng((seed, 1)).standard_normal()
         self.offset_kPa = n.offset * FULL_SCALE_KPA * rng.standard_normal(SHAPE)
         self.zero_kPa, self.zero_drift_kPa = n.drift * FULL_SCALE_KPA * rng.standard_normal(2) * (1, 2)
         self.dead = rng.random(SHAPE) < n.dead
@@ -134,10 +136,32 @@ class SensorModel:
         return np.clip(np.rint(counts[0]), 0, geometry.FULL_COUNT).astype(np.uint16), int(x[0]), int(d[0])
 
     def _read(self, x: Floats, share: Floats) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:
-        n, rng = self.noise, self._rng
         p, depth = self.pressures_at(x)
+        return self.felt(p, depth, x, share)
+
+    def felt(
+        self, pressure_kPa: Floats, displacement_mm: Floats, x: Floats, share: Floats
+    ) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:
+        """What these sensors read of pressures (n, rows, columns) and displacements (n,), in this order.
+
+        Parameters
+        ----------
+        x : (n,)
+            Places along the stroke, mm; where the probe stands still, 60 mm for each second.
+        share : (n,)
+            How much of the stroke is over, 0 to 1: what drifts goes by it.
+
+        Returns
+        -------
+        counts (n, cells) before they are rounded; positions and displacements (n,) in um
+        """
+        n, rng = self.noise, self._rng
+        p, depth = pressure_kPa, displacement_mm
         if n.creep:
             p = p + n.creep * 2 * (self._lagged(p, x) - p)
+        if n.hysteresis:
+            most = np.maximum.accumulate(p, axis=0)
+            p = p + 4 * n.hysteresis * p * (1 - p / np.maximum(most, 1e-9))
         p = p * self.gain + self.offset_kPa
         p += (self.zero_kPa + self.zero_drift_kPa * share)[:, None, None]
         if n.white:

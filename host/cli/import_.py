@@ -1,0 +1,68 @@
+"""`palpate import`: frames of anybody's sensor as recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from palpate.cli.output import json_option, note, print_json
+from palpate.errors import UsageError
+from palpate.files import read_whole
+from palpate.first_time import announce
+
+
+@click.command("import")
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--as", "declared", type=click.Path(path_type=Path, dir_okay=False),
+              help="What the frames are: rows, columns, pitch, names and units, in a TOML file.")  # fmt: skip
+@click.option("--out", required=True, type=click.Path(path_type=Path, file_okay=False),
+              help="Directory for the recordings, one a file.")  # fmt: skip
+@click.option("--model", type=click.Path(path_type=Path, dir_okay=False),
+              help="Model image that makes the estimates; else the one that comes with Palpate.")  # fmt: skip
+@click.option("--overwrite", is_flag=True, help="Replace recordings that are there.")
+@json_option
+def command(
+    files: tuple[Path, ...],
+    declared: Path | None,
+    out: Path,
+    model: Path | None,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Make recordings of FILES: CSV, Parquet, NPZ, HDF5, or a recording by another array.
+
+    Frames may be of any array at any pitch; they are resampled to the array in use, no force lost, or taken
+    as they are where --array names theirs. What is missing is said: without displacement only the pressure
+    counts, without positions a steady speed is assumed.
+
+    \b
+    Example:
+      palpate import lump-*.csv --as sensor.toml --out out/real
+    """
+    from palpate import models
+    from palpate.importing import declaration, importer
+
+    said = None if declared is None else declaration.read(declared)
+    targets = [out / f"{file.stem}.mcap" for file in files]
+    for k, target in enumerate(targets):
+        if target in targets[:k]:
+            raise UsageError(f"{files[k]} and another file would both become {target}; import them apart")
+        if target.exists() and target.resolve() == files[k].resolve():
+            raise UsageError(f"{files[k]} would replace itself; choose another --out")
+    image = None if model is None else read_whole(model, "model image")
+    announce(solver=False, firmware=True)
+    if image is None and models.suits_array():
+        from palpate.models import emulator
+
+        image = emulator.image()
+    done = []
+    for file, target in zip(files, targets):
+        found = importer.import_file(file, target, said, image, overwrite)
+        done.append(found.to_dict())
+        if not as_json:
+            click.echo(f"{target}: {found.strokes} strokes, {found.frames} frames")
+            for remark in found.remarks:
+                note(f"  {remark}")
+    if as_json:
+        print_json({"recordings": done})

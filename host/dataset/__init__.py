@@ -1,0 +1,1 @@
+"""Data sets: recorded strokes over lumps that are known, in a table (docs/data-sets.md)."""

@@ -1,0 +1,184 @@
+"""A data set's strokes: their frames out of the recordings, through the probe's integers, to features."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from firmware_py import calib, messages, status
+from palpate.dataset.table import DataSet, fault
+from palpate.errors import PalpateError, RecordingError
+from palpate.features.map_features import Floats
+from palpate.firmware_twin.replay_core import Replay
+from palpate.link.events import Estimate, Frame
+from palpate.model_export.fixed_point import force_map as force_maps
+from palpate.model_export.schema import ModelSpec
+from palpate.recording.channels import CALIBRATION
+from palpate.recording.playback import open_recording
+from palpate.recording.replay import FRAMES_KEPT
+from palpate.regression.observed import NAMES
+
+IMPORT_NOTE = "import"
+"""Name of a recording's metadata in which `palpate import` says what was missing."""
+
+DISPLACEMENT_FEATURES = frozenset(
+    name for name in NAMES if name.startswith(("ln_d28", "ln_d0", "ln_d_far", "dip_", "ln_ramp_d"))
+)
+"""What needs the displacement."""
+
+
+@dataclass(frozen=True)
+class RecordedStroke:
+    """The frames that one estimate rests on.
+
+    Attributes
+    ----------
+    number : int
+    packed : list of bytes
+    positions_um, displacements_um, times_us : (n,), int
+    calibration : calib.Calibration
+    missing : frozenset of str
+        "displacement", "position", "time": what the recording was imported without.
+    """
+
+    number: int
+    packed: list[bytes]
+    positions_um: NDArray[np.int64]
+    displacements_um: NDArray[np.int64]
+    times_us: NDArray[np.int64]
+    calibration: calib.Calibration
+    missing: frozenset[str]
+
+
+def read_strokes(path: str | Path) -> dict[int, RecordedStroke]:
+    """All strokes of a recording whose frames are whole, by number.
+
+    Raises
+    ------
+    NoSuchFile, NotARecording, RecordingError
+    """
+    frames: dict[int, Frame] = {}
+    found: dict[int, RecordedStroke] = {}
+    own = calib.Calibration()
+    with open_recording(path) as session:
+        blob = session.recording.attachment(CALIBRATION)
+        if blob and own.load(blob) != status.OK:
+            raise RecordingError(f"the calibration in {path} cannot be read")
+        said = session.recording.metadata().get(IMPORT_NOTE, {}).get("missing", "")
+        missing = frozenset(said.split())
+        for event in session.events():
+            if isinstance(event, Frame):
+                frames[event.seq] = event
+                if len(frames) > FRAMES_KEPT:
+                    del frames[next(iter(frames))]
+            elif isinstance(event, Estimate):
+                numbers = [(event.first_seq + k) % messages.WRAP for k in range(event.frames)]
+                whole = [frames[k] for k in numbers if k in frames]
+                if len(whole) == event.frames:
+                    found[event.stroke] = _stroke(event.stroke, whole, own, missing)
+    return found
+
+
+def _stroke(
+    number: int, frames: list[Frame], own: calib.Calibration, missing: frozenset[str]
+) -> RecordedStroke:
+    return RecordedStroke(
+        number,
+        [frame.packed for frame in frames],
+        np.array([frame.position_um for frame in frames], np.int64),
+        np.array([frame.displacement_um for frame in frames], np.int64),
+        np.array([frame.time_us for frame in frames], np.int64),
+        own,
+        missing,
+    )
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A data set's strokes as a model sees them, one for each row.
+
+    Attributes
+    ----------
+    table : DataFrame
+        The data set's rows.
+    X : (n, features)
+        Every feature of the firmware, by `regression.observed.NAMES`.
+    status : (n), int
+        The pipeline's status.
+    """
+
+    table: pd.DataFrame
+    X: Floats
+    status: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    def take(self, rows: NDArray[np.bool_]) -> Seen:
+        """Some of the strokes."""
+        return Seen(self.table[rows].reset_index(drop=True), self.X[rows], self.status[rows])
+
+    @property
+    def lump(self) -> NDArray[np.int64]:
+        """Which lump each stroke is over, counted from 0 in the order of the table."""
+        return np.asarray(pd.factorize(self.table["lump"])[0], np.int64)
+
+
+def see(data: DataSet, spec: ModelSpec, progress: Callable[[str, int, int], None] | None = None) -> Seen:
+    """Every stroke of a data set through the probe's integer pipeline, as the model wants it.
+
+    Parameters
+    ----------
+    data : DataSet
+    spec : ModelSpec
+        Its force map is used, and what it needs must be there.
+    progress : callable, optional
+        See `regression.progress.ProgressCallback`.
+
+    Raises
+    ------
+    DataSetError
+        A recording cannot be read, has no such stroke, or lacks what the model needs: row and column.
+    """
+    replay = Replay(None if spec.force_map is None else force_maps.blob(spec.force_map))
+    X, codes = np.zeros((len(data), len(NAMES))), np.zeros(len(data), int)
+    recordings: dict[Path, dict[int, RecordedStroke]] = {}
+    rows = zip(data.table["row"], data.table["recording"], data.table["stroke"])
+    for k, (row, path, number) in enumerate(rows):
+        if path not in recordings:
+            recordings.clear()  # a table lists a recording's strokes together; memory stays flat
+            recordings[path] = _read(row, path)
+        stroke = recordings[path].get(number)
+        if stroke is None:
+            there = ", ".join(map(str, recordings[path])) or "none"
+            raise fault(row, "stroke", f"{path.name} has no whole stroke {number}; it has {there}")
+        _check_needs(row, path, stroke, spec)
+        frames = (stroke.packed, stroke.positions_um, stroke.displacements_um, stroke.calibration)
+        codes[k] = replay.stroke(*frames)
+        X[k] = replay.features()
+        if progress is not None:
+            progress("strokes read", k + 1, len(data))
+    return Seen(data.table, X, codes)
+
+
+def _read(row: int, path: Path) -> dict[int, RecordedStroke]:
+    try:
+        return read_strokes(path)
+    except PalpateError as error:
+        raise fault(row, "recording", str(error)) from error
+
+
+def _check_needs(row: int, path: Path, stroke: RecordedStroke, spec: ModelSpec) -> None:
+    if "displacement" in stroke.missing:
+        needed = [name for name in spec.features if name in DISPLACEMENT_FEATURES]
+        if needed:
+            raise fault(
+                row,
+                "recording",
+                f"{path.name} has no displacement, and the model needs {needed[0]}; fit one --pressure-only",
+            )

@@ -1,0 +1,1 @@
+"""Frames from anybody's sensor as recordings that everything else reads (docs/data-sets.md)."""

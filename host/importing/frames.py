@@ -1,0 +1,246 @@
+"""Reading somebody's frames: CSV, Parquet, NPZ, HDF5, or a recording of ours. Units: kPa, mm, s."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import MissingExtra, NoSuchFile, UsageError
+from palpate.files import by_suffix
+from palpate.importing.declaration import Declaration
+
+Floats = NDArray[np.float64]
+
+
+class ImportFailed(UsageError):
+    """A file of frames is not what its declaration says; the sentence names the place."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Frames of any array.
+
+    Attributes
+    ----------
+    pressure_kPa : (n, rows, columns)
+        Row along the stroke.
+    position_mm : (n,)
+    displacement_mm : (n,)
+        0 where there is none.
+    time_s : (n,)
+    stroke : (n,), int
+        Which stroke each frame belongs to.
+    missing : tuple of str
+        What was not there: displacement, position, time.
+    """
+
+    pressure_kPa: Floats
+    position_mm: Floats
+    displacement_mm: Floats
+    time_s: Floats
+    stroke: NDArray[np.int64]
+    missing: tuple[str, ...]
+
+
+class _Source(Protocol):
+    """A file's named arrays."""
+
+    names: list[str]
+
+    def get(self, name: str) -> NDArray[Any]: ...
+
+
+def read(path: str | Path, said: Declaration) -> Frames:
+    """Read a file as its declaration says.
+
+    Raises
+    ------
+    NoSuchFile, UnknownFormat, MissingExtra
+        The file itself; HDF5 needs h5py.
+    ImportFailed
+        A column is missing, of another length or shape, or holds what is no number: the sentence says where.
+    """
+    path = Path(path)
+    openers: dict[str, Callable[[Path], _Source]] = {
+        ".csv": _table, ".parquet": _table, ".npz": _npz, ".h5": _hdf5, ".hdf5": _hdf5
+    }  # fmt: skip
+    source = by_suffix(path, openers)(path)
+    return assemble(source, said, path.name)
+
+
+def assemble(source: _Source, said: Declaration, name: str) -> Frames:
+    """Frames from named arrays; `name` is the file's, for sentences."""
+    pressure = said.kPa * (_pressure(source, said, name) - said.zero)
+    n = len(pressure)
+    if n < 2:
+        raise ImportFailed(f"{name} holds {n} frames; a stroke takes more")
+    if said.zero_frames:
+        pressure = pressure - pressure[: said.zero_frames].mean(axis=0)
+    _fill_dead(pressure, said, name)
+    missing = []
+    stroke = np.zeros(n, np.int64)
+    if said.stroke:
+        stroke = np.unique(_column(source, said.stroke, n, name), return_inverse=True)[1]
+    if said.time:
+        time = said.time_s * _column(source, said.time, n, name)
+        back = np.flatnonzero((np.diff(time) <= 0) & (np.diff(stroke) == 0))
+        if len(back):
+            raise ImportFailed(f"{name}, frame {back[0] + 1}, {said.time}: time does not go on")
+    else:
+        time = np.arange(n) / said.frames_per_s
+        missing.append("time")
+    if said.position:
+        position = said.position_mm * _column(source, said.position, n, name)
+    else:
+        position = np.empty(n)
+        for k in np.unique(stroke):
+            own = stroke == k
+            position[own] = said.constant_mm_per_s * (time[own] - time[own].mean())
+        missing.append("position")
+    if said.displacement:
+        depth = said.displacement_mm * _column(source, said.displacement, n, name)
+    else:
+        depth = np.zeros(n)
+        missing.append("displacement")
+    return Frames(pressure, position, depth, time, stroke.astype(np.int64), tuple(missing))
+
+
+def _pressure(source: _Source, said: Declaration, name: str) -> Floats:
+    cells = said.cell_names()
+    if not cells:
+        found = np.asarray(_named(source, said.pressure, name))
+        if found.dtype == object:  # a table's column of lists
+            found = np.array([np.asarray(row, float) for row in found])
+        if found.ndim < 2 or found[0].size != said.rows * said.columns:
+            raise ImportFailed(
+                f"{name}, {said.pressure}: {found.shape} are no frames of {said.rows} x {said.columns}"
+            )
+        return np.array(found, float).reshape(len(found), said.rows, said.columns)
+    missing = [cell for cell in cells if cell not in source.names]
+    if missing:
+        raise ImportFailed(
+            f"{name} has no column {missing[0]}: {said.rows} x {said.columns} cells need {len(cells)} "
+            f"columns, and {len(cells) - len(missing)} are there"
+        )
+    table = np.column_stack([_numbers(source.get(cell), cell, name) for cell in cells])
+    return table.reshape(len(table), said.rows, said.columns)
+
+
+def _named(source: _Source, wanted: str, name: str) -> NDArray[Any]:
+    if wanted not in source.names:
+        there = ", ".join(source.names[:8]) + (" ..." if len(source.names) > 8 else "")
+        raise ImportFailed(f"{name} has no {wanted!r}; it has {there}")
+    return source.get(wanted)
+
+
+def _column(source: _Source, wanted: str, n: int, name: str) -> Floats:
+    values = _numbers(_named(source, wanted, name), wanted, name).reshape(-1)
+    if len(values) != n:
+        raise ImportFailed(f"{name}, {wanted}: {len(values)} values for {n} frames")
+    if not np.isfinite(values).all():
+        raise ImportFailed(f"{name}, frame {np.flatnonzero(~np.isfinite(values))[0]}, {wanted}: not a number")
+    return values
+
+
+def _numbers(values: NDArray[Any], column: str, name: str) -> Floats:
+    try:
+        return np.asarray(values, float)
+    except (TypeError, ValueError):
+        for k, value in enumerate(values):
+            try:
+                float(value)
+            except (TypeError, ValueError):
+                raise ImportFailed(f"{name}, frame {k}, {column}: {str(value)!r} is not a number") from None
+        raise
+
+
+def _fill_dead(pressure: Floats, said: Declaration, name: str) -> None:
+    """Dead cells become the mean of their live neighbours, step by step; NaN elsewhere is refused."""
+    alive = np.ones((said.rows, said.columns), bool)
+    for row, column in said.dead:
+        alive[row, column] = False
+    alive &= ~np.isnan(pressure).all(axis=0)
+    bad = np.argwhere(~np.isfinite(pressure) & alive)
+    if len(bad):
+        k, row, column = bad[0]
+        raise ImportFailed(
+            f"{name}, frame {k}, cell {row}, {column}: not a number; name the cell as dead if it always is"
+        )
+    if not alive.any():
+        raise ImportFailed(f"{name}: every cell is dead")
+    pressure[:, ~alive] = 0.0
+    while not alive.all():
+        weights, sums = np.zeros(alive.shape), np.zeros_like(pressure)
+        for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):
+            seen = np.roll(alive, step, axis).astype(float)
+            edge: list[Any] = [slice(None), slice(None)]
+            edge[axis] = 0 if step > 0 else -1
+            seen[tuple(edge)] = 0
+            weights += seen
+            sums += np.roll(pressure, step, axis + 1) * seen
+        new = ~alive & (weights > 0)
+        pressure[:, new] = sums[:, new] / weights[new]
+        alive |= new
+
+
+class _Arrays:
+    """Named arrays, each read when asked for."""
+
+    def __init__(self, names: list[str], load: Callable[[str], NDArray[Any]]) -> None:
+        self.names, self._load = names, load
+
+    def get(self, name: str) -> NDArray[Any]:
+        """The array of this name."""
+        return self._load(name)
+
+
+def _table(path: Path) -> _Source:
+    import pandas as pd
+
+    def load() -> pd.DataFrame:
+        return pd.read_csv(path) if path.suffix.lower() == ".csv" else pd.read_parquet(path)
+
+    table = _opened(path, load)
+    return _Arrays([str(name) for name in table.columns], lambda name: table[name].to_numpy())
+
+
+def _npz(path: Path) -> _Source:
+    found = _opened(path, lambda: np.load(path, allow_pickle=False))
+    if not hasattr(found, "files"):
+        raise ImportFailed(f"{path} is not an archive of arrays; write it with numpy.savez")
+    return _Arrays(list(found.files), lambda name: found[name])
+
+
+def _hdf5(path: Path) -> _Source:
+    try:
+        import h5py
+    except ModuleNotFoundError:
+        raise MissingExtra("h5py", "hdf5", "reading HDF5") from None
+
+    def load() -> dict[str, NDArray[Any]]:
+        arrays: dict[str, NDArray[Any]] = {}
+        with h5py.File(path) as file:
+            file.visititems(
+                lambda at, item: arrays.update({at: item[()]}) if hasattr(item, "shape") else None
+            )
+        return arrays
+
+    arrays = _opened(path, load)
+    return _Arrays(list(arrays), arrays.__getitem__)
+
+
+def _opened(path: Path, load: Callable[[], Any]) -> Any:
+    try:
+        return load()
+    except FileNotFoundError:
+        raise NoSuchFile(f"there is no file {path}; check the name") from None
+    except OSError as error:
+        reason = error.strerror or str(error).splitlines()[0]
+        raise NoSuchFile(f"{path} cannot be read: {reason.lower()}") from None
+    except (ValueError, EOFError) as error:
+        raise ImportFailed(f"{path} cannot be read: {str(error).splitlines()[0]}") from None

@@ -1,0 +1,81 @@
+"""A recording of ours, by whatever array, as frames: from its decoded topics, which say their own size."""
+
+from __future__ import annotations
+
+from base64 import b64decode
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from mcap.records import Message
+
+from palpate.importing.declaration import Declaration
+from palpate.importing.frames import Frames, ImportFailed
+from palpate.recording import channels
+from palpate.recording.reader import Recording
+
+
+def read(path: Path, said: Declaration | None) -> tuple[Frames, Declaration]:
+    """Frames of a recording, and what they are; the pitch is the recording's own, or that of `said`.
+
+    Raises
+    ------
+    NoSuchFile, NotARecording
+    ImportFailed
+        It holds no tactile images, or does not say its pitch.
+    """
+    recording = Recording(path)
+    images: list[np.ndarray] = []
+    motions: list[list[float]] = []
+    numbers: list[int] = []
+    shape: tuple[int, int] = (0, 0)
+    stroke, running = 0, False
+    for topic, record in recording.records():
+        if not isinstance(record, Message):
+            continue
+        told = channels.read_json(record.data)
+        if topic == channels.STROKE and told.get("state") == "started":
+            stroke, running = stroke + 1, True
+        elif topic == channels.STROKE and told.get("state") == "ended":
+            running = False
+        elif topic == channels.IMAGE:
+            shape, image = _image(told, path)
+            images.append(image)
+        elif topic == channels.MOTION and len(motions) < len(images):
+            motions.append(
+                [float(told.get(k, np.nan)) for k in ("position_mm", "displacement_mm", "time_us")]
+            )
+            numbers.append(stroke if running else -1)
+    if len(motions) < 2 or len(images) != len(motions):
+        raise ImportFailed(f"{path} holds no tactile images with places")
+    pitch = said.pitch_mm if said is not None else _pitch(recording, path)
+    own = Declaration(*shape, pitch) if said is None else replace(said, rows=shape[0], columns=shape[1])
+    motion, kept = np.array(motions), np.array(numbers) >= 0
+    if not kept.any():
+        raise ImportFailed(f"{path} holds no stroke")
+    frames = Frames(
+        np.array(images)[kept],
+        motion[kept, 0],
+        motion[kept, 1],
+        motion[kept, 2] / 1e6,
+        np.array(numbers)[kept],
+        (),
+    )
+    return frames, replace(own, stroke="stroke")
+
+
+def _image(told: dict[str, object], path: Path) -> tuple[tuple[int, int], np.ndarray]:
+    match told:
+        case {"height": int(rows), "width": int(columns), "data": str(data)}:
+            cells = np.frombuffer(b64decode(data), "<u2")
+            if cells.size == rows * columns > 0:
+                return (rows, columns), cells.reshape(rows, columns) / 1e3
+    raise ImportFailed(f"{path} holds a tactile image that cannot be read")
+
+
+def _pitch(recording: Recording, path: Path) -> tuple[float, float]:
+    try:
+        pitch = float(recording.metadata().get("probe", {})["pitch_mm"])
+    except (KeyError, ValueError):
+        raise ImportFailed(f"{path} does not say its array's pitch; give a declaration with --as") from None
+    return pitch, pitch

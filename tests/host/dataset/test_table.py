@@ -1,0 +1,115 @@
+"""A data set is checked when it is read: what is wrong is one sentence with its row and column."""
+
+import math
+
+import pandas as pd
+import pytest
+
+from palpate import models
+from palpate.dataset import answers, table
+from palpate.dataset.columns import DataSetError
+from palpate.errors import NoSuchFile, UnknownFormat
+
+GOOD = """recording,stroke,lump,d_mm,depth_mm,E_ratio,place,visit,when
+a.mcap,1,A,12,8.4,20,border,1,2026-11-21
+a.mcap,2,A,12,8.4,20,border,1,2026-11-21
+b.mcap,1,B,8,6,,fat,1,
+b.mcap,2,B,8,6,,fat,2,
+"""
+
+
+def read(tmp_path, text=GOOD):
+    (tmp_path / "set.csv").write_text(text)
+    return table.read(tmp_path / "set.csv")
+
+
+def test_a_good_table_is_read_and_what_follows_is_worked_out(tmp_path):
+    data = read(tmp_path)
+    assert (len(data), data.lumps) == (4, 2)
+    first, third = data.table.iloc[0], data.table.iloc[2]
+    assert first["h"] == pytest.approx(0.7) and first["t_mm"] == pytest.approx(14.4)
+    assert math.isnan(third["E_ratio"]) and math.isnan(third["t_mm"]), "what is not said is not made up"
+    assert first["recording"] == tmp_path / "a.mcap"
+    assert any("t_mm" in remark for remark in data.remarks)
+
+
+def test_csv_and_parquet_say_the_same(tmp_path):
+    data = read(tmp_path)
+    table.write(pd.read_csv(tmp_path / "set.csv"), tmp_path / "set.parquet")
+    pd.testing.assert_frame_equal(table.read(tmp_path / "set.parquet").table, data.table)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        (
+            "a.mcap,2,A",
+            "a.mcap,1,A",
+            "row 3, column stroke: stroke 1 of a.mcap is listed twice; it is in row 2",
+        ),
+        ("b.mcap,1,B,8", "b.mcap,1,B,nan", "row 4, column d_mm: nan is not a number"),
+        ("b.mcap,1,B,8", "b.mcap,1,B,eight", "row 4, column d_mm: 'eight' is not a number"),
+        (
+            "b.mcap,1,B,8",
+            "b.mcap,1,B,.008",
+            "row 4, column d_mm: 0.008 is not within 0.5 to 100; is it in m. d_mm",
+        ),
+        ("b.mcap,2,B,8", "b.mcap,2,B,9", "row 5, column d_mm: lump B has 9 here and 8 in row 4"),
+        ("b.mcap,2,B,8", "b.mcap,,B,8", "row 5, column stroke: it is empty"),
+        ("b.mcap,2,B,8", "b.mcap,2,,8", "row 5, column lump: it is empty"),
+        (",fat,1", ",liver,1", "row 4, column place: 'liver' is not one of border, fat, gland"),
+        ("2026-11-21", "the 21st", "row 2, column when: 'the 21st' is not a date"),
+        ("lump,", "lumps,", "has no column lump: which lump"),
+    ],
+)
+def test_what_is_wrong_is_one_sentence(tmp_path, old, new, sentence):
+    assert old in GOOD
+    with pytest.raises(DataSetError, match=sentence):
+        read(tmp_path, GOOD.replace(old, new, 1))
+
+
+def test_h_and_depth_must_agree(tmp_path):
+    text = "recording,stroke,lump,d_mm,depth_mm,h\na.mcap,1,A,10,8,0.5\n"
+    with pytest.raises(DataSetError, match="row 2, column depth_mm: 8 contradicts h, which makes it 5"):
+        read(tmp_path, text)
+
+
+def test_kPa_need_the_fat_s(tmp_path):
+    text = "recording,stroke,lump,d_mm,E_kPa,fat_kPa\na.mcap,1,A,10,100,\n"
+    with pytest.raises(DataSetError, match="row 2, column E_kPa: it needs fat_kPa"):
+        read(tmp_path, text)
+    data = read(tmp_path, text.replace("100,", "100,10"))
+    assert data.table["E_ratio"][0] == 10
+
+
+def test_a_lump_with_one_stroke_is_remarked(tmp_path):
+    data = read(tmp_path, "".join(GOOD.splitlines(keepends=True)[:-1]))
+    assert any(r.startswith("row 4, column lump: B has one stroke only") for r in data.remarks)
+
+
+@pytest.mark.parametrize(
+    ("d", "sentence"),
+    [
+        (
+            1.2,
+            "row 2, column d_mm: 1.2 is outside the model's range of 5 to 20; is it in cm. d_mm is in mm",
+        ),
+        (25, "row 2, column d_mm: 25 is outside the model's range of 5 to 20; leave such lumps out with"),
+    ],
+)
+def test_a_truth_outside_the_model_s_range_is_refused(tmp_path, d, sentence):
+    """Diameters in cm are plausible numbers: 1.2 mm is no lump, and 12 mm is one."""
+    data = read(tmp_path, f"recording,stroke,lump,d_mm\na.mcap,1,A,{d}\n")
+    with pytest.raises(DataSetError, match=sentence):
+        answers.refuse_outside(data, models.load())
+    assert not answers.check_ranges(data, models.load()).any()
+
+
+def test_files_that_are_no_tables(tmp_path):
+    with pytest.raises(NoSuchFile, match="no data set"):
+        table.read(tmp_path / "none.csv")
+    with pytest.raises(UnknownFormat, match=r"\.csv, \.parquet"):
+        table.read(tmp_path / "set.xlsx")
+    (tmp_path / "set.parquet").write_bytes(b"no table")
+    with pytest.raises(DataSetError, match="cannot be read as a table"):
+        table.read(tmp_path / "set.parquet")

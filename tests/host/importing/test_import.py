@@ -1,0 +1,206 @@
+"""Frames of anybody's sensor become recordings that replay, view and data sets read."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from palpate.dataset.strokes import read_strokes
+from palpate.errors import PalpateError
+from palpate.importing import declaration, importer, resample
+from palpate.importing.frames import ImportFailed
+from palpate.models import emulator
+from palpate.recording.replay import replay
+from palpate.sim.probe.packed_frames import unpack
+from palpate.view.read_strokes import load_strokes
+from tests.host.probes import FRAMES
+
+DECLARED = """
+rows = 16
+columns = 26
+pitch_mm = 1.5
+[pressure]
+name = "p_{row}_{column}"
+unit = "Pa"
+[position]
+name = "x"
+unit = "cm"
+[displacement]
+name = "z"
+[time]
+name = "t"
+unit = "ms"
+[stroke]
+name = "stroke"
+"""
+
+
+@pytest.fixture(scope="module")
+def felt(bench_frames):
+    """Two strokes as a laboratory would have them: pressures in Pa, places in cm."""
+    return bench_frames
+
+
+@pytest.fixture(scope="session")
+def bench_frames(bench):
+    kPa = [s.counts / 4095 * 25 - 0.5 for s in bench[0]]
+    return [
+        {
+            "pressure": 1e3 * p.reshape(-1, 16, 26),
+            "x": s.positions_um / 1e4,
+            "z": s.displacements_um / 1e3,
+            "t": s.times_us / 1e3,
+        }
+        for p, s in zip(kPa, bench[0])
+    ]
+
+
+def table(felt):
+    parts = []
+    for k, stroke in enumerate(felt):
+        cells = {f"p_{r}_{c}": stroke["pressure"][:, r, c] for r in range(16) for c in range(26)}
+        parts.append(pd.DataFrame({**cells, **{n: stroke[n] for n in "xzt"}, "stroke": k}))
+    return pd.concat(parts)
+
+
+def declared(tmp_path, text=DECLARED):
+    path = tmp_path / "sensor.toml"
+    path.write_text(text)
+    return declaration.read(path)
+
+
+def test_an_imported_csv_replays_bit_for_bit_and_is_the_same_stroke(felt, bench, tmp_path):
+    table(felt).to_csv(tmp_path / "a.csv", index=False)
+    done = importer.import_file(tmp_path / "a.csv", tmp_path / "a.mcap", declared(tmp_path), emulator.image())
+    assert (done.strokes, done.frames, done.missing) == (2, 2 * FRAMES, ())
+    assert [s.identical for s in replay(tmp_path / "a.mcap")] == [True, True]
+    assert [s.value("d_mm") is not None for s in load_strokes(tmp_path / "a.mcap")] == [True, True]
+    strokes = read_strokes(tmp_path / "a.mcap")
+    own = bench[0][0]
+    assert strokes[1].packed == own.packed[-len(strokes[1].packed) :], "counts come back as they were"
+    assert np.array_equal(strokes[1].positions_um, own.positions_um[-len(strokes[1].packed) :])
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".parquet", ".h5"])
+def test_every_format_gives_the_same_recording(felt, tmp_path, suffix):
+    whole = {n: np.concatenate([s[n] for s in felt]) for n in ("pressure", "x", "z", "t")}
+    whole["stroke"] = np.repeat([0, 1], FRAMES)
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".npz":
+        np.savez(path, **whole)
+    elif suffix == ".h5":
+        h5py = pytest.importorskip("h5py")
+        with h5py.File(path, "w") as file:
+            for name, values in whole.items():
+                file[name] = values
+    else:
+        pd.DataFrame(
+            {n: list(v.reshape(2 * FRAMES, -1)) if v.ndim > 1 else v for n, v in whole.items()}
+        ).to_parquet(path)
+    said = declared(tmp_path, DECLARED.replace('"p_{row}_{column}"', '"pressure"'))
+    importer.import_file(path, tmp_path / "a.mcap", said)
+    table(felt).to_csv(tmp_path / "b.csv", index=False)
+    importer.import_file(tmp_path / "b.csv", tmp_path / "b.mcap", declared(tmp_path))
+    a, b = (read_strokes(tmp_path / f"{name}.mcap") for name in "ab")
+    assert [s.packed for s in a.values()] == [s.packed for s in b.values()]
+
+
+def test_what_is_missing_is_said_and_written_down(felt, tmp_path):
+    table(felt[:1]).drop(columns=["x", "z", "t"]).to_csv(tmp_path / "a.csv", index=False)
+    text = DECLARED.split("[position]")[0].replace("[pressure]", "frames_per_s = 37.5\n[pressure]")
+    said = declared(tmp_path, text + "[position]\nconstant_mm_per_s = 60.0\n")
+    done = importer.import_file(tmp_path / "a.csv", tmp_path / "a.mcap", said)
+    assert set(done.missing) == {"displacement", "position", "time"}
+    assert any("no displacement" in remark for remark in done.remarks)
+    assert any("steady 60 mm/s" in remark for remark in done.remarks)
+    stroke = read_strokes(tmp_path / "a.mcap")[1]
+    assert stroke.missing == {"displacement", "position", "time"}
+    assert np.ptp(stroke.positions_um) == pytest.approx(60e3 * np.ptp(stroke.times_us) / 1e6, rel=0.01)
+
+
+def test_a_recording_by_another_array_is_imported_too(felt, tmp_path):
+    table(felt).to_csv(tmp_path / "a.csv", index=False)
+    importer.import_file(tmp_path / "a.csv", tmp_path / "a.mcap", declared(tmp_path))
+    done = importer.import_file(tmp_path / "a.mcap", tmp_path / "b.mcap", declared(tmp_path))
+    assert done.strokes == 2
+
+
+@given(rows=st.integers(4, 20), columns=st.integers(4, 30), pitch=st.floats(0.8, 4), seed=st.integers(0, 99))
+def test_resampling_loses_no_force_that_lies_on_both_faces(rows, columns, pitch, seed):
+    """A bump in the middle, whatever the array: its force is the same on both."""
+    x, y = (pitch * (np.arange(n) - (n - 1) / 2) for n in (rows, columns))
+    at = np.random.default_rng(seed).uniform(-1, 1, 2)
+    bump = np.exp(-((x[:, None] - at[0]) ** 2 + (y - at[1]) ** 2) / 8)[None]
+    bump[:, [0, -1]] = bump[:, :, [0, -1]] = 0.0
+    inside = (np.abs(x)[:, None] + pitch / 2 <= 12) & (np.abs(y) + pitch / 2 <= 19.5)
+    bump = np.where(inside, bump, 0.0)
+    there = resample.onto_this_array(bump, (pitch, pitch))
+    assert there.min() >= 0
+    assert there.sum() * 1.5**2 == pytest.approx(bump.sum() * pitch**2, rel=1e-9, abs=1e-9)
+
+
+def test_dead_cells_are_filled_from_their_neighbours(felt, tmp_path):
+    frames = table(felt[:1])
+    frames["p_4_7"] = 0.0
+    frames["p_5_7"] = np.nan
+    frames.to_csv(tmp_path / "a.csv", index=False)
+    said = declared(tmp_path, "dead = [[4, 7]]\n" + DECLARED)
+    importer.import_file(tmp_path / "a.csv", tmp_path / "a.mcap", said)
+    packed = read_strokes(tmp_path / "a.mcap")[1].packed[20]
+    cells = unpack(packed).reshape(16, 26).astype(float)
+    assert cells[4, 7] == pytest.approx(cells[4, 6], rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (
+            lambda t: t.drop(columns="p_3_4"),
+            r"no column p_3_4: 16 x 26 cells need 416 columns, and 415 are there",
+        ),
+        (
+            lambda t: t.assign(p_2_2=np.where(np.arange(len(t)) == 5, np.nan, 1)),
+            r"frame 5, cell 2, 2: not a number",
+        ),
+        (lambda t: t.assign(x=["oops"] * len(t)), r"frame 0, x: 'oops' is not a number"),
+        (lambda t: t.assign(t=0.0), r"frame 1, t: time does not go on"),
+        (lambda t: t.drop(columns="z"), r"has no 'z'"),
+        (lambda t: t[:1], "a stroke takes more"),
+    ],
+)
+def test_a_file_that_is_not_what_it_is_declared_to_be(felt, tmp_path, change, sentence):
+    change(table(felt[:1])).to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(ImportFailed, match=sentence):
+        importer.import_file(tmp_path / "a.csv", tmp_path / "a.mcap", declared(tmp_path))
+    assert not (tmp_path / "a.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("rows = 16", "rows = 1", "rows is a whole number from 2 on"),
+        ("pitch_mm = 1.5", "pitch_mm = 1500", "pitch_mm is a number from"),
+        ('unit = "cm"', 'unit = "inch"', "position.unit is one of um, mm, cm, m, not 'inch'"),
+        ('unit = "Pa"', 'unit = "counts"', "counts need pressure.kPa_per_unit"),
+        ("[stroke]", "[strokes]", "there is no 'strokes'"),
+        ('[time]\nname = "t"\nunit = "ms"', "", "say when the frames were taken"),
+        ("rows = 16", "rows = 16\ndead = [[16, 0]]", "is not a .row, column. of 16 x 26"),
+        ("rows = 16", "rows =", "is not TOML"),
+    ],
+)
+def test_a_declaration_that_cannot_be(tmp_path, old, new, sentence):
+    assert old in DECLARED
+    with pytest.raises(PalpateError, match=sentence):
+        declared(tmp_path, DECLARED.replace(old, new))
+
+
+def test_the_command_says_what_it_made(felt, tmp_path, palpate):
+    table(felt).to_csv(tmp_path / "a.csv", index=False)
+    (tmp_path / "sensor.toml").write_text(DECLARED)
+    asked = ("import", tmp_path / "a.csv", "--as", tmp_path / "sensor.toml", "--out", tmp_path / "out")
+    status, out, _ = palpate(*asked)
+    assert status == 0 and "2 strokes, 80 frames" in out
+    status, _, err = palpate(*asked)
+    assert status == 1 and "exists already" in err
+    assert palpate("replay", tmp_path / "out" / "a.mcap")[0] == 0
