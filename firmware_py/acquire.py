@@ -48,7 +48,7 @@ class Acquire:
         self.under_way = True
 
     def read(self, body, counts):
-        """Read the frame under way into body (its head) and counts (a view of the 624 bytes behind it)."""
+        """Read the frame under way into body (its head) and counts (a view of the bytes behind it)."""
         board = self._board
         self.time_us = self._begun_us
         self.position_um = self._begun_um

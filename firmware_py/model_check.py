@@ -13,7 +13,7 @@ MOST = (1 << 30) - 1  # of any number that is only compared
 WIDEST = 1 << 29  # of a feature or a prediction, Q24: 32
 FEATURES = 24  # no model has more
 INFO_BYTES = 2048
-NUMBERS_BYTES = 35
+NUMBERS_BYTES = unpack.NUMBERS_HEAD + 2 * evaluator.OUTPUTS
 DISTANCE_BITS = 12
 
 
@@ -42,14 +42,14 @@ def check(parts, feature_count):
     if len(numbers) != NUMBERS_BYTES:
         return status.BAD_LENGTH
     head = unpack.head(numbers)
-    sizes = numbers[25:]
+    sizes = numbers[unpack.NUMBERS_HEAD :]
     n = head[evaluator.N_FEATURES]
     if (
         not 0 < n <= FEATURES
         or len(ids) != n
-        or len(feats) != 20 * n
-        or len(rows) != 5 * (10 + n)
-        or len(outs) != 24 * evaluator.OUTPUTS
+        or len(feats) != 4 * len(unpack.FEATURE_KEPT) * n
+        or len(rows) != unpack.ROW_BYTES * (2 * evaluator.OUTPUTS + n)
+        or len(outs) != 4 * len(unpack.OUTPUT_KEPT) * evaluator.OUTPUTS
         or len(limits) % 12
     ):
         return status.BAD_LENGTH
@@ -64,8 +64,11 @@ def check(parts, feature_count):
     if counts is None:
         return status.BAD_LENGTH
     leaves, branches, _ = counts
-    bits = ((leaves + branches) * sum(sizes[:5]) + 7) // 8 + ((5 + n) * sum(sizes[5:]) + 7) // 8
-    if len(words) != bits + (n * (n + 1) // 2 * DISTANCE_BITS + 7) // 8 or len(info) > INFO_BYTES:
+    outputs = evaluator.OUTPUTS
+    size = ((leaves + branches) * sum(sizes[:outputs]) + 7) // 8 + (
+        (outputs + n) * sum(sizes[outputs:]) + 7
+    ) // 8
+    if len(words) != size + (n * (n + 1) // 2 * DISTANCE_BITS + 7) // 8 or len(info) > INFO_BYTES:
         return status.BAD_LENGTH
     for byte in info:
         if byte != 10 and not 32 <= byte <= 126:
@@ -86,8 +89,8 @@ def _check_head(head, sizes):
         or not 1 < min(sizes) <= max(sizes) <= min(low + 16, 30)
         or head[evaluator.LEVEL_PERMILLE] > 1000
         or head[evaluator.MARGIN] > 2047  # times 2^19, a width
-        or head[evaluator.LINKS] > 31
-        or not 0 <= head[evaluator.DOWNS] < 1 << 24
+        or head[evaluator.LINKS] >= 1 << evaluator.OUTPUTS
+        or not 0 <= head[evaluator.DOWNS] < 1 << 4 * (evaluator.OUTPUTS + 1)
         or not within(head, evaluator.HARD_BELOW, 1, -MOST, MOST)
         or head[evaluator.FORCE_LO] > head[evaluator.FORCE_HI]
     ):
@@ -100,17 +103,18 @@ def _check_head(head, sizes):
 
 
 def _check_features(ids, feats, limits, feature_count):
+    row = len(unpack.FEATURE_KEPT)
     if not within(ids, 0, 1, 0, feature_count - 1) or not within(limits, 0, 3, 0, feature_count - 1):
         return status.MISSING_FEATURE
     if (
         not within(feats, 0, 1, -MOST, MOST)
-        or not ascending(feats, 0, 1, 5)  # clip
-        or not ascending(feats, 0, 2, 5)  # which holds the centre
-        or not ascending(feats, 2, 1, 5)
-        or not ascending(feats, 3, 4, 5)  # the domain's box
+        or not ascending(feats, 0, 1, row)  # clip
+        or not ascending(feats, 0, 2, row)  # which holds the centre
+        or not ascending(feats, 2, 1, row)
+        or not ascending(feats, 3, 4, row)  # the domain's box
     ):
         return status.BAD_MODEL
-    for i in range(0, len(feats), 5):
+    for i in range(0, len(feats), row):
         if feats[i] < -WIDEST or feats[i + 1] > WIDEST:
             return status.BAD_MODEL
     if not within(limits, 1, 3, -MOST, MOST) or not within(limits, 2, 3, -MOST, MOST):
@@ -119,13 +123,14 @@ def _check_features(ids, feats, limits, feature_count):
 
 
 def _check_sums(rows, outs):
-    n = len(rows) // 5
+    n = len(rows) // unpack.ROW_BYTES
+    row = len(unpack.OUTPUT_KEPT)
     if (
         not within(array("i", rows[: 4 * n]), 0, 1, -MOST, MOST)
         or not within(array("b", rows[4 * n :]), 0, 1, -28, 30)
         or not within(outs, 0, 1, -WIDEST, WIDEST)
-        or not ascending(outs, 0, 1, 6)  # where predictions are held
-        or not ascending(outs, 4, 5, 6)  # what the model is for
+        or not ascending(outs, 0, 1, row)  # where predictions are held
+        or not ascending(outs, 4, 5, row)  # what the model is for
     ):
         return status.BAD_MODEL
     return status.OK

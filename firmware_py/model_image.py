@@ -125,7 +125,7 @@ def _load(read, body, features_version, feature_count, probe):
     code = model_check.check(parts, feature_count)
     if code != status.OK:
         return code, None
-    sizes = parts[NUMBERS][25:]
+    sizes = parts[NUMBERS][unpack.NUMBERS_HEAD :]
     head = unpack.head(parts[NUMBERS])
     limits = array("i", parts[LIMITS])
     head[evaluator.N_LIMITS] = len(limits) // 3

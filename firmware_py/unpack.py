@@ -4,6 +4,25 @@ from array import array
 
 from firmware_py import evaluator
 
+NUMBERS_HEAD = 25  # bytes of the numbers before the sizes of the words
+ROW_BYTES = 5  # an intercept and its shift
+# what the image keeps of a feature's row and of an output's; the rest is worked out
+FEATURE_KEPT = (
+    evaluator.CLIP_LO,
+    evaluator.CLIP_HI,
+    evaluator.CENTRE,
+    evaluator.BOX_LO,
+    evaluator.BOX_HI,
+)
+OUTPUT_KEPT = (
+    evaluator.Y_LO,
+    evaluator.Y_HI,
+    evaluator.LN_Q_SOFT,
+    evaluator.LN_Q_HARD,
+    evaluator.RANGE_LO,
+    evaluator.RANGE_HI,
+)
+
 
 def middle(lo, hi):
     """Entries Y_MID and Y_SHIFT of an output whose predictions lie between lo and hi."""
@@ -145,26 +164,29 @@ def head(raw):
     return out
 
 
+def spread(kept, where, row):
+    """A table of rows of `row` entries, with the kept ones at the places `where` of each."""
+    n = len(where)
+    out = array("i", bytearray(4 * row * (len(kept) // n)))
+    for i in range(len(kept)):
+        out[row * (i // n) + where[i % n]] = kept[i]
+    return out
+
+
 def feats(raw):
     """The feature table from what the image keeps of it: clip, centre and box."""
-    kept = array("i", raw)
-    n = len(kept) // 5
-    feats = array("i", bytearray(4 * evaluator.FEATURE_ROW * n))
-    for i in range(n):
-        lo, hi, centre = kept[5 * i], kept[5 * i + 1], kept[5 * i + 2]
-        at = evaluator.FEATURE_ROW * i
-        feats[at + evaluator.CLIP_LO] = lo
-        feats[at + evaluator.CLIP_HI] = hi
-        feats[at + evaluator.CENTRE] = centre
-        feats[at + evaluator.SHIFT], feats[at + evaluator.FACTOR] = scaling(lo, hi, centre)
-        feats[at + evaluator.BOX_LO] = kept[5 * i + 3]
-        feats[at + evaluator.BOX_HI] = kept[5 * i + 4]
+    feats = spread(array("i", raw), FEATURE_KEPT, evaluator.FEATURE_ROW)
+    for at in range(0, len(feats), evaluator.FEATURE_ROW):
+        lo, hi = feats[at + evaluator.CLIP_LO], feats[at + evaluator.CLIP_HI]
+        feats[at + evaluator.SHIFT], feats[at + evaluator.FACTOR] = scaling(
+            lo, hi, feats[at + evaluator.CENTRE]
+        )
     return feats
 
 
 def rows(raw):
     """Intercepts and shifts, kept apart in the image, in turns."""
-    n = len(raw) // 5
+    n = len(raw) // ROW_BYTES
     rows = array("i", bytearray(8 * n))
     intercepts = array("i", raw[: 4 * n])
     shifts = array("b", raw[4 * n :])
@@ -176,15 +198,11 @@ def rows(raw):
 
 def outs(raw, links):
     """The output table from what the image keeps of it: its ends, the quantiles' logarithms, the range."""
-    kept = array("i", raw)
-    outs = array("i", bytearray(4 * evaluator.OUTPUT_ROW * evaluator.OUTPUTS))
+    outs = spread(array("i", raw), OUTPUT_KEPT, evaluator.OUTPUT_ROW)
     for j in range(evaluator.OUTPUTS):
         at = evaluator.OUTPUT_ROW * j
-        lo, hi = kept[6 * j], kept[6 * j + 1]
         outs[at + evaluator.LINK] = links >> j & 1
-        outs[at + evaluator.Y_LO] = lo
-        outs[at + evaluator.Y_HI] = hi
-        outs[at + evaluator.Y_MID], outs[at + evaluator.Y_SHIFT] = middle(lo, hi)
-        for k in range(4):
-            outs[at + evaluator.LN_Q_SOFT + k] = kept[6 * j + 2 + k]
+        outs[at + evaluator.Y_MID], outs[at + evaluator.Y_SHIFT] = middle(
+            outs[at + evaluator.Y_LO], outs[at + evaluator.Y_HI]
+        )
     return outs

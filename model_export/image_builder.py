@@ -6,7 +6,7 @@ import hashlib
 import struct
 from dataclasses import dataclass
 
-from firmware_py import evaluator, slh_dsa, status
+from firmware_py import evaluator, slh_dsa, status, unpack
 from firmware_py import features as firmware_features
 from firmware_py import model_image as fw
 from palpate.model_export import self_test
@@ -15,6 +15,19 @@ from palpate.model_export.fixed_point import nested
 from palpate.model_export.schema import KINDS, OUTPUTS, ModelSpec
 
 MAX_COUNTER = fw.MAX_COUNTER
+_NUMBERS = (  # of the model's head, in the order of `unpack.head`
+    evaluator.HARD_BELOW,
+    evaluator.FORCE_LO,
+    evaluator.FORCE_HI,
+    evaluator.DOWNS,
+    evaluator.LEVEL_PERMILLE,
+    evaluator.MARGIN,
+    evaluator.N_FEATURES,
+    evaluator.LOW_BITS,
+    evaluator.LINKS,
+    evaluator.PART_BITS,
+    evaluator.HIGH_BITS,
+)
 
 
 def packed(words: list[int], sizes: list[int]) -> bytes:
@@ -34,37 +47,36 @@ def _in_order(tables: evaluator.Tables, leaves: list[int]) -> list[int]:
     head = tables.head
     ups = [
         head[evaluator.PART_BITS] - head[evaluator.LOW_BITS] - (head[evaluator.DOWNS] >> 4 * j & 15)
-        for j in range(5)
+        for j in range(evaluator.OUTPUTS)
     ]
     words, own = iter(leaves), iter(tables.own)
     out = []
     for step in nested.from_bytes(tables.steps[: head[evaluator.STEPS]]):
         if isinstance(step, nested.Run):
-            out += [next(words) for _ in range(5 * len(step.terms))]
+            out += [next(words) for _ in range(evaluator.OUTPUTS * len(step.terms))]
         else:
             out += [next(own) >> up for up in ups]
     return out
 
 
 def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None) -> dict[int, bytes]:
-    n = tables.head[0]
+    n, outputs = tables.head[evaluator.N_FEATURES], evaluator.OUTPUTS
     low = tables.head[evaluator.LOW_BITS]
     words = [(c << low) + d for c, d in zip(tables.c, tables.d)]
     coarse = tables.c[len(words) :].tolist()
-    first = 5 * tables.head[evaluator.LEAVES]
+    first = outputs * tables.head[evaluator.LEAVES]
     parts = (_in_order(tables, words[:first]), words[first:])
     sizes = [
-        [max(2, max((w ^ (w >> 31)).bit_length() for w in part[j::5]) + 1) for j in range(5)]
+        [max(2, max((w ^ (w >> 31)).bit_length() for w in part[j::outputs]) + 1) for j in range(outputs)]
         for part in parts
     ]
     info = ",".join(spec.features) + "\n1e-6 " + ",".join(unit for _, unit in OUTPUTS)
-    feats = [tables.feats[7 * i + k] for i in range(n) for k in (0, 1, 2, 5, 6)]
-    row = evaluator.OUTPUT_ROW
-    outs = [tables.outs[row * j + k] for j in range(evaluator.OUTPUTS) for k in (1, 2, 5, 6, 7, 8)]
+    feats = [tables.feats[evaluator.FEATURE_ROW * i + k] for i in range(n) for k in unpack.FEATURE_KEPT]
+    outs = [tables.outs[evaluator.OUTPUT_ROW * j + k] for j in range(outputs) for k in unpack.OUTPUT_KEPT]
     rows = tables.rows.tolist()
     return {
         fw.NUMBERS: struct.pack(
-            "<4i2H15B", *(tables.head[k] for k in (5, 6, 7, 2, 8, 10, 0, 3, 9, 11, 12)), *sizes[0], *sizes[1]
+            f"<4i2H5B{2 * outputs}B", *(tables.head[k] for k in _NUMBERS), *sizes[0], *sizes[1]
         ),
         fw.IDS: bytes(tables.ids),
         fw.FEATURES: struct.pack(f"<{len(feats)}i", *feats),

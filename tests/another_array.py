@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from firmware_py import calib, forcemap, status
+from firmware_py import calib, evaluator, forcemap, outputs, status
 from palpate.features import pipeline_features
 from palpate.firmware_twin.replay_core import Replay
 from palpate.link import flash
@@ -25,7 +25,7 @@ from palpate.model_export.exporter import export
 from palpate.model_export.fixed_point import force_map
 from palpate.model_export.image_builder import inspect
 from palpate.model_export.signing import keys
-from palpate.regression.conformal import Widths, conformal_quantile, fit_sigma
+from palpate.regression.conformal import LEVEL, Widths, conformal_quantile, fit_sigma
 from palpate.regression.domain import fit_domain
 from palpate.regression.probe_model import fit_polynomial, spec_of, to_link, training_hash
 from palpate.regression.ridge import all_terms
@@ -37,7 +37,7 @@ from tests.firmware_py.strokes import read_strokes
 from tests.waiting import PATIENCE_S
 
 FEATURES = ("ln_force", "asinh_amp", "ln_stdev", "ln_base", "ln_d_far", "dip_6_10")
-DRAWS, LEVEL, FRAMES = 4, 0.9, 50
+DRAWS, FRAMES = 4, 50
 LIFTED = 3  # frames in the air that the emulated probe puts before a stroke
 REFERENCE = "16x26 at 1500 um"
 
@@ -125,7 +125,7 @@ def main(runtime, directory):
     fields = [StrokeField(*pair) for pair in pairs[:-1]]
     said = {}
     if runtime == "none":
-        # no force map, and so a steady hand: this array is longer than what touches (force_map.fit says so)
+        # a steady hand, without a force map: this array is too long for one (docs/howto/another-array.md)
         said["worst"] = worst_against_float64(fields, None, LEVELS["typical"].without("force"))
     else:
         learned = learned_force_map(pairs)
@@ -144,13 +144,13 @@ def main(runtime, directory):
         replay.stroke(
             stroke.packed[own], stroke.positions_um[own], stroke.displacements_um[own], model.calibration()
         )
-        out = np.zeros(18, int).tolist()
+        out = np.zeros(evaluator.OUT_SIZE, int).tolist()
         inspect(image).model.evaluate(replay.pipeline.features, out)
         said |= {
             "array": identity.array,
             "image_for": flash.made_for(image),
             "estimate": found.as_dict(),
-            "replayed": list(found.values) == out[:15],
+            "replayed": list(found.values) == out[: outputs.VALUES],
             "truth": stroke.truth.outputs(),
             "refused": refusals(spec, key, public, runtime),
         }

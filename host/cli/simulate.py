@@ -159,7 +159,10 @@ def _print_words(stroke: Stroke, record: dict[str, Any]) -> None:
     )
     table(("position mm", "displacement mm", "strain", "centre kPa", "highest kPa"), rows, title)
     if columns:
-        click.echo(f"pressures: mean of the sensors' columns {columns[0] + 1} to {columns[-1] + 1} of 26")
+        every = stroke.images_kPa.shape[2]
+        click.echo(
+            f"pressures: mean of the sensors' columns {columns[0] + 1} to {columns[-1] + 1} of {every}"
+        )
     click.echo(
         f"tactile map: base {found['base_kPa']:.3f} kPa, amplitude {found['amp_kPa']:.3f} kPa, "
         f"stdev {found['stdev_mm']:.2f} mm; curvature {found['curvature']:.3f}; "

@@ -1,7 +1,7 @@
 """A probe's stream on LabStreamingLayer, beside EEG, eye trackers and whatever else a laboratory records.
 
-Two outlets: `PalpateFrames` (place, displacement and 416 pressures of every frame, stamped with the moment
-of its scan) and `PalpateEvents` (stroke states and estimates as JSON, of LSL's type Markers).
+Two outlets: `PalpateFrames` (place, displacement and every cell's pressure, stamped with the moment of the
+scan) and `PalpateEvents` (stroke states and estimates as JSON, of LSL's type Markers).
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ import json
 import time
 from typing import Any
 
+from firmware_py import geometry
 from palpate.errors import MissingExtra
 from palpate.link.events import Estimate, Event, Frame, StrokeState
 from palpate.link.probe import Probe
 
 FRAMES, EVENTS = "PalpateFrames", "PalpateEvents"
-ROWS, COLUMNS = 16, 26
 MOTION = (("position", "mm"), ("displacement", "mm"))
 
 
@@ -41,12 +41,16 @@ class Outlets:
         self._probe = probe
         self._clock = pylsl.local_clock
         serial = probe.identity.serial
-        channels = len(MOTION) + ROWS * COLUMNS
+        channels = len(MOTION) + geometry.CELLS
         frames = pylsl.StreamInfo(
             FRAMES, "Pressure", channels, pylsl.IRREGULAR_RATE, pylsl.cf_float32, f"palpate-{serial}-frames"
         )
         listed = frames.desc().append_child("channels")
-        cells = [(f"cell {row},{column}", "kPa") for row in range(ROWS) for column in range(COLUMNS)]
+        cells = [
+            (f"cell {row},{column}", "kPa")
+            for row in range(geometry.ROWS)
+            for column in range(geometry.COLUMNS)
+        ]
         for label, unit in (*MOTION, *cells):
             channel = listed.append_child("channel")
             channel.append_child_value("label", label)

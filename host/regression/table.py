@@ -14,6 +14,7 @@ import pandas as pd
 
 from palpate.errors import PalpateError
 from palpate.features.map_features import Floats
+from palpate.model_export.vocabulary import SYMBOLS
 
 REFERENCE_CODE = "d10h08e10f10"
 INPUTS = ("d_mm", "h", "E_ratio", "F_rel", "t_mm")
@@ -31,8 +32,8 @@ NAMES = {
     "D28": "ln D28",
     "dip": "1 - D0/D28",
 }
-TARGETS = ("F", "t", "d", "h", "E_inv23")
-SHOWN = {"F": "F", "t": "t", "d": "d", "h": "h", "E_inv23": "E^-2/3"}
+TARGETS = SYMBOLS
+SHOWN = {target: {"E_inv23": "E^-2/3"}.get(target, target) for target in TARGETS}
 INPUT_COLUMN = {"F": "F_rel", "t": "t_mm", "d": "d_mm", "h": "h"}
 
 

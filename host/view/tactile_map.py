@@ -21,7 +21,7 @@ _WORST_FIT = 0.6
 
 
 def peak_kPa(image_kPa: NDArray[np.floating]) -> float:
-    """Highest mean over 3 x 3 cells of a (16, 26) image: what one cell alone says may be its noise."""
+    """Highest mean over 3 x 3 cells of a (rows, columns) image: what one cell alone says may be its noise."""
     rows = image_kPa[:-2] + image_kPa[1:-1] + image_kPa[2:]
     return float((rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:]).max()) / 9.0
 

@@ -183,11 +183,11 @@ def _sigma_rows(spec: ModelSpec, gain: np.ndarray, y_radius: np.ndarray, y_mid: 
     n_terms = len(spec.interval.terms)
     for output, values in zip(spec.outputs, spec.interval.coefficients):
         on_y = np.array(values[n_terms:])
-        row = Row(np.zeros(5 + len(gain)), float(on_y @ y_mid), 24, f"ln sigma of {output.name}")
-        row.coefficients[:5] = on_y * y_radius
+        row = Row(np.zeros(ev.OUTPUTS + len(gain)), float(on_y @ y_mid), 24, f"ln sigma of {output.name}")
+        row.coefficients[: ev.OUTPUTS] = on_y * y_radius
         for term, value in zip(spec.interval.terms, values):
             if term:
-                row.coefficients[5 + term[0]] = value * gain[term[0]]
+                row.coefficients[ev.OUTPUTS + term[0]] = value * gain[term[0]]
             else:
                 row.intercept += value
         rows.append(row)

@@ -12,11 +12,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
+from firmware_py import evaluator
 from palpate.model_export.schema import Term
 
 CLOSE = 128  # a step's first byte: close the branch
 DEEPER = 32  # and its depth
-FIRST_FEATURE = 5  # among the inputs: the predictions come first
+FIRST_FEATURE = evaluator.OUTPUTS  # among the inputs: the predictions come first
 SIGMA: Term = (-1, -1, -1)  # stands for ln sigma's sums, which are runs of the predictions and the features
 
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from firmware_py import evaluator as ev
 from palpate.model_export.errors import ProofError
 from palpate.model_export.fixed_point.form import (
     JUDGED,
@@ -88,7 +89,7 @@ class _Output:
         best = None
         for places in range(COARSEST, FINEST + 1):
             down = self.down(part, low, places)
-            form = Form(part, high, low, (down,) * 5, tuple(self.inputs.steps))
+            form = Form(part, high, low, (down,) * ev.OUTPUTS, tuple(self.inputs.steps))
             if not 0 <= down <= min(part - low, MOST_DOWN):
                 break
             words = self.words(places, form)

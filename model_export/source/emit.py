@@ -64,7 +64,7 @@ def as_dict(out):
 '''
 
 _VALUES = '''def values(features, out):
-    """The five OUTPUTS into out[0..4] from `features` (integers, Q24, in the order of FEATURES)."""
+    """The OUTPUTS into out[0], out[1], .. from `features` (integers, Q24, in the order of FEATURES)."""
     powers = _POWERS
 {body}'''
 

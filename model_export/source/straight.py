@@ -4,8 +4,8 @@ Every constant of the model stands in the expression that uses it, every input i
 is one expression of products of small integers: what an interpreter is quickest at, and nothing is
 allocated. An interpreter's time goes by its operators, not by its loads and stores: words that are zero
 have no product. Names: u is an input of +-1 in Q28, a and b its upper and lower halves, p its first bits
-(the evaluator's `part`), q fewer of them (`high`); v is a branch's value, t the sum of all; y0 to y4 are the
-predictions.
+(the evaluator's `part`), q fewer of them (`high`); v is a branch's value, t the sum of all; y0, y1, .. are
+the predictions.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from firmware_py import evaluator as ev
-from firmware_py import scales
+from firmware_py import outputs, scales, verdict
 from palpate.model_export.fixed_point import compiler, nested
 from palpate.model_export.fixed_point.nested import Run
 from palpate.model_export.schema import OUTPUTS, ModelSpec
@@ -27,6 +27,8 @@ from palpate.model_export.source.expressions import (
     wrapped,
 )
 
+N = ev.OUTPUTS
+_E = len(outputs.PARTS) * outputs.E_INV23  # its value in `out`; low and high are the next two
 _CLIP = 1 << 29  # where `scales.scaled` holds its result
 
 _LN_WIDTHS = (scales.MIN_LN_WIDTH, scales.MAX_LN_WIDTH)
@@ -41,7 +43,7 @@ def body(spec: ModelSpec, tables: ev.Tables, places: dict[int, int], whole: bool
     places : dict
         Where in `features` each of the firmware's features stands, by its index there.
     whole : bool
-        Else only the five values, into out[0..4].
+        Else only the outputs' values, one after the other.
     """
     return "\n".join(_Writer(spec, tables, places).lines(whole)) + "\n"
 
@@ -55,22 +57,34 @@ class _Writer:
         self.n, self.leaves = head[ev.N_FEATURES], head[ev.LEAVES]
         self.low, self.part, self.high = head[ev.LOW_BITS], head[ev.PART_BITS], head[ev.HIGH_BITS]
         self.low_sum_shift = self.low + self.high - self.part
-        self.downs = [head[ev.DOWNS] >> 4 * j & 15 for j in range(6)]
+        self.downs = [head[ev.DOWNS] >> 4 * j & 15 for j in range(N + 1)]
         self.steps = nested.from_bytes(tables.steps[: head[ev.STEPS]])
         self.runs = nested.from_bytes(tables.steps[head[ev.STEPS] :])
         self.branching = {step.branch[-1] for step in self.steps if not isinstance(step, Run)}
-        self.named = [f"y{j}" for j in range(5)] + [str(i) for i in range(self.n)]
+        self.named = [f"y{j}" for j in range(N)] + [str(i) for i in range(self.n)]
 
     def lines(self, whole: bool) -> Iterator[str]:
         yield f"    # the features within +-1 over the clip box; p: {self.part} bits of them, q: {self.high}"
         for i in range(self.n):
             yield from self._feature(i)
-        for j in range(5):
+        for j in range(N):
             yield from self._output(j, whole)
         if whole:
             yield from self._intervals()
             yield from self._distance()
             yield from self._verdict()
+
+    # ---- rows of the tables
+
+    def _feature_row(self, i: int) -> list[int]:
+        return list(self.t.feats[ev.FEATURE_ROW * i : ev.FEATURE_ROW * (i + 1)])
+
+    def _output_row(self, j: int) -> list[int]:
+        return list(self.t.outs[ev.OUTPUT_ROW * j : ev.OUTPUT_ROW * (j + 1)])
+
+    def _sum_row(self, row: int) -> list[int]:
+        """Intercept and shift of a sum: those of the outputs, of ln sigma, of the whitened coordinates."""
+        return list(self.t.rows[ev.ROW * row : ev.ROW * (row + 1)])
 
     # ---- inputs
 
@@ -82,7 +96,7 @@ class _Writer:
         )
 
     def _feature(self, i: int) -> Iterator[str]:
-        lo, hi, centre, shift, factor = self.t.feats[7 * i : 7 * i + 5]
+        lo, hi, centre, shift, factor = self._feature_row(i)[: ev.BOX_LO]
         assert max(hi - centre, centre - lo) << max(-shift, 0) <= _CLIP  # the evaluator would hold it there
         yield f"    x{i} = features[{self.places[self.t.ids[i]]}]  # {self.spec.features[i]}"
         moved = f"({clipped(f'x{i}', lo, hi)}) - {centre}"
@@ -100,8 +114,8 @@ class _Writer:
     # ---- sums
 
     def _words(self, at: int, j: int, n: int) -> tuple[list[int], list[int]]:
-        """High and low words of sum j of the five whose words begin at `at`, over n inputs."""
-        where = range(at + j, at + 5 * n, 5)
+        """High and low words of output j's sum, of those whose words begin at `at`, over n inputs."""
+        where = range(at + j, at + N * n, N)
         return [self.t.c[i] for i in where], [self.t.d[i] for i in where]
 
     def _run(self, target: str, sign: str, at: int, j: int, names: list[str], down: int) -> Iterator[str]:
@@ -130,11 +144,11 @@ class _Writer:
                 names = [str(i) for i in step.features]
                 yield from self._run(target, sign, at, j, names, self.downs[j])
                 begun.add(target)
-                at += 5 * len(step.terms)
+                at += N * len(step.terms)
             else:
                 outer = "tvw"[len(step.branch) - 1]
                 own = self.t.own[branch + j]
-                branch += 5
+                branch += N
                 i = step.branch[-1]
                 yield f"    {target} {sign} {own}  # {product(step.branch, self.spec.features)}"
                 yield f"    h = {target} >> 14"
@@ -152,7 +166,7 @@ class _Writer:
 
     def _scaled(self, row: int, name: str, most: int) -> list[str]:
         """What turns a row's sum, which cannot be beyond `most`, into a number with its intercept in v."""
-        intercept, shift = self.t.rows[2 * row : 2 * row + 2]
+        intercept, shift = self._sum_row(row)
         lines = []
         held = _CLIP if shift >= 0 else 1 << (29 + shift)
         if shift <= 0 and most > held:
@@ -162,7 +176,7 @@ class _Writer:
 
     def _output(self, j: int, whole: bool) -> Iterator[str]:
         name, unit = OUTPUTS[j]
-        link, lo, hi, mid, shift = self.t.outs[9 * j : 9 * j + 5]
+        link, lo, hi, mid, shift = self._output_row(j)[: ev.LN_Q_SOFT]
         yield f"    # {name}: ln of millionths of {unit}, Q24" if link else f"    # {name}, Q24"
         yield from self._polynomial(j)
         yield from self._scaled(j, "t", 1 << 30)
@@ -177,24 +191,23 @@ class _Writer:
     def _intervals(self) -> Iterator[str]:
         head = self.t.head
         yield "    # half the intervals, from ln sigma and the quantile of the predicted class"
-        yield f"    hard = out[12] < {head[ev.HARD_BELOW]}"
+        yield f"    hard = out[{_E}] < {head[ev.HARD_BELOW]}"
         yield "    inside = True"
         for j, (name, _) in enumerate(OUTPUTS):
-            link, lo, hi = self.t.outs[9 * j : 9 * j + 3]
-            soft, hard, range_lo, range_hi = self.t.outs[9 * j + 5 : 9 * j + 9]
+            link, lo, hi, _, _, soft, hard, range_lo, range_hi = self._output_row(j)
             yield f"    # {name}"
-            at, most = 5 * self.leaves, 0
+            at, most = N * self.leaves, 0
             for step in self.runs:
                 assert isinstance(step, Run)
                 names = [self.named[i] for i in step.features]
-                yield from self._run("v", "+=" if most else "=", at, j, names, self.downs[5])
+                yield from self._run("v", "+=" if most else "=", at, j, names, self.downs[N])
                 high, low = self._words(at, j, len(names))
                 size = (sum(map(abs, high)) << self.part) + (
                     sum(map(abs, low)) << self.high >> self.low_sum_shift
                 )
-                most += (size >> self.downs[5]) + 2
-                at += 5 * len(names)
-            yield from self._scaled(5 + j, "v", most)
+                most += (size >> self.downs[N]) + 2
+                at += N * len(names)
+            yield from self._scaled(N + j, "v", most)
             least, most = _LN_WIDTHS
             if soft == hard:  # held before and after it is added: the same as once, to the narrower ends
                 yield f"    v += {soft}"
@@ -218,12 +231,12 @@ class _Writer:
     def _distance(self) -> Iterator[str]:
         yield "    # squared distance from the middle of the domain, a row of its matrix at a time"
         yield "    total = 0"
-        at = 5 * (self.leaves + 5 + self.n)
+        at = N * (self.leaves + N + self.n)
         for i in range(self.n):
             words = terms(self.t.c[at : at + i + 1], [f"q{k}" for k in range(i + 1)])
             yield from ["    v = (", *wrapped(words, "        "), "    )"]
-            yield from self._scaled(10 + i, "v", 1 << 30)
-            intercept, shift = self.t.rows[20 + 2 * i : 22 + 2 * i]
+            yield from self._scaled(2 * N + i, "v", 1 << 30)
+            intercept, shift = self._sum_row(2 * N + i)
             most = sum(abs(c) for c in self.t.c[at : at + i + 1]) << self.high
             if shift < 0 or (most >> shift) + abs(intercept) >= 16384:
                 yield f"    v = {clipped('v', -16384, 16384)}"
@@ -238,7 +251,7 @@ class _Writer:
         yield "        inside = False"
         yield "    # the domain's box"
         for i in range(self.n):
-            lo, hi = self.t.feats[7 * i + 5 : 7 * i + 7]
+            lo, hi = self._feature_row(i)[ev.BOX_LO :]
             yield f"    if x{i} < {lo} or x{i} > {hi}:  # {self.spec.features[i]}"
             yield "        inside = False"
         yield f"    flags = {ev.IN_DOMAIN} if inside else 0"
@@ -251,16 +264,17 @@ class _Writer:
         if conditions:
             yield "    # the lump rule"
             yield f"    if not ({' and '.join(conditions)}):"
-            yield "        for i in range(15):"
+            yield f"        for i in range({outputs.VALUES}):"
             yield "            out[i] = 0"
             yield f"        out[{ev.FLAGS}] = flags"
             yield f"        return {ev.NO_LUMP}"
         yield f"    flags |= {ev.LUMP}"
-        yield f"    if out[14] < {head[ev.HARD_BELOW]}:"
+        yield f"    if out[{_E + 2}] < {head[ev.HARD_BELOW]}:"
         yield f"        flags |= {ev.HARD}"
-        yield f"    elif out[13] >= {head[ev.HARD_BELOW]}:"
+        yield f"    elif out[{_E + 1}] >= {head[ev.HARD_BELOW]}:"
         yield f"        flags |= {ev.SOFT}"
-        yield f"    if out[0] < {head[ev.FORCE_LO]} or out[0] > {head[ev.FORCE_HI]}:"
+        force, lo, hi = f"out[{verdict.FORCE}]", head[ev.FORCE_LO], head[ev.FORCE_HI]
+        yield f"    if {force} < {lo} or {force} > {hi}:"
         yield f"        flags |= {ev.FORCE_OUT}"
         yield f"    out[{ev.FLAGS}] = flags"
         yield "    return 0"

@@ -19,6 +19,8 @@ from firmware_py import (
     verdict,
 )
 from firmware_py.boards import scan_order
+from palpate.cli import ports
+from palpate.regression import table
 from palpate.sim.probe import packed_frames
 from palpate.view.app import array_module
 
@@ -39,6 +41,12 @@ def test_the_outputs_table_and_the_numbers_taken_from_it():
     value, low, high = (3 * outputs.E_INV23 + k for k in range(3))
     assert outputs.PARTS == ("value", "low", "high") and (low, high) == (verdict.E_LOW, verdict.E_HIGH)
     assert 3 * outputs.NAMES.index("F_N_per_m") == verdict.FORCE and value == low - 1
+
+
+def test_whoever_names_the_outputs_names_them_all():
+    """An output that is added to the table is asked for here, before a command meets it without a word."""
+    assert set(ports.WORDS) == set(outputs.NAMES)
+    assert table.TARGETS == ("F", "t", "d", "h", "E_inv23")  # as the thesis has them
 
 
 def test_a_place_in_the_models_arrays_has_one_number():
