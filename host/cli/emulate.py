@@ -127,7 +127,7 @@ def strokes_over(
     Parameters
     ----------
     code : str
-        The case. It is simulated at two forces around its own, so that the hand can wander.
+        The case. It is simulated at three forces around its own, so that the hand can wander.
     noise : str
         A level of `palpate.sim.probe.sensors.LEVELS`.
     seed : int
@@ -137,21 +137,16 @@ def strokes_over(
     steady : bool
         The hand's force does not wander.
     """
-    from dataclasses import replace
-
     import numpy as np
 
     from palpate.sim.probe.sensors import FORCE_RATIO, LEVELS, SensorModel, StrokeField
     from palpate.sim.tissue import Case, Settings, simulate_forces
 
     case = Case.from_code(code)
-    low = replace(case, F_rel=case.F_rel / FORCE_RATIO**0.5)
-    pair = simulate_forces(low, [low.F_rel, low.F_rel * FORCE_RATIO], Settings(far_start_mm=-44.0))
+    forces = [case.F_rel * FORCE_RATIO**part for part in (-0.5, 0.0, 0.5)]
+    field = StrokeField(*simulate_forces(case, forces, Settings(far_start_mm=-44.0)))
     level = LEVELS[noise].without("force") if steady else LEVELS[noise]
-    probes = [
-        SensorModel(StrokeField(*pair), level, seed + k, mean_force_N_per_m=case.F_N_per_m)
-        for k in range(strokes)
-    ]
+    probes = [SensorModel(field, level, seed + k, mean_force_N_per_m=case.F_N_per_m) for k in range(strokes)]
     calibration = probes[0].calibration()
     # One emulated probe stands for all of them: it knows the dead cells of each.
     calibration.set_dead([int(cell) for probe in probes for cell in np.flatnonzero(probe.known_dead)])

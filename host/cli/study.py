@@ -24,17 +24,19 @@ def command(name: str, directory: Path, seed: int, figure: Path | None, as_json:
     \b
     noise bits pitch gain dead position force displacement forces learning
     tissue    (simulates other tissues into DIRECTORY first, a few minutes)
+    computed  (simulates lumps at seven forces into DIRECTORY first, a few minutes)
 
     \b
     Example:
       palpate study noise out/field --figure noise.svg
     """
     from palpate.regression.field.bench import Bench
+    from palpate.regression.field.computed import COMPUTED_STUDY
     from palpate.regression.field.data import read
     from palpate.regression.field.study import STUDIES, study_table
     from palpate.regression.field.tissues import TISSUE_STUDY
 
-    studies = STUDIES | {TISSUE_STUDY.name: TISSUE_STUDY}
+    studies = STUDIES | {study.name: study for study in (TISSUE_STUDY, COMPUTED_STUDY)}
     if name not in studies:
         raise UsageError(f"there is no study {name!r}; there are {', '.join(studies)}")
     study = studies[name]

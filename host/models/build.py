@@ -16,7 +16,7 @@ from palpate.model_export.fixed_point.reference import evaluate
 from palpate.model_export.schema import ModelSpec
 from palpate.models import FIELD, RECIPE, file_hash
 from palpate.regression.field.data import prepare
-from palpate.regression.field.design import FIELD_SETTINGS, pair_of
+from palpate.regression.field.design import FIELD_SETTINGS, at_forces
 from palpate.regression.field.fit import fit_field
 from palpate.regression.field.result import FieldFit
 from palpate.regression.observed import observe
@@ -75,8 +75,8 @@ def sample(spec: ModelSpec) -> list[dict[str, Any]]:
     """
     fields = []
     for code in SAMPLE:
-        low, high = (simulate(case, FIELD_SETTINGS) for case in pair_of(Case.from_code(code)))
-        fields.append(StrokeField(low, high))
+        strokes = (simulate(case, FIELD_SETTINGS) for case in at_forces(Case.from_code(code)))
+        fields.append(StrokeField(*strokes))
     blob = None if spec.force_map is None else force_maps.blob(spec.force_map)
     seen = observe(fields, MADE["noise"], SAMPLE_SEED, force_map=blob)
     said = evaluate(spec, seen.columns(spec.features))

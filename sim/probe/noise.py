@@ -1,4 +1,4 @@
-"""Everything that stands between the skin and the count, and four named levels of it. Units: mm, kPa."""
+"""Everything that stands between the skin and the count, and five named levels of it. Units: mm, kPa."""
 
 from __future__ import annotations
 
@@ -6,6 +6,11 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from palpate.errors import UsageError
+
+WAVE_MM = 40.0
+"""Length of the undulation of the tissue's thickness."""
+
+_BELOW_1 = ("dead", "stuck", "force", "undulation")
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,16 @@ class Noise:
     hysteresis : float
         Greatest excess of a reading while a cell is unloaded over that while it is loaded, of the greatest
         pressure that it has felt since the stroke began.
+    common_gain : float
+        Of the reading: spread of whole probes, all cells alike (batch, temperature).
+    stuck : float
+        Share of cells that hang since the calibration: half at their zero, half anywhere.
+    modulus : float
+        Spread of the tissue's stiffness, all layers alike, about what the model was told.
+    undulation : float
+        How far the tissue's thickness swings along the stroke, as a fraction, over `WAVE_MM`. What it does
+        is worked out as a change of stiffness: thicker and softer tissue feel very nearly alike
+        (docs/accuracy.md, "tissue"). That the surface tilts is left out.
     start_mm : float
         The lump lies up to so far from the middle of the stroke.
     quantise : bool
@@ -54,18 +69,28 @@ class Noise:
     force: float = 0.0
     creep: float = 0.0
     hysteresis: float = 0.0
+    common_gain: float = 0.0
+    stuck: float = 0.0
+    modulus: float = 0.0
+    undulation: float = 0.0
     start_mm: float = 0.0
     quantise: bool = True
 
     def __post_init__(self) -> None:
         for f in fields(self):
             value = getattr(self, f.name)
-            if f.name != "quantise" and not 0 <= value < (1 if f.name in ("dead", "force") else 1e3):
-                raise UsageError(f"noise '{f.name}' is {value}: it must be 0 or more (dead, force: below 1)")
+            if f.name != "quantise" and not 0 <= value < (1 if f.name in _BELOW_1 else 1e3):
+                raise UsageError(
+                    f"noise '{f.name}' is {value}: it must be 0 or more ({', '.join(_BELOW_1)}: below 1)"
+                )
 
     def without(self, *names: str) -> Noise:
         """The same with the named disturbances at 0."""
         return self.with_(**dict.fromkeys(names, 0.0))
+
+    def at_one_force(self) -> Noise:
+        """The same without what takes strokes at several forces: a wandering hand, other tissue."""
+        return self.without("force", "modulus", "undulation")
 
     def with_(self, **values: Any) -> Noise:
         """The same with some disturbances set."""
@@ -90,3 +115,7 @@ LEVELS: dict[str, Noise] = {
         position_mm=0.5, position_scale=0.005, force=0.20, creep=0.02, start_mm=5.0,
     ),
 }  # fmt: skip
+LEVELS["real"] = LEVELS["typical"].with_(
+    hysteresis=0.01, common_gain=0.02, stuck=0.005, modulus=0.02, undulation=0.05
+)
+"""Typical, and what an audit found missing from it."""

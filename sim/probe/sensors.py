@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from firmware_py import calib, geometry
 from palpate.errors import UsageError
 from palpate.sim.probe.cells import COLUMN_MM, FULL_SCALE_KPA, PEDESTAL_KPA, SHAPE
-from palpate.sim.probe.noise import LEVELS, Noise
+from palpate.sim.probe.noise import LEVELS, WAVE_MM, Noise
 from palpate.sim.probe.packed_frames import FrameStream, Truth, pack, unpack
 from palpate.sim.probe.stroke_field import FORCE_RATIO, StrokeField
 from palpate.sim.tissue import Stroke
@@ -34,6 +34,9 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
+_AS_STIFFNESS = 0.67 / 0.62
+"""The displacement goes as (F / E)^.62 t^.67: how much softer tissue is like how much thicker tissue."""
+
 
 class SensorModel:
     """One probe (its gains, zeros and dead cells) in one hand (its wandering force) over one lump.
@@ -50,7 +53,7 @@ class SensorModel:
     across_centre_mm : float
         Where such a lump lies across the probe.
     mean_force_N_per_m : float, optional
-        The hand's mean force; by default the geometric mean of the field's pair.
+        The hand's mean force; by default the middle of the field's.
     travel_mm : float
         How far the stroke goes.
     """
@@ -66,14 +69,14 @@ class SensorModel:
         mean_force_N_per_m: float | None = None,
         travel_mm: float = 80.0,
     ) -> None:
-        if not field.pair and noise.force:
+        if field.one_force and (noise.force or noise.modulus or noise.undulation):
             raise UsageError(f"{field.low.code} was simulated at one force only: the hand cannot vary it")
         if len(field.shape) > 1 and across_mm is not None:
             raise UsageError(f"{field.low.code} has images across the stroke: their width cannot be chosen")
         self.field, self.noise, self.travel_mm = field, noise, travel_mm
         rng = self._rng = np.random.default_rng(seed)
-        F = field.low.F_N_per_m * (np.exp(field.ln_ratio / 2) if field.pair else 1.0)
-        self.mean_force_N_per_m = F if mean_force_N_per_m is None else mean_force_N_per_m
+        middle = field.middle_N_per_m
+        self.mean_force_N_per_m = middle if mean_force_N_per_m is None else mean_force_N_per_m
         n = noise
         self.gain = 1 + n.gain * rng.standard_normal(SHAPE)
         self.gain *= 1 + n.row_gain * rng.standard_normal((geometry.ROWS, 1))
@@ -97,8 +100,25 @@ class SensorModel:
             self._across = None
         else:
             self._across = np.exp(-((COLUMN_MM - across_centre_mm) ** 2) / (2 * across_mm**2))
+        self._imperfect(np.random.default_rng([seed, 1]))
         self._lag: Floats | None = None
         self._lag_at: float | None = None
+
+    def _imperfect(self, rng: np.random.Generator) -> None:
+        """Draw what is wrong with probe and tissue as a whole, apart from the numbers drawn above."""
+        n = self.noise
+        self.gain *= 1 + n.common_gain * rng.standard_normal()
+        self.stuck = (rng.random(SHAPE) < n.stuck) & ~self.dead
+        zero = geometry.PEDESTAL_COUNTS + self.offset_kPa / FULL_SCALE_KPA * geometry.FULL_COUNT
+        anywhere = geometry.FULL_COUNT * rng.random(SHAPE)
+        self.stuck_counts = np.where(rng.random(SHAPE) < 0.5, zero, anywhere)
+        self._stiffness = 1 + n.modulus * rng.standard_normal()
+        self._wave_phase = rng.uniform(0, 2 * np.pi)
+
+    def stiffness_at(self, stroke_mm: Floats) -> Floats:
+        """The tissue's stiffness at places along the stroke, over what was simulated."""
+        swing = np.sin(2 * np.pi * np.asarray(stroke_mm, float) / WAVE_MM + self._wave_phase)
+        return self._stiffness * (1 + self.noise.undulation * swing) ** -_AS_STIFFNESS
 
     def _sines(self, x: Floats) -> Floats:
         wave, phase, size = self._wave
@@ -119,13 +139,16 @@ class SensorModel:
     def pressures_at(self, stroke_mm: Floats) -> tuple[Floats, Floats]:
         """True pressures (n, rows, columns) in kPa and displacement (n,) in mm at places along the stroke."""
         x = np.atleast_1d(np.asarray(stroke_mm, float))
-        force = self.force_at(x) if self.field.pair else None
+        s = self.stiffness_at(x)  # moduli and forces times s leave the displacement, and pressures go times s
+        force = None if self.field.one_force else self.force_at(x) / s
         image, depth = self.field.at(x + self.start_mm, force)
+        image *= s.reshape(-1, *np.ones(image.ndim - 1, int))
         if len(self.field.shape) > 1:
             return image, depth
         if self._across is None:
             return np.repeat(image[:, :, None], geometry.COLUMNS, axis=2), depth
         far, far_depth = self.field.at(np.full_like(x, self.field.reach_mm[0]), force)
+        far *= s[:, None]
         p = far[:, :, None] + (image - far)[:, :, None] * self._across
         # the long face bridges a ball: the probe hardly rises
         return np.maximum(p, 0), far_depth + 0.25 * (depth - far_depth)
@@ -167,6 +190,7 @@ class SensorModel:
         if n.white:
             p += n.white * FULL_SCALE_KPA * rng.standard_normal(p.shape)
         counts = (p + PEDESTAL_KPA) / FULL_SCALE_KPA * geometry.FULL_COUNT
+        counts[:, self.stuck] = self.stuck_counts[self.stuck]
         counts[:, self.dead] = 0
         depth = depth + self.displacement_zero_mm + self.displacement_drift_mm * (2 * share - 1)
         depth = depth + n.displacement_noise_mm * rng.standard_normal(len(x))
@@ -193,7 +217,7 @@ class SensorModel:
     def truth(self, stroke_mm: Floats) -> Truth:
         """The inputs that a stroke through these places is to be inverted to."""
         c = self.field.low.case
-        F = float(np.mean(self.force_at(stroke_mm))) if self.field.pair else self.field.low.F_N_per_m
+        F = self.field.low.F_N_per_m if self.field.one_force else float(np.mean(self.force_at(stroke_mm)))
         return Truth(F, c.t_mm, c.d_mm, c.h, c.E_ratio ** (-2 / 3), c.has_lump, -self.start_mm)
 
     def stroke(self, n_frames: int = 50, frames_per_s: float = 37.5, origin_um: int = 0) -> FrameStream:
@@ -219,13 +243,13 @@ class SensorModel:
 
 
 def stroke_frames(
-    stroke: Stroke | tuple[Stroke, Stroke] | StrokeField,
+    stroke: Stroke | tuple[Stroke, ...] | StrokeField,
     noise: Noise | str = "none",
     seed: int = 0,
     n_frames: int = 50,
     **kwargs: Any,
 ) -> FrameStream:
-    """One stroke of a seeded probe over a finite-element stroke (or the pair of two forces).
+    """One stroke of a seeded probe over a finite-element stroke (or several of rising forces).
 
     Further arguments go to SensorModel (across_mm, mean_force_N_per_m, ...).
     """

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
@@ -14,36 +16,39 @@ from palpate.sim.tissue.symmetry import both_sides
 Floats = NDArray[np.float64]
 
 FORCE_RATIO = 1.4
+"""Greatest over smallest force of a lump's strokes: room for a hand that wanders by 18 %."""
 
 
 class StrokeField:
-    """Images and displacement of one case at any position and, with a second stroke, near any force.
+    """Images and displacement of one case at any position and, with two strokes or more, near any force.
 
     Parameters
     ----------
-    low : Stroke
-        From at least 28 mm before the lump to over it; the other side is its mirror image. Over a solid
-        lump its images are those of the whole face.
-    high : Stroke, optional
-        The same case at a greater force (FORCE_RATIO times). Between and around the two, pressures are
-        interpolated in the logarithm where both are over .3 kPa, else linearly in the force.
+    *strokes : Stroke
+        The same case at rising forces, from at least 28 mm before the lump to over it; the other side is the
+        mirror image. Over a solid lump the images are those of the whole face.
+
+        Between and around the forces each cell's pressure is the parabola in the force through the three
+        nearest, the displacement's logarithm that in the logarithm of the force. The sum of all cells goes
+        as the force, which a parabola in the force reproduces: no force is lost in between, and a cell at
+        the edge that lifts off needs no logarithm. Between two forces alone pressures are interpolated in
+        the logarithm where both are over .3 kPa, else linearly.
     """
 
-    def __init__(self, low: Stroke, high: Stroke | None = None) -> None:
-        pair = [low] if high is None else [low, high]
-        positions = low.positions_mm
-        for s in pair:
+    def __init__(self, *strokes: Stroke) -> None:
+        positions = strokes[0].positions_mm
+        for s in strokes:
             if len(s.positions_mm) != len(positions) or not np.allclose(s.positions_mm, positions):
-                raise UsageError(f"{s.code} was simulated at other positions than {low.code}")
-        if high is not None and not high.F_N_per_m > low.F_N_per_m:
-            raise UsageError(f"{high.code} must be pressed harder than {low.code}")
-        self.low = low
-        images = [on_the_array(s) for s in pair]
+                raise UsageError(f"{s.code} was simulated at other positions than {strokes[0].code}")
+        self.forces_N_per_m = np.array([s.F_N_per_m for s in strokes])
+        for a, b in itertools.pairwise(strokes):
+            if not b.F_N_per_m > a.F_N_per_m:
+                raise UsageError(f"{b.code} must be pressed harder than {a.code}")
+        self.low = strokes[0]
+        images = [on_the_array(s) for s in strokes]
         self.shape = images[0].shape[1:]
-        self.pair = high is not None
-        self.ln_ratio = float(np.log(high.F_N_per_m / low.F_N_per_m)) if high is not None else 1.0
         x, tables = positions, []
-        for s, image in zip(pair, images, strict=True):
+        for s, image in zip(strokes, images, strict=True):
             depth = np.asarray(s.displacement_mm, float)
             if len(positions) == 1:
                 x, image, depth = (
@@ -57,6 +62,16 @@ class StrokeField:
         self.reach_mm = (float(x[0]), float(x[-1]))
         self._splines = [CubicSpline(x, t, axis=0) for t in tables]
 
+    @property
+    def one_force(self) -> bool:
+        """Whether the hand's force cannot vary over this field."""
+        return len(self.forces_N_per_m) == 1
+
+    @property
+    def middle_N_per_m(self) -> float:
+        """The force midway between the smallest and the greatest, geometrically."""
+        return float(np.sqrt(self.forces_N_per_m[0] * self.forces_N_per_m[-1]))
+
     def at(self, position_mm: Floats, force_N_per_m: Floats | None = None) -> tuple[Floats, Floats]:
         """Images (n, rows), of a solid lump (n, rows, columns), in kPa, and displacement (n,) in mm.
 
@@ -65,27 +80,43 @@ class StrokeField:
         Outside the simulated places the last image stays.
         """
         x = np.clip(np.asarray(position_mm, float), *self.reach_mm)
-        lo = np.maximum(self._splines[0](x), 0)
-        if force_N_per_m is None:
-            return self._parted(lo)
-        u = np.log(np.asarray(force_N_per_m, float) / self.low.F_N_per_m)
-        if not self.pair:
-            if np.any(np.abs(u) > 1e-9):
-                raise UsageError(f"{self.low.code} was simulated at one force only: the hand cannot vary it")
-            return self._parted(lo)
-        hi = np.maximum(self._splines[1](x), 0)
-        share = (np.expm1(u) / np.expm1(self.ln_ratio))[:, None]
-        linear = lo + share * (hi - lo)
-        u = (u / self.ln_ratio)[:, None]
-        loaded = (lo > 0.3) & (hi > 0.3)
-        safe_lo, safe_hi = np.where(loaded, lo, 1.0), np.where(loaded, hi, 1.0)
-        out = np.where(loaded, safe_lo ** (1 - u) * safe_hi**u, np.maximum(linear, 0))
-        # displacement is always taken in the logarithm
-        out[:, -1] = lo[:, -1] ** (1 - u[:, 0]) * hi[:, -1] ** u[:, 0]
+        forces = self.forces_N_per_m
+        wanted = np.broadcast_to(forces[0] if force_N_per_m is None else force_N_per_m, x.shape)
+        if self.one_force and not np.allclose(wanted, forces[0], rtol=1e-9):
+            raise UsageError(f"{self.low.code} was simulated at one force only: the hand cannot vary it")
+        tables = np.array([np.maximum(spline(x), 0) for spline in self._splines])
+        near = _nearest(forces, wanted)
+        tables = np.take_along_axis(tables, near.T[:, :, None], axis=0)
+        shares = _lagrange(np.log(forces[near]), np.log(wanted))
+        out = np.maximum(np.einsum("nk,knm->nm", _lagrange(forces[near], wanted), tables), 0)
+        if len(forces) == 2:
+            loaded = (tables > 0.3).all(axis=0)
+            logs = np.einsum("nk,knm->nm", shares, np.log(np.where(loaded, tables, 1.0)))
+            out = np.where(loaded, np.exp(logs), out)
+        out[:, -1] = np.exp(np.einsum("nk,kn->n", shares, np.log(np.maximum(tables[:, :, -1], 1e-6))))
         return self._parted(out)
 
     def _parted(self, table: Floats) -> tuple[Floats, Floats]:
         return table[:, :-1].reshape(-1, *self.shape), table[:, -1]
+
+
+def _nearest(nodes: Floats, wanted: Floats) -> NDArray[np.int64]:
+    """Which three neighbouring nodes (or as many as there are) lie nearest each of `wanted`, (n, 3)."""
+    k = min(len(nodes), 3)
+    middles = np.log([nodes[i : i + k].mean() for i in range(len(nodes) - k + 1)])
+    first = np.abs(np.log(wanted)[:, None] - middles).argmin(1)
+    return first[:, None] + np.arange(k)
+
+
+def _lagrange(nodes: Floats, x: Floats) -> Floats:
+    """Shares (n, k) of values at nodes (n, k) in the polynomial through them at x (n,)."""
+    k = nodes.shape[1]
+    out = np.ones(nodes.shape)
+    for i in range(k):
+        for j in range(k):
+            if i != j:
+                out[:, i] *= (x - nodes[:, j]) / (nodes[:, i] - nodes[:, j])
+    return out
 
 
 def on_the_array(stroke: Stroke) -> Floats:

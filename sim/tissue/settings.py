@@ -57,6 +57,8 @@ class Settings:
         `auto`, `strip` (own column Cholesky), `cholmod` (needs cvxopt) or `superlu` (plain SciPy): the same
         method, the tangent factored by another library. `reference` is the weak form as scikit-fem assembles
         it (`reference.py`), some hundred times slower.
+    press_only : bool
+        Press at the first position and do not stroke: the press before a stroke, force by force.
     """
 
     hx_mm: float = 2.0
@@ -71,6 +73,7 @@ class Settings:
     right_mm: float = 100.0
     tolerance: float = 1e-5
     solver: str = "auto"
+    press_only: bool = False
 
     def __post_init__(self) -> None:
         self._check_numbers()
@@ -98,7 +101,7 @@ class Settings:
             raise CaseError(f"skin_mm must be a list of heights, not {self.skin_mm!r}")
         for field in fields(self):
             value = getattr(self, field.name)
-            if field.name == "solver" or (field.name == "far_start_mm" and value is None):
+            if field.name in ("solver", "press_only") or (field.name == "far_start_mm" and value is None):
                 continue
             for number in value if field.name == "skin_mm" else (value,):
                 if not isinstance(number, Real) or not math.isfinite(number):
@@ -106,6 +109,8 @@ class Settings:
 
     def positions_mm(self, friction: bool = False) -> np.ndarray:
         """The probe's positions, shape (n,): to the lump's middle, with friction to the other side."""
+        if self.press_only:
+            return np.array([self.start_mm])
         n = round(-self.start_mm / self.increment_mm)
         if abs(n * self.increment_mm + self.start_mm) > 1e-9:
             raise CaseError("start_mm must be a whole number of increments from the lump")
@@ -135,6 +140,9 @@ class Settings:
 def case_key(case: Case, settings: Settings) -> str:
     """Hash that names a result: of the case, the settings and the solver's version; 32 hex digits."""
     version = SOLID_SOLVER_VERSION if case.solid else SOLVER_VERSION
-    record = {"case": case.to_dict(), "settings": asdict(settings), "solver": version}
+    numerics = asdict(settings)
+    if not settings.press_only:
+        del numerics["press_only"]  # as keys were before there was one
+    record = {"case": case.to_dict(), "settings": numerics, "solver": version}
     text = json.dumps(record, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:32]

@@ -1,9 +1,9 @@
 """The finite-element strokes behind a field model: simulated where they are missing, split by lump.
 
-DIR/lumps   pairs of strokes over Sobol lumps
-DIR/rim     pairs over lumps outside the ranges, to train on
-DIR/plain   pairs over plain tissue, for false alarms
-DIR/wide    more pairs like those of the rim, to test the domain flag on
+DIR/lumps   strokes over Sobol lumps, each at three forces
+DIR/rim     over lumps outside the ranges, to train on
+DIR/plain   over plain tissue, for false alarms
+DIR/wide    more like those of the rim, to test the domain flag on
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from palpate.errors import UsageError
 from palpate.regression.field.design import (
     FIELD_SETTINGS,
     OUTSIDE,
-    LumpPair,
+    LumpStrokes,
+    by_lump,
     inside,
     lump_cases,
     no_lump_cases,
-    pairs_of,
     rim_cases,
 )
 from palpate.regression.progress import ProgressCallback
@@ -50,20 +50,20 @@ TISSUE_FIELDS = tuple(f.name for f in fields(Case) if f.name not in ("d_mm", "h"
 
 @dataclass(frozen=True)
 class FieldStrokes:
-    """Pairs of strokes of a directory, and what had to be left out of them.
+    """The lumps of a directory, and what had to be left out.
 
     Attributes
     ----------
-    lumps, rim, plain, wide : lists of LumpPair
+    lumps, rim, plain, wide : lists of LumpStrokes
         `rim` and `wide` hold only lumps outside the ranges that the model is for.
     excluded : dict
         Why -> how many strokes.
     """
 
-    lumps: list[LumpPair]
-    rim: list[LumpPair]
-    plain: list[LumpPair]
-    wide: list[LumpPair]
+    lumps: list[LumpStrokes]
+    rim: list[LumpStrokes]
+    plain: list[LumpStrokes]
+    wide: list[LumpStrokes]
     excluded: dict[str, int]
 
 
@@ -144,9 +144,9 @@ def check_tissue_names(tissue: Mapping[str, float]) -> dict[str, float]:
 def _check_tissue(strokes: FieldStrokes, tissue: dict[str, float], directory: Path) -> None:
     """Refuse strokes over another tissue than the one asked for: they would be fitted silently."""
     usual = Case(10.0, 0.8, 10.0)
-    for pair in (*strokes.lumps[:1], *strokes.rim[:1], *strokes.wide[:1]):
+    for lump in (*strokes.lumps[:1], *strokes.rim[:1], *strokes.wide[:1]):
         for name in TISSUE_FIELDS:
-            wanted, found = tissue.get(name, getattr(usual, name)), getattr(pair.case, name)
+            wanted, found = tissue.get(name, getattr(usual, name)), getattr(lump.case, name)
             if wanted != found:
                 raise TableError(
                     f"{directory} holds strokes with {name} {_plain(found)}, not {_plain(wanted)}; "
@@ -165,37 +165,37 @@ def sweep_progress(what: str, progress: ProgressCallback | None) -> Callable[[Pr
 
 
 def read(directory: str | PathLike[str]) -> FieldStrokes:
-    """The pairs of a directory; `TableError` if it holds none over lumps."""
+    """The strokes of a directory, lump by lump; `TableError` if it holds none over lumps."""
     directory = Path(directory)
-    found: dict[str, list[LumpPair]] = {}
+    found: dict[str, list[LumpStrokes]] = {}
     excluded: dict[str, int] = {}
     for name in ("lumps", "rim", "plain", "wide"):
         home = directory / name
         if not (home / "strokes.parquet").exists():
             found[name] = []
             continue
-        found[name], failed, alone = read_pairs(home)
+        found[name], failed, alone = read_lumps(home)
         _count(excluded, f"{name}: no equilibrium found", failed)
-        _count(excluded, f"{name}: the other force of the pair is missing", alone)
+        _count(excluded, f"{name}: another force of the lump is missing", alone)
     if not found["lumps"]:
-        raise TableError(f"{directory} holds no strokes in pairs of two forces over lumps")
-    within = [inside(pair.case) for pair in found["wide"]]
+        raise TableError(f"{directory} holds no strokes over lumps at two forces or more")
+    within = [inside(lump.case) for lump in found["wide"]]
     _count(excluded, "wide: inside the training ranges, so no test of the domain", sum(within))
-    found["wide"] = [pair for pair, is_in in zip(found["wide"], within) if not is_in]
+    found["wide"] = [lump for lump, is_in in zip(found["wide"], within) if not is_in]
     return FieldStrokes(found["lumps"], found["rim"], found["plain"], found["wide"], excluded)
 
 
 def of_the_command(strokes: FieldStrokes) -> bool:
     """Whether these are the lumps that `prepare` simulates now, and not those of another seed."""
-    first, _ = lump_cases(1, _LUMPS_SEED)
-    return any(pair.low.case == first for pair in strokes.lumps)
+    first = lump_cases(1, _LUMPS_SEED)[0]
+    return any(lump.low.case == first for lump in strokes.lumps)
 
 
-def read_pairs(home: Path) -> tuple[list[LumpPair], int, int]:
-    """Pairs of a sweep's directory, how many strokes failed, and how many have no partner."""
+def read_lumps(home: Path) -> tuple[list[LumpStrokes], int, int]:
+    """Lumps of a sweep's directory, how many strokes failed, and how many have no partner."""
     failed = int((read_table(home)["status"] != "ok").sum())
-    pairs, alone = pairs_of(load_strokes(home))
-    return pairs, failed, len(alone)
+    lumps, alone = by_lump(load_strokes(home))
+    return lumps, failed, len(alone)
 
 
 def split(n: int, seed: int = 1) -> Split:
@@ -209,9 +209,9 @@ def split(n: int, seed: int = 1) -> Split:
     )
 
 
-def stroke_fields(pairs: Sequence[LumpPair]) -> list[StrokeField]:
-    """The sensor model's view of each pair."""
-    return [StrokeField(pair.low, pair.high) for pair in pairs]
+def stroke_fields(lumps: Sequence[LumpStrokes]) -> list[StrokeField]:
+    """The sensor model's view of each lump."""
+    return [StrokeField(*lump.strokes) for lump in lumps]
 
 
 def _count(excluded: dict[str, int], why: str, n: int) -> None:

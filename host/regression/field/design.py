@@ -1,12 +1,13 @@
-"""What the field model is trained and judged on: lumps over the whole range, each at two forces.
+"""What the field model is trained and judged on: lumps over the whole range, each at three forces.
 
-The hand's force wanders during a stroke. Two strokes of one lump, at F / sqrt(1.4) and F sqrt(1.4), hold what
-the sensor model needs to interpolate any force between them, so every lump comes as such a pair.
+The hand's force wanders during a stroke. Three strokes of one lump, at F / sqrt(1.4), F and F sqrt(1.4), hold
+what the sensor model needs to interpolate any force between them, so every lump comes with all three. With
+two alone the images between are off by seven times as much.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from math import log10, sqrt
 from typing import Any
@@ -29,36 +30,45 @@ too, so that an estimate beyond the ranges means a lump beyond them; others test
 
 
 @dataclass(frozen=True)
-class LumpPair:
-    """Two strokes over one lump, or over plain tissue, whose forces are a factor of 1.4 apart."""
+class LumpStrokes:
+    """Strokes over one lump, or plain tissue, at rising forces; the greatest is 1.4 times the smallest."""
 
-    low: Stroke
-    high: Stroke
+    strokes: tuple[Stroke, ...]
+
+    @property
+    def low(self) -> Stroke:
+        """That of the smallest force."""
+        return self.strokes[0]
+
+    @property
+    def high(self) -> Stroke:
+        """That of the greatest force."""
+        return self.strokes[-1]
 
     @property
     def case(self) -> Case:
-        """The lump, with the force midway between the two (geometrically)."""
+        """The lump, with the force midway between the smallest and the greatest (geometrically)."""
         return replace(self.low.case, F_rel=sqrt(self.low.case.F_rel * self.high.case.F_rel))
 
 
-def pair_of(case: Case) -> tuple[Case, Case]:
-    """The two cases to simulate for one lump."""
+def at_forces(case: Case) -> tuple[Case, Case, Case]:
+    """The cases to simulate for one lump."""
     step = sqrt(FORCE_STEP)
-    return replace(case, F_rel=case.F_rel / step), replace(case, F_rel=case.F_rel * step)
+    return replace(case, F_rel=case.F_rel / step), case, replace(case, F_rel=case.F_rel * step)
 
 
 def lump_cases(
     n: int, seed: int = 1, ranges: Ranges = USUAL, tissue: dict[str, Any] | None = None
 ) -> list[Case]:
-    """2 n cases: Sobol lumps over `ranges`, in pairs; `tissue` changes fields of `Case`, as gland_ratio."""
-    return [c for case in sobol_cases(n, seed, ranges) for c in pair_of(replace(case, **(tissue or {})))]
+    """3 n cases: Sobol lumps over `ranges`; `tissue` changes fields of `Case`, as gland_ratio."""
+    return [c for case in sobol_cases(n, seed, ranges) for c in at_forces(replace(case, **(tissue or {})))]
 
 
 def rim_cases(n: int, seed: int = 3, tissue: dict[str, Any] | None = None) -> list[Case]:
-    """2 n cases: lumps in `OUTSIDE` but not within the usual ranges, in pairs."""
+    """3 n cases: lumps in `OUTSIDE` but not within the usual ranges."""
     drawn = sobol_cases(4 * n, seed, OUTSIDE)
     rim = [case for case in drawn if not inside(case)][:n]
-    return [c for case in rim for c in pair_of(replace(case, **(tissue or {})))]
+    return [c for case in rim for c in at_forces(replace(case, **(tissue or {})))]
 
 
 def inside(case: Case, ranges: Ranges = USUAL) -> bool:
@@ -68,39 +78,31 @@ def inside(case: Case, ranges: Ranges = USUAL) -> bool:
 
 
 def no_lump_cases(n: int, seed: int = 2, tissue: dict[str, Any] | None = None) -> list[Case]:
-    """2 n cases of plain tissue, its thickness even in its logarithm from 4 to 40 mm."""
+    """3 n cases of plain tissue, its thickness even in its logarithm from 4 to 40 mm."""
     points = qmc.Sobol(2, seed=np.random.default_rng(seed)).random_base2(max(0, (n - 1).bit_length()))[:n]
     low, high = (log10(t) for t in NO_LUMP_THICKNESS_MM)
     out: list[Case] = []
     for u, v in points:
         F_low, F_high = USUAL.F_rel
         t_mm, F = 10 ** (low + (high - low) * u), F_low + (F_high - F_low) * v
-        out += pair_of(Case.without_lump(t_mm, F, **(tissue or {})))
+        out += at_forces(Case.without_lump(t_mm, F, **(tissue or {})))
     return out
 
 
-def pairs_of(strokes: Iterable[Stroke]) -> tuple[list[LumpPair], list[str]]:
-    """Strokes put together in pairs; beside them the codes of strokes that have no partner.
+def by_lump(strokes: Iterable[Stroke]) -> tuple[list[LumpStrokes], list[str]]:
+    """Strokes put together lump by lump; beside them the codes of those whose partners are missing.
 
-    Two strokes are partners if their cases differ in the force alone, by a factor of 1.4.
+    Strokes are partners if their cases differ in the force alone. A lump is whole if its greatest force is
+    1.4 times its smallest: two are enough, as older sets have them.
     """
-    waiting: dict[Case, Stroke] = {}
-    pairs: list[LumpPair] = []
+    found: dict[Case, list[Stroke]] = {}
     for stroke in strokes:
-        key = replace(stroke.case, F_rel=1.0)
-        other = waiting.pop(key, None)
-        if other is None:
-            waiting[key] = stroke
-            continue
-        low, high = sorted((other, stroke), key=lambda s: s.case.F_rel)
-        if abs(high.case.F_rel / low.case.F_rel - FORCE_STEP) > 1e-6:
-            waiting[key] = stroke
-            continue
-        pairs.append(LumpPair(low, high))
-    return pairs, [stroke.code for stroke in waiting.values()]
-
-
-def lumps_and_plain(pairs: Sequence[LumpPair]) -> tuple[list[LumpPair], list[LumpPair]]:
-    """Pairs over a lump, and pairs over plain tissue."""
-    lumps = [pair for pair in pairs if pair.low.case.has_lump]
-    return lumps, [pair for pair in pairs if not pair.low.case.has_lump]
+        found.setdefault(replace(stroke.case, F_rel=1.0), []).append(stroke)
+    lumps, alone = [], []
+    for partners in found.values():
+        rising = sorted(partners, key=lambda s: s.case.F_rel)
+        if abs(rising[-1].case.F_rel / rising[0].case.F_rel - FORCE_STEP) < 1e-6:
+            lumps.append(LumpStrokes(tuple(rising)))
+        else:
+            alone += [stroke.code for stroke in rising]
+    return lumps, alone

@@ -20,7 +20,7 @@ from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.schema import ModelSpec
 from palpate.regression.conformal import Widths, calibrate, fit_sigma, out_of_fold
 from palpate.regression.domain import DomainCheck, fit_domain, with_ranges
-from palpate.regression.field.design import LumpPair
+from palpate.regression.field.design import LumpStrokes
 from palpate.regression.field.recipe import Recipe
 from palpate.regression.observed import NAMES, ObservedStrokes, join
 from palpate.regression.probe_model import (
@@ -119,10 +119,10 @@ class FieldModel:
         )
 
 
-def learn_force_map(pairs: Sequence[LumpPair]) -> force_maps.ForceMap:
-    """The map that moves a frame to another force, from both strokes of training lumps."""
-    low = [pair.low.full() for pair in pairs]
-    high = [pair.high.full() for pair in pairs]
+def learn_force_map(lumps: Sequence[LumpStrokes]) -> force_maps.ForceMap:
+    """The map that moves a frame to another force, from the outer strokes of training lumps."""
+    low = [lump.low.full() for lump in lumps]
+    high = [lump.high.full() for lump in lumps]
     return force_maps.fit(
         np.concatenate([s.images_kPa for s in low]),
         np.concatenate([s.displacement_mm for s in low]),

@@ -213,6 +213,10 @@ STUDIES: dict[str, Study] = {
 }  # fmt: skip
 
 
+def _percent(row: Any, name: str) -> str:
+    return f"{100 * getattr(row, name):.0f}"
+
+
 def study_table(study: Study, result: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
     """A study as heads and rows of text: R2 and median error in %, half-width of d's interval in %."""
     columns: dict[str, Callable[[Any], str]] = {
@@ -235,5 +239,7 @@ def study_table(study: Study, result: pd.DataFrame) -> tuple[list[str], list[lis
             "d covered": lambda r: f"{100 * r.covered_d:.0f}",
             "flagged": lambda r: f"{100 * r.flagged:.0f}",
         }
+    if "covered_F" in result:
+        columns |= {f"{t} covered": partial(_percent, name=f"covered_{t}") for t in TARGETS}
     rows = [[str(r.setting), *(show(r) for show in columns.values())] for r in result.itertuples()]
     return [study.setting, *columns], rows

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from palpate.regression.field.bench import Bench
-from palpate.regression.field.data import read_pairs, stroke_fields, sweep_progress
-from palpate.regression.field.design import FIELD_SETTINGS, LumpPair, lump_cases
+from palpate.regression.field.data import read_lumps, stroke_fields, sweep_progress
+from palpate.regression.field.design import FIELD_SETTINGS, LumpStrokes, lump_cases
 from palpate.regression.field.model import FieldModel, fit_field_model
 from palpate.regression.field.recipe import FIELD
 from palpate.regression.field.score import coverage
@@ -38,14 +38,14 @@ def other_tissue(
     lumps: int = LUMPS,
     workers: int | None = None,
     progress: ProgressCallback | None = None,
-) -> list[LumpPair]:
-    """Pairs of strokes over lumps in another tissue, simulated under `directory` where they are missing."""
+) -> list[LumpStrokes]:
+    """Strokes over lumps in another tissue, simulated under `directory` where they are missing."""
     name = "tissue-" + "-".join(f"{k}-{v:g}" for k, v in sorted(changes.items()))
     if not (directory / name / "strokes.parquet").exists():
         report = sweep_progress(f"simulating {name}", progress)
         cases = lump_cases(lumps, _SEED, tissue=changes)
         sweep(cases, FIELD_SETTINGS, directory / name, workers=workers, progress=report)
-    return read_pairs(directory / name)[0]
+    return read_lumps(directory / name)[0]
 
 
 def _run(bench: Bench) -> Iterator[Row]:
@@ -53,8 +53,8 @@ def _run(bench: Bench) -> Iterator[Row]:
     model = fit_field_model(FIELD, train, calibration, rim)
     yield tissue_row("as trained", model, test)
     for words, changes in TISSUES.items():
-        pairs = other_tissue(bench.directory, changes, workers=bench.workers, progress=bench.progress)
-        fields = stroke_fields(pairs)
+        lumps = other_tissue(bench.directory, changes, workers=bench.workers, progress=bench.progress)
+        fields = stroke_fields(lumps)
         observed = observe(fields, TYPICAL, 900, force_map=bench.blob)
         yield tissue_row(words, model, observed)
 

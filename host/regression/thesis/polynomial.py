@@ -92,7 +92,7 @@ def fit_thesis_model(
         See `progress.ProgressCallback`.
     """
     runs = [s for s in strokes if s.case.has_lump and not s.case.nonlinear_lump]
-    level = noise_named(noise).without("force")
+    level = noise_named(noise).at_one_force()
     fields = [StrokeField(s) for s in runs]
     observed_each = []
     for k in range(draws):

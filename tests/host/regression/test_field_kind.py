@@ -13,7 +13,7 @@ from palpate.model_export import image_builder as image
 from palpate.model_export.fixed_point.reference import evaluate
 from palpate.model_export.schema import ModelSpec
 from palpate.regression import ridge
-from palpate.regression.field import data, design, fit, model, recipe, score, tissues
+from palpate.regression.field import computed, data, design, fit, model, recipe, score, tissues
 from palpate.regression.field.observer import Observer
 from palpate.regression.field.study import STUDIES, study_table
 from palpate.regression.observed import ObservedStrokes, observe
@@ -105,21 +105,28 @@ def test_the_whole_fit_is_one_json_document_that_names_what_it_left_out(strokes)
 
 
 def test_lumps_of_another_seed_are_known_as_such(strokes):
-    pair = strokes.lumps[0]
-    first = dataclasses.replace(pair.low, case=design.lump_cases(1, data._LUMPS_SEED)[0])
-    own = dataclasses.replace(strokes, lumps=[dataclasses.replace(pair, low=first)])
+    first = dataclasses.replace(strokes.lumps[0].low, case=design.lump_cases(1, data._LUMPS_SEED)[0])
+    own = dataclasses.replace(strokes, lumps=[design.LumpStrokes((first,))])
     assert data.of_the_command(own) and not data.of_the_command(strokes)
 
 
 def test_strokes_without_a_partner_are_counted_not_used(strokes):
-    pair = strokes.lumps[0]
-    pairs, alone = design.pairs_of([pair.low, strokes.lumps[1].low, pair.high])
-    assert len(pairs) == 1 and alone == [strokes.lumps[1].low.code]
-    assert pairs[0].case.F_rel == pytest.approx(pair.low.case.F_rel * 1.4**0.5)
+    lump = strokes.lumps[0]
+    lumps, alone = design.by_lump([lump.low, strokes.lumps[1].low, lump.high])
+    assert len(lumps) == 1 and alone == [strokes.lumps[1].low.code]
+    assert lumps[0].case.F_rel == pytest.approx(lump.low.case.F_rel * 1.4**0.5)
+
+
+def test_the_forces_of_a_lump_are_found_again_whatever_their_order(strokes):
+    case = strokes.lumps[0].case
+    low, middle, high = (dataclasses.replace(strokes.lumps[0].low, case=c) for c in design.at_forces(case))
+    ((lump,), alone) = design.by_lump([high, low, middle])
+    assert lump.strokes == (low, middle, high) and not alone
+    assert lump.case.F_rel == pytest.approx(middle.case.F_rel)
 
 
 def test_an_empty_directory_is_refused_in_one_sentence(tmp_path):
-    with pytest.raises(TableError, match="no strokes in pairs"):
+    with pytest.raises(TableError, match="no strokes over lumps at two forces"):
         data.read(tmp_path)
     with pytest.raises(ValueError, match="no noise level 'awful'"):
         observe([], "awful", 1)
@@ -133,8 +140,9 @@ def test_strokes_over_another_tissue_are_not_fitted_to_in_silence():
 
 def test_the_design_fills_the_range_and_no_lump_cases_have_none():
     cases = design.lump_cases(32)
-    assert len(cases) == 64
-    mean = [np.sqrt(a.F_rel * b.F_rel) for a, b in zip(cases[::2], cases[1::2])]
+    assert len(cases) == 96
+    mean = [case.F_rel for case in cases[1::3]]
+    assert np.sqrt([a.F_rel * b.F_rel for a, b in zip(cases[::3], cases[2::3])]) == pytest.approx(mean)
     assert min(mean) >= 0.3 and max(mean) <= 1.0
     assert {c.gland_ratio for c in design.lump_cases(4, tissue={"gland_ratio": 4.0})} == {4.0}
     plain = design.no_lump_cases(16)
@@ -233,3 +241,16 @@ def test_fewer_bits_and_coarser_cells_change_what_the_pipeline_gets(bench):
     coarse = observe(some, "typical", 3, alter=lambda counts: counts // 64 * 64 + 32)
     assert not np.array_equal(fine.X, coarse.X)
     assert coarse.columns(["ln_base"]) == pytest.approx(fine.columns(["ln_base"]), abs=0.05)
+
+
+def test_a_study_of_computed_strokes_prints_what_every_interval_covers(fitted, parts, strokes):
+    row = computed.covered_row("as trained", fitted, parts[2])
+    assert 0.7 < row["covered_t"] <= 1.0 and 0.7 < row["covered_d"] <= 1.0
+    heads, rows = study_table(computed.COMPUTED_STUDY, pd.DataFrame([row]))
+    assert heads[-5:] == ["F covered", "t covered", "d covered", "h covered", "E_inv23 covered"]
+    assert rows[0][-4] == f"{100 * row['covered_t']:.0f}"
+    fields = computed.seen_through(strokes.lumps[:2], 1)
+    assert [list(f.forces_N_per_m) for f in fields] == [
+        [s.F_N_per_m for s in lump.strokes] for lump in strokes.lumps[:2]
+    ]
+    assert len(computed.cases()) == 7 * computed.LUMPS

@@ -1,0 +1,113 @@
+"""A design of lumps in tissue that is not known beforehand: fat, gland, stiffening and face are drawn too.
+
+Scaling is exact: with all moduli and the force times s, displacements stay and pressures go times s. So the
+fat is 10 kPa throughout, and what is drawn is the force over the fat's modulus; one simulation serves every
+fat (`observed`, in palpate.regression.any_tissue).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M, Case
+from palpate.sim.tissue.settings import Settings
+
+FORCE_PARTS = (1.4**-0.5, 1.0, 1.4**0.5)
+"""Forces of each lump's strokes, over the middle one: room for a hand that wanders."""
+
+PRESS_PARTS = (0.2, 0.4, 0.65, 1.0)
+"""Forces at which the press before the stroke is looked at, over the middle one."""
+
+STROKES = Settings(far_start_mm=-44.0)
+PRESSES = Settings(start_mm=-40.0, press_only=True)
+
+
+@dataclass(frozen=True)
+class TissueRanges:
+    """What the design covers; `even` in itself unless said otherwise.
+
+    Attributes
+    ----------
+    d_mm, h, E_ratio : tuple of float
+        The lump, on the border between fat and gland; E is even in E^-2/3.
+    reach_mm : tuple of float
+        Force per metre of width over the fat's modulus, mm; even in its logarithm.
+    gland_ratio, gland_mm : tuple of float
+        The ratio is even in its logarithm.
+    stiffening : tuple of float
+        b of fat and of gland, each its own.
+    probe_radius_mm : tuple of float
+    """
+
+    d_mm: tuple[float, float] = (5.0, 20.0)
+    h: tuple[float, float] = (0.3, 1.5)
+    E_ratio: tuple[float, float] = (2.0, 1000.0)
+    reach_mm: tuple[float, float] = (2.5, 9.0)
+    gland_ratio: tuple[float, float] = (2.0, 10.0)
+    gland_mm: tuple[float, float] = (8.0, 30.0)
+    stiffening: tuple[float, float] = (0.0, 3.0)
+    probe_radius_mm: tuple[float, float] = (38.0, 42.0)
+
+
+def any_tissue_cases(n: int, seed: int, ranges: TissueRanges | None = None) -> list[Case]:
+    """3 n cases: `n` lumps of a scrambled Sobol sequence at three forces each; the same seed, the same cases.
+
+    A lump that is too large for its gland is passed over.
+    """
+    lumps = _lumps(n, seed, ranges or TissueRanges())
+    return [replace(case, F_rel=case.F_rel * part) for case in lumps for part in FORCE_PARTS]
+
+
+def press_cases(n: int, seed: int, ranges: TissueRanges | None = None) -> list[Case]:
+    """The same lumps at the forces of the press before the stroke, to be simulated with `PRESSES`."""
+    lumps = _lumps(n, seed, ranges or TissueRanges())
+    return [replace(case, F_rel=case.F_rel * part) for case in lumps for part in PRESS_PARTS]
+
+
+def _lumps(n: int, seed: int, r: TissueRanges) -> list[Case]:
+    found: list[Case] = []
+    for u in _points(n, seed):
+        d, gland = _even(u[0], r.d_mm), _even(u[5], r.gland_mm)
+        if d / 2 > 0.9 * gland:
+            continue
+        low, high = r.E_ratio
+        fat_kPa = Case(d, 1.0, 1.0).fat_kPa
+        found.append(
+            Case(
+                d_mm=_rounded(d),
+                h=_rounded(_even(u[1], r.h)),
+                E_ratio=_rounded(_even(u[2], (high ** (-2 / 3), low ** (-2 / 3))) ** -1.5),
+                F_rel=_rounded(_log_even(u[3], r.reach_mm) * fat_kPa / FORCE_UNIT_N_PER_M),
+                gland_ratio=_rounded(_log_even(u[4], r.gland_ratio)),
+                gland_mm=_rounded(gland),
+                fat_stiffening=_rounded(_even(u[6], r.stiffening)),
+                gland_stiffening=_rounded(_even(u[7], r.stiffening)),
+                probe_radius_mm=_rounded(_even(u[8], r.probe_radius_mm)),
+            )
+        )
+        if len(found) == n:
+            break
+    return found
+
+
+def _points(n: int, seed: int) -> Iterator[np.ndarray]:
+    """Twice as many as are asked for: a few lumps do not fit."""
+    from scipy.stats import qmc
+
+    yield from qmc.Sobol(9, seed=np.random.default_rng(seed)).random_base2(max(1, n.bit_length()) + 1)
+
+
+def _even(u: float, limits: tuple[float, float]) -> float:
+    return float(limits[0] + (limits[1] - limits[0]) * u)
+
+
+def _log_even(u: float, limits: tuple[float, float]) -> float:
+    return float(np.exp(_even(u, (np.log(limits[0]), np.log(limits[1])))))
+
+
+def _rounded(value: float) -> float:
+    """Four digits, so that codes stay readable."""
+    return float(f"{value:.4g}")
