@@ -37,8 +37,6 @@ class Noise:
     hysteresis : float
         Greatest excess of a reading while a cell is unloaded over that while it is loaded, of the greatest
         pressure that it has felt since the stroke began.
-    common_gain : float
-        Of the reading: spread of whole probes, all cells alike (batch, temperature).
     stuck : float
         Share of cells that hang since the calibration: half at their zero, half anywhere.
     modulus : float
@@ -69,7 +67,6 @@ class Noise:
     force: float = 0.0
     creep: float = 0.0
     hysteresis: float = 0.0
-    common_gain: float = 0.0
     stuck: float = 0.0
     modulus: float = 0.0
     undulation: float = 0.0

@@ -100,14 +100,13 @@ class SensorModel:
             self._across = None
         else:
             self._across = np.exp(-((COLUMN_MM - across_centre_mm) ** 2) / (2 * across_mm**2))
-        self._imperfect(np.random.default_rng([seed, 1]))
+        self._imperfect(np.random.default_rng((seed, 2)))
         self._lag: Floats | None = None
         self._lag_at: float | None = None
 
     def _imperfect(self, rng: np.random.Generator) -> None:
         """Draw what is wrong with probe and tissue as a whole, apart from the numbers drawn above."""
         n = self.noise
-        self.gain *= 1 + n.common_gain * rng.standard_normal()
         self.stuck = (rng.random(SHAPE) < n.stuck) & ~self.dead
         zero = geometry.PEDESTAL_COUNTS + self.offset_kPa / FULL_SCALE_KPA * geometry.FULL_COUNT
         anywhere = geometry.FULL_COUNT * rng.random(SHAPE)
