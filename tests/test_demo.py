@@ -13,9 +13,12 @@ PALPATE = Path(sys.executable).with_name("palpate")
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory):
-    out = tmp_path_factory.mktemp("demo") / "out"
+    """Run from a directory of one's own, into one named relatively: outside the clone it found no store."""
+    elsewhere = tmp_path_factory.mktemp("demo")
+    out = elsewhere / "here" / "out"
     run = subprocess.run(
-        [PALPATE, "demo", "--out", out, "--json"],
+        [PALPATE, "demo", "--out", Path("here") / "out", "--json"],
+        cwd=elsewhere,
         capture_output=True,
         text=True,
         timeout=800,
@@ -43,7 +46,7 @@ def test_the_estimate_is_near_the_truth(demo):
 def test_it_leaves_the_picture_the_recording_and_the_image(demo):
     result, _, out = demo
     for name in ("picture", "recording", "image", "model"):
-        assert Path(result["files"][name]).stat().st_size > 1000
+        assert (out.parent.parent / result["files"][name]).stat().st_size > 1000
     assert (out / "demo.png").read_bytes().startswith(b"\x89PNG")
     assert result["image_bytes"] == (out / "model.palp").stat().st_size
 

@@ -61,6 +61,7 @@ def command(
       palpate fit out/thesis --kind thesis --out out/model.json
       palpate fit out/field --kind field --out out/field.json --report out/report
     """
+    from palpate.regression.field.data import check_begun
     from palpate.regression.fit import fit
     from palpate.regression.observed import noise_named
     from palpate.report.measured import Measured, measure
@@ -68,11 +69,8 @@ def command(
     # Read before the work: what is wrong with arguments and files is said at once.
     noise_named(noise)
     changed = _tissue(tissue)
-    if kind == "field" and lumps is None and not directory.exists():
-        raise UsageError(
-            f"there is no directory {directory}; check the name, or say with --lumps (as --lumps 2048) how "
-            "many lumps to simulate into it"
-        )
+    if kind == "field":
+        check_begun(directory, lumps)
     measured = measure(recording, weights, thickness) if recording or weights else Measured()
     announce(solver=kind == "field", firmware=True)
     with showing_progress() as progress:

@@ -114,7 +114,8 @@ def fit(
     Raises
     ------
     UsageError
-        There is no such kind, noise level or field of a case.
+        There is no such kind, noise level or field of a case; field: `directory` holds no strokes over lumps,
+        and `lumps` does not say how many to simulate.
     TableError
         The directory holds no strokes, or strokes over another tissue.
     """
@@ -148,9 +149,10 @@ def _field(
     progress: ProgressCallback | None,
     note: Callable[[str], None] | None,
 ) -> Fit:
-    from palpate.regression.field.data import LUMPS, prepare
+    from palpate.regression.field.data import LUMPS, check_begun, prepare
     from palpate.regression.field.fit import fit_field
 
+    check_begun(directory, lumps)
     strokes = prepare(directory, lumps or LUMPS, workers=workers, tissue=tissue, progress=progress)
     result = fit_field(strokes, noise=noise, seed=seed, workers=workers, progress=progress)
     if studies:

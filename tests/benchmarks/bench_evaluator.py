@@ -42,7 +42,6 @@ from tests.model_export import synthetic
 VECTORS = 20
 TURNS = 40
 HEAP = 1 << 18
-SIGNATURE = 900  # the default key's
 FORCE_MAP = 392
 
 

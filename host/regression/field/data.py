@@ -132,6 +132,20 @@ def prepare(
     return strokes
 
 
+def check_begun(directory: str | PathLike[str], lumps: int | None) -> None:
+    """`UsageError` where a mistyped name would begin thousands of simulations.
+
+    That is: the directory holds none, and nobody has said how many lumps are wanted.
+    """
+    if lumps is not None or (Path(directory) / "lumps").exists():
+        return
+    what = "holds no strokes for a field model" if Path(directory).exists() else "does not exist"
+    raise UsageError(
+        f"{directory} {what}; check the name, or say how many lumps to simulate into it "
+        "(--lumps 2048, lumps=2048)"
+    )
+
+
 def check_tissue_names(tissue: Mapping[str, float]) -> dict[str, float]:
     """The same fields; `UsageError` names one that is no property of tissue or probe."""
     for name in tissue:

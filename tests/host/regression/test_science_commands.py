@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import palpate
 from palpate.cli import fit, study
 from palpate.errors import PalpateError, UsageError
 from palpate.model_export.schema import ModelSpec
@@ -120,9 +121,16 @@ def test_strokes_over_another_shape_are_refused_by_name(tmp_path):
         data._check_tissue(strokes, {}, tmp_path)
 
 
-def test_a_directory_that_is_missing_is_not_simulated_unasked(tmp_path):
-    """A mistyped name began 4096 simulations."""
-    words = [str(tmp_path / "typo"), "--kind", "field", "--out", str(tmp_path / "m.json")]
+@pytest.mark.parametrize("there", [False, True])
+def test_a_directory_without_strokes_is_not_simulated_into_unasked(tmp_path, there):
+    """A mistyped name began 4096 simulations, from the command line and from Python."""
+    directory = tmp_path / "typo"
+    if there:
+        directory.mkdir()
+    before = list(tmp_path.rglob("*"))
+    words = [str(directory), "--kind", "field", "--out", str(tmp_path / "m.json")]
     result = CliRunner().invoke(fit.command, words)
     assert isinstance(result.exception, UsageError) and "--lumps" in str(result.exception)
-    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(UsageError, match="lumps=2048"):
+        palpate.fit(directory, "field")
+    assert list(tmp_path.rglob("*")) == before

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 
 import distributed
 import numpy as np
@@ -122,21 +123,53 @@ def dask_process(kind, *words):
     return subprocess.Popen(command, stderr=subprocess.DEVNULL, env={**os.environ, "OMP_NUM_THREADS": "1"})
 
 
-def test_a_dask_cluster_gives_the_same_table_as_a_pool(tmp_path):
-    meeting_point = ["--scheduler-file", str(tmp_path / "s.json")]
-    scheduler = dask_process("scheduler", "--port", "0", "--no-dashboard", *meeting_point)
-    workers = [dask_process("worker", "--nthreads", "1", "--no-dashboard", *meeting_point) for _ in range(2)]
+@contextmanager
+def dask_cluster(tmp_path, workers, *options):
+    """A scheduler and its workers, each a process: (where they meet, the scheduler, the workers)."""
+    meeting_point = tmp_path / "s.json"
+    words = ["--no-dashboard", "--scheduler-file", str(meeting_point)]
+    scheduler = dask_process("scheduler", "--port", "0", *words)
+    workers = [dask_process("worker", "--nthreads", "1", *options, *words) for _ in range(workers)]
     try:
-        with distributed.Client(scheduler_file=str(tmp_path / "s.json"), timeout=60) as client:
-            client.wait_for_workers(2, timeout=60)
-            sweep(sobol_cases(6, 9), QUICK, tmp_path / "dask", executor=client.get_executor())
+        yield str(meeting_point), scheduler, workers
     finally:
         for process in (*workers, scheduler):
             process.terminate()
         for process in (*workers, scheduler):
             process.wait()
+
+
+def test_a_dask_cluster_gives_the_same_table_as_a_pool(tmp_path):
+    with (
+        dask_cluster(tmp_path, 2) as (meeting_point, _, _),
+        distributed.Client(scheduler_file=meeting_point, timeout=60) as client,
+    ):
+        client.wait_for_workers(2, timeout=60)
+        sweep(sobol_cases(6, 9), QUICK, tmp_path / "dask", executor=client.get_executor())
     sweep(sobol_cases(6, 9), QUICK, tmp_path / "here", executor=ThreadPoolExecutor(1))
     assert digest(tmp_path / "dask") == digest(tmp_path / "here")
+
+
+@pytest.mark.long
+def test_a_dask_cluster_that_is_killed_is_a_sentence_and_costs_nothing_finished(tmp_path):
+    """The scheduler dies as one does: by SIGKILL, in the middle of the sweep."""
+    out = tmp_path / "out"
+    with (
+        dask_cluster(tmp_path, 1) as (meeting_point, scheduler, _),
+        distributed.Client(scheduler_file=meeting_point, timeout=60) as client,
+    ):
+        client.wait_for_workers(1, timeout=60)
+        client._timeout = 1  # or it looks for its scheduler for a minute
+
+        def kill(progress):
+            if progress.done:
+                scheduler.kill()
+
+        with pytest.raises(SweepStopped, match="finished strokes are kept: run it again"):
+            sweep(sobol_cases(64, 9), QUICK, out, executor=client.get_executor(), progress=kill)
+    seen = []
+    sweep(sobol_cases(8, 9), QUICK, out, executor=ThreadPoolExecutor(1), progress=seen.append)
+    assert seen[-1].reused > 0 and seen[-1].done == 8
 
 
 def test_the_run_that_compiles_gives_the_bits_of_later_ones(tmp_path):
