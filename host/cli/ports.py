@@ -9,7 +9,7 @@ import click
 
 from firmware_py import geometry, outputs
 from palpate.cli.output import note
-from palpate.link.answer import HARDNESS, stiffness_words
+from palpate.link.answer import HARDNESS, Span, stiffness_kPa, stiffness_words
 
 if TYPE_CHECKING:
     from palpate.link.events import Estimate
@@ -44,7 +44,26 @@ def tell_damage(probe: Probe) -> None:
         note(f"the probe found damaged in its store: {damage}")
 
 
-def estimate_lines(estimate: Estimate) -> list[str]:
+def fat_option(function: F) -> F:
+    """`--fat`, the same words everywhere."""
+    return click.option(
+        "--fat",
+        "fat_kPa",
+        type=click.FloatRange(0.1, 1000.0),
+        metavar="KPA",
+        help="Young's modulus of the fat, where it is known: stiffness is said in kPa, too.",
+    )(function)
+
+
+def estimate_dict(estimate: Estimate, fat_kPa: float | None = None) -> dict[str, Any]:
+    """An estimate for programs, with `E_kPa` where the fat is known."""
+    out = estimate.as_dict()
+    if fat_kPa is not None and "E_inv23" in estimate.outputs:
+        out["E_kPa"] = dict(zip(outputs.PARTS, stiffness_kPa(estimate.span("E_inv23"), fat_kPa)))
+    return out
+
+
+def estimate_lines(estimate: Estimate, fat_kPa: float | None = None) -> list[str]:
     """An estimate for people: one line each, intervals beside the values, reservations in plain words."""
     head = f"stroke {estimate.stroke}, {estimate.frames} frames"
     if not estimate.lump and estimate.reason == "no lump found":
@@ -53,16 +72,21 @@ def estimate_lines(estimate: Estimate) -> list[str]:
         return [f"{head}: no estimate, {estimate.reason}"]
     level = f"{estimate.level_permille / 10:g} % interval"
     lines = [f"{head}, model {estimate.model_id.hex()}"]
-    for name, bounded in estimate.outputs.items():
-        value, low, high = bounded["value"], bounded["low"], bounded["high"]
-        lines.append(f"  {WORDS[name]:20} {value:8.3f} {UNITS[name]:4} ({low:.3f} to {high:.3f}, {level})")
-    if (depth := estimate.depth_mm) is not None:
-        value, low, high = depth
-        lines.append(f"  {'lump depth':20} {value:8.3f} mm   ({low:.3f} to {high:.3f}, {level})")
-    lines.append(f"  the lump is {HARDNESS[estimate.hardness]}; {stiffness_words(estimate.span('E_inv23'))}")
+    for name in estimate.outputs:
+        lines.append(_number(WORDS[name], UNITS[name], estimate.span(name), level))
+        if name == "h" and (depth := estimate.depth_mm) is not None:
+            lines.append(_number("lump depth", "mm", depth, level))
+    factor = stiffness_words(estimate.span("E_inv23"), fat_kPa)
+    lines.append(f"  {'stiffness':20} {factor}")
+    lines.append(f"  {HARDNESS[estimate.hardness]}")
     if not estimate.calibrated:
         lines.append("  the probe has lost its calibration: do not rely on the numbers")
     if not estimate.in_domain:
         lines.append("  outside what the model was trained on: do not rely on the numbers")
     lines.append("  research use, not a diagnosis")
     return lines
+
+
+def _number(words: str, unit: str, span: Span, level: str) -> str:
+    value, low, high = span
+    return f"  {words:20} {value:8.3f} {unit:4} ({low:.3f} to {high:.3f}, {level})"

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from palpate.cli.output import json_option, note, print_json
-from palpate.cli.ports import estimate_lines
+from palpate.cli.ports import estimate_lines, fat_option
 from palpate.errors import RecordingError, ReplayDiffers
 from palpate.files import read_whole
 from palpate.first_time import announce
@@ -19,8 +19,9 @@ from palpate.first_time import announce
 @click.option(
     "--model", type=click.Path(path_type=Path), help="A model image to use instead of the recorded one."
 )
+@fat_option
 @json_option
-def command(recording: Path, model: Path | None, as_json: bool) -> None:
+def command(recording: Path, model: Path | None, fat_kPa: float | None, as_json: bool) -> None:
     """Replay a recording: the same bytes through the same parser and the same integer code.
 
     Says "replay: identical" where every integer of every estimate equals what the probe had sent; exits with
@@ -41,7 +42,7 @@ def command(recording: Path, model: Path | None, as_json: bool) -> None:
     for stroke in replay(recording, image):
         strokes.append(stroke)
         if not as_json:
-            click.echo("\n".join(estimate_lines(stroke.probe)))
+            click.echo("\n".join(estimate_lines(stroke.probe, fat_kPa)))
             click.echo(f"  replay: {stroke.missing or ('identical' if stroke.identical else 'DIFFERENT')}")
     compared = [stroke for stroke in strokes if stroke.host is not None]
     summary: dict[str, Any] = {

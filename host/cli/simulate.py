@@ -142,7 +142,8 @@ def _print_words(stroke: Stroke, record: dict[str, Any]) -> None:
     lump = f"{'lump' if not case.solid else case.shape} {case.d_mm:g} mm wide"
     if case.solid:
         lump += f", {2 * case.half_axes_mm[1]:g} mm across, {case.offset_mm:g} mm beside the line"
-    lump += f", {case.depth_mm:g} mm deep, E = {case.E_ratio:g}"
+    lump += f", {case.depth_mm:g} mm deep (h {case.h:g})"
+    lump += f", E = {case.E_ratio:g} ({case.E_ratio * case.fat_kPa:g} kPa)"
     force = f"{case.F_N:g} N" if case.solid else f"{case.F_N_per_m:g} N/m"
     title = f"{stroke.code}: {lump if case.has_lump else 'no lump'}, fat {case.t_mm:g} mm, {force}"
     seen, columns = over_the_lump(stroke)
@@ -203,29 +204,26 @@ def _write_csv(path: Path, stroke: Stroke, record: dict[str, Any]) -> None:
 
 
 def _write_picture(path: Path, stroke: Stroke, record: dict[str, Any]) -> None:
-    from matplotlib.figure import Figure
-
     from palpate.features.map_features import fit_gaussian
+    from palpate.report import stroke_panels, style
     from palpate.sim.tissue import SolidStroke
 
-    figure = Figure(figsize=(10, 3.4), layout="constrained")
-    images, whole, depth = figure.subplots(1, 3)
-    x, p = stroke.sensors_mm, stroke.positions_mm
-    if isinstance(stroke, SolidStroke):
-        z = stroke.across_mm
-        shown = images.imshow(stroke.images_kPa[-1].T, extent=(x[0], x[-1], z[-1], z[0]), cmap="cividis")
-        images.set(xlabel="along the probe, mm", ylabel="across, mm", title=f"image at {p[-1]:g} mm")
-    else:
-        shown = images.imshow(
-            stroke.images_kPa, extent=(x[0], x[-1], p[-1], p[0]), aspect="auto", cmap="cividis"
-        )
-        images.set(xlabel="sensor, mm", ylabel="probe position, mm", title="tactile images")
-    figure.colorbar(shown, ax=images, label="pressure, kPa")
-    x, p = record["map"]["x_mm"], record["map"]["pressure_kPa"]
-    whole.plot(x, p, label="tactile map")
-    whole.plot(x, fit_gaussian(x, p, centre_mm=0.0).curve(x), "--", label="Gaussian fit")
-    whole.set(xlabel="place on the tissue, mm", ylabel="pressure, kPa", title=stroke.code)
-    whole.legend(frameon=False)
-    depth.plot(stroke.positions_mm, stroke.displacement_mm)
-    depth.set(xlabel="probe position, mm", ylabel="displacement, mm", title="displacement")
-    figure.savefig(path, dpi=120)
+    with style.look():
+        figure = style.new(10, 3.2)
+        figure.suptitle(stroke.code, x=0.01, ha="left", weight="bold")
+        images, whole, depth = figure.subplots(1, 3)
+        s, p, pressures = stroke.sensors_mm, stroke.positions_mm, stroke.images_kPa
+        if isinstance(stroke, SolidStroke):
+            z, last = stroke.across_mm, pressures[-1]
+            edges, title = (z[0], z[-1], s[0], s[-1]), f"Image at {p[-1]:g} mm"
+            shown = stroke_panels.tactile_image(images, last, edges, last.max(), title)
+        else:
+            edges = s[0], s[-1], p[0], p[-1]
+            shown = stroke_panels.tactile_image(images, pressures, edges, pressures.max(), "Tactile images")
+            images.set(xlabel="along the probe (mm)", ylabel="position of the probe (mm)", aspect="auto")
+        figure.colorbar(shown, ax=images, label="kPa")
+        x, map_kPa = record["map"]["x_mm"], record["map"]["pressure_kPa"]
+        curve = fit_gaussian(x, map_kPa, centre_mm=0.0).curve(x)
+        stroke_panels.tactile_map(whole, x, map_kPa, (x, curve))
+        stroke_panels.displacement(depth, p, stroke.displacement_mm)
+        figure.savefig(path, dpi=120)

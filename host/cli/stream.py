@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from palpate.cli.output import json_option, note, plain, print_json
-from palpate.cli.ports import NOMINAL_SCALE, estimate_lines, port_option, tell_damage
+from palpate.cli.ports import (
+    NOMINAL_SCALE,
+    estimate_dict,
+    estimate_lines,
+    fat_option,
+    port_option,
+    tell_damage,
+)
 from palpate.errors import CommandTimeout, LinkError
 
 if TYPE_CHECKING:
@@ -36,6 +43,7 @@ WARNINGS = {
 @click.option("--every", type=click.IntRange(1, 255), default=1, help="Send each n-th frame only.")
 @click.option("--timeout", "timeout_s", type=float, default=60.0, show_default=True,
               help="Give up after so many seconds without a sign of the probe.")  # fmt: skip
+@fat_option
 @click.option("--lsl", is_flag=True, help="Hand everything on to LabStreamingLayer.")
 @click.option("--earlier", is_flag=True, help="First fetch the estimates that an earlier client left behind.")
 @click.option("--json-lines", is_flag=True, help="Print each estimate as a line of JSON as it comes.")
@@ -49,6 +57,7 @@ def command(
     every: int,
     timeout_s: float,
     earlier: bool,
+    fat_kPa: float | None,
     lsl: bool,
     json_lines: bool,
     as_json: bool,
@@ -73,14 +82,14 @@ def command(
             _greet(probe)
         clock_dict(probe)
         outlets = _outlets(probe) if lsl else None
-        before = _left_behind(probe, quiet) if earlier else []
+        before = _left_behind(probe, quiet, fat_kPa) if earlier else []
         interrupted = scale_told = False
         try:
             for event in probe.stream(strokes, every, timeout_s):
                 if not scale_told and not quiet:
                     _say_scale(probe)
                 scale_told = True
-                _show(event, estimates, quiet, json_lines)
+                _show(event, estimates, quiet, json_lines, fat_kPa)
                 if outlets is not None:
                     outlets.push(event)
                 probe.check_recording()
@@ -119,7 +128,7 @@ def _outlets(probe: Probe) -> Outlets:
     return outlets
 
 
-def _left_behind(probe: Probe, quiet: bool) -> list[dict[str, Any]]:
+def _left_behind(probe: Probe, quiet: bool, fat_kPa: float | None) -> list[dict[str, Any]]:
     """Estimates of strokes that another client's stream made and nobody took: shown apart from this one's."""
     from palpate.link.events import Estimate
 
@@ -127,8 +136,8 @@ def _left_behind(probe: Probe, quiet: bool) -> list[dict[str, Any]]:
     for event in found:
         if not quiet:
             click.echo(f"of an earlier stream ({event.stream}):")
-            click.echo("\n".join(estimate_lines(event)))
-    return [event.as_dict() for event in found]
+            click.echo("\n".join(estimate_lines(event, fat_kPa)))
+    return [estimate_dict(event, fat_kPa) for event in found]
 
 
 def clock_dict(probe: Probe) -> dict[str, float] | None:
@@ -159,16 +168,18 @@ def _say_scale(probe: Probe) -> None:
         note(f"the probe reports no calibration: {NOMINAL_SCALE}")
 
 
-def _show(event: Event, estimates: list[dict[str, Any]], quiet: bool, json_lines: bool) -> None:
+def _show(
+    event: Event, estimates: list[dict[str, Any]], quiet: bool, json_lines: bool, fat_kPa: float | None
+) -> None:
     from palpate.link.events import Estimate, Gap, Log, StrokeState
 
     if isinstance(event, Estimate):
-        estimates.append(event.as_dict())
+        estimates.append(estimate_dict(event, fat_kPa))
         if json_lines:
             sys.stdout.write(json.dumps(plain(estimates[-1])) + "\n")
             sys.stdout.flush()
         elif not quiet:
-            click.echo("\n".join(estimate_lines(event)))
+            click.echo("\n".join(estimate_lines(event, fat_kPa)))
     elif quiet:
         return
     elif isinstance(event, StrokeState) and event.state in WARNINGS:

@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 
 from palpate.cli.output import note
+from palpate.cli.ports import fat_option
 from palpate.errors import MissingExtra, PalpateError, PortAmbiguous, UsageError
 
 
@@ -45,9 +46,16 @@ Examples:
     show_default=True,
     help="Folder that the page records to and loads visits from.",
 )
+@fat_option
 @click.option("--browser/--no-browser", default=True, help="Open the page in the browser.")
 def command(
-    recording: Path | None, port: str | None, host: str, http_port: int, recordings: Path, browser: bool
+    recording: Path | None,
+    port: str | None,
+    host: str,
+    http_port: int,
+    recordings: Path,
+    fat_kPa: float | None,
+    browser: bool,
 ) -> None:
     """Watch a probe, or a recording, in the browser.
 
@@ -82,6 +90,7 @@ def command(
             recordings=recordings,
             load_strokes=load_strokes,
             token=_kept_token(),
+            fat_kPa=fat_kPa,
         )
     except OSError as error:
         reason = (error.strerror or str(error)).lower()

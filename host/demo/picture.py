@@ -1,4 +1,4 @@
-"""The demo's one picture: tactile map and fit, displacement, estimate beside truth."""
+"""The demo's one picture: tactile images, map and fit, displacement, estimate beside truth."""
 
 from __future__ import annotations
 
@@ -6,21 +6,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
 
-from firmware_py import geometry
+from palpate.features.gaussian import bump
 from palpate.link.events import Frame, TactileMap
+from palpate.report import stroke_panels, style
+from palpate.sim.probe.cells import PITCH_MM, SHAPE
 
 CONTACT_KPA = 0.3
-INK, TRUTH, PROBE = "#22303c", "#c8553d", "#1f7a8c"
 ROWS = (
-    ("t_mm", "fat thickness, mm"),
-    ("d_mm", "lump diameter, mm"),
-    ("depth_mm", "lump depth, mm"),
-    ("h", "depth / diameter"),
-    ("E_inv23", "E^(-2/3)"),
-    ("F_N_per_m", "force, N/m"),
+    ("d_mm", "diameter d", "mm"),
+    ("depth_mm", "depth", "mm"),
+    ("h", "depth h", "diameters"),
+    ("E_inv23", "stiffness E^-2/3", ""),
+    ("t_mm", "fat thickness t", "mm"),
+    ("F_N_per_m", "force F", "N/m"),
 )
 
 
@@ -49,86 +50,62 @@ def draw(
     headline : str
         The verdict, above everything.
     """
-    figure = Figure(
-        figsize=(11.5, 6.2), layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.08), facecolor="white"
-    )
-    grid = figure.add_gridspec(2, 3, width_ratios=(1.05, 1, 1.15))
-    image, map_axes = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
-    image_far, depth = figure.add_subplot(grid[1, 0]), figure.add_subplot(grid[1, 1])
-    _images(figure, image, image_far, frames, found)
-    _tactile_map(map_axes, found)
-    _displacement(depth, frames, found)
-    _estimate(figure, grid[:, 2], estimate, truth)
-    if headline:
-        figure.suptitle(headline, x=0.012, ha="left", fontsize=14, color=INK, weight="bold")
-    figure.savefig(path, dpi=130)
+    with style.look():
+        figure = Figure(figsize=(11.5, 5.9), layout="constrained", facecolor="white")
+        if headline:
+            figure.suptitle(headline, x=0.01, ha="left", fontsize=14, weight="bold")
+        columns: Any = figure.subfigures(1, 3, width_ratios=(1.05, 1, 1), wspace=0.04)
+        left, middle, right = columns
+        _images(left, frames, found)
+        above, below = middle.subplots(2, 1)
+        _tactile_map(above, found)
+        _displacement(below, frames, found)
+        _estimate(right, estimate, truth)
+        figure.savefig(path, dpi=130)
 
 
-def _images(figure: Figure, over: Any, far: Any, frames: list[Frame], found: TactileMap) -> None:
+def _images(figure: SubFigure, frames: list[Frame], found: TactileMap) -> None:
     place = np.array([frame.position_mm for frame in frames]) - found.as_dict()["centre_mm"]
-    middle, away = frames[int(np.abs(place).argmin())], frames[int(np.abs(np.abs(place) - 30).argmin())]
-    top = max(float(middle.pressure_kPa.max()), 1.0)
-    for axes, frame, title in (
-        (over, middle, "tactile image over the lump"),
-        (far, away, "tactile image beside it"),
-    ):
-        shown = axes.imshow(frame.pressure_kPa, cmap="cividis", vmin=0, vmax=top, aspect="equal")
-        axes.set_title(title, loc="left", fontsize=10, color=INK)
-        axes.set(
-            xticks=[],
-            yticks=[],
-            xlabel=f"across the stroke, {geometry.COLUMNS} cells",
-            ylabel=f"along, {geometry.ROWS} cells",
-        )
-    figure.colorbar(shown, ax=[over, far], label="pressure, kPa", shrink=0.7)
+    over, beside = frames[int(np.abs(place).argmin())], frames[int(np.abs(np.abs(place) - 30).argmin())]
+    top = max(float(over.pressure_kPa.max()), 1.0)
+    half = SHAPE[1] * PITCH_MM / 2, SHAPE[0] * PITCH_MM / 2
+    axes = figure.subplots(2, 1, sharex=True)
+    for ax, frame, title in zip(axes, (over, beside), ("Over the lump", "Beside it")):
+        extent = -half[0], half[0], -half[1], half[1]
+        shown = stroke_panels.tactile_image(ax, frame.pressure_kPa, extent, top, title)
+    axes[0].set_xlabel("")
+    figure.colorbar(shown, ax=list(axes), label="kPa", shrink=0.6, aspect=30)
 
 
-def _tactile_map(axes: Any, found: TactileMap) -> None:
-    numbers = found.as_dict()
-    x = np.array(numbers["x_mm"])
-    fine = np.linspace(x[0], x[-1], 400)
-    bump = np.exp(-0.5 * ((fine - numbers["centre_mm"]) / numbers["stdev_mm"]) ** 2)
-    axes.plot(x, numbers["pressure_kPa"], "o", ms=3.5, color=INK, label="tactile map")
-    axes.plot(
-        fine, numbers["base_kPa"] + numbers["amplitude_kPa"] * bump, color=PROBE, lw=1.8, label="Gaussian fit"
-    )
-    axes.set_title("tactile map, worked out on the probe", loc="left", fontsize=10, color=INK)
-    axes.set(xlabel="place along the stroke, mm", ylabel="pressure, kPa")
-    axes.legend(frameon=False, fontsize=8)
-    axes.spines[["top", "right"]].set_visible(False)
+def _tactile_map(ax: Axes, found: TactileMap) -> None:
+    told = found.as_dict()
+    fine = np.linspace(told["x_mm"][0], told["x_mm"][-1], 400)
+    curve = bump(fine, told["base_kPa"], told["amplitude_kPa"], told["centre_mm"], told["stdev_mm"])
+    stroke_panels.tactile_map(ax, told["x_mm"], told["pressure_kPa"], (fine, curve))
+    ax.set_title("Tactile map, by the probe")
 
 
-def _displacement(axes: Any, frames: list[Frame], found: TactileMap) -> None:
+def _displacement(ax: Axes, frames: list[Frame], found: TactileMap) -> None:
     touching = [frame for frame in frames if frame.pressure_kPa.mean() > CONTACT_KPA]
-    place = [frame.position_mm - found.as_dict()["centre_mm"] for frame in touching]
-    axes.plot(place, [frame.displacement_mm for frame in touching], ".", ms=4, color=INK)
-    axes.set_title("displacement into the tissue", loc="left", fontsize=10, color=INK)
-    axes.set(xlabel="probe's place, mm from the lump", ylabel="displacement, mm")
-    axes.spines[["top", "right"]].set_visible(False)
+    place = [frame.position_mm for frame in touching]
+    stroke_panels.displacement(ax, place, [frame.displacement_mm for frame in touching])
 
 
-def _estimate(figure: Figure, cell: Any, estimate: dict[str, Any], truth: dict[str, float]) -> None:
+def _estimate(figure: SubFigure, estimate: dict[str, Any], truth: dict[str, float]) -> None:
     level = round(100 * estimate["level"])
     rows = [row for row in ROWS if row[0] in estimate and row[0] in truth]
-    panels = cell.subgridspec(len(rows) + 1, 1, height_ratios=[0.5] + [1] * len(rows))
-    head = figure.add_subplot(panels[0])
-    head.axis("off")
-    head.set_title(f"the probe's estimate, with its {level} % interval", loc="left", fontsize=10, color=INK)
-    for i, (name, label) in enumerate(rows):
-        axes = figure.add_subplot(panels[i + 1])
-        value, low, high = (estimate[name][key] for key in ("value", "low", "high"))
-        low = max(low, 0.0)  # no quantity here can be negative
-        axes.plot([low, high], [0, 0], color=PROBE, lw=6, alpha=0.35, solid_capstyle="butt")
-        (said,) = axes.plot(value, 0, "o", color=PROBE, ms=7)
-        (true,) = axes.plot(truth[name], 0, "D", color=TRUTH, ms=6, mfc="none", mew=1.8)
+    axes = np.atleast_1d(figure.subplots(len(rows), 1))
+    for ax, (name, label, unit) in zip(axes, rows):
+        value, low, high = (max(estimate[name][key], 0.0) for key in ("value", "low", "high"))
+        ax.plot([low, high], [0, 0], color=style.TEAL, lw=6, alpha=0.3, solid_capstyle="butt",
+                label=f"{level} % interval")  # fmt: skip
+        ax.plot(value, 0, "o", color=style.TEAL, ms=7, label="the probe's estimate")
+        ax.plot(truth[name], 0, "D", color=style.ORANGE, ms=6, mfc="none", mew=1.8, label="truth")
         edges = np.array([low, high, value, truth[name]])
         pad = 0.25 * max(np.ptp(edges), 1e-3 * abs(value), 1e-3)
-        axes.set(xlim=(max(edges.min() - pad, 0.0), edges.max() + pad), ylim=(-1, 1), yticks=[])
-        axes.set_title(f"{label}: {value:.3g}, truth {truth[name]:.3g}", loc="left", fontsize=9, color=INK)
-        axes.spines[["top", "right", "left"]].set_visible(False)
-        axes.tick_params(labelsize=8)
-        if i == 0:
-            words = ["estimate", "truth"]
-            head.legend(
-                [said, true], words, loc="upper left", ncols=2, frameon=False, fontsize=8, borderpad=0
-            )
+        ax.set(xlim=(max(edges.min() - pad, 0.0), edges.max() + pad), ylim=(-1, 1), yticks=[])
+        words = f"{label}: {value:.3g} {unit}".rstrip()
+        ax.set_title(style.powers(f"{words}, truth {truth[name]:.3g}"), weight="normal")
+        ax.spines["left"].set_visible(False)
+        ax.grid(False)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=3)

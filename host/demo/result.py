@@ -57,6 +57,7 @@ def truth() -> dict[str, float]:
         "h": case.h,
         "E_inv23": case.E_ratio ** (-2 / 3),
         "E_ratio": case.E_ratio,
+        "fat_kPa": case.fat_kPa,
     }
 
 
@@ -70,16 +71,19 @@ def summary(estimate: Estimate, true: dict[str, float], picture: Path) -> Any:
         "the recording gives the same."
     )
     title = "What the probe felt, and what it says"
-    return Summary(verdict(estimate), text, title, rows_of(estimate, true), picture)
+    return Summary(verdict(estimate, true), text, title, rows_of(estimate, true), picture)
 
 
-def verdict(estimate: Estimate) -> str:
-    """What was found, in a line."""
+def verdict(estimate: Estimate, true: dict[str, float]) -> str:
+    """What was found, in a line; the demo knows its fat."""
     if not estimate.lump:
         return "No lump found"
     if not estimate.valid or (depth := estimate.depth_mm) is None:
         return f"No estimate: {estimate.reason}"
-    size, factor = estimate.outputs["d_mm"]["value"], stiffness_words(estimate.span("E_inv23"))
+    size, factor = (
+        estimate.outputs["d_mm"]["value"],
+        stiffness_words(estimate.span("E_inv23"), true["fat_kPa"]),
+    )
     doubt = "" if estimate.in_domain else " (outside what the model knows)"
     return f"A lump of {size:.1f} mm, {depth[0]:.1f} mm deep, {estimate.hardness}: {factor}{doubt}"
 
@@ -103,8 +107,9 @@ def rows_of(estimate: Estimate, true: dict[str, float]) -> list[tuple[str, str, 
             value, low, high = (max(x, 0.0) for x in spans[name])
             rows.append((words, f"{value:.3g}", f"{low:.3g} to {high:.3g}", f"{true[name]:.3g}"))
     if "E_inv23" in spans:
-        factor = stiffness_words(spans["E_inv23"])
-        rows.append(("stiffness, times fat", estimate.hardness, factor, f"{true['E_ratio']:g}"))
+        factor = stiffness_words(spans["E_inv23"], true["fat_kPa"])
+        really = f"{true['E_ratio']:g} × fat, {true['E_ratio'] * true['fat_kPa']:g} kPa"
+        rows.append(("stiffness", estimate.hardness, factor, really))
     return rows
 
 
@@ -116,7 +121,7 @@ def say_result(
     stderr: bool,
 ) -> None:
     level = estimate.level_permille / 10
-    click.echo(f"   {verdict(estimate)}", err=stderr)
+    click.echo(f"   {verdict(estimate, truth)}", err=stderr)
     table(("", "the probe says", f"{level:g} % interval", "truth"), rows_of(estimate, truth), stderr=stderr)
     click.echo(
         f"   {'inside' if estimate.in_domain else 'outside'} the model's domain; "

@@ -116,4 +116,4 @@ def _picture(
     from palpate.demo.picture import draw
 
     with whole_file(path) as part:
-        draw(part, frames, found, estimate.as_dict(), truth, verdict(estimate))
+        draw(part, frames, found, estimate.as_dict(), truth, verdict(estimate, truth))

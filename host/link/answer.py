@@ -18,7 +18,7 @@ BOUND_TO = 50.0
 HARDNESS = {
     "hard": f"hard: {BORDER:g} times as stiff as fat, or more",
     "soft": f"soft: less than {BORDER:g} times as stiff as fat",
-    "unsure": f"unsure: the interval lies on both sides of {BORDER:g} times fat",
+    "unsure": f"unsure: the interval lies on both sides of {BORDER:g} times fat, the border of hard",
 }
 
 
@@ -64,12 +64,25 @@ def stiffness(E_inv23: Span) -> tuple[float | None, float | None, float | None]:
     return ratio(value), ratio(high), None if most is None or most > BOUND_TO else most
 
 
-def stiffness_words(E_inv23: Span) -> str:
-    """The interval as a factor: `over 14 × fat`, or `3.1 to 12 × fat`."""
-    _, low, high = stiffness(E_inv23)
-    least = 1.0 if low is None else low
-    return f"over {_short(least)} × fat" if high is None else f"{_short(least)} to {_short(high)} × fat"
+def stiffness_kPa(E_inv23: Span, fat_kPa: float) -> tuple[float | None, float | None, float | None]:
+    """The lump's modulus where the fat's is known, kPa: value, low, high; None stands for no bound."""
+    value, low, high = (None if factor is None else factor * fat_kPa for factor in stiffness(E_inv23))
+    return value, low, high
 
 
-def _short(factor: float) -> str:
-    return f"{factor:.0f}" if factor >= 10 else f"{factor:.2g}"
+def stiffness_words(E_inv23: Span, fat_kPa: float | None = None) -> str:
+    """The interval as a factor, `over 14 × fat` or `3.1 to 12 × fat`; in kPa too where the fat is known."""
+    words = f"{_between(stiffness(E_inv23), 1.0)} × fat"
+    if fat_kPa is not None:
+        words += f", {_between(stiffness_kPa(E_inv23, fat_kPa), fat_kPa)} kPa"
+    return words
+
+
+def _between(span: tuple[float | None, float | None, float | None], least: float) -> str:
+    _, low, high = span
+    low = least if low is None else low
+    return f"over {_short(low)}" if high is None else f"{_short(low)} to {_short(high)}"
+
+
+def _short(number: float) -> str:
+    return f"{number:.0f}" if number >= 10 else f"{number:.2g}"

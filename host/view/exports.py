@@ -10,9 +10,11 @@ from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from palpate.features.gaussian import bump
+from palpate.report import stroke_panels, style
 from palpate.sim.probe.cells import PITCH_MM, SHAPE
 from palpate.view.phrases import NOT_A_DIAGNOSIS
 
@@ -63,63 +65,53 @@ def stroke(detail: dict[str, Any], kind: str) -> tuple[bytes, str]:
     if kind == "csv":
         return _traces(detail), "text/csv"
     out = io.BytesIO()
-    stroke_figure(detail).savefig(
-        out, format=kind, dpi=160, metadata={"Date": None} if kind == "svg" else None
-    )
+    with style.look():
+        metadata = {"Date": None} if kind == "svg" else None
+        stroke_figure(detail).savefig(out, format=kind, dpi=160, metadata=metadata)
     return out.getvalue(), "image/png" if kind == "png" else "image/svg+xml"
 
 
 def stroke_figure(detail: dict[str, Any]) -> Figure:
     """Image at its highest pressure, tactile map with its fit, displacement, and the card's numbers."""
-    figure = Figure(figsize=(9, 5.6), layout="constrained")
+    figure = style.new(9.0, 5.6)
     axes = figure.subplots(2, 2, width_ratios=(1, 1.15))
     images = detail["images"]
     stack = np.frombuffer(base64.b64decode(images["uint16"]), "<u2").reshape(-1, *SHAPE)
-    ax = axes[0, 0]
     if len(stack):
         best = int(stack.max(axis=(1, 2)).argmax())
-        half = (SHAPE[1] * PITCH_MM / 2, SHAPE[0] * PITCH_MM / 2)
-        shown = ax.imshow(
-            stack[best] * images["step_kPa"],
-            cmap="viridis",
-            origin="lower",
-            extent=(-half[0], half[0], -half[1], half[1]),
+        pressure, half = stack[best] * images["step_kPa"], (SHAPE[1] * PITCH_MM / 2, SHAPE[0] * PITCH_MM / 2)
+        edges, title = (
+            (-half[0], half[0], -half[1], half[1]),
+            f"Tactile image at {images['position_mm'][best]:.1f} mm",
         )
-        figure.colorbar(shown, ax=ax, label="pressure (kPa)", shrink=0.8)
-        ax.set_title(f"Tactile image at {images['position_mm'][best]:.1f} mm", fontsize=10)
-    ax.set(xlabel="across (mm)", ylabel="along (mm)")
-
-    ax = axes[0, 1]
-    x, p = np.asarray(detail["map"]["x_mm"]), np.asarray(detail["map"]["pressure_kPa"])
-    ax.plot(x, p, "o", ms=3, color="#31688e", label="tactile map")
-    if (fit := detail["fit"]) is not None and x.size:
+        shown = stroke_panels.tactile_image(axes[0, 0], pressure, edges, pressure.max(), title)
+        figure.colorbar(shown, ax=axes[0, 0], label="kPa", shrink=0.8)
+    x, fit, curve = np.asarray(detail["map"]["x_mm"]), detail["fit"], None
+    if fit is not None and x.size:
         fine = np.linspace(x.min(), x.max(), 300)
-        curve = bump(fine, fit["base_kPa"], fit["amp_kPa"], fit["centre_mm"], fit["stdev_mm"])
-        ax.plot(fine, curve, color="#d1495b", label="Gaussian fit")
-    ax.set(xlabel="place on the tissue (mm)", ylabel="pressure (kPa)", title="Tactile map")
-    ax.title.set_fontsize(10)
-    ax.legend(frameon=False, fontsize=8)
-
-    ax = axes[1, 1]
+        curve = fine, bump(fine, fit["base_kPa"], fit["amp_kPa"], fit["centre_mm"], fit["stdev_mm"])
+    stroke_panels.tactile_map(axes[0, 1], x.tolist(), detail["map"]["pressure_kPa"], curve)
     traces = detail["traces"]
-    ax.plot(traces["position_mm"], traces["displacement_mm"], color="#31688e")
-    ax.set(xlabel="probe position (mm)", ylabel="displacement (mm)")
+    stroke_panels.displacement(axes[1, 1], traces["position_mm"], traces["displacement_mm"])
+    _words(axes[1, 0], detail["card"], detail["number"])
+    return figure
 
-    ax = axes[1, 0]
+
+def _words(ax: Axes, card: dict[str, Any], number: int) -> None:
+    """What the card says."""
     ax.axis("off")
-    card = detail["card"]
     lines = [
         f"{r['label']}: {r['value']:.1f} {r['unit']}  ({r['low']:.1f} to {r['high']:.1f})"
+        + (f", {b['label']} {b['value']:.2f}" if (b := r.get("beside")) else "")
         for r in card["rows"]
     ]
-    if card["hardness_text"]:
-        lines.append(f"Stiffness: {card['hardness_text']}")
+    if card["hardness"]:
+        lines.append(f"Stiffness: {card['hardness']}, {card['stiffness_text']}")
     if card["level"]:
         lines.append(f"Intervals hold the truth {card['level']:.0%} of the time.")
-    lines += ["", f"Stroke {detail['number']}, model {card['model_id'] or 'none'}", NOT_A_DIAGNOSIS]
+    lines += ["", f"Stroke {number}, model {card['model_id'] or 'none'}", NOT_A_DIAGNOSIS]
     ax.text(0, 1, card["title"], fontsize=13, weight="bold", va="top", transform=ax.transAxes)
     ax.text(0, 0.84, "\n".join(lines), fontsize=8.5, va="top", linespacing=1.5, transform=ax.transAxes)
-    return figure
 
 
 def _traces(detail: dict[str, Any]) -> bytes:

@@ -64,8 +64,14 @@ def verdict(estimate: Estimate | None, *, force_low: bool = False, force_high: b
     return "lump" if estimate.in_domain else "outside"
 
 
-def card(estimate: Estimate | None, *, force_low: bool = False, force_high: bool = False) -> dict[str, Any]:
-    """What the page writes on the estimate card.
+def card(
+    estimate: Estimate | None,
+    *,
+    force_low: bool = False,
+    force_high: bool = False,
+    fat_kPa: float | None = None,
+) -> dict[str, Any]:
+    """What the page writes on the estimate card; with the fat's modulus stiffness is said in kPa, too.
 
     Returns
     -------
@@ -118,6 +124,6 @@ def card(estimate: Estimate | None, *, force_low: bool = False, force_high: bool
         if estimate.E_inv23 is not None:
             value, low, high = answer.stiffness(_span(estimate.E_inv23))
             out["E_ratio"] = {"value": value, "low": low, "high": high}
-            out["stiffness_text"] = answer.stiffness_words(_span(estimate.E_inv23))
+            out["stiffness_text"] = answer.stiffness_words(_span(estimate.E_inv23), fat_kPa)
     row("F_N_per_m", "Force", "N/m", estimate.F_N_per_m)
     return out

@@ -88,7 +88,7 @@ def compare(
     freedom = first.n + second.n - 2
     if freedom < 1 or min(first.n, second.n) < 2:
         text = (
-            f"The {what} differs by {change:+.1f} {unit}. At least two strokes in each visit are needed "
+            f"The {what} differs by {_signed(change)} {unit}. At least two strokes in each visit are needed "
             "to tell whether that means anything."
         )
         return Comparison(first, second, change, None, None, None, text)
@@ -97,13 +97,14 @@ def compare(
     half = float(stats.t.ppf(0.5 + CONFIDENCE / 2, freedom)) * error
     low, high = change - half, change + half
     beyond = not low <= 0.0 <= high
-    way = "grew" if change > 0 else "shrank"
+    between = f"({_signed(low)} to {_signed(high)})"
     if beyond:
-        text = (
-            f"The {what} {way} by {abs(change):.1f} {unit} ({low:+.1f} to {high:+.1f}): beyond repeatability."
-        )
+        way = "grew" if change > 0 else "shrank"
+        text = f"The {what} {way} by {abs(change):.1f} {unit} {between}: beyond repeatability."
     else:
-        text = (
-            f"The {what} differs by {change:+.1f} {unit} ({low:+.1f} to {high:+.1f}): within repeatability."
-        )
+        text = f"The {what} differs by {_signed(change)} {unit} {between}: within repeatability."
     return Comparison(first, second, change, low, high, beyond, text)
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.1f}".replace("-", "\u2212")

@@ -31,6 +31,7 @@ class Viewer:
     recordings : the folder for recordings
     load_strokes : reads the strokes of an earlier recording
     token : ask for this token; by default one is made up, and where it is empty nobody is asked (in a test)
+    fat_kPa : Young's modulus of the fat, where it is known: stiffness is said in kPa, too
 
     Raises
     ------
@@ -48,11 +49,12 @@ class Viewer:
         recordings: Path = Path("recordings"),
         load_strokes: LoadStrokes = lambda path: (),
         token: str | None = None,
+        fat_kPa: float | None = None,
     ) -> None:
         self.token = secrets.token_urlsafe(24) if token is None else token
         self._once: set[str] = set()
         self.source = source
-        self.session = Session(mode=mode, name=source.name)
+        self.session = Session(mode=mode, name=source.name, fat_kPa=fat_kPa)
         self.commands = Commands(self.session, source, recordings, load_strokes)
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self._socket = socket.socket(family, socket.SOCK_STREAM)

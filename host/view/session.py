@@ -64,14 +64,15 @@ class Session:
     ----------
     mode : "live" or "replay"
     name : what the page calls the source
+    fat_kPa : the fat's modulus, where it is known
     """
 
-    def __init__(self, *, mode: str, name: str) -> None:
+    def __init__(self, *, mode: str, name: str, fat_kPa: float | None = None) -> None:
         self.mode = mode
         self.name = name
         self.id = uuid.uuid4().hex
         """A page that finds another one behind the same address forgets what it knew."""
-        self.visits = Visits(first="This visit" if mode == "live" else name)
+        self.visits = Visits("This visit" if mode == "live" else name, fat_kPa)
         self.lock = threading.RLock()
         self.link = LinkChanged(LinkState.CONNECTING, "Looking for the probe.")
         self.device: Device | None = None

@@ -41,6 +41,7 @@ class Stroke:
     too_fast: bool = False
     gaps: int = 0
     peak_kPa: float = 0.0
+    fat_kPa: float | None = None
     estimate: Estimate | None = None
     probe_map: ProbeMap | None = None
     position_mm: list[float] = field(default_factory=list)
@@ -110,7 +111,12 @@ class Stroke:
             "gaps": self.gaps,
             "too_fast": self.too_fast,
             "peak_kPa": round(self.peak_kPa, 3),
-            "card": card(self.estimate, force_low=self.force_low, force_high=self.force_high),
+            "card": card(
+                self.estimate,
+                force_low=self.force_low,
+                force_high=self.force_high,
+                fat_kPa=self.fat_kPa,
+            ),
         }
 
     def detail(self, *, images: bool = True) -> dict[str, Any]:

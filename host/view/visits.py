@@ -31,9 +31,16 @@ class Visit:
 
 
 class Visits:
-    """All visits of a session; new strokes go into the current one."""
+    """All visits of a session; new strokes go into the current one.
 
-    def __init__(self, first: str) -> None:
+    Parameters
+    ----------
+    first : the first visit's name
+    fat_kPa : the fat's modulus, where it is known
+    """
+
+    def __init__(self, first: str, fat_kPa: float | None = None) -> None:
+        self._fat_kPa = fat_kPa
         self._visits = [Visit(1, first)]
         self._current = self._visits[0]
         self._strokes: list[Stroke] = []
@@ -46,7 +53,7 @@ class Visits:
 
     def add(self, stroke: Stroke) -> None:
         """Number and keep a finished stroke; the oldest give way beyond a thousand."""
-        stroke.number = self._next_stroke
+        stroke.number, stroke.fat_kPa = self._next_stroke, self._fat_kPa
         self._next_stroke += 1
         self._strokes.append(stroke)
         if len(self._strokes) > STROKES_WITH_IMAGES:

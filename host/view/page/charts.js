@@ -41,8 +41,7 @@ export class StrokeCharts {
     const old = this.shadow?.map ?? { x_mm: [], pressure_kPa: [] };
     const fit = stroke?.fit;
     const x = this.range("map x", [map.x_mm, old.x_mm], [-40, 40], 0.02, 20);
-    const y = this.range("map y", [[0], map.pressure_kPa, old.pressure_kPa], [0, 8], 0.05, 1);
-    y[0] = 0;
+    const y = this.range("map y", [map.pressure_kPa, old.pressure_kPa], [0, 8], 0.08, 1);
     const curve = fit && gaussian(fit, Math.max(x[0], map.x_mm[0]), Math.min(x[1], map.x_mm.at(-1)));
     this.map.draw(
       [
@@ -85,7 +84,7 @@ export class StrokeCharts {
         `<span>Base ${fit.base_kPa.toFixed(2)},</span> <span>Amp ${fit.amp_kPa.toFixed(2)} kPa,</span> ` +
         `<span>Stdev ${fit.stdev_mm.toFixed(1)} mm</span>`
       : this.stroke
-        ? `<span><i style="color:var(--points)"></i>map,</span> no bump to fit yet`
+        ? `<span><i style="color:var(--points)"></i>map,</span> no bump to fit${this.stroke.card ? "" : " yet"}`
         : "grows as the probe strokes";
     if (text !== this.described) {
       this.legend.innerHTML = text;

@@ -120,11 +120,11 @@ export class History {
     const row = card.rows.find((r) => r.key === "d_mm");
     const parts = [
       ["n", `${stroke.number}`],
-      ["what", card.title],
       ["when", new Date(stroke.wall_time * 1000).toLocaleTimeString([], { hour12: false })],
-      ["size", row && card.kind === "lump" ? `${row.value.toFixed(1)} mm` : ""],
-      [`tag ${card.hardness ?? ""}`, card.kind === "lump" ? card.hardness : ""],
+      ["what", card.title],
     ];
+    if (row && card.kind === "lump") parts.push(["size", `${row.value.toFixed(1)} mm`], [`tag ${card.hardness ?? ""}`, card.hardness]);
+    else item.classList.add("plain");
     for (const [name, text] of parts) {
       const span = document.createElement("span");
       span.className = name;

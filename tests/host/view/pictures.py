@@ -107,10 +107,8 @@ def _replay(page: Page) -> None:
 
 def _report(browser: Browser, path: Path) -> None:
     page = browser.new_page(viewport={"width": 1280, "height": 900})
-    page.emulate_media(reduced_motion="reduce")  # scrolls at once
     page.goto(path.resolve().as_uri())
     page.wait_for_timeout(1500)
-    page.evaluate("document.getElementById('figure_8').scrollIntoView()")
     page.screenshot(path=PICTURES / "report.png")
 
 

@@ -45,7 +45,7 @@ def test_the_page_carries_its_own_font():
 def test_nothing_is_cut_at_any_width_in_any_font(viewer, browser, request, font, text):
     bumps = [Bump(d_mm=10.0), Bump(d_mm=10.3), Bump(d_mm=10.1, hardness="unsure", E_inv23=0.2)]
     source = SyntheticSource(bumps, seconds=0.3, rest=0.0, limit=len(bumps))
-    shown = viewer(source)
+    shown = viewer(source, fat_kPa=10.0)
     opened = browser if text == 100 else request.getfixturevalue("roomy_browser")
     page = opened.new_page(viewport={"width": 1280, "height": 800})
     page.set_default_timeout(1000 * PATIENCE_S)

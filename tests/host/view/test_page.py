@@ -363,10 +363,9 @@ def test_a_colour_means_one_pressure_for_a_whole_visit(viewer, open_page):
     expect(page.locator("#image")).to_have_attribute("data-top-kpa", "5")
 
 
-def test_axes_hold_from_stroke_to_stroke(viewer, open_page):
-    source = SyntheticSource(
-        [Bump(base_kPa=4.0), Bump(base_kPa=2.0, amp_kPa=0.5)], seconds=0.4, rest=0.0, limit=1
-    )
+def test_axes_hold_from_stroke_to_stroke_and_only_ever_widen(viewer, open_page):
+    bumps = [Bump(base_kPa=4.0), Bump(base_kPa=4.2, amp_kPa=0.5), Bump(base_kPa=2.0, amp_kPa=0.5)]
+    source = SyntheticSource(bumps, seconds=0.4, rest=0.0, limit=1)
     page = open_page(viewer(source))
     expect(page.locator("#stroke-1")).to_be_visible()
     settled(page)
@@ -375,6 +374,12 @@ def test_axes_hold_from_stroke_to_stroke(viewer, open_page):
     expect(page.locator("#estimate-which")).to_contain_text("stroke 2,")
     settled(page)
     assert before and page.locator("#map").get_attribute("data-y") == before
+    source.limit = 3
+    expect(page.locator("#estimate-which")).to_contain_text("stroke 3,")
+    settled(page)
+    low, high = before.split()
+    now_low, now_high = (page.locator("#map").get_attribute("data-y") or "").split()
+    assert float(now_low) < float(low) and now_high == high
 
 
 def test_escape_closes_the_menu_wherever_the_focus_is_and_e_keeps_it_visible(viewer, open_page):
