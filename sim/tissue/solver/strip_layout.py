@@ -43,6 +43,24 @@ class Columns(NamedTuple):
     surface_starts: Ints
 
 
+class Unknowns(NamedTuple):
+    """The mesh's unknowns.
+
+    Attributes
+    ----------
+    of_elements : ndarray (M, 16)
+        Of each element's corners and sides.
+    of_surface : ndarray (S, 2)
+        Of each of the surface's nodes.
+    fixed : ndarray (2 N,), bool
+        Which are held.
+    """
+
+    of_elements: Ints
+    of_surface: Ints
+    fixed: NDArray[np.bool_]
+
+
 class Chain(NamedTuple):
     """Elimination of the columns in one direction; a step is a column, counted in that direction.
 
@@ -112,31 +130,33 @@ def lay_out_columns(mesh: TissueMesh) -> Columns:
 def lay_out_chain(mesh: TissueMesh, columns: Columns, flipped: bool) -> Chain:
     """Order the unknowns of one direction: from the left, or `flipped` from the right."""
     count = len(columns.element_starts) - 1
-    first, last = columns.first, columns.last
     if flipped:
-        first, last = count - 1 - last, count - 1 - first
+        columns = columns._replace(first=count - 1 - columns.last, last=count - 1 - columns.first)
+    by_first = np.argsort(columns.first, kind="stable")
+    starts = np.searchsorted(columns.first[by_first], np.arange(count + 1))
     outer = mesh.elements[:, CORNERS_AND_SIDES]
-    by_first = np.argsort(first, kind="stable")
-    starts = np.searchsorted(first[by_first], np.arange(count + 1))
-    dofs, interior, pivots, size, incoming, incoming_size, element_place, surface_place = symbolic.order(
-        columns.nodes, first, last, by_first, starts, mesh.fixed.ravel(), columns.elements,
-        columns.element_starts, np.concatenate([2 * outer, 2 * outer + 1], 1), columns.surface,
-        columns.surface_starts, np.stack([2 * mesh.surface, 2 * mesh.surface + 1], 1), flipped,
-    )  # fmt: skip
-    stride = (int(size.max()) // 8 + 1) * 8
-    spans = symbolic.reach(interior, size, columns.elements, columns.element_starts, element_place, flipped)
-    lengths = symbolic.row_lengths(interior, pivots, size, spans)
+    unknowns = Unknowns(
+        of_elements=np.concatenate([2 * outer, 2 * outer + 1], 1),
+        of_surface=np.stack([2 * mesh.surface, 2 * mesh.surface + 1], 1),
+        fixed=mesh.fixed.ravel(),
+    )
+    order = symbolic.order(columns, unknowns, by_first, starts, flipped)
+    stride = (int(order.size.max()) // 8 + 1) * 8
+    spans = symbolic.reach(
+        order.interior, order.size, columns.elements, columns.element_starts, order.element_place, flipped
+    )
+    lengths = symbolic.row_lengths(order.interior, order.pivots, order.size, spans)
     return Chain(
-        dofs=dofs,
-        interior=interior,
-        pivots=pivots,
-        size=size,
-        incoming=incoming,
-        incoming_size=incoming_size,
-        together=symbolic.together(incoming, incoming_size),
+        dofs=order.dofs,
+        interior=order.interior,
+        pivots=order.pivots,
+        size=order.size,
+        incoming=order.incoming,
+        incoming_size=order.incoming_size,
+        together=symbolic.together(order.incoming, order.incoming_size),
         spans=spans,
         row_starts=np.concatenate([[0], np.cumsum(lengths)]),
-        targets=symbolic.targets(element_place, stride),
-        surface_place=surface_place,
+        targets=symbolic.targets(order.element_place, stride),
+        surface_place=order.surface_place,
         stride=stride,
     )

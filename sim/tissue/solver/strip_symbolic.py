@@ -3,20 +3,52 @@
 # mypy: ignore-errors
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 
+class Order(NamedTuple):
+    """The unknowns of every step of a chain in their order; most of it as `strip_layout.Chain` has it.
+
+    Attributes
+    ----------
+    element_place, surface_place : ndarray (M, 16), (S, 2)
+        Places of the elements' and the surface's unknowns in their steps, below 0 where held.
+    """
+
+    dofs: np.ndarray
+    interior: np.ndarray
+    pivots: np.ndarray
+    size: np.ndarray
+    incoming: np.ndarray
+    incoming_size: np.ndarray
+    element_place: np.ndarray
+    surface_place: np.ndarray
+
+
 @njit(cache=True, nogil=True)
-def order(
-    nodes, first, last, by_first, starts, fixed, elements, element_starts, outer, surface, surface_starts,
-    surface_dofs, flipped,
-):  # fmt: skip
+def order(columns, unknowns, by_first, starts, flipped):
     """Order the unknowns of every step of a chain: interior, leaving the front, staying in it.
 
-    Returns, as `strip_layout.Chain` has them, dofs, interior, pivots, size, incoming and incoming_size; and
-    the places of the elements' (M, 16) and surface's (S, 2) unknowns in their steps, below 0 where held.
+    Parameters
+    ----------
+    columns, unknowns : Columns, Unknowns
+        Of `strip_layout`; the columns are counted in the chain's direction.
+    by_first, starts : ndarray (K,), (steps + 1,)
+        Nodes by the step that touches them first, as places in `columns.nodes`, and where each step begins.
+    flipped : bool
+        The chain goes from the right to the left.
+
+    Returns
+    -------
+    Order
     """
+    nodes = columns.nodes
+    first = columns.first
+    last = columns.last
+    fixed = unknowns.fixed
     steps = len(starts) - 1
     widest = 1
     for g in range(steps):
@@ -32,8 +64,8 @@ def order(
     size = np.zeros(steps, np.int64)
     incoming_size = np.zeros(steps, np.int64)
     place = np.full(len(fixed), -1, np.int32)  # of the unknowns, in the step that is being laid out
-    element_place = np.empty(outer.shape, np.int32)
-    surface_place = np.empty(surface_dofs.shape, np.int64)
+    element_place = np.empty(unknowns.of_elements.shape, np.int32)
+    surface_place = np.empty(unknowns.of_surface.shape, np.int64)
     staying = np.empty(len(nodes), np.int64)  # places in `nodes`, up or down
     count = 0
     for g in range(steps):
@@ -74,13 +106,13 @@ def order(
             for i in range(incoming_size[g]):
                 incoming[g, i] = place[dofs[g - 1, pivots[g - 1] + i]]
         column = steps - 1 - g if flipped else g
-        for e in elements[element_starts[column] : element_starts[column + 1]]:
+        for e in columns.elements[columns.element_starts[column] : columns.element_starts[column + 1]]:
             for i in range(16):
-                element_place[e, i] = place[outer[e, i]]
-        for s in surface[surface_starts[column] : surface_starts[column + 1]]:
-            surface_place[s, 0] = place[surface_dofs[s, 0]]
-            surface_place[s, 1] = place[surface_dofs[s, 1]]
-    return dofs, interior, pivots, size, incoming, incoming_size, element_place, surface_place
+                element_place[e, i] = place[unknowns.of_elements[e, i]]
+        for s in columns.surface[columns.surface_starts[column] : columns.surface_starts[column + 1]]:
+            surface_place[s, 0] = place[unknowns.of_surface[s, 0]]
+            surface_place[s, 1] = place[unknowns.of_surface[s, 1]]
+    return Order(dofs, interior, pivots, size, incoming, incoming_size, element_place, surface_place)
 
 
 @njit(cache=True, nogil=True)
