@@ -44,7 +44,7 @@ TEXT = {
     BUSY: "the probe is busy",
     NO_MODEL: "the probe holds no confirmed model",
     NO_LUMP: "no lump found",
-    TOO_SHORT: "the stroke is too short for its features",
+    TOO_SHORT: "the stroke is too short: stroke on, 24 mm to either side of the lump",
     FORCE_RANGE: "the mean force is outside the model's range",
     NO_FIT: "the tactile map has no bump to fit",
     BAD_MAGIC: "this is not a model image",

@@ -24,7 +24,7 @@ from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.fixed_point.reference import evaluate
 from palpate.model_export.schema import ModelSpec
 from palpate.regression.conformal import LEVEL
-from palpate.regression.field.data import read_pairs, stroke_fields, sweep_progress
+from palpate.regression.field.data import read_lumps, stroke_fields, sweep_progress
 from palpate.regression.field.design import FIELD_SETTINGS, lump_cases
 from palpate.regression.observed import ObservedStrokes, observe
 from palpate.regression.progress import ProgressCallback
@@ -52,9 +52,9 @@ def coverage(lumps: int = LUMPS, progress: ProgressCallback | None = None) -> tu
     with tempfile.TemporaryDirectory() as folder:
         report = sweep_progress("simulating lumps", progress)
         sweep(lump_cases(lumps, SEED), FIELD_SETTINGS, Path(folder), progress=report)
-        pairs, _, _ = read_pairs(Path(folder))
+        strokes, _, _ = read_lumps(Path(folder))
     blob = None if spec.force_map is None else force_maps.blob(spec.force_map)
-    seen = observe(stroke_fields(pairs), "typical", SEED, force_map=blob)
+    seen = observe(stroke_fields(strokes), "typical", SEED, force_map=blob)
     found = seen.whole & _shows_lump(spec, seen)
     return _shares(spec, seen.take(np.flatnonzero(found))), int((~found).sum())
 

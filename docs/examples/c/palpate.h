@@ -78,7 +78,7 @@ static inline int8_t palpate_status(const uint8_t *body) { return (int8_t)body[3
 #define PALPATE_BUSY (-6) /* the probe is busy */
 #define PALPATE_NO_MODEL (-7) /* the probe holds no confirmed model */
 #define PALPATE_NO_LUMP (-8) /* no lump found */
-#define PALPATE_TOO_SHORT (-9) /* the stroke is too short for its features */
+#define PALPATE_TOO_SHORT (-9) /* the stroke is too short: stroke on, 24 mm to either side of the lump */
 #define PALPATE_FORCE_RANGE (-10) /* the mean force is outside the model's range */
 #define PALPATE_NO_FIT (-11) /* the tactile map has no bump to fit */
 #define PALPATE_BAD_MAGIC (-12) /* this is not a model image */

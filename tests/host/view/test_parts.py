@@ -301,10 +301,10 @@ def test_events_and_snapshots_from_many_threads_do_not_meet():
 
 
 def test_an_estimate_without_numbers_makes_a_card():
-    empty = Estimate(0.0, invalid=True, status_text="the stroke is too short for its features")
+    empty = Estimate(0.0, invalid=True, status_text="the stroke is too short: stroke on")
     said = card(dataclasses.replace(empty))
     assert said["title"] == "Stroke could not be read"
-    assert said["text"] == "The stroke is too short for its features. Stroke again."
+    assert said["text"] == "The stroke is too short: stroke on. Stroke again."
 
 
 # ---- recording
