@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from dataclasses import asdict, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
+from palpate.files import whole_file
 from palpate.model_export import check
 from palpate.model_export.errors import ModelError
 from palpate.model_export.model_data import Domain, Interval, Limit, ModelData, Output
@@ -64,17 +64,8 @@ class ModelSpec(ModelData):
             text = json.dumps(self.to_dict(), indent=1, allow_nan=False, sort_keys=True)
         except (ValueError, TypeError) as error:
             raise ModelError(f"the model cannot be written as JSON: {error}") from None
-        path = Path(path)
-        handle, name = tempfile.mkstemp(prefix=path.name, dir=path.parent)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as out:
-                out.write(text + "\n")
-                out.flush()
-                os.fsync(out.fileno())
-            os.replace(name, path)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
+        with whole_file(Path(path)) as temporary:
+            temporary.write_text(text + "\n", encoding="utf-8")
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> ModelSpec:

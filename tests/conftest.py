@@ -12,6 +12,23 @@ settings.register_profile(
 )
 settings.load_profile("palpate")
 
+
+@pytest.fixture(scope="session")
+def real_key_dir(tmp_path_factory):
+    """A key as users have it: two seconds a signature."""
+    from palpate.model_export.signing import keys
+
+    directory = tmp_path_factory.mktemp("key") / "key"
+    keys.generate(directory)
+    return directory
+
+
+@pytest.fixture(scope="session")
+def public_key(key_dir):
+    """Of the key that the folder's own `key_dir` makes."""
+    return (key_dir / "public.key").read_bytes()
+
+
 NOT_TRIED = "no UF2 of MicroPython"
 
 

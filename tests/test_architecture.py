@@ -15,15 +15,17 @@ FOLDERS = {
     "palpate.sim.probe": "sim/probe",
     "palpate.model_export": "model_export",
     "palpate.errors": "host/errors.py",
+    "palpate.files": "host/files.py",
     "palpate": "host",
 }
 """What is imported, and where it lies."""
 MAY_IMPORT = {
     "firmware_py": {"firmware_py"},
     "palpate.errors": set(),
+    "palpate.files": {"palpate.errors"},
     "palpate.sim.tissue": {"palpate.sim.tissue", "palpate.errors"},
     "palpate.sim.probe": {"palpate.sim.probe", "palpate.sim.tissue", "palpate.errors", "firmware_py"},
-    "palpate.model_export": {"palpate.model_export", "palpate.errors", "firmware_py"},
+    "palpate.model_export": {"palpate.model_export", "palpate.errors", "palpate.files", "firmware_py"},
     "palpate": set(FOLDERS),
 }
 SETUPTOOLS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]

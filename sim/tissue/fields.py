@@ -18,10 +18,10 @@ from skfem.models.poisson import mass
 
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.mesh import FAT, GLAND, LUMP
-from palpate.sim.tissue.predictor import State
 from palpate.sim.tissue.reference import WeakForm
 from palpate.sim.tissue.result import Stroke
 from palpate.sim.tissue.settings import Settings
+from palpate.sim.tissue.state import State
 from palpate.sim.tissue.stroke import simulate
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from palpate.sim.tissue import contact_kernels as kernels
 from palpate.sim.tissue.contact import Contact, ContactState
 from palpate.sim.tissue.material import Tissue
-from palpate.sim.tissue.predictor import State
 from palpate.sim.tissue.solver.linear import LinearSolver, NotPositiveDefinite
+from palpate.sim.tissue.state import State
 
 Floats = NDArray[np.float64]
 

@@ -8,46 +8,16 @@ Without this Newton needs three times the work.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.sim.tissue import predictor_kernels as kernels
 from palpate.sim.tissue.mesh import TissueMesh
+from palpate.sim.tissue.state import State, combine, extrapolation
 
 Floats = NDArray[np.float64]
-
-
-@dataclass
-class State:
-    """Unknowns of one equilibrium.
-
-    Attributes
-    ----------
-    u : ndarray (2N,)
-        Displacement, mm.
-    height : float
-        Height of the probe's lowest point, mm.
-    multiplier : ndarray (S,)
-        Contact multipliers of the surface's nodes, kPa.
-    pressure : ndarray (M, 3)
-        Coefficients of the elements' pressure.
-    smallest_jacobian : float
-        Of an equilibrium that `Newton.solve` returns: least det F at any Gauss point; below 0 is inverted.
-    """
-
-    u: Floats
-    height: float
-    multiplier: Floats
-    pressure: Floats
-    smallest_jacobian: float = math.nan
-
-    def copy(self) -> State:
-        """A state that can be changed without changing this one."""
-        return State(self.u.copy(), self.height, self.multiplier.copy(), self.pressure.copy())
 
 
 class Predictor:
@@ -75,13 +45,10 @@ class Predictor:
     def __call__(self, history: Sequence[tuple[float, State]], position: float) -> State:
         """Guess the state at `position` from the last few, (position, state), the newest last."""
         places = [place for place, _ in history]
-        weights = [
-            math.prod(((position - other) / (place - other) for other in places if other != place), start=1.0)
-            for place in places
-        ]
+        weights = extrapolation(places, position)
         states = [state for _, state in history]
-        moved_u = _combine(weights, [state.u for state in states])
-        pressure = _combine(weights, [state.pressure for state in states])
+        moved_u = combine(weights, [state.u for state in states])
+        pressure = combine(weights, [state.pressure for state in states])
         shifts = [position - place for place in places]
         near = _share_near(self._x - position)
         inside = np.nonzero(near)[0]
@@ -101,16 +68,9 @@ class Predictor:
             np.interp(self._x, self._x + by, np.maximum(state.multiplier, 0.0), left=0.0, right=0.0)
             for state, by in zip(states, shifts)
         ]
-        multiplier = np.where(moved[-1] > 0.0, np.maximum(_combine(weights, moved), 0.0), 0.0)
+        multiplier = np.where(moved[-1] > 0.0, np.maximum(combine(weights, moved), 0.0), 0.0)
         height = float(np.dot(weights, [state.height for state in states]))
         return State(moved_u, height, multiplier, pressure)
-
-
-def _combine(weights: Sequence[float], arrays: Sequence[Floats]) -> Floats:
-    out = weights[0] * arrays[0]
-    for weight, array in zip(weights[1:], arrays[1:]):
-        out += weight * array
-    return out
 
 
 def _share_of_probe(y: Floats, top: float, radius: float) -> Floats:

@@ -22,8 +22,8 @@ from palpate.sim.tissue.element import QUADRATURE
 from palpate.sim.tissue.material import Elasticity
 from palpate.sim.tissue.mesh import TissueMesh
 from palpate.sim.tissue.newton import Counts, NoConvergence
-from palpate.sim.tissue.predictor import State
 from palpate.sim.tissue.probe_shape import ProbeShape
+from palpate.sim.tissue.state import State
 
 Floats = NDArray[np.float64]
 

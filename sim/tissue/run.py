@@ -18,11 +18,12 @@ from palpate.sim.tissue.errors import StrokeError
 from palpate.sim.tissue.geometry import Geometry
 from palpate.sim.tissue.material import Tissue, elasticity
 from palpate.sim.tissue.newton import Equilibrium, Newton, NoConvergence
-from palpate.sim.tissue.predictor import Predictor, State
+from palpate.sim.tissue.predictor import Predictor
 from palpate.sim.tissue.probe_shape import ProbeShape
 from palpate.sim.tissue.reference import ReferenceNewton
 from palpate.sim.tissue.result import Stroke
 from palpate.sim.tissue.settings import Settings
+from palpate.sim.tissue.state import State
 
 Floats = NDArray[np.float64]
 

@@ -15,10 +15,10 @@ from threadpoolctl import ThreadpoolController
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.errors import CaseError
 from palpate.sim.tissue.geometry import forget_geometries, geometry_of
-from palpate.sim.tissue.predictor import State
 from palpate.sim.tissue.result import Stroke
 from palpate.sim.tissue.run import Run
 from palpate.sim.tissue.settings import Settings
+from palpate.sim.tissue.state import State
 
 Floats = NDArray[np.float64]
 

@@ -12,7 +12,6 @@ import pytest
 from palpate.cli import main
 from palpate.cli.emulate import strokes_over
 from palpate.model_export.exporter import export
-from palpate.model_export.signing import keys
 from palpate.sim.probe.emulated import EmulatedProbe
 from tests.host.probes import FRAMES, LUMP
 from tests.model_export import synthetic
@@ -39,15 +38,8 @@ def strokes(bench):
 
 
 @pytest.fixture(scope="session")
-def key_dir(tmp_path_factory):
-    directory = tmp_path_factory.mktemp("key") / "key"
-    keys.generate(directory)
-    return directory
-
-
-@pytest.fixture(scope="session")
-def public_key(key_dir):
-    return (key_dir / "public.key").read_bytes()
+def key_dir(real_key_dir):
+    return real_key_dir
 
 
 @pytest.fixture(scope="session")

@@ -24,10 +24,10 @@ from palpate.sim.tissue.mesh import FAT, GLAND, LUMP
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.solid.element import POINTS
 from palpate.sim.tissue.solid.mesh import LATTICE_OF_LOCAL, SolidMesh
-from palpate.sim.tissue.solid.predictor import SolidState
 from palpate.sim.tissue.solid.result import SolidStroke
 from palpate.sim.tissue.solid.run import SolidRun
 from palpate.sim.tissue.solid.stroke import simulate_forces
+from palpate.sim.tissue.state import State
 
 Floats = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ def simulate_fields(
     CaseError, StrokeError
         As `simulate`.
     """
-    seen: list[tuple[SolidRun, float, SolidState]] = []
+    seen: list[tuple[SolidRun, float, State]] = []
     stroke = simulate_forces(
         case, [case.F_rel], settings, positions_mm, visit=lambda *what: seen.append(what)
     )[0]
@@ -78,7 +78,7 @@ class _Projector:
         cells = [n + np.searchsorted(p.nodes, mesh.elements[p.elements]) for n, p in zip(starts, self._parts)]
         self._cells = np.concatenate(cells)[:, _VTK]
 
-    def __call__(self, position: float, state: SolidState) -> Fields:
+    def __call__(self, position: float, state: State) -> Fields:
         run = self._run
         contact = np.zeros(len(run.mesh.nodes_mm))
         contact[run.contact.nodes] = run.contact.pressure(state.u, state.multiplier).pressure.ravel()
@@ -91,7 +91,7 @@ class _Projector:
             values[name] = np.concatenate(parts).reshape(-1, *field.shape[:-2])
         return Fields(position, run.mesh.nodes_mm[self._nodes], self._cells, self._material, values)
 
-    def _at_gauss_points(self, state: SolidState) -> dict[str, Floats]:
+    def _at_gauss_points(self, state: State) -> dict[str, Floats]:
         """The fields (..., M, 27); the mean of Cauchy's normal stresses is q + mu phi' (F:F / 3J - 1)."""
         body = self._run.newton.body
         I, c = body.integrals, body.constants

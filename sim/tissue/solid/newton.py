@@ -17,8 +17,8 @@ from palpate.sim.tissue.newton import NoConvergence
 from palpate.sim.tissue.solid.body import Body
 from palpate.sim.tissue.solid.face import FaceContact, Touching
 from palpate.sim.tissue.solid.multifrontal import Multifrontal
-from palpate.sim.tissue.solid.predictor import SolidState
 from palpate.sim.tissue.solver.linear import NotPositiveDefinite
+from palpate.sim.tissue.state import State
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -96,14 +96,14 @@ class SolidNewton:
 
     def solve(
         self,
-        start: SolidState,
+        start: State,
         position: float,
         force: float,
         limit: int = 30,
         careful: bool = False,
         rough: bool = False,
         again: bool = False,
-    ) -> SolidState:
+    ) -> State:
         """Equilibrium at `position` under `force`, from the guess `start`, which is left as it is.
 
         Parameters
@@ -178,7 +178,7 @@ class SolidNewton:
         changes = len(np.setxor1d(seen.active, self._factored.active, assume_unique=True))
         return near if changes > _MOST_CHANGES else None
 
-    def _factor(self, state: SolidState, seen: Touching, which: Ints) -> None:
+    def _factor(self, state: State, seen: Touching, which: Ints) -> None:
         solver = self.solver
         try:
             self._renew(state.u, state.pressure, seen, which, curved=True)
@@ -233,7 +233,7 @@ class SolidNewton:
         return self.solver.solve(sides)
 
     def _step(
-        self, state: SolidState, seen: Touching, residual: Floats, theta: Floats, lack: float, fresh: bool
+        self, state: State, seen: Touching, residual: Floats, theta: Floats, lack: float, fresh: bool
     ) -> None:
         contact, active = self.contact, seen.active
         weight = contact.weight[active] * contact.augmentation

@@ -15,8 +15,8 @@ from scipy.interpolate import RegularGridInterpolator
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.solid.grid import lay_plain_grid
-from palpate.sim.tissue.solid.predictor import SolidState
 from palpate.sim.tissue.solid.run import SolidGeometry, SolidRun, set_up
+from palpate.sim.tissue.state import State
 
 Floats = NDArray[np.float64]
 
@@ -38,15 +38,15 @@ class PlainPress:
         self._plain = set_up(lay_plain_grid(grid, case, settings.hx_mm / settings.refine))
         share = 0.25 if grid.half else 0.5
         self._run = SolidRun(replace(case, E_ratio=1.0, lump_stiffening=0.0), settings, self._plain, share)
-        self._state: SolidState | None = None
+        self._state: State | None = None
 
-    def state(self, F_rel: float, position: float) -> SolidState:
+    def state(self, F_rel: float, position: float) -> State:
         """The guess for the target geometry, with the probe at `position`; loads only ever grow."""
         run = self._run
         self._state = run.load(self._state, 0.0, run.force(F_rel), rough=True)
         return self._carried(self._state, position)
 
-    def _carried(self, state: SolidState, position: float) -> SolidState:
+    def _carried(self, state: State, position: float) -> State:
         ours, plain = self._target.mesh, self._plain.mesh
         lines = [np.unique(plain.nodes_mm[:, axis].round(9)) for axis in range(3)]
         u = state.u.reshape(-1, 3)[plain.node_lattice]
@@ -60,9 +60,9 @@ class PlainPress:
         skin = RegularGridInterpolator((lines[0], lines[2]), state.multiplier.reshape(plain.surface.shape))
         top = ours.surface.ravel()
         multiplier = np.maximum(skin(inside[top][:, [0, 2]]), 0.0)
-        return SolidState(moved.ravel(), state.height, multiplier, self._pressures(state, x))
+        return State(moved.ravel(), state.height, multiplier, self._pressures(state, x))
 
-    def _pressures(self, state: SolidState, x: Floats) -> Floats:
+    def _pressures(self, state: State, x: Floats) -> Floats:
         """Coefficients of each element from the plain one at the same place, mirrored and scaled to its
         size."""
         ours, plain = self._target.mesh, self._plain.mesh

@@ -8,49 +8,19 @@ shifted.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.sim.tissue.solid import predictor_kernels as kernels
 from palpate.sim.tissue.solid.mesh import SolidMesh
+from palpate.sim.tissue.state import State, combine, extrapolation
 
 Floats = NDArray[np.float64]
 
 _PROBE = 0.05
 """Weight of the probe's frame: what the lump changes is small beside what the probe does."""
-
-
-@dataclass
-class SolidState:
-    """Unknowns of one equilibrium.
-
-    Attributes
-    ----------
-    u : ndarray (3N,)
-        Displacement, mm.
-    height : float
-        Height of the probe's lowest point, mm.
-    multiplier : ndarray (S,)
-        Contact multipliers of the skin's nodes, kPa.
-    pressure : ndarray (M, 4)
-        Coefficients of the elements' pressure.
-    smallest_jacobian : float
-        Of an equilibrium that Newton returns: least det F at any Gauss point; below 0 is inverted.
-    """
-
-    u: Floats
-    height: float
-    multiplier: Floats
-    pressure: Floats
-    smallest_jacobian: float = math.nan
-
-    def copy(self) -> SolidState:
-        """A state that can be changed without changing this one."""
-        return SolidState(self.u.copy(), self.height, self.multiplier.copy(), self.pressure.copy())
 
 
 class SolidPredictor:
@@ -78,16 +48,13 @@ class SolidPredictor:
         self._node_lump = _lump_distance(self._places, grid.half_axes, grid.offset)
         self._element_lump = _lump_distance(self._middles, grid.half_axes, grid.offset)
 
-    def __call__(self, history: Sequence[tuple[float, SolidState]], position: float) -> SolidState:
+    def __call__(self, history: Sequence[tuple[float, State]], position: float) -> State:
         """Guess the state at `position` from the last few, (position, state), the newest last."""
         places = [place for place, _ in history]
-        weights = [
-            math.prod(((position - other) / (place - other) for other in places if other != place), start=1.0)
-            for place in places
-        ]
+        weights = extrapolation(places, position)
         states = [state for _, state in history]
-        u = _combine(weights, [state.u for state in states])
-        pressure = _combine(weights, [state.pressure for state in states])
+        u = combine(weights, [state.u for state in states])
+        pressure = combine(weights, [state.pressure for state in states])
         rows = np.zeros((*self._nodes.shape, 3))
         cells = np.zeros((*self._elements.shape, 4))
         known_nodes = self._nodes >= 0
@@ -120,14 +87,7 @@ class SolidPredictor:
             last > 0.0, np.maximum(multiplier, 0.25 * last), 0.0
         )  # what touches, goes on touching
         height = float(np.dot(weights, [state.height for state in states]))
-        return SolidState(u, height, multiplier.ravel(), pressure)
-
-
-def _combine(weights: Sequence[float], arrays: Sequence[Floats]) -> Floats:
-    out = weights[0] * arrays[0]
-    for weight, array in zip(weights[1:], arrays[1:]):
-        out += weight * array
-    return out
+        return State(u, height, multiplier.ravel(), pressure)
 
 
 def _lump_distance(places: Floats, half_axes: tuple[float, float, float], offset: float) -> Floats:

@@ -25,7 +25,8 @@ from palpate.sim.tissue.solid.grid import SolidGrid
 from palpate.sim.tissue.solid.mesh import SolidMesh, build_mesh
 from palpate.sim.tissue.solid.multifrontal import Multifrontal
 from palpate.sim.tissue.solid.newton import SolidNewton
-from palpate.sim.tissue.solid.predictor import SolidPredictor, SolidState
+from palpate.sim.tissue.solid.predictor import SolidPredictor
+from palpate.sim.tissue.state import State
 
 Floats = NDArray[np.float64]
 
@@ -78,16 +79,14 @@ class SolidRun:
         """What the mesh's part of the probe bears, mN."""
         return 1000.0 * replace(self.case, F_rel=F_rel).F_N * self.share
 
-    def press(self, position: float, force: float, start: SolidState) -> SolidState:
+    def press(self, position: float, force: float, start: State) -> State:
         """The state at the first position, reached from a guess or, failing that, by raising the force."""
         try:
             return self._upright(self.newton.solve(start, position, force, 15))
         except NoConvergence:
             return self.load(None, position, force)
 
-    def load(
-        self, state: SolidState | None, position: float, force: float, rough: bool = False
-    ) -> SolidState:
+    def load(self, state: State | None, position: float, force: float, rough: bool = False) -> State:
         """Raise the force from `state`'s, or from nothing, in steps that grow as long as they converge."""
         if state is None:
             state = self._unloaded(0.1)
@@ -105,12 +104,12 @@ class SolidRun:
                     raise StrokeError(self.case.code, position, f"pressing, {error}") from None
         return state
 
-    def _unloaded(self, depth: float) -> SolidState:
+    def _unloaded(self, depth: float) -> State:
         """Undeformed tissue, the probe `depth` below its surface."""
         mesh = self.mesh
         rest = np.zeros(3 * len(mesh.nodes_mm))
         pressure = np.zeros((len(mesh.elements), 4))
-        return SolidState(rest, self.case.centre_mm - depth, np.zeros(mesh.surface.size), pressure)
+        return State(rest, self.case.centre_mm - depth, np.zeros(mesh.surface.size), pressure)
 
     def slide(self, tracks: Sequence[Track], new: float) -> None:
         """Add the states at `new` to all tracks: the first with a factor of its own, the others with the
@@ -130,7 +129,7 @@ class SolidRun:
             except NoConvergence:
                 self._slide(track, new, start)
 
-    def _slide(self, track: Track, new: float, start: SolidState) -> None:
+    def _slide(self, track: Track, new: float, start: State) -> None:
         """Add the state at `new` to a track; what does not converge is done in halves."""
         reason = NoConvergence()
         for careful in (False, True):
@@ -148,12 +147,12 @@ class SolidRun:
             self._slide(track, place, self.predictor(track.recent, place))
 
     @staticmethod
-    def _upright(state: SolidState) -> SolidState:
+    def _upright(state: State) -> State:
         if state.smallest_jacobian <= 0.0:
             raise NoConvergence(_inside_out(state))
         return state
 
-    def read(self, state: SolidState, position: float, force: float) -> dict[str, Any]:
+    def read(self, state: State, position: float, force: float) -> dict[str, Any]:
         """What the probe feels, checked: a wrong equilibrium must not pass for a result."""
         skin = self.contact.pressure(state.u, state.multiplier)
         half = self.mesh.grid.half
@@ -187,15 +186,15 @@ class SolidRun:
 class Track:
     """The states of one force along the stroke: the last three, with their positions."""
 
-    def __init__(self, force: float, position: float, state: SolidState) -> None:
+    def __init__(self, force: float, position: float, state: State) -> None:
         self.force = force
         self.recent = [(position, state)]
 
-    def add(self, position: float, state: SolidState) -> None:
+    def add(self, position: float, state: State) -> None:
         """The next state; the fourth last is forgotten."""
         self.recent = [*self.recent[-2:], (position, state)]
 
 
-def _inside_out(state: SolidState) -> str:
+def _inside_out(state: State) -> str:
     """Why a state of balance is refused: tissue does not get into it."""
     return f"an element is turned inside out (det F = {state.smallest_jacobian:.2g})"

@@ -16,9 +16,9 @@ from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.solid.grid import lay_grid
 from palpate.sim.tissue.solid.plain import PlainPress
-from palpate.sim.tissue.solid.predictor import SolidState
 from palpate.sim.tissue.solid.result import SolidStroke
 from palpate.sim.tissue.solid.run import SolidGeometry, SolidRun, Track, set_up
+from palpate.sim.tissue.state import State
 from palpate.sim.tissue.stroke import checked_positions, one_blas_thread
 
 Floats = NDArray[np.float64]
@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 RAMP = (0.25, 0.5)
 """Parts of the lowest force at which a press-in ramp takes images."""
 
-Visit = Callable[[SolidRun, float, SolidState], None]
+Visit = Callable[[SolidRun, float, State], None]
 
 _local = threading.local()
 

@@ -9,9 +9,9 @@ from palpate.sim.tissue.element import integrate
 from palpate.sim.tissue.material import Elasticity, Tissue
 from palpate.sim.tissue.mesh import FAT, TissueMesh, cells_of, mesh_of
 from palpate.sim.tissue.newton import Newton
-from palpate.sim.tissue.predictor import State
 from palpate.sim.tissue.probe_shape import ProbeShape
 from palpate.sim.tissue.solver.choice import make_solver
+from palpate.sim.tissue.state import State
 
 
 def block(x, y, shake=0.0, seed=0, rollers=True) -> TissueMesh:

@@ -18,7 +18,7 @@ from palpate.sim.tissue.solid.grid import SolidGrid
 from palpate.sim.tissue.solid.mesh import SolidMesh, build_mesh
 from palpate.sim.tissue.solid.multifrontal import Multifrontal
 from palpate.sim.tissue.solid.newton import SolidNewton
-from palpate.sim.tissue.solid.predictor import SolidState
+from palpate.sim.tissue.state import State
 
 FLAT = FaceShape(ProbeShape(math.inf, 1e6, 1.0), ProbeShape(math.inf, 1e6, 1.0))
 
@@ -49,8 +49,6 @@ def press(body: Body, shape: FaceShape, force: float, depth: float, tolerance=1e
     contact = FaceContact(mesh, shape, augmentation)
     newton = SolidNewton(body, contact, Multifrontal(lay_fronts(mesh)), tolerance)
     zero = np.zeros(3 * len(mesh.nodes_mm))
-    start = SolidState(
-        zero, contact.y0[0] - depth, np.zeros(mesh.surface.size), np.zeros((len(mesh.elements), 4))
-    )
+    start = State(zero, contact.y0[0] - depth, np.zeros(mesh.surface.size), np.zeros((len(mesh.elements), 4)))
     state = newton.solve(start, 0.0, force, limit=60)
     return contact.pressure(state.u, state.multiplier), state
