@@ -34,6 +34,8 @@ class Report:
     over : str
         "the training set" or "random vectors of the domain".
     proof : bounds.Proof
+    adapted : str
+        From what it was adapted to real strokes; "" if it was not.
     """
 
     model_id: str
@@ -44,6 +46,7 @@ class Report:
     errors: accuracy.Errors
     over: str
     proof: bounds.Proof
+    adapted: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """For --json."""
@@ -60,6 +63,7 @@ class Report:
             f"{self.errors.worst[worst]:.1e} in {worst}; "
             f"medians at most {max(self.errors.median.values()):.1e}",
             str(self.proof),
+            *([self.adapted] if self.adapted else []),
         ]
 
 
@@ -142,5 +146,6 @@ def export(
         errors,
         over,
         proof,
+        info.adapted,
     )
     return signed, report

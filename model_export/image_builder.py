@@ -71,6 +71,8 @@ def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None
         for part in parts
     ]
     info = ",".join(spec.features) + "\n1e-6 " + ",".join(unit for _, unit in OUTPUTS)
+    if (adapted := spec.training.get("adapted")) is not None:
+        info += f"\nadapted from {adapted['from'][:16]} with {adapted['lumps']} lumps"
     feats = [tables.feats[evaluator.FEATURE_ROW * i + k] for i in range(n) for k in unpack.FEATURE_KEPT]
     outs = [tables.outs[evaluator.OUTPUT_ROW * j + k] for j in range(outputs) for k in unpack.OUTPUT_KEPT]
     rows = tables.rows.tolist()
@@ -143,6 +145,8 @@ class Info:
     kind, probe, model_id (hex), training (hex), features, features_version
     counter, replaces : int
         Security counter, and for a rollback the highest counter it may replace.
+    adapted : str
+        From what the model was adapted to real strokes, and with how many lumps; "" if it was not.
     size : int
         Bytes with the signature.
     signature : str or None
@@ -158,6 +162,7 @@ class Info:
     features_version: int
     counter: int
     replaces: int
+    adapted: str
     size: int
     signature: str | None
     model: fw.Model
@@ -187,6 +192,7 @@ def inspect(data: bytes, key: bytes | None = None, probe: str | None = None) -> 
     """
     body = _body_size(data, key)
     names: tuple[str, ...] = ()
+    adapted = ""
 
     def read(at: int, n: int) -> bytes:
         return data[at : at + n]
@@ -201,6 +207,7 @@ def inspect(data: bytes, key: bytes | None = None, probe: str | None = None) -> 
     if header.code == status.OK:
         text = header.section(read, fw.INFO).decode("ascii", "replace")
         names = tuple(text.split("\n")[0].split(","))
+        adapted = next((line for line in text.split("\n")[2:] if line.startswith("adapted ")), "")
         if header.features_version != firmware_features.FEATURES_VERSION:
             raise ImageError(
                 f"the model needs version {header.features_version} of the features, "
@@ -223,6 +230,7 @@ def inspect(data: bytes, key: bytes | None = None, probe: str | None = None) -> 
         header.features_version,
         header.counter,
         header.replaces,
+        adapted,
         len(data),
         None if key is None else "good",
         model,

@@ -44,7 +44,11 @@ CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("replay", "palpate.cli.replay", "a recording through the live parser and the probe's code"),
         ("convert", "palpate.cli.convert", "a recording as Parquet, HDF5 or CSV"),
     ),
-    "Real strokes": (("import", "palpate.cli.import_", "frames of anybody's sensor as recordings"),),
+    "Real strokes": (
+        ("import", "palpate.cli.import_", "frames of anybody's sensor as recordings"),
+        ("validate", "palpate.cli.validate", "how far a model can be believed on real strokes"),
+        ("adapt", "palpate.cli.adapt", "a model corrected by real strokes"),
+    ),
     "This machine": (
         ("doctor", "palpate.cli.doctor", "is this machine ready, and what to do"),
         ("completion", "palpate.cli.completion", "let the shell complete commands"),

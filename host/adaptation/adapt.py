@@ -1,0 +1,217 @@
+"""`adapt`: a model of simulated strokes, corrected and recalibrated by strokes over lumps that are known."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from palpate.adaptation import correction, recalibration
+from palpate.adaptation.correction import FEATURES, OFFSET, SLOPES, TERMS, Basis, Correction
+from palpate.dataset.answers import TRUTH_COLUMN, found
+from palpate.dataset.columns import DataSetError
+from palpate.dataset.strokes import Seen, see
+from palpate.dataset.table import DataSet
+from palpate.features.map_features import Floats
+from palpate.model_export.fixed_point.reference import evaluate, monomials
+from palpate.model_export.schema import OUTPUTS, ModelSpec
+from palpate.regression.observed import NAMES
+from palpate.regression.probe_model import E_INV23, training_hash
+
+FEWEST_LUMPS = 5
+"""Fewer are refused: their mean error says less than the simulated model."""
+FAMILIAR = 0.975
+"""Share of the data set's strokes that the adapted domain takes in."""
+_ROOM, _WIDER = 0.1, 1.2
+
+
+@dataclass(frozen=True)
+class Adapted:
+    """An adapted model and how it came about.
+
+    Attributes
+    ----------
+    spec : ModelSpec
+    corrections : dict of Correction
+        By output; those without a truth are missing.
+    widths : dict of float
+        By what each output's interval was multiplied.
+    lumps, strokes : int
+        That were used: found, and with a truth.
+    """
+
+    spec: ModelSpec
+    corrections: dict[str, Correction]
+    widths: dict[str, float]
+    lumps: int
+    strokes: int
+
+
+def adapt(spec: ModelSpec, data: DataSet, progress: Callable[[str, int, int], None] | None = None) -> Adapted:
+    """Adapt a model to a data set.
+
+    Raises
+    ------
+    DataSetError
+        Fewer than `FEWEST_LUMPS` lumps were found; or a recording cannot be used: row and column.
+    """
+    return adapt_to(spec, see(data, spec, progress))
+
+
+def adapt_to(spec: ModelSpec, seen: Seen) -> Adapted:
+    """The same with strokes that have been read."""
+    seen = seen.take(found(spec, seen.X, seen.status))
+    lumps = len(np.unique(seen.lump))
+    if lumps < FEWEST_LUMPS:
+        raise DataSetError(
+            f"{lumps} lumps were found in the data set; a model is adapted to {FEWEST_LUMPS} or more: fewer "
+            "would as soon make it worse"
+        )
+    truth = link_truth(spec, seen)
+    basis, said, map_back = basis_of(spec, seen)
+    corrections: dict[str, Correction] = {}
+    change = np.zeros((basis.phi.shape[1], len(OUTPUTS)))
+    held_out = np.array(said["y"])
+    for j, output in enumerate(spec.outputs):
+        known = ~np.isnan(truth[:, j])
+        if len(np.unique(seen.lump[known])) < FEWEST_LUMPS:
+            continue
+        group, own = seen.lump[known], Basis(basis.phi[known], basis.level)
+        residual = truth[known, j] - said["y"][known, j]
+        means, errors = own.means(group), correction.mean_of(residual, group)
+        corrections[output.name] = correction.fit(means, errors)
+        change[:, j] = corrections[output.name].coefficients
+        rows = np.flatnonzero(known)
+        for lump, without in zip(np.unique(group), correction.left_out(means, errors)):
+            left = rows[group == lump]
+            held_out[left, j] += basis.phi[left] @ without.coefficients
+    held_out = np.clip(held_out, *_ends(spec))
+    half = _halves(spec, seen, held_out)
+    widths = {}
+    for j, output in enumerate(spec.outputs):
+        if output.name in corrections:
+            known = ~np.isnan(truth[:, j])
+            score = np.abs(truth[known, j] - held_out[known, j]) / half[known, j]
+            widths[output.name] = recalibration.factor(score, seen.lump[known], spec.interval.level)
+    return Adapted(
+        _assemble(spec, seen, truth, map_back(change), widths, corrections),
+        corrections,
+        widths,
+        lumps,
+        len(seen),
+    )
+
+
+def link_truth(spec: ModelSpec, seen: Seen) -> Floats:
+    """Truths on the link scale, (n, outputs); NaN where they are not known."""
+    out = np.full((len(seen), len(spec.outputs)), np.nan)
+    for j, output in enumerate(spec.outputs):
+        values = seen.table[TRUTH_COLUMN.get(output.name, output.name)].to_numpy(float)
+        values = values ** (-2 / 3) if output.name == "E_inv23" else values
+        out[:, j] = np.log(values) if output.link == "ln" else values
+    return out
+
+
+def basis_of(spec: ModelSpec, seen: Seen) -> tuple[Basis, dict[str, Any], Callable[[Floats], Floats]]:
+    """What a correction is made of: phi of each stroke, what the model says, and the way back.
+
+    The last turns coefficients (columns, outputs) over phi into changes of the model's coefficients, (terms,
+    outputs).
+    """
+    X = seen.X[:, [NAMES.index(name) for name in spec.features]]
+    said = evaluate(spec, X)
+    z = (np.clip(X, spec.clip_lo, spec.clip_hi) - np.array(spec.centre)) / np.array(spec.scale)
+    C = np.array([o.coefficients for o in spec.outputs]).T
+    T = monomials(z, spec.terms)
+    lo, hi = _ends(spec)
+    middle, size = (lo + hi) / 2, (hi - lo) / 4
+    outputs = (T @ C - middle) / size
+    sizes = np.array([1.0 if len(term) < 2 else 2.0 ** (len(term) - 1) for term in spec.terms])
+    degree = np.array([len(term) for term in spec.terms])
+    level = np.where(degree == 0, OFFSET, np.where(degree == 1, FEATURES, TERMS))
+    basis = Basis(
+        np.hstack([T / sizes, outputs]), np.concatenate([level, np.full(len(spec.outputs), SLOPES)])
+    )
+    constant = [k for k, term in enumerate(spec.terms) if not term]
+
+    def back(B: Floats) -> Floats:
+        own, slopes = B[: len(spec.terms)] / sizes[:, None], B[len(spec.terms) :] / size[:, None]
+        change = own + C @ slopes
+        change[constant] -= middle @ slopes
+        return np.asarray(change, float)
+
+    return basis, said, back
+
+
+def _ends(spec: ModelSpec) -> tuple[Floats, Floats]:
+    ends = np.array([[o.lo, o.hi] for o in spec.outputs]).T
+    is_ln = np.array([o.link == "ln" for o in spec.outputs])
+    ends[:, is_ln] = np.log(ends[:, is_ln])
+    return ends[0], ends[1]
+
+
+def _halves(spec: ModelSpec, seen: Seen, y: Floats) -> Floats:
+    """Half-widths, link scale, (n, outputs), of the model's intervals round other predictions."""
+    X = seen.X[:, [NAMES.index(name) for name in spec.features]]
+    z = (np.clip(X, spec.clip_lo, spec.clip_hi) - np.array(spec.centre)) / np.array(spec.scale)
+    inputs = np.hstack([monomials(z, spec.interval.terms), y])
+    sigma = np.exp(inputs @ np.array(spec.interval.coefficients).T)
+    hard = (y[:, E_INV23] < spec.hard_below).astype(int)
+    return np.asarray(np.array(spec.interval.quantiles).T[hard] * sigma, float)
+
+
+def _assemble(
+    spec: ModelSpec,
+    seen: Seen,
+    truth: Floats,
+    change: Floats,
+    widths: dict[str, float],
+    corrections: dict[str, Correction],
+) -> ModelSpec:
+    """The adapted model: coefficients, quantiles and domain changed, and where it comes from."""
+    outputs = tuple(
+        replace(o, coefficients=tuple(map(float, np.array(o.coefficients) + change[:, j])))
+        for j, o in enumerate(spec.outputs)
+    )
+    pairs = tuple(
+        (soft * widths.get(o.name, 1.0), hard * widths.get(o.name, 1.0))
+        for o, (soft, hard) in zip(spec.outputs, spec.interval.quantiles)
+    )
+    data = training_hash(seen.X, np.nan_to_num(truth))
+    before = str(spec.training["hash"])
+    adapted = {
+        "from": before,
+        "data": data,
+        "lumps": len(np.unique(seen.lump)),
+        "strokes": len(seen),
+        "outputs": {name: {"correction": c.words, "widths": widths[name]} for name, c in corrections.items()},
+    }
+    own = hashlib.sha256(bytes.fromhex(before) + bytes.fromhex(data)).hexdigest()
+    training = {k: v for k, v in spec.training.items() if k != "features"}
+    return replace(
+        spec,
+        outputs=outputs,
+        interval=replace(spec.interval, quantiles=pairs),
+        domain=_domain(spec, seen),
+        training=training | {"hash": own, "adapted": adapted},
+    ).validate()
+
+
+def _domain(spec: ModelSpec, seen: Seen) -> Any:
+    """Box and distance widened by what the data set's strokes need; never narrowed."""
+    X = seen.X[:, [NAMES.index(name) for name in spec.features]]
+    clipped = np.clip(X, spec.clip_lo, spec.clip_hi)
+    room = _ROOM * np.ptp(clipped, axis=0)
+    lo = np.maximum(np.minimum(spec.domain.lo, clipped.min(axis=0) - room), spec.clip_lo)
+    hi = np.minimum(np.maximum(spec.domain.hi, clipped.max(axis=0) + room), spec.clip_hi)
+    distance = evaluate(spec, X)["distance"] * spec.domain.threshold
+    wanted = _WIDER * float(np.quantile(distance, FAMILIAR, method="higher"))
+    return replace(
+        spec.domain,
+        lo=tuple(map(float, lo)),
+        hi=tuple(map(float, hi)),
+        threshold=max(spec.domain.threshold, wanted),
+    )

@@ -1,0 +1,156 @@
+"""The whole of a validation: agreement of every output, hardness, what was not found, flags, verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from statsmodels.stats.proportion import proportion_confint
+
+from palpate.dataset.answers import OUTPUTS, Answers, answers
+from palpate.dataset.strokes import Seen, see
+from palpate.dataset.table import DataSet
+from palpate.model_export.schema import ModelSpec
+from palpate.regression.probe_model import E_INV23
+from palpate.validation.agreement import Agreement, Estimated, agreement
+from palpate.validation.verdict import Verdict, verdict
+
+NAMES = {
+    "d_mm": "diameter",
+    "depth_mm": "depth",
+    "h": "depth in diameters",
+    "t_mm": "fat's thickness",
+    "E_inv23": "stiffness, E^-2/3",
+    "F_N_per_m": "force",
+}
+"""Outputs in the order and the words of the report."""
+
+
+@dataclass(frozen=True)
+class Validation:
+    """What a data set shows of a model.
+
+    Attributes
+    ----------
+    answers : Answers
+    agreements : dict of Agreement
+        By output; those without a truth are missing.
+    verdicts : dict of Verdict
+        The same.
+    confusion : DataFrame
+        Rows hard and soft as they are, columns hard, soft, unsure as said; strokes.
+    not_found, flagged, force_out : Estimated
+        Shares: of all strokes; of those found.
+    wrong_hardness : Estimated or None
+        Share of the strokes called hard or soft that are the other.
+    remarks : tuple of str
+        The data set's.
+    """
+
+    answers: Answers
+    agreements: dict[str, Agreement]
+    verdicts: dict[str, Verdict]
+    confusion: pd.DataFrame
+    not_found: Estimated
+    flagged: Estimated
+    force_out: Estimated
+    wrong_hardness: Estimated | None
+    remarks: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        outputs = {}
+        for name, found in self.agreements.items():
+            row = {k: v for k, v in asdict(found).items() if k not in ("errors", "means", "name")}
+            row["limits"] = {"low": asdict(found.limits[0]), "high": asdict(found.limits[1])}
+            outputs[name] = row | {
+                "verdict": self.verdicts[name].text,
+                "more_lumps": self.verdicts[name].more_lumps,
+            }
+        return {
+            "strokes": len(self.answers.group),
+            "lumps": len(np.unique(self.answers.group)),
+            "level": self.answers.level,
+            "outputs": outputs,
+            "hardness": {
+                k: {str(i): int(n) for i, n in v.items()} for k, v in self.confusion.T.to_dict().items()
+            },
+            "wrong_hardness": None if self.wrong_hardness is None else asdict(self.wrong_hardness),
+            "not_found": asdict(self.not_found),
+            "out_of_domain": asdict(self.flagged),
+            "force_out": asdict(self.force_out),
+            "remarks": list(self.remarks),
+        }
+
+
+def validate(
+    spec: ModelSpec,
+    data: DataSet,
+    seed: int = 1,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Validation:
+    """Judge a model by a data set.
+
+    Parameters
+    ----------
+    spec : ModelSpec
+    data : DataSet
+        Its truths lie within the model's ranges (`dataset.answers.refuse_outside`).
+    seed : int
+        Of the resampling.
+    progress : callable, optional
+        See `regression.progress.ProgressCallback`.
+
+    Raises
+    ------
+    DataSetError
+        A recording cannot be used; row and column.
+    """
+    return judge(spec, see(data, spec, progress), data.remarks, seed)
+
+
+def judge(spec: ModelSpec, seen: Seen, remarks: tuple[str, ...] = (), seed: int = 1) -> Validation:
+    """The same of strokes that have been read."""
+    said = answers(spec, seen)
+    found = {name: agreement(said, name, seed) for name in NAMES if name in OUTPUTS}
+    agreements = {name: a for name, a in found.items() if a is not None}
+    confusion, wrong = _hardness(said)
+    return Validation(
+        said,
+        agreements,
+        {name: verdict(a, said.level) for name, a in agreements.items()},
+        confusion,
+        share(~said.lump),
+        share(~said.in_domain[said.lump]),
+        share(said.force_out[said.lump]),
+        wrong,
+        remarks,
+    )
+
+
+def share(hits: np.ndarray) -> Estimated:
+    """A share of strokes with Wilson's interval."""
+    n, k = len(hits), int(hits.sum())
+    if not n:
+        return Estimated(float("nan"))
+    low, high = proportion_confint(k, n, alpha=0.05, method="wilson")
+    return Estimated(k / n, float(low), float(high))
+
+
+def _hardness(said: Answers) -> tuple[pd.DataFrame, Estimated | None]:
+    judged = said.lump & ~np.isnan(said.truth[:, E_INV23])
+    truth = np.where(said.hard[judged], "hard", "soft")
+    words = said.hardness[judged]
+    table = pd.DataFrame(
+        [
+            [int(((truth == t) & (words == w)).sum()) for w in ("hard", "soft", "unsure")]
+            for t in ("hard", "soft")
+        ],
+        index=["hard", "soft"],
+        columns=["hard", "soft", "unsure"],
+    )
+    decided = words != "unsure"
+    return table, share(words[decided] != truth[decided]) if decided.any() else None

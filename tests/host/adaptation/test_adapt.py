@@ -1,0 +1,142 @@
+"""Few lumps help a model and do not hurt it; what comes out is a model as any other."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from palpate import models
+from palpate.adaptation import correction, recalibration
+from palpate.adaptation.adapt import FEWEST_LUMPS, adapt_to, basis_of
+from palpate.adaptation.left_out import before_and_after
+from palpate.dataset.answers import answers, found
+from palpate.dataset.columns import DataSetError
+from palpate.dataset.strokes import Seen
+from palpate.firmware_twin.replay_core import Replay
+from palpate.model_export.exporter import export
+from palpate.model_export.fixed_point.reference import evaluate
+from palpate.model_export.image_builder import inspect
+from palpate.model_export.schema import ModelSpec
+from palpate.regression.observed import NAMES
+
+
+@pytest.fixture(scope="module")
+def spec():
+    return models.load()
+
+
+@pytest.fixture(scope="module")
+def seen(spec):
+    """Strokes out of the model's own training set, whose truths read 20 % larger in d and h than it says."""
+    X = np.zeros((60, len(NAMES)))
+    X[:, [NAMES.index(n) for n in spec.features]] = np.array(spec.training["features"])[::5][:60]
+    said = evaluate(spec, X[:, [NAMES.index(n) for n in spec.features]])
+    noise = np.exp(0.03 * np.random.default_rng(1).standard_normal((60, 5)))
+    value = said["value"] * noise
+    table = pd.DataFrame(
+        {
+            "row": np.arange(60) + 2,
+            "lump": [f"L{k // 2}" for k in range(60)],
+            "d_mm": 1.2 * value[:, 2],
+            "h": 1.2 * value[:, 3],
+            "depth_mm": 1.44 * value[:, 2] * value[:, 3],
+            "t_mm": value[:, 1],
+            "E_ratio": value[:, 4] ** -1.5,
+            "F_N_per_m": np.nan,
+        }
+    )
+    made = Seen(table, X, np.zeros(60, int))
+    return made.take(found(spec, X, made.status))
+
+
+def test_a_bias_of_a_fifth_is_gone_on_lumps_that_were_left_out(spec, seen):
+    compared = before_and_after(spec, seen)
+    for name in ("d_mm", "h"):
+        assert compared.numbers[name, "before"][0] == pytest.approx(-np.log(1.2), abs=0.02)
+        assert abs(compared.numbers[name, "after"][0]) < 0.02
+        assert compared.numbers[name, "after"][1] < 0.5 * compared.numbers[name, "before"][1]
+
+
+def test_what_is_right_is_left_alone(spec, seen):
+    adapted = adapt_to(spec, seen)
+    assert "F_N_per_m" not in adapted.corrections, "no truth, no correction"
+    assert adapted.spec.outputs[0].coefficients == spec.outputs[0].coefficients
+    assert adapted.corrections["d_mm"].level > correction.NONE
+
+
+def test_the_correction_is_the_model_s_own_polynomial(spec, seen):
+    """What is added to the predictions and what is added to the coefficients are the same."""
+    basis, _, back = basis_of(spec, seen)
+    B = 1e-3 * np.random.default_rng(2).standard_normal((basis.phi.shape[1], 5))
+    C = np.array([o.coefficients for o in spec.outputs]).T
+    from palpate.model_export.fixed_point.reference import monomials
+
+    X = seen.X[:, [NAMES.index(n) for n in spec.features]]
+    z = (np.clip(X, spec.clip_lo, spec.clip_hi) - np.array(spec.centre)) / np.array(spec.scale)
+    T = monomials(z, spec.terms)
+    np.testing.assert_allclose(T @ (C + back(B)), T @ C + basis.phi @ B, atol=1e-9)
+
+
+def test_too_few_lumps_are_refused(spec, seen):
+    few = seen.take(seen.lump < FEWEST_LUMPS - 1)
+    with pytest.raises(DataSetError, match="4 lumps were found in the data set; a model is adapted to 5"):
+        adapt_to(spec, few)
+
+
+def test_the_order_of_rows_does_not_matter(spec, seen):
+    order = np.random.default_rng(3).permutation(len(seen))
+    turned = Seen(seen.table.iloc[order].reset_index(drop=True), seen.X[order], seen.status[order])
+    a, b = adapt_to(spec, seen), adapt_to(spec, turned)
+    np.testing.assert_allclose(
+        [o.coefficients for o in a.spec.outputs], [o.coefficients for o in b.spec.outputs], atol=1e-9
+    )
+    assert a.widths == pytest.approx(b.widths)
+
+
+def test_an_adapted_model_is_a_model_as_any_other_and_says_what_it_is(spec, seen, tmp_path, key_dir):
+    adapted = adapt_to(spec, seen)
+    adapted.spec.save(tmp_path / "adapted.json")
+    image, report = export(ModelSpec.load(tmp_path / "adapted.json"), key_dir)
+    assert report.errors.worst["d_mm"] < 0.02, "in integers as in float64"
+    info = inspect(image)
+    assert info.adapted == f"adapted from {spec.training['hash'][:16]} with {adapted.lumps} lumps"
+    assert info.training != spec.training["hash"]
+    assert Replay().force_map is None
+    plain, _ = export(spec, key_dir)
+    assert inspect(plain).adapted == ""
+
+
+def test_a_second_adaptation_starts_from_the_first(spec, seen):
+    once = adapt_to(spec, seen).spec
+    twice = adapt_to(once, seen).spec
+    assert twice.training["adapted"]["from"] == once.training["hash"]
+    y = answers(twice, seen).value[:, 2] / answers(once, seen).value[:, 2]
+    assert abs(np.log(y)).max() < 0.1, "there is little left to correct"
+
+
+@pytest.mark.parametrize("lumps", [5, 9, 19, 20, 40])
+def test_recalibrated_intervals_hold_what_they_say(lumps):
+    """Errors three times larger than the model thinks, half of each common to a lump's strokes."""
+    rng = np.random.default_rng(lumps)
+    covered = []
+    for _ in range(400):
+
+        def errors(n):
+            shared = rng.standard_normal(n)[:, None]
+            return 3 / 1.645 * (shared + rng.standard_normal((n, 3))) / 2**0.5
+
+        q = recalibration.factor(np.abs(errors(lumps)).ravel(), np.repeat(np.arange(lumps), 3), 0.9)
+        covered.append((np.abs(errors(200)) <= q).mean())
+    assert 0.88 <= np.mean(covered) <= 0.94
+
+
+def test_noise_alone_is_not_learned():
+    """Residuals without any bias: a correction chosen by chance may not cost more than a tenth."""
+    rng = np.random.default_rng(1)
+    level = np.array([1, *[2] * 5, *[3] * 20])
+    worse = []
+    for _ in range(200):
+        phi = np.column_stack([np.ones(20), rng.standard_normal((20, 25))])
+        fitted = correction.fit(correction.Basis(phi, level), rng.standard_normal(20))
+        fresh = np.column_stack([np.ones(500), rng.standard_normal((500, 25))])
+        worse.append(1 + np.mean((fresh @ fitted.coefficients) ** 2))
+    assert np.mean(worse) < 1.1
