@@ -65,12 +65,15 @@ def command(
     from palpate.regression.fit import fit
     from palpate.regression.observed import noise_named
     from palpate.report.measured import Measured, measure
+    from palpate.sim.tissue import check_finished
 
     # Read before the work: what is wrong with arguments and files is said at once.
     noise_named(noise)
     changed = _tissue(tissue)
     if kind == "field":
         check_begun(directory, lumps)
+    else:
+        check_finished(directory)
     measured = measure(recording, weights, thickness) if recording or weights else Measured()
     announce(solver=kind == "field", firmware=True)
     with showing_progress() as progress:

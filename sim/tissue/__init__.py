@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from palpate.sim.tissue.solid.result import SolidStroke
     from palpate.sim.tissue.stroke import load_curve, simulate, simulate_forces
     from palpate.sim.tissue.sweeps import Progress, sweep
-    from palpate.sim.tissue.tables import iterate_strokes, load_strokes, read_table
+    from palpate.sim.tissue.tables import check_finished, iterate_strokes, load_strokes, read_table
 
 _HOMES = {
     "SENSORS_MM": "probe_shape",
@@ -44,6 +44,7 @@ _HOMES = {
     "read_design": "design",
     "sobol_cases": "design",
     "Progress": "sweeps",
+    "check_finished": "tables",
     "iterate_strokes": "tables",
     "load_strokes": "tables",
     "read_table": "tables",
@@ -68,6 +69,7 @@ __all__ = [
     "StrokeError",
     "TissueError",
     "case_key",
+    "check_finished",
     "iterate_strokes",
     "load_curve",
     "load_strokes",

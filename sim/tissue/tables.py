@@ -14,8 +14,8 @@ from palpate.sim.tissue.result import Stroke
 from palpate.sim.tissue.store import stroke_of
 
 
-def read_table(out_dir: str | Path, series: bool = True) -> pd.DataFrame:
-    """The table of a finished sweep, with its columns of lists or without these `series`.
+def check_finished(out_dir: str | Path) -> Path:
+    """The file of a finished sweep.
 
     Raises
     ------
@@ -31,6 +31,18 @@ def read_table(out_dir: str | Path, series: bool = True) -> pd.DataFrame:
             else "run a sweep into it first"
         )
         raise CaseError(f"{out_dir} holds no finished sweep; {hint}")
+    return path
+
+
+def read_table(out_dir: str | Path, series: bool = True) -> pd.DataFrame:
+    """The table of a finished sweep, with its columns of lists or without these `series`.
+
+    Raises
+    ------
+    CaseError
+        There is none.
+    """
+    path = check_finished(out_dir)
     plain = [field.name for field in pq.read_schema(path) if not pa.types.is_list(field.type)]
     return pq.read_table(path, columns=None if series else plain).to_pandas()
 

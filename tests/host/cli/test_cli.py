@@ -52,7 +52,11 @@ COMMANDS = [name for chapter in CHAPTERS.values() for name, _, _ in chapter]
         (("settings", "colour"), 2, "frame_rate"),
     ],
 )  # fmt: skip
-def test_invalid_arguments_and_missing_things_get_one_sentence(palpate, tmp_path, words, status, says):
+def test_invalid_arguments_and_missing_things_get_one_sentence(
+    palpate, tmp_path, monkeypatch, words, status, says
+):
+    """On a new machine, too: `fit` announced that it would compile before it looked for the sweep."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "new"))
     text = tmp_path / "text"
     text.write_text("hello, I am text, and long enough to hold any header that one might look for in a file")
     words = [str(word).format(tmp=tmp_path, text=text) for word in words]

@@ -42,9 +42,10 @@ def recording(strokes, public_key, images, tmp_path_factory):
 
     path = tmp_path_factory.mktemp("recording") / "monday.mcap"
     three = [*strokes, strokes[0]]  # and no more, however long the recording goes on after the third
-    with EmulatedProbe("micropython", strokes=three, public_key=public_key) as made:
+    with EmulatedProbe("micropython", strokes=three, public_key=public_key, roomy=True) as made:
         with Probe.open(made.port) as client:
             flash(client, images[0])
+            client.set_setting("stroke_pause", 60_000)  # a busy machine's pause is not the hand's
         with recorded(made.port, path) as client:
             estimates = [e for e in client.stream(strokes=3, timeout_s=PATIENCE_S) if isinstance(e, Estimate)]
     return path, estimates
