@@ -17,8 +17,8 @@ from palpate.sim.tissue.errors import CaseError, StrokeError, TissueError
 
 if TYPE_CHECKING:
     from palpate.sim.tissue.design import WIDEST, Ranges, one_factor_cases, read_design, sobol_cases
+    from palpate.sim.tissue.face_sensors import SENSORS_MM
     from palpate.sim.tissue.fields import Fields, simulate_fields
-    from palpate.sim.tissue.probe_shape import SENSORS_MM
     from palpate.sim.tissue.result import Stroke
     from palpate.sim.tissue.settings import SOLVER_VERSION, Settings, case_key
     from palpate.sim.tissue.solid.result import SolidStroke
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from palpate.sim.tissue.tables import check_finished, iterate_strokes, load_strokes, read_table
 
 _HOMES = {
-    "SENSORS_MM": "probe_shape",
+    "SENSORS_MM": "face_sensors",
     "SolidStroke": "solid.result",
     "Stroke": "result",
     "SOLVER_VERSION": "settings",

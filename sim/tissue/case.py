@@ -10,13 +10,10 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.face_sensors import WIDTH_MM
 
 FORCE_UNIT_N_PER_M = 100.0
 """F = 1.0 of a code, in N per metre of probe width (strain 19.7 % in the reference case)."""
-
-PROBE_WIDTH_MM = 39.0
-"""Width of the sensors' field across the stroke: the force on a solid lump's probe is that per metre times
-it."""
 
 SHAPES = ("cylinder", "ball", "ellipsoid")
 
@@ -219,7 +216,7 @@ class Case:
     @property
     def F_N(self) -> float:
         """Force on the whole probe, N."""
-        return self.F_N_per_m * PROBE_WIDTH_MM / 1000
+        return self.F_N_per_m * WIDTH_MM / 1000
 
     @property
     def has_lump(self) -> bool:

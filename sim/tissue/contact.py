@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.sim.tissue import contact_kernels as kernels
+from palpate.sim.tissue.face_sensors import PITCH_MM, SENSORS_MM
 from palpate.sim.tissue.mesh import TissueMesh
-from palpate.sim.tissue.probe_shape import SENSOR_PITCH_MM, SENSORS_MM, ProbeShape
+from palpate.sim.tissue.probe_shape import ProbeShape
 
 Floats = NDArray[np.float64]
 
@@ -102,11 +103,11 @@ class Contact:
         return x, pressure, float(force.sum() - self.friction * (force @ slope))
 
 
-_SAMPLES = np.linspace(-SENSOR_PITCH_MM / 2, SENSOR_PITCH_MM / 2, 9)
+_SAMPLES = np.linspace(-PITCH_MM / 2, PITCH_MM / 2, 9)
 _PLACES = SENSORS_MM[:, None] + _SAMPLES
 _SAMPLE_WEIGHTS = np.array([0.5, *[1.0] * 7, 0.5]) / 8
 
 
 def read_sensors(s_mm: Floats, pressure_kPa: Floats) -> Floats:
-    """Mean pressure over each of the sixteen sensors, kPa, from a profile in the probe's frame."""
+    """Mean pressure over each sensor of `SENSORS_MM`, kPa, from a profile in the probe's frame."""
     return np.interp(_PLACES.ravel(), s_mm, pressure_kPa).reshape(_PLACES.shape) @ _SAMPLE_WEIGHTS

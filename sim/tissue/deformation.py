@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.face_sensors import SENSORS_MM
 from palpate.sim.tissue.geometry import geometry_of
 from palpate.sim.tissue.mesh import TissueMesh
-from palpate.sim.tissue.probe_shape import SENSORS_MM
 from palpate.sim.tissue.run import Run
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.stroke import checked_positions, one_blas_thread

@@ -9,11 +9,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-SENSORS_MM: NDArray[np.float64] = np.arange(-11.25, 11.26, 1.5)
-"""Centres of the sixteen sensors along the stroke, in the probe's frame."""
-
-SENSOR_PITCH_MM = 1.5
-
 
 @dataclass(frozen=True)
 class ProbeShape:

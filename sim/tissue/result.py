@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate.errors import UsageError
 from palpate.sim.tissue import symmetry
 from palpate.sim.tissue.case import Case
-from palpate.sim.tissue.probe_shape import SENSORS_MM
+from palpate.sim.tissue.face_sensors import SENSORS_MM
 from palpate.sim.tissue.symmetry import Mirror
 
 Floats = NDArray[np.float64]
@@ -89,7 +89,7 @@ class Stroke:
 
     @property
     def sensors_mm(self) -> Floats:
-        """Places of the sixteen sensors on the probe."""
+        """Places of the sensors along the probe."""
         return SENSORS_MM
 
     @property

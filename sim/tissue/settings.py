@@ -101,6 +101,8 @@ class Settings:
             raise CaseError(f"skin_mm must be a list of heights, not {self.skin_mm!r}")
         for field in fields(self):
             value = getattr(self, field.name)
+            if field.name == "press_only" and not isinstance(value, bool):
+                raise CaseError(f"press_only must be True or False, not {value!r}")
             if field.name in ("solver", "press_only") or (field.name == "far_start_mm" and value is None):
                 continue
             for number in value if field.name == "skin_mm" else (value,):

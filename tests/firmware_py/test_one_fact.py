@@ -14,6 +14,7 @@ from firmware_py import (
     outputs,
     polynomial,
     rowpipeline,
+    sensor_array,
     settings,
     stroke_state,
     verdict,
@@ -21,7 +22,8 @@ from firmware_py import (
 from firmware_py.boards import scan_order
 from palpate.cli import ports
 from palpate.regression import table
-from palpate.sim.probe import packed_frames
+from palpate.sim.probe import cells, packed_frames
+from palpate.sim.tissue import face_sensors
 from palpate.view.app import array_module
 
 
@@ -55,6 +57,14 @@ def test_a_place_in_the_models_arrays_has_one_number():
         for name, number in names.items():
             if name.isupper() and not name.startswith("_") and hasattr(evaluator, name):
                 assert getattr(evaluator, name) == number, name
+
+
+def test_the_tissues_sensors_are_the_reference_arrays():
+    """Another array feels strokes through these places; for the reference's own nothing is resampled."""
+    assert (face_sensors.ALONG, face_sensors.ACROSS) == (sensor_array.ROWS, sensor_array.COLUMNS)
+    assert face_sensors.PITCH_MM == sensor_array.PITCH_UM / 1000
+    assert np.array_equal(face_sensors.SENSORS_MM, cells.ROW_MM)
+    assert np.array_equal(face_sensors.places_mm(face_sensors.ACROSS), cells.COLUMN_MM)
 
 
 def test_the_page_is_handed_the_probes_array():

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import ElementHex2, FacetBasis, LinearForm
 
+from palpate.sim.tissue.face_sensors import PITCH_MM
 from palpate.sim.tissue.probe_shape import ProbeShape
 from palpate.sim.tissue.solid import face_kernels as kernels
 from palpate.sim.tissue.solid.mesh import SolidMesh
@@ -20,15 +21,8 @@ from palpate.sim.tissue.solid.mesh import SolidMesh
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SENSOR_PITCH_MM = 1.5
-
 _SWITCH = 50.0
 """kPa/mm: weighs penetration against multiplier when the active set is chosen."""
-
-
-def sensor_places_mm(count: int) -> Floats:
-    """Centres of a row of sensors, in the probe's frame."""
-    return np.asarray(SENSOR_PITCH_MM * (np.arange(count) - (count - 1) / 2), np.float64)
 
 
 @dataclass(frozen=True)
@@ -153,7 +147,7 @@ class Profile:
 
         `mirrored` tells that the lattice is the half z >= 0 of a symmetric one.
         """
-        fine = ((np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5) * SENSOR_PITCH_MM
+        fine = ((np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5) * PITCH_MM
         x = (position + along_mm[:, None] + fine).ravel()
         z = (across_mm[:, None] + fine).ravel()
         at = kernels.sample(self.x0, self.z0, self.x, self.z, self.pressure, x, np.abs(z) if mirrored else z)

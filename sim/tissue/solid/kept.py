@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.face_sensors import ACROSS, ALONG
 from palpate.sim.tissue.settings import SOLID_SOLVER_VERSION, Settings
-from palpate.sim.tissue.solid.result import COLUMNS, SolidStroke
+from palpate.sim.tissue.solid.result import SolidStroke
 from palpate.sim.tissue.tables import iterate_strokes
 
 Floats = NDArray[np.float64]
 
-ROWS = 16
 _META = b"palpate"
 _MOST_PA = 65535
 
@@ -163,7 +163,7 @@ def _pascals(images_kPa: Floats) -> list[int]:
 
 
 def _images(pascals: list[int]) -> Floats:
-    return np.array(pascals, float).reshape(-1, ROWS, COLUMNS) / 1000.0
+    return np.array(pascals, float).reshape(-1, ALONG, ACROSS) / 1000.0
 
 
 def _hash(rows: Iterable[dict[str, Any]]) -> str:

@@ -8,15 +8,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.sim.tissue import symmetry
+from palpate.sim.tissue import face_sensors, symmetry
 from palpate.sim.tissue.result import Stroke
-from palpate.sim.tissue.solid.face import sensor_places_mm
 from palpate.sim.tissue.symmetry import Mirror
 
 Floats = NDArray[np.float64]
-
-COLUMNS = 26
-"""Sensors across the stroke."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +45,7 @@ class SolidStroke(Stroke):
     @property
     def across_mm(self) -> Floats:
         """Places of the sensors across the stroke, in the probe's frame."""
-        return sensor_places_mm(self.images_kPa.shape[2])
+        return face_sensors.places_mm(self.images_kPa.shape[2])
 
     def to_dict(self) -> dict[str, Any]:
         """Plain lists and numbers, for JSON; `from_dict` reads them back exactly."""
@@ -64,8 +60,8 @@ class SolidStroke(Stroke):
             name: np.asarray(record[name], float)
             for name in ("peak_across_mm", "ramp_N", "ramp_displacement_mm")
         }
-        sensors = len(np.asarray(record["sensors_mm"])) if "sensors_mm" in record else 16
-        shape = (-1, sensors, COLUMNS)
+        sensors = len(np.asarray(record["sensors_mm"])) if "sensors_mm" in record else face_sensors.ALONG
+        shape = (-1, sensors, face_sensors.ACROSS)
         ramp = np.asarray(record["ramp_images_kPa"], float).reshape(shape)
         plain = cls.fields_of(record)
         plain["images_kPa"] = np.asarray(record["images_kPa"], float).reshape(shape)

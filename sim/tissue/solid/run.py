@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.errors import StrokeError
+from palpate.sim.tissue.face_sensors import ACROSS, SENSORS_MM, places_mm
 from palpate.sim.tissue.newton import NoConvergence
 from palpate.sim.tissue.probe_shape import ProbeShape
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.solid.body import Body
 from palpate.sim.tissue.solid.element import SolidIntegrals, elasticity, integrate
-from palpate.sim.tissue.solid.face import FaceContact, FaceShape, sensor_places_mm
+from palpate.sim.tissue.solid.face import FaceContact, FaceShape
 from palpate.sim.tissue.solid.fronts import Fronts, lay_fronts
 from palpate.sim.tissue.solid.grid import SolidGrid
 from palpate.sim.tissue.solid.mesh import SolidMesh, build_mesh
@@ -161,7 +162,7 @@ class SolidRun:
         peak = np.unravel_index(int(skin.pressure.argmax()), x.shape)
         row = {
             "displacement_mm": self.case.centre_mm - state.height,
-            "images_kPa": skin.read(position, sensor_places_mm(16), sensor_places_mm(26), half),
+            "images_kPa": skin.read(position, SENSORS_MM, places_mm(ACROSS), half),
             "peak_mm": x[peak],
             "peak_across_mm": z[peak],
             "peak_kPa": skin.pressure[peak],

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.sim.tissue import face_sensors
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.solid.grid import lay_grid
@@ -102,7 +103,9 @@ class _Stroking:
             before = self.run.newton.counts.iterations
         spent = (time.thread_time() - began) / len(forces)
         read = [self.run.read(state, first, self.run.force(F_rel)) for F_rel, state in pressed]
-        images = np.array([row["images_kPa"] for row in read]).reshape(-1, 16, 26)
+        images = np.array([row["images_kPa"] for row in read]).reshape(
+            -1, face_sensors.ALONG, face_sensors.ACROSS
+        )
         return [
             SolidStroke(
                 case=replace(self.case, F_rel=F_rel),
