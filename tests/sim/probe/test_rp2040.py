@@ -30,6 +30,14 @@ def test_a_file_system_made_here_is_read_as_it_was_written():
     assert flash.read(flash.image(files)) == files
 
 
+def test_a_host_that_says_nothing_takes_nothing_of_the_processors_time():
+    """Every question of the device was answered with an empty packet: loops took three times as long."""
+    board = Board({"main.py": b""})
+    board.chip.run(lambda: board.chip.connected)
+    loop = "import time\nt = time.ticks_us()\nx = 0\nfor i in range(1000): x += i\nprint(time.ticks_us() - t)"
+    assert int(board.chip.execute(loop)) < 15_000
+
+
 MEASURE = """
 import time
 exec(open("loader.py").read())

@@ -66,8 +66,8 @@ def text_of(value):
     return repr(value)
 
 
-def whole_answers(tables, n):
-    """What CPython and MicroPython/WASM say to the same n strokes."""
+def whole_strokes(tables, n):
+    """What CPython says to n strokes, and the files with which `WHOLE` says it."""
     raw, mine = bytearray(struct.pack("<ii", n, FRAMES)), []
     calibration = calib.Calibration()
     p = pipeline.Pipeline(calibration)
@@ -89,7 +89,16 @@ def whole_answers(tables, n):
             answer.append(model.evaluate(p.features, out))
             answer += list(out)
         mine.append(answer)
-    files = {"tables": table_text(tables.values()).encode(), "force_map": force_map, "strokes": bytes(raw)}
+    return mine, {
+        "tables": table_text(tables.values()).encode(),
+        "force_map": force_map,
+        "strokes": bytes(raw),
+    }
+
+
+def whole_answers(tables, n):
+    """What CPython and MicroPython/WASM say to the same n strokes."""
+    mine, files = whole_strokes(tables, n)
     said = run_micropython(WHOLE, files, heap=4 << 20, timeout_s=1500)
     return mine, [[int(x) for x in line.split()] for line in said.splitlines()]
 

@@ -1,0 +1,214 @@
+"""The firmware's source without what a board never reads, which is names, tables and sentences for people.
+
+    lean({"status.py": "...", "probe.py": "..."}, main)
+
+Numbers that a module only states (`status.OK`, `FRAME_HEAD + geometry.FRAME_BYTES`) stand where they are
+used. What is then used nowhere goes: constants, sentences, functions and methods, imports. A name counts as
+used where anything of that name is, in any module, so nothing goes that could be meant. The integers stay.
+"""
+
+from __future__ import annotations
+
+import ast
+import operator
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+
+_PACKAGE = "firmware_py"
+_FOLDED: dict[type[ast.operator], Callable[[int, int], int]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.FloorDiv: operator.floordiv,
+    ast.LShift: operator.lshift,
+    ast.RShift: operator.rshift,
+    ast.BitAnd: operator.and_,
+    ast.BitOr: operator.or_,
+}
+
+
+def lean(sources: Mapping[str, str], main: str) -> dict[str, str]:
+    """The same modules, leaner; those that nothing imports any more are not among them.
+
+    Parameters: source by path inside firmware_py, and the program that imports the first of them.
+    """
+    trees = {path: ast.parse(text) for path, text in sources.items()}
+    start = ast.parse(main)
+    for tree in trees.values():
+        _Annotations().visit(tree)
+    before = None
+    while before != (before := [ast.dump(tree) for tree in trees.values()]):
+        numbers = {path: _numbers(tree) for path, tree in trees.items()}
+        for path, names in numbers.items():
+            for other in trees.values():
+                for name in _set_from_outside(other, path):
+                    names.pop(name, None)
+        for path, tree in trees.items():
+            _Fold(path, tree, numbers).visit(tree)
+        used = _used([*trees.values(), start])
+        for tree in trees.values():
+            _drop(tree, used)
+        reached = _reached(trees, start)
+        trees = {path: tree for path, tree in trees.items() if path in reached}
+    return {path: ast.unparse(ast.fix_missing_locations(tree)) for path, tree in trees.items()}
+
+
+def _modules(node: ast.AST) -> Iterator[tuple[str, str]]:
+    """Alias and path of every module of the firmware that is imported below a node."""
+    for part in ast.walk(node):
+        if isinstance(part, ast.ImportFrom) and (part.module or "").split(".")[0] == _PACKAGE:
+            folder = (part.module or "").removeprefix(_PACKAGE).replace(".", "/").lstrip("/")
+            for alias in part.names:
+                path = f"{folder}/{alias.name}.py" if folder else f"{alias.name}.py"
+                yield alias.asname or alias.name, path
+
+
+def _value(node: ast.AST) -> int | None:
+    """The number that an expression of numbers is."""
+    if isinstance(node, ast.Constant) and type(node.value) is int:
+        return node.value
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        value = _value(node.operand)
+        return None if value is None else -value
+    if isinstance(node, ast.BinOp) and type(node.op) in _FOLDED:
+        left, right = _value(node.left), _value(node.right)
+        if left is not None and right is not None:
+            return _FOLDED[type(node.op)](left, right)
+    return None
+
+
+def _names_bound(tree: ast.AST) -> Counter[str]:
+    """How often each name is bound anywhere in a module: assigned, a parameter, imported, defined."""
+    bound: Counter[str] = Counter()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load):
+            bound[node.id] += 1
+        elif isinstance(node, ast.arg):
+            bound[node.arg] += 1
+        elif isinstance(node, ast.alias):
+            bound[(node.asname or node.name).split(".")[0]] += 1
+        elif isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            bound[node.name] += 1
+        elif isinstance(node, ast.Global):
+            bound.update(2 * node.names)
+    return bound
+
+
+def _numbers(tree: ast.Module) -> dict[str, int]:
+    """What the module states once and never changes."""
+    bound = _names_bound(tree)
+    found = {}
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and len(node.targets) == 1 and isinstance(node.targets[0], ast.Name):
+            name, value = node.targets[0].id, _value(node.value)
+            if value is not None and bound[name] == 1:
+                found[name] = value
+    return found
+
+
+def _set_from_outside(tree: ast.AST, path: str) -> list[str]:
+    """Which names of the module at `path` are assigned to by another."""
+    aliases = {alias for alias, where in _modules(tree) if where == path}
+    return [
+        node.attr
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute)
+        and not isinstance(node.ctx, ast.Load)
+        and isinstance(node.value, ast.Name)
+        and node.value.id in aliases
+    ]
+
+
+class _Annotations(ast.NodeTransformer):
+    """What only a type checker reads goes; viper's own types, which are not in quotes, stay."""
+
+    def visit_If(self, node: ast.If) -> ast.AST | list[ast.stmt]:
+        self.generic_visit(node)
+        return node.orelse if isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING" else node
+
+
+class _Fold(ast.NodeTransformer):
+    """Numbers in their names' place."""
+
+    def __init__(self, path: str, tree: ast.AST, numbers: Mapping[str, Mapping[str, int]]) -> None:
+        self._own = numbers[path]
+        bound = _names_bound(tree)
+        self._others = {
+            alias: numbers[where]
+            for alias, where in _modules(tree)
+            if where in numbers and bound[alias] == [a for a, _ in _modules(tree)].count(alias)
+        }
+
+    def visit_Name(self, node: ast.Name) -> ast.AST:
+        if isinstance(node.ctx, ast.Load) and node.id in self._own:
+            return ast.Constant(self._own[node.id])
+        return node
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        if isinstance(node.ctx, ast.Load) and isinstance(node.value, ast.Name):
+            value = self._others.get(node.value.id, {}).get(node.attr)
+            if value is not None:
+                return ast.Constant(value)
+        self.generic_visit(node)
+        return node
+
+
+def _used(trees: list[ast.Module]) -> Counter[str]:
+    """How often each name is read anywhere, as a name, an attribute, a keyword, or a word in quotes."""
+    used: Counter[str] = Counter()
+    for tree in trees:
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
+                used[node.id] += 1
+            elif isinstance(node, ast.Attribute):
+                used[node.attr] += 1
+            elif isinstance(node, ast.keyword) and node.arg:
+                used[node.arg] += 1
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                used[node.value] += 1
+    return used
+
+
+def _plain(node: ast.AST) -> bool:
+    """True of an expression that does nothing but be."""
+    return not any(
+        isinstance(part, (ast.Call, ast.Await, ast.Yield, ast.NamedExpr)) for part in ast.walk(node)
+    )
+
+
+def _drop(tree: ast.Module, used: Mapping[str, int]) -> None:
+    """Take away what nobody reads."""
+
+    def needed(node: ast.stmt) -> bool:
+        if isinstance(node, ast.FunctionDef):
+            dunder = node.name.startswith("__")
+            return dunder or bool(used[node.name])
+        if isinstance(node, ast.ClassDef):
+            return bool(used[node.name])
+        if isinstance(node, ast.Assign) and len(node.targets) == 1 and isinstance(node.targets[0], ast.Name):
+            return bool(used[node.targets[0].id]) or not _plain(node.value)
+        return True
+
+    tree.body = [node for node in tree.body if needed(node)]
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef):
+            kept = [m for m in node.body if not isinstance(m, ast.FunctionDef) or needed(m)]
+            node.body = kept or [ast.Pass()]
+    here = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    for node in list(tree.body):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == _PACKAGE:
+            node.names = [a for a in node.names if (a.asname or a.name) in here]
+            if not node.names:
+                tree.body.remove(node)
+
+
+def _reached(trees: Mapping[str, ast.Module], start: ast.Module) -> set[str]:
+    """The modules that the program imports, and those that they do."""
+    found: set[str] = {path for path in trees if path.endswith("__init__.py")}
+    waiting = [path for _, path in _modules(start)]
+    while waiting:
+        path = waiting.pop()
+        if path in trees and path not in found:
+            found.add(path)
+            waiting += [where for _, where in _modules(trees[path])]
+    return found
