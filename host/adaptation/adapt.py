@@ -109,7 +109,10 @@ def link_truth(spec: ModelSpec, seen: Seen) -> Floats:
     """Truths on the link scale, (n, outputs); NaN where they are not known."""
     out = np.full((len(seen), len(spec.outputs)), np.nan)
     for j, output in enumerate(spec.outputs):
-        values = seen.table[TRUTH_COLUMN.get(output.name, output.name)].to_numpy(float)
+        column = TRUTH_COLUMN.get(output.name, output.name)
+        if column not in seen.table:
+            continue
+        values = seen.table[column].to_numpy(float)
         values = values ** (-2 / 3) if output.name == "E_inv23" else values
         out[:, j] = np.log(values) if output.link == "ln" else values
     return out

@@ -34,7 +34,10 @@ POLL_S = 0.2
 @click.option("--store", type=click.Path(path_type=Path, file_okay=False),
               help="Directory that is its flash memory; kept.")  # fmt: skip
 @click.option(
-    "--noise", default="typical", show_default=True, help="none, good, typical or poor sensors and hand."
+    "--noise",
+    default="typical",
+    show_default=True,
+    help="none, good, typical or poor sensors and hand; or sensor.toml of characterise.",
 )
 @click.option(
     "--steady", is_flag=True, help="A hand whose force does not wander (the thesis' runs know only such)."
@@ -129,7 +132,7 @@ def strokes_over(
     code : str
         The case. It is simulated at three forces around its own, so that the hand can wander.
     noise : str
-        A level of `palpate.sim.probe.sensors.LEVELS`.
+        A level of `palpate.sim.probe.noise.LEVELS`, or a file as sensor.toml.
     seed : int
         Of the first stroke; each further one has the next.
     frames, strokes : int
@@ -139,13 +142,16 @@ def strokes_over(
     """
     import numpy as np
 
-    from palpate.sim.probe.sensors import FORCE_RATIO, LEVELS, SensorModel, StrokeField
+    from palpate.sim.probe.noise import level_named
+    from palpate.sim.probe.sensors import FORCE_RATIO, SensorModel, StrokeField
     from palpate.sim.tissue import Case, Settings, simulate_forces
 
     case = Case.from_code(code)
     forces = [case.F_rel * FORCE_RATIO**part for part in (-0.5, 0.0, 0.5)]
     field = StrokeField(*simulate_forces(case, forces, Settings(far_start_mm=-44.0)))
-    level = LEVELS[noise].without("force") if steady else LEVELS[noise]
+    level = level_named(noise)
+    if steady:
+        level = level.without("force")
     probes = [SensorModel(field, level, seed + k, mean_force_N_per_m=case.F_N_per_m) for k in range(strokes)]
     calibration = probes[0].calibration()
     # One emulated probe stands for all of them: it knows the dead cells of each.
@@ -156,12 +162,11 @@ def strokes_over(
 def check_arguments(code: str, noise: str, listen: str) -> None:
     """Refuse invalid arguments before anything is computed."""
     from palpate.sim.probe.endpoints import endpoint
-    from palpate.sim.probe.sensors import LEVELS
+    from palpate.sim.probe.noise import level_named
     from palpate.sim.tissue import Case
 
     Case.from_code(code)
-    if noise not in LEVELS:
-        raise UsageError(f"there is no noise level {noise!r}; use {', '.join(LEVELS)}")
+    level_named(noise)
     try:
         endpoint(listen).close()
     except OSError as error:

@@ -46,6 +46,7 @@ CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
     ),
     "Real strokes": (
         ("import", "palpate.cli.import_", "frames of anybody's sensor as recordings"),
+        ("characterise", "palpate.cli.characterise", "a sensor's noise, measured from recordings"),
         ("validate", "palpate.cli.validate", "how far a model can be believed on real strokes"),
         ("adapt", "palpate.cli.adapt", "a model corrected by real strokes"),
     ),

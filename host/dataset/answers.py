@@ -17,7 +17,7 @@ from palpate.model_export.schema import ModelSpec
 from palpate.regression.observed import NAMES
 
 DEPTH = "depth_mm"
-OUTPUTS = (*outputs.NAMES, DEPTH)
+OUTPUTS = tuple(dict.fromkeys((*outputs.NAMES, DEPTH)))
 """The model's outputs, and the depth that follows from them."""
 
 TRUTH_COLUMN = {"E_inv23": "E_ratio"}
@@ -107,6 +107,8 @@ def answers(spec: ModelSpec, seen: Seen) -> Answers:
 
 def with_depth(said: dict[str, Floats], part: str) -> Floats:
     """An answer's values, lows or highs, (n, outputs), with those of the depth behind them."""
+    if DEPTH in outputs.NAMES:
+        return said[part]
     at = ("value", "low", "high").index(part)
     t, d, h = (outputs.NAMES.index(name) for name in ("t_mm", "d_mm", "h"))
     depth = [answer.depth_mm(*(_span(said, k, j) for j in (t, d, h)))[at] for k in range(len(said["value"]))]

@@ -4,6 +4,7 @@ rows = 8                      # along the stroke
 columns = 12                  # across it
 pitch_mm = 3.0                # or [along, across]
 dead = [[0, 3]]               # cells (row, column) whose readings mean nothing
+lift = false                  # the frames hold the air round a stroke; else some is put there
 
 [pressure]
 name = "p_{row}_{column}"     # the columns of a table; or one array of frames x rows x columns
@@ -51,7 +52,7 @@ _TABLES: dict[str, tuple[str, ...]] = {
     "time": ("name", "unit"),
     "stroke": ("name",),
 }
-_PLAIN = ("rows", "columns", "pitch_mm", "dead", "frames_per_s")
+_PLAIN = ("rows", "columns", "pitch_mm", "dead", "lift", "frames_per_s")
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,8 @@ class Declaration:
     pitch_mm : (float, float)
         Along and across.
     dead : tuple of (int, int)
+    lift : bool
+        Whether frames in the air are put before and after each stroke.
     pressure : str
         Name of the pressures; `{row}` and `{column}` in it stand for numbers from 0.
     kPa : float
@@ -98,6 +101,7 @@ class Declaration:
     time_s: float = 1.0
     frames_per_s: float = 0.0
     stroke: str = ""
+    lift: bool = True
 
     def cell_names(self) -> list[str]:
         """The columns of a table that hold the cells, row by row; [] where the pressures are one array."""
@@ -161,6 +165,7 @@ def _declaration(said: dict[str, Any]) -> Declaration:
         _unit(parts["time"], "time", TIMES, "s"),
         rate,
         str(parts["stroke"].get("name", "")),
+        _flag(said, "lift", True),
     )
 
 
@@ -174,6 +179,13 @@ def _part(said: dict[str, Any], name: str) -> dict[str, Any]:
     if part and name != "position" and "name" not in part and name != "pressure":
         raise UsageError(f"[{name}] needs a name")
     return part
+
+
+def _flag(said: dict[str, Any], name: str, default: bool) -> bool:
+    value = said.get(name, default)
+    if not isinstance(value, bool):
+        raise UsageError(f"{name} is true or false, not {value!r}")
+    return value
 
 
 def _whole(said: dict[str, Any], name: str) -> int:

@@ -21,6 +21,7 @@ from palpate.link.parser import LiveParser
 from palpate.link.results import HAVE
 from palpate.model_export.image_builder import Info
 from palpate.recording.writer import RecordingWriter
+from palpate.sim.probe.flash_sim import FlashSim
 from palpate.sim.probe.packed_frames import pack
 
 LIFTED = 3
@@ -34,11 +35,13 @@ class _Board:
 
     serial = b"IMPORTED"
     boots = 1
+    settings_record = None
 
     def __init__(self) -> None:
         self.now_us = 0
         self.to_probe, self.from_probe = bytearray(), bytearray()
         self.packed, self.position, self.depth = AIR, 0, 0
+        self.ready = False  # a frame is there to be read; a stream that begins would have one at once
 
     def ticks_us(self) -> int:
         return self.now_us & counters.MASK
@@ -59,44 +62,17 @@ class _Board:
     end = start_scan = begin
 
     def scanned(self) -> bool:
-        return True
+        return self.ready
 
     def scan(self, counts: memoryview) -> None:
         counts[:] = self.packed
+        self.ready = False
 
     def position_um(self) -> int:
         return self.position
 
     def displacement_um(self) -> int:
         return self.depth
-
-    def kept_settings(self) -> None:
-        """None are kept."""
-
-    def keep_settings(self, data: bytes) -> int:
-        return status.OK
-
-
-class _NoStore:
-    """A store without a file."""
-
-    def size(self, name: str) -> int:
-        return -1
-
-    def read(self, name: str, offset: int, n: int) -> bytes:
-        return b""
-
-    def create(self, name: str, data: bytes = b"") -> int:
-        return status.OK
-
-    def append(self, name: str, data: bytes) -> int:
-        return status.OK
-
-    def remove(self, name: str) -> None:
-        """There is nothing to remove."""
-
-    def sync(self) -> None:
-        """There is nothing to write."""
 
 
 class Session:
@@ -114,7 +90,7 @@ class Session:
     def __init__(self, writer: RecordingWriter, model: Info | None, began_ns: int) -> None:
         self._writer, self._began_ns = writer, began_ns
         self._board: Any = _Board()
-        estimator: Any = Estimator(_NoStore())
+        estimator: Any = Estimator(FlashSim())
         estimator.pipeline = compiled().pipeline.Pipeline(calib.Calibration())
         if model is not None:
             estimator.model, estimator.model_status = model.model, status.OK
@@ -141,6 +117,7 @@ class Session:
         if time_us - self._renewed_us > RENEW_US and self._stream:
             self._renewed_us = time_us
             self._command("stream_renew", (self._stream,))
+        board.ready = True
         self._probe.acquire.start(board.ticks_us())
         said = list(self._run())
         while self._probe.results.waiting() and any(isinstance(e, Estimate) for e in said):

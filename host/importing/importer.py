@@ -109,14 +109,14 @@ def import_file(
         writer.attach(channels.CALIBRATION, "application/octet-stream", calib.Calibration().to_bytes())
         if model is not None:
             writer.attach(channels.MODEL, "application/octet-stream", model)
-        strokes = _play(Session(writer, info, began_ns), found, counts)
+        strokes = _play(Session(writer, info, began_ns), found, counts, said.lift)
     writer.check()
     declared = len(np.unique(found.stroke))
     if said.stroke and strokes != declared:
         remarks.append(
             f"{declared} strokes are declared, {strokes} were found: too short, or not in contact?"
         )
-    elif not strokes:
+    elif not strokes and said.lift:
         remarks.append(
             "no stroke was found: the probe never pressed and moved on by .5 mm; look at the units"
         )
@@ -158,19 +158,21 @@ def _about(found: Frames, said: Declaration) -> list[str]:
     return out
 
 
-def _play(session: Session, found: Frames, counts: np.ndarray) -> int:
-    """All strokes through the firmware, in the air between; how many estimates came."""
+def _play(session: Session, found: Frames, counts: np.ndarray, lift: bool) -> int:
+    """All strokes through the firmware, with `lift` in the air between; how many estimates came."""
     clock, estimates = 0, 0
     for number in np.unique(found.stroke):
         own = np.flatnonzero(found.stroke == number)
         times = clock + 10_000 + np.rint(1e6 * (found.time_s[own] - found.time_s[own[0]])).astype(np.int64)
         positions = np.rint(1e3 * found.position_mm[own]).astype(np.int64)
         depths = np.rint(1e3 * found.displacement_mm[own]).astype(np.int64)
-        session.lifted(clock, int(positions[0]))
+        if lift:
+            session.lifted(clock, int(positions[0]))
         said = []
         for k, row in enumerate(own):
             said += session.frame(pack(counts[row]), int(positions[k]), int(depths[k]), int(times[k]))
-        said += session.lifted(int(times[-1]) + 10_000, int(positions[-1]))
+        if lift:
+            said += session.lifted(int(times[-1]) + 10_000, int(positions[-1]))
         estimates += sum(isinstance(event, Estimate) for event in said)
         clock = int(times[-1]) + PAUSE_US
     session.end()

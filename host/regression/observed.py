@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from firmware_py import features as firmware_features
 from firmware_py import outputs, status
-from palpate.errors import UsageError
 from palpate.features.map_features import Floats
 from palpate.firmware_twin.replay_core import Replay
-from palpate.sim.probe.sensors import LEVELS, Noise, SensorModel, StrokeField, pack
+from palpate.sim.probe.noise import level_named
+from palpate.sim.probe.sensors import Noise, SensorModel, StrokeField, pack
 
 NAMES = firmware_features.NAMES
 Alter = Callable[[NDArray[np.uint16]], NDArray[np.uint16]]
@@ -70,12 +70,10 @@ def join(parts: Sequence[ObservedStrokes]) -> ObservedStrokes:
 
 
 def noise_named(noise: Noise | str) -> Noise:
-    """A noise level by its name; `UsageError` names those there are."""
+    """A noise level by its name, or of a characterised sensor's file (`sim.probe.noise.level_named`)."""
     if isinstance(noise, Noise):
         return noise
-    if noise not in LEVELS:
-        raise UsageError(f"there is no noise level {noise!r}; there are {', '.join(LEVELS)}")
-    return LEVELS[noise]
+    return level_named(noise)
 
 
 def observe(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import Any
 
 from palpate.errors import UsageError
@@ -116,3 +118,36 @@ LEVELS["real"] = LEVELS["typical"].with_(
     hysteresis=0.01, common_gain=0.02, stuck=0.005, modulus=0.02, undulation=0.05
 )
 """Typical, and what an audit found missing from it."""
+
+
+def level_named(name: str) -> Noise:
+    """The noise of a named level, or of a file sensor.toml that `palpate characterise` has written.
+
+    Raises
+    ------
+    UsageError
+        There is no such level or file, or the file holds something else; the sentence says what.
+    """
+    if name in LEVELS:
+        return LEVELS[name]
+    if not name.endswith(".toml"):
+        raise UsageError(
+            f"there is no noise level {name!r}; there are {', '.join(LEVELS)}, and files as sensor.toml"
+        )
+    try:
+        said = tomllib.loads(Path(name).read_text(encoding="utf-8")).get("noise")
+    except OSError as error:
+        raise UsageError(
+            f"the sensor's file {name} cannot be read: {(error.strerror or '').lower()}"
+        ) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UsageError(f"{name} is not TOML: {error}") from None
+    known = {f.name for f in fields(Noise)} - {"quantise"}
+    if not isinstance(said, dict) or not said:
+        raise UsageError(f"{name} has no [noise]; `palpate characterise` writes one")
+    for key, value in said.items():
+        if key not in known:
+            raise UsageError(f"{name}: [noise] knows no {key!r}; it knows {', '.join(sorted(known))}")
+        if not isinstance(value, int | float) or isinstance(value, bool):
+            raise UsageError(f"{name}: {key} is a number, not {value!r}")
+    return Noise().with_(**said)

@@ -1,0 +1,176 @@
+"""The campaign: a TOML file that says what each recording is of.
+
+[[recording]]
+file = "air-1.mcap"
+kind = "air"                     # nothing touches the cells
+displacement_mm = 0.0            # optional: where the probe was held
+
+[[recording]]
+file = "cuff-1.mcap"
+kind = "cuff"                    # the same known pressure on all cells
+kPa = [[0, 0], [0.5, 0], [0.5, 18], [2, 18], [4, 0]]    # time in s since the first frame, pressure in kPa
+
+[[recording]]
+file = "plain-1.mcap"
+kind = "plain"                   # strokes over plain tissue
+travel_mm = 80.0                 # optional: how far they really went
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py import calib, status
+from palpate.errors import NoSuchFile, RecordingError, UsageError
+from palpate.link.events import Estimate, Frame
+from palpate.recording.channels import CALIBRATION
+from palpate.recording.playback import open_recording
+from palpate.sim.probe.cells import SHAPE
+
+Floats = NDArray[np.float64]
+
+KINDS = ("air", "cuff", "plain")
+FEWEST = 16
+"""Frames of a recording, or of a stroke, that says anything."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One recording of a campaign.
+
+    Attributes
+    ----------
+    file : Path
+    kind : str
+    counts : (n, rows, columns)
+        Raw.
+    kPa : (n, rows, columns)
+        By the probe's calibration.
+    position_mm, displacement_mm, time_s : (n,)
+    strokes : list of slices
+        The frames of each stroke.
+    known_kPa : (n,) or None
+        The cuff's pressure at each frame.
+    known_displacement_mm, travel_mm : float
+        NaN where it is not said.
+    """
+
+    file: Path
+    kind: str
+    counts: Floats
+    kPa: Floats
+    position_mm: Floats
+    displacement_mm: Floats
+    time_s: Floats
+    strokes: list[slice]
+    known_kPa: Floats | None
+    known_displacement_mm: float
+    travel_mm: float
+
+
+def read(path: str | Path) -> list[Measured]:
+    """Read a campaign and its recordings.
+
+    Raises
+    ------
+    NoSuchFile, UsageError, RecordingError
+        The sentence names the recording by its number.
+    """
+    path = Path(path)
+    try:
+        said = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise NoSuchFile(f"the campaign {path} cannot be read: {(error.strerror or '').lower()}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path} is not TOML: {error}") from None
+    entries = said.get("recording")
+    if set(said) - {"recording"} or not isinstance(entries, list) or not entries:
+        raise UsageError(f"{path} is a list of [[recording]], each with file and kind, and nothing else")
+    return [_measured(path, k + 1, entry) for k, entry in enumerate(entries)]
+
+
+def _measured(path: Path, number: int, entry: dict[str, Any]) -> Measured:
+    where = f"{path}, recording {number}"
+    kind = entry.get("kind")
+    if kind not in KINDS:
+        raise UsageError(f"{where}: kind is one of {', '.join(KINDS)}, not {kind!r}")
+    allowed = {
+        "file",
+        "kind",
+        *{"air": ("displacement_mm",), "cuff": ("kPa",), "plain": ("travel_mm",)}[kind],
+    }
+    if extra := sorted(set(entry) - allowed):
+        raise UsageError(f"{where}: {kind} knows no {extra[0]!r}; it knows {', '.join(sorted(allowed))}")
+    if not isinstance(entry.get("file"), str):
+        raise UsageError(f"{where} names no file")
+    file = path.parent / entry["file"]
+    counts, kPa, places, strokes = _frames(file)
+    if len(counts) < FEWEST:
+        raise RecordingError(f"{where}: {file.name} holds {len(counts)} frames; {FEWEST} say something")
+    known = None
+    if kind == "cuff":
+        known = np.interp(places[:, 2], *_schedule(entry.get("kPa"), where))
+    if kind == "plain" and not strokes:
+        raise RecordingError(f"{where}: {file.name} holds no stroke")
+    return Measured(
+        file,
+        kind,
+        counts,
+        kPa,
+        places[:, 0],
+        places[:, 1],
+        places[:, 2],
+        strokes,
+        known,
+        _known(entry, "displacement_mm", where),
+        _known(entry, "travel_mm", where),
+    )
+
+
+def _known(entry: dict[str, Any], name: str, where: str) -> float:
+    value = entry.get(name, math.nan)
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        raise UsageError(f"{where}: {name} is a number, not {value!r}")
+    return float(value)
+
+
+def _schedule(value: Any, where: str) -> tuple[Floats, Floats]:
+    """Times and pressures; a step is two points at one time, which lie a microsecond apart here."""
+    pairs = [[0, value]] if isinstance(value, int | float) else value
+    good = isinstance(pairs, list) and all(
+        isinstance(p, list) and len(p) == 2 and all(isinstance(v, int | float) for v in p) for p in pairs
+    )
+    if not good or not pairs or any(b[0] < a[0] for a, b in itertools.pairwise(pairs)):
+        raise UsageError(f"{where}: kPa is a number, or [time in s, kPa] pairs in the order of time")
+    table = np.array(pairs, float)
+    return table[:, 0] + 1e-6 * np.arange(len(table)), table[:, 1]
+
+
+def _frames(file: Path) -> tuple[Floats, Floats, Floats, list[slice]]:
+    frames: list[Frame] = []
+    at: dict[int, int] = {}
+    strokes = []
+    with open_recording(file) as session:
+        own, blob = calib.Calibration(), session.recording.attachment(CALIBRATION)
+        if blob and own.load(blob) != status.OK:
+            raise RecordingError(f"the calibration in {file} cannot be read")
+        for event in session.events():
+            if isinstance(event, Frame):
+                at[event.seq] = len(frames)
+                frames.append(event)
+            elif isinstance(event, Estimate) and event.first_seq in at and event.frames >= FEWEST:
+                first = at[event.first_seq]
+                strokes.append(slice(first, first + event.frames))
+    counts = np.array([f.counts for f in frames], float).reshape(-1, *SHAPE)
+    kPa = np.array([f.pressure_kPa for f in frames], float).reshape(-1, *SHAPE)
+    begin = frames[0].time_us if frames else 0
+    rows = [[f.position_um / 1e3, f.displacement_um / 1e3, (f.time_us - begin) / 1e6] for f in frames]
+    return counts, kPa, np.array(rows, float).reshape(-1, 3), strokes
