@@ -49,6 +49,7 @@ CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("characterise", "palpate.cli.characterise", "a sensor's noise, measured from recordings"),
         ("validate", "palpate.cli.validate", "how far a model can be believed on real strokes"),
         ("adapt", "palpate.cli.adapt", "a model corrected by real strokes"),
+        ("compare", "palpate.cli.compare", "what has changed between two visits"),
     ),
     "This machine": (
         ("doctor", "palpate.cli.doctor", "is this machine ready, and what to do"),

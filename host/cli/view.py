@@ -6,12 +6,16 @@ import contextlib
 import os
 import secrets
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from palpate.cli.output import note
 from palpate.cli.ports import fat_option
 from palpate.errors import MissingExtra, PalpateError, PortAmbiguous, UsageError
+
+if TYPE_CHECKING:
+    from palpate.comparison.change import Between
 
 
 @click.command(
@@ -47,6 +51,8 @@ Examples:
     help="Folder that the page records to and loads visits from.",
 )
 @fat_option
+@click.option("--data", type=click.Path(path_type=Path, dir_okay=False),
+              help="Data set with lumps visited again: what visits differ by themselves.")  # fmt: skip
 @click.option("--browser/--no-browser", default=True, help="Open the page in the browser.")
 def command(
     recording: Path | None,
@@ -55,6 +61,7 @@ def command(
     http_port: int,
     recordings: Path,
     fat_kPa: float | None,
+    data: Path | None,
     browser: bool,
 ) -> None:
     """Watch a probe, or a recording, in the browser.
@@ -73,6 +80,7 @@ def command(
     from palpate.view.read_strokes import load_strokes
     from palpate.view.replay import ReplaySource
 
+    between = _between(data)
     source: LiveSource | ReplaySource
     if recording is not None:
         if recording.suffix != ".mcap":
@@ -98,10 +106,23 @@ def command(
             f"cannot listen on {host} port {http_port}: {reason}; try another --http-port"
         ) from error
 
+    viewer.session.visits.between = between
+
     def ready(url: str) -> None:
         click.echo(f"Palpate is at {url}  (Ctrl-C ends it)")
 
     viewer.run(open_browser=browser, on_ready=ready)
+
+
+def _between(data: Path | None) -> dict[str, Between]:
+    """What visits differ by, from a data set's lumps that were visited again; {} without one."""
+    if data is None:
+        return {}
+    from palpate import models
+    from palpate.comparison.between import between_visits
+    from palpate.dataset import table
+
+    return between_visits(models.load(), table.read(data))
 
 
 def _kept_token() -> str:

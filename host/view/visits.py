@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from palpate.view.repeatability import ASSUMES, compare, spread
+from palpate.comparison.change import ASSUMES, ASSUMES_BETWEEN, QUANTITIES, Between, compare, spread
 from palpate.view.stroke import Stroke
 
 MAX_STROKES = 1000
 STROKES_WITH_IMAGES = 100
-QUANTITIES = {
-    "d_mm": ("diameter", "mm"),
-    "depth_mm": ("depth", "mm"),
-    "t_mm": ("tissue thickness", "mm"),
-    "F_N_per_m": ("force", "N/m"),
-}
 
 
 @dataclass
@@ -41,6 +35,8 @@ class Visits:
 
     def __init__(self, first: str, fat_kPa: float | None = None) -> None:
         self._fat_kPa = fat_kPa
+        self.between: Mapping[str, Between] = {}
+        """What visits differ by themselves, by quantity, where a data set has told it."""
         self._visits = [Visit(1, first)]
         self._current = self._visits[0]
         self._strokes: list[Stroke] = []
@@ -122,10 +118,10 @@ class Visits:
 
     def compare(self, a: int, b: int) -> dict[str, Any]:
         """Visit `b` against visit `a`, quantity by quantity."""
-        out: dict[str, Any] = {"a": a, "b": b, "assumes": ASSUMES}
+        out: dict[str, Any] = {"a": a, "b": b, "assumes": ASSUMES_BETWEEN if self.between else ASSUMES}
         for key, (what, unit) in QUANTITIES.items():
             values = [[v for s in self.strokes(n) if (v := s.value(key)) is not None] for n in (a, b)]
-            found = compare(values[0], values[1], what=what, unit=unit)
+            found = compare(values[0], values[1], what=what, unit=unit, between=self.between.get(key))
             out[key] = None if found is None else asdict(found)
         return out
 

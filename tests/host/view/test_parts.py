@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from palpate.comparison.change import compare, spread
 from palpate.features.gaussian import bump
 from palpate.sim.probe.cells import ROW_MM
 from palpate.view.app import to_json
@@ -26,7 +27,6 @@ from palpate.view.events import (  # fmt: skip
 )
 from palpate.view.mailbox import Mailbox
 from palpate.view.phrases import card
-from palpate.view.repeatability import compare, spread
 from palpate.view.session import Session
 from palpate.view.stroke import MAX_FRAMES, MAX_IMAGES, Stroke
 from palpate.view.tactile_map import columns_over_lump, fit_growing_map, method_2

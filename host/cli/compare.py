@@ -1,0 +1,53 @@
+"""`palpate compare`: has a lump changed between two visits?"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from palpate.cli.output import json_option, note, print_json, showing_progress
+from palpate.cli.real import load_model
+from palpate.first_time import announce
+
+
+@click.command("compare")
+@click.argument("visit1", type=click.Path(path_type=Path, dir_okay=False))
+@click.argument("visit2", type=click.Path(path_type=Path, dir_okay=False))
+@click.option("--model", default="field", show_default=True, type=click.Path(path_type=Path),
+              help="model.json, or field, the model that comes with Palpate.")  # fmt: skip
+@click.option("--data", type=click.Path(path_type=Path, dir_okay=False),
+              help="Data set with lumps visited again: what visits differ by themselves.")  # fmt: skip
+@json_option
+def command(visit1: Path, visit2: Path, model: Path, data: Path | None, as_json: bool) -> None:
+    """Compare the strokes of two recordings over one lump: the change of each quantity, with its interval.
+
+    Without --data the intervals count how strokes of one visit differ. With a data set in which lumps were
+    visited again they also count what differs between visits: zeroing, gain, force, place.
+
+    \b
+    Example:
+      palpate compare january.mcap may.mcap --data set.csv
+    """
+    from palpate.comparison.between import between_visits, compare_recordings
+    from palpate.comparison.change import ASSUMES, ASSUMES_BETWEEN
+    from palpate.dataset import table
+
+    spec = load_model(Path(model))
+    known = None if data is None else table.read(data)
+    announce(solver=False, firmware=True)
+    with showing_progress() as progress:
+        between = {} if known is None else between_visits(spec, known, progress)
+        found = compare_recordings(spec, visit1, visit2, between)
+    assumes = ASSUMES_BETWEEN if between else ASSUMES
+    if as_json:
+        changes = {name: asdict(change) for name, change in found.changes.items()}
+        visits = {name: asdict(b) for name, b in between.items()}
+        print_json({"changes": changes, "between_visits": visits, "assumes": assumes})
+        return
+    for change in found.changes.values():
+        click.echo(change.text)
+    for name, b in between.items():
+        note(f"{name} differs by {100 * b.sd:.1f} % from visit to visit ({b.freedom} degrees of freedom)")
+    note(assumes)

@@ -1,0 +1,126 @@
+"""What visits differ by, from lumps that were visited again; and two recordings compared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from palpate.comparison.change import QUANTITIES, Between, Comparison, compare
+from palpate.dataset.answers import OUTPUTS, answers
+from palpate.dataset.columns import DataSetError
+from palpate.dataset.strokes import Seen, read_strokes, see
+from palpate.dataset.table import DataSet
+from palpate.errors import RecordingError
+from palpate.features.map_features import Floats
+from palpate.model_export.schema import ModelSpec
+
+FEWEST = 2
+"""Visits beyond the first, over all lumps, that say what visits differ by."""
+
+
+def between_visits(
+    spec: ModelSpec, data: DataSet, progress: Callable[[str, int, int], None] | None = None
+) -> dict[str, Between]:
+    """What each quantity differs by from visit to visit, from the data set's lumps with two visits or more.
+
+    Raises
+    ------
+    DataSetError
+        No lump, or too few, were visited twice; or a recording cannot be used: row and column.
+    """
+    visits = data.table.groupby("lump")["visit"].transform("nunique")
+    if int((data.table.groupby("lump")["visit"].nunique() - 1).sum()) < FEWEST:
+        raise DataSetError(
+            f"{data.path}, column visit: {FEWEST} lumps visited again, or one {FEWEST + 1} times, are needed "
+            "to tell what visits differ by"
+        )
+    return of_seen(spec, see(data.only(visits.to_numpy() > 1), spec, progress))
+
+
+def of_seen(spec: ModelSpec, seen: Seen) -> dict[str, Between]:
+    """The same of strokes that have been read."""
+    said = answers(spec, seen)
+    visit = seen.table["lump"].astype(str) + "\0" + seen.table["visit"].astype(str)
+    number = np.asarray(pd.factorize(visit)[0], np.int64)
+    out = {}
+    for name in QUANTITIES:
+        value = said.value[:, OUTPUTS.index(name)]
+        used = said.lump & (value > 0)
+        found = components(np.log(value[used]), said.group[used], number[used])
+        if found is not None:
+            out[name] = found
+    return out
+
+
+def components(y: Floats, lump: NDArray[np.int64], visit: NDArray[np.int64]) -> Between | None:
+    """The variance of visits within lumps, by the nested analysis of variance; None from too few visits.
+
+    Parameters
+    ----------
+    y, lump, visit : (n,)
+        Visits of different lumps have different numbers.
+    """
+    table = pd.DataFrame({"y": y, "lump": lump, "visit": visit})
+    visits = table.groupby("visit").agg(lump=("lump", "first"), mean=("y", "mean"), n=("y", "size"))
+    again = visits.groupby("lump")["mean"].transform("size") > 1
+    visits = visits[again]
+    freedom = len(visits) - visits["lump"].nunique()
+    if freedom < FEWEST:
+        return None
+    own = visits["mean"] - visits.groupby("lump")["mean"].transform("mean")
+    inside = table["y"] - table.groupby("visit")["y"].transform("mean")
+    strokes = len(table) - table["visit"].nunique()
+    within = float((inside**2).sum() / strokes) if strokes else 0.0
+    # a visit's mean carries its strokes' scatter as well
+    excess = float((own**2).sum()) / freedom - within * float((1 / visits["n"]).mean())
+    return Between(float(np.sqrt(max(excess, 0.0))), int(freedom))
+
+
+@dataclass(frozen=True)
+class Visits:
+    """Two recordings, quantity by quantity.
+
+    Attributes
+    ----------
+    changes : dict of Comparison
+    between : dict of Between
+        What was counted in; empty where no data set was given.
+    """
+
+    changes: dict[str, Comparison]
+    between: dict[str, Between]
+
+
+def compare_recordings(
+    spec: ModelSpec, first: Path, second: Path, between: dict[str, Between] | None = None
+) -> Visits:
+    """Compare the strokes of two recordings over one lump, by a model.
+
+    Raises
+    ------
+    RecordingError
+        A recording shows no lump.
+    """
+    between = between or {}
+    values = [_values(spec, path) for path in (first, second)]
+    changes = {}
+    for name, (what, unit) in QUANTITIES.items():
+        found = compare(values[0][name], values[1][name], what=what, unit=unit, between=between.get(name))
+        if found is not None:
+            changes[name] = found
+    return Visits(changes, between)
+
+
+def _values(spec: ModelSpec, path: Path) -> dict[str, list[float]]:
+    numbers = list(read_strokes(path))
+    table = pd.DataFrame({"row": 1, "recording": [path] * len(numbers), "stroke": numbers, "lump": "here"})
+    seen = see(DataSet(path, table), spec)
+    said = answers(spec, seen)
+    if not said.lump.any():
+        raise RecordingError(f"no stroke of {path} shows a lump that the model can size")
+    return {name: said.value[said.lump, OUTPUTS.index(name)].tolist() for name in QUANTITIES}
