@@ -16,9 +16,9 @@ from firmware_py.estimator import Estimator
 from firmware_py.probe import Probe
 from palpate.firmware_twin.replay_core import compiled
 from palpate.link.commands import pack_command
+from palpate.link.delivery import HAVE
 from palpate.link.events import Answer, Estimate, Event, Features, TactileMap
 from palpate.link.parser import LiveParser
-from palpate.link.results import HAVE
 from palpate.model_export.image_builder import Info
 from palpate.recording.writer import RecordingWriter
 from palpate.sim.probe.flash_sim import FlashSim

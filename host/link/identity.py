@@ -7,7 +7,7 @@ from typing import Any
 
 from firmware_py import geometry, messages, status, tables
 from palpate.errors import VersionMismatch
-from palpate.link.results import damage_words
+from palpate.link.damage import damage_words
 
 CAPABILITIES = {
     messages.CAN_FLASH: "flash",

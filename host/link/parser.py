@@ -12,6 +12,7 @@ from typing import Any
 from firmware_py import geometry, messages, wire
 from palpate.link.accounting import Counts, LinkCounts, Sequence, Strokes
 from palpate.link.clock import Unwrapper
+from palpate.link.delivery import Again, Earlier
 from palpate.link.events import (
     Answer,
     Boot,
@@ -24,7 +25,6 @@ from palpate.link.events import (
     StrokeState,
     TactileMap,
 )
-from palpate.link.results import Again, Earlier
 from palpate.link.scale import NOMINAL, CalibrationPieces, CellScale
 
 LONGEST_BODY = 2048

@@ -21,6 +21,7 @@ from typing import Self
 from firmware_py import messages, status
 from palpate.errors import CommandRefused, NotLive
 from palpate.link.accounting import LinkCounts
+from palpate.link.delivery import Awaited
 from palpate.link.devices import resolve
 from palpate.link.events import Estimate, Event, Frame
 from palpate.link.handshake import shake_hands
@@ -29,7 +30,7 @@ from palpate.link.line import Line
 from palpate.link.reader import POLL_S
 from palpate.link.recorder import Recorder
 from palpate.link.remote import Commandable
-from palpate.link.results import Awaited, Features, TactileMap
+from palpate.link.results import Features, TactileMap
 from palpate.link.stream_wish import StreamStart, StreamWish
 from palpate.link.transport import Transport, open_transport
 

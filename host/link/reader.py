@@ -11,11 +11,11 @@ from collections import deque
 
 from palpate.errors import LinkGone, PalpateError
 from palpate.link.commands import PendingCommands, pack_command
+from palpate.link.delivery import HAVE, Again, Earlier
 from palpate.link.event_queue import EventQueue
 from palpate.link.events import Answer, Estimate, Event, Features, TactileMap
 from palpate.link.parser import LiveParser, Noise
 from palpate.link.recorder import Recorder
-from palpate.link.results import HAVE, Again, Earlier
 from palpate.link.transport import Transport
 
 POLL_S = 0.05

@@ -5,31 +5,17 @@ Units: mm, kPa, N per metre of probe width; the wire's integers have theirs in t
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 from firmware_py import messages, outputs, status
 from palpate.link import answer
+from palpate.link.damage import damage_words
 from palpate.link.tactile_image import Event
 
 OUTPUTS = outputs.NAMES
 """Names of an estimate's outputs, in the order of the wire, which carries millionths of these units."""
-
-DAMAGES = {
-    messages.DAMAGED_CALIBRATION: "calibration",
-    messages.DAMAGED_MODEL: "model record",
-    messages.DAMAGED_SETTINGS: "settings",
-    messages.DAMAGE_REPAIRED: "one copy, repaired from the other",
-    messages.DAMAGE_TRIAL_HUNG: "a model that the probe hung in while it tried it",
-}
-
-
-def damage_words(damage: int) -> list[str]:
-    """What the probe has found damaged in its store, in words."""
-    return [word for bit, word in DAMAGES.items() if damage & bit]
-
 
 HARDNESS = {outputs.SOFT: "soft", outputs.HARD: "hard"}
 
@@ -240,56 +226,3 @@ class Estimate(Event):
             time_us=self.time_us,
         )
         return words
-
-
-@dataclass(slots=True)
-class Again(Event):
-    """A duplicate result; clients acknowledge it and otherwise ignore it."""
-
-    event: TactileMap | Features | Estimate
-
-
-@dataclass(slots=True)
-class Earlier(Event):
-    """A result of a stream that this client did not begin; it is offered apart (`Probe.earlier_results`)."""
-
-    event: TactileMap | Features | Estimate
-
-
-HAVE = {TactileMap: messages.HAVE_MAP, Features: messages.HAVE_FEATURES, Estimate: messages.HAVE_ESTIMATE}
-"""Results of a stroke that the probe sends until they are acknowledged, and their bit in stroke_ack."""
-
-
-class Awaited:
-    """Tells when a client that wants so many strokes has all of them: the maps come behind the estimates.
-
-    Parameters
-    ----------
-    strokes : int
-        How many; 0: never enough.
-    """
-
-    PATIENCE_S = 5.0
-    """How long a map or features that do not come are waited for once the estimates are there."""
-
-    def __init__(self, strokes: int) -> None:
-        self.begun = False
-        self._strokes = strokes
-        self._have: dict[tuple[int, int], int] = {}
-        self._estimates = 0
-        self._since = 0.0
-
-    def enough(self, event: Event) -> bool:
-        """Take the next event; True when nothing more is waited for."""
-        if not self._strokes:
-            return False
-        if isinstance(event, TactileMap | Features | Estimate):
-            key = event.stream, event.stroke
-            self._have[key] = self._have.get(key, 0) | HAVE[type(event)]
-            if isinstance(event, Estimate):
-                self._estimates += 1
-                self._since = time.monotonic()
-        if self._estimates < self._strokes:
-            return False
-        complete = sum(have == messages.HAVE_ALL for have in self._have.values())
-        return complete >= self._strokes or time.monotonic() - self._since > self.PATIENCE_S

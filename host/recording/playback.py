@@ -10,10 +10,10 @@ from mcap.records import Attachment, Message
 
 from firmware_py import geometry, messages, status, tables
 from palpate.errors import NotAProbe
+from palpate.link.delivery import Again, Earlier
 from palpate.link.events import Answer, Event, Gap
 from palpate.link.identity import Identity
 from palpate.link.parser import LiveParser, Noise
-from palpate.link.results import Again, Earlier
 from palpate.link.source import EventSource
 from palpate.recording import channels
 from palpate.recording.reader import Recording

@@ -208,7 +208,7 @@ def main(paths: Sequence[str] = ()) -> None:
         "evaluator, polynomial, scales, verdict": size_of_mpy("evaluator", "polynomial", "scales", "verdict"),
         "model_image, unpack": size_of_mpy("model_image", "unpack"),
         "slh_dsa": size_of_mpy("slh_dsa"),
-        "slots, safe_record, store": size_of_mpy("slots", "safe_record", "store"),
+        "slots, live_model, safe_record, store": size_of_mpy("slots", "live_model", "safe_record", "store"),
     }
     console.print("bytecode (.mpy): " + ", ".join(f"{name} {n} B" for name, n in sizes.items()))
 

@@ -44,9 +44,11 @@ def test_every_bit_of_the_public_key(signed, public_key):
 
 @pytest.mark.long
 @pytest.mark.timeout(1800)
-def test_every_bit_of_a_field_image_with_the_default_key(field, tmp_path):
+def test_every_bit_of_a_field_image_with_the_default_key(capsys, field, tmp_path):
     key = keys.generate(tmp_path / "key")  # a real one: some 6 minutes
     data, _ = export(field, tmp_path / "key")
+    with capsys.disabled():
+        print(f"\n{8 * len(data)} flips of a field image under a real key")
     assert count_accepted_flips(data, key) == 0
 
 

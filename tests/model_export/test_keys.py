@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import stat
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from firmware_py import slh_dsa, status
+from palpate.cli.keygen import SUCCESSION
 from palpate.model_export.errors import SigningError
 from palpate.model_export.signing import keys
 from tests.model_export import small_key
+
+ROOT = Path(__file__).parent.parent.parent
 
 
 @pytest.fixture
@@ -102,6 +107,19 @@ def test_a_directory_that_cannot_be_written_signs_all_the_same(key, monkeypatch)
 
     monkeypatch.setattr(keys.files, "write", full)
     assert good((key / "public.key").read_bytes(), sign(key)[0])
+
+
+def test_the_page_of_files_lists_what_a_key_directory_holds(tmp_path):
+    """It still had the files of the old, counting key, and said that a copy is refused."""
+    page = ROOT / "docs/reference/files.md"
+    section = page.read_text(encoding="utf-8").partition("## Key directory")[2].partition("\n## ")[0]
+    listed = set(re.findall(r"^\| `([\w.]+)`", section, flags=re.M))
+    old, new = tmp_path / "old", tmp_path / "new"
+    keys.generate(old, small_key.secret(1))
+    public = keys.generate(new, small_key.secret(2))
+    (new / SUCCESSION).write_bytes(keys.succeed(old, public))
+    sign(new)
+    assert {path.name for path in new.iterdir()} == listed
 
 
 def test_a_new_key_is_handed_over_by_the_old_one(key, tmp_path):

@@ -76,7 +76,7 @@ def test_results_that_come_again_are_counted_not_repeated():
 @pytest.mark.parametrize("piece", [100, 65_536, 1 << 23])
 def test_noise_is_handed_out_and_not_gathered(piece):
     """Noise without a packet grew the parser byte by byte: 277 MB for 270."""
-    noise = np.random.default_rng(3).integers(1, 256, 8 << 20, dtype=np.uint8).tobytes()
+    noise = np.random.default_rng(3).integers(1, 256, (8 << 20) + 30_000, dtype=np.uint8).tobytes()
     data, parser, got = noise + b"\0" + wires.frame(5), LiveParser(), bytearray()
     frames = []
     tracemalloc.start()

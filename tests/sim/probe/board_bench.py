@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from firmware_py import calib, messages, safe_record, slots
+from firmware_py import calib, live_model, messages, safe_record
 from firmware_py.store import FileStore
 from palpate.errors import PalpateError
 from palpate.sim.probe.circuit import Matrix
@@ -42,8 +42,8 @@ def kept_files(
     if calibration:
         assert safe_record.Record(store, "cal").save(calibration.to_bytes()) == 0
     if model:
-        store.create(slots.NAMES[0], model)
-        record = bytearray(slots._RECORD)
+        store.create(live_model.NAMES[0], model)
+        record = bytearray(live_model.RECORD_BYTES)
         record[1:5] = model[12:16]
         record[5:13] = model[40:48]
         assert safe_record.Record(store, "live").save(record) == 0
