@@ -42,6 +42,8 @@ FORCE_OUT = outputs.FORCE_OUT
 N_FEATURES = const(0)
 LEAVES = const(1)  # terms that go no further
 DOWNS = const(2)  # what each output's runs are shifted down by, four bits each, and ln sigma's
+SIGMA_DOWN = const(20)  # the place of ln sigma's, behind the outputs'
+ALIKE = const(0x11111)  # times four bits: the same for each output
 LOW_BITS = const(3)  # of a coefficient's low word
 N_LIMITS = const(4)
 HARD_BELOW = const(5)  # millionths of E_inv23
@@ -138,7 +140,7 @@ def intervals(c, d, steps, rows, outs, head, part, high, work, out):
         work[j] = 0
     at = OUTPUTS * head[LEAVES]
     low_sum_shift = head[LOW_BITS] + head[HIGH_BITS] - head[PART_BITS]
-    downs = (head[DOWNS] >> 20) * 69905  # five times the same
+    downs = (head[DOWNS] >> SIGMA_DOWN) * ALIKE
     i = head[STEPS]
     while i < len(steps):
         n = steps[i] & 31

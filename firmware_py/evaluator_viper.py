@@ -10,7 +10,11 @@ See hot_viper.py, its fellow for the frames. Viper reads 16-bit words without th
 # ruff: noqa: F821 - ptr8, ptr16 and ptr32 are viper's own
 import micropython
 
-from firmware_py import polynomial
+from firmware_py import constant, polynomial
+
+const = constant.const
+
+_OUTPUTS = const(5)  # polynomial.OUTPUTS
 
 
 @micropython.viper
@@ -20,7 +24,7 @@ def sums(
 ):  # fmt: skip
     """See polynomial.sums; one output after the other, since registers are few."""
     j = 0
-    while j < 5:
+    while j < _OUTPUTS:
         a = 0
         b = 0
         i = at + j
@@ -28,7 +32,7 @@ def sums(
         while k < last:
             a += ((c[i] ^ 0x8000) - 0x8000) * part[steps[k]]
             b += ((d[i] ^ 0x8000) - 0x8000) * high[steps[k]]
-            i += 5
+            i += _OUTPUTS
             k += 1
         work[to + j] += (a + (b >> low_sum_shift)) >> (downs & 15)
         downs >>= 4
@@ -41,11 +45,11 @@ def carry(own: ptr32, at: int, u: int, base: int, work: ptr32):
     a = u >> 14
     b = u & 16383
     j = base
-    while j < base + 5:
+    while j < base + _OUTPUTS:
         v = work[j] + own[at]
         work[j] = 0
         w = v >> 14
-        work[j - 5] += a * w + ((a * (v & 16383) + b * w) >> 14)
+        work[j - _OUTPUTS] += a * w + ((a * (v & 16383) + b * w) >> 14)
         at += 1
         j += 1
 

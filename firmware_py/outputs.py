@@ -14,11 +14,11 @@ TABLE = (
 NAMES = tuple([row[0] for row in TABLE])
 UNITS = tuple([row[1] for row in TABLE])
 LOGARITHMIC = tuple([row[2] for row in TABLE])
-COUNT = 5
-E_INV23 = 4  # decides what is hard
+COUNT = len(TABLE)
+E_INV23 = NAMES.index("E_inv23")  # decides what is hard
 SCALE = 1000000
 PARTS = ("value", "low", "high")  # of each, one after the other
-VALUES = 15  # three integers each
+VALUES = len(PARTS) * COUNT  # integers
 
 # flags of an estimate (bits), as the evaluator sets them and the wire carries them
 LUMP = 1

@@ -1,4 +1,4 @@
-"""Five polynomials of the same features at once, nested, in integers.
+"""Polynomials of the same features, one for each output, all at once, nested, in integers.
 
 A polynomial is a tree: y = sum over i of u_i * (c_i + sum over j >= i of c_ij * u_j), and so on inwards for
 degree 3. Where a term goes no further it is a *leaf*; the terms behind a common factor are a *branch*. Only
@@ -11,16 +11,17 @@ d * high. The program, `steps`, is bytes, innermost branches first:
     n + 32 * depth, n inputs         add a run of n leaves to the branch at `depth`
     128 + 32 * depth, feature        close that branch: times the feature, into the one at depth - 1
 
-Words of coefficients stand in the program's order, five (one an output) for each leaf; a branch's own
+Words of coefficients stand in the program's order, one an output for each leaf; a branch's own
 coefficients, which come in as it is closed, are whole numbers at the scale of its sum. The sums of a depth
-are kept in work[5 * depth..].
+are kept in work[OUTPUTS * depth..].
 """
 
 from firmware_py import constant
 
 const = constant.const
 
-OUTPUTS = const(5)  # `sums` takes them one by one
+OUTPUTS = const(5)  # outputs.COUNT; `sums` takes them one by one
+ALL_DOWNS = const(0xFFFFF)  # four bits for each of them
 # entries of the head
 DOWNS = const(2)
 LOW_BITS = const(3)
@@ -30,11 +31,11 @@ STEPS = const(13)
 
 
 def sums(c, d, at, part, high, steps, first, last, low_sum_shift, downs, work, to):
-    """Add five sums over the inputs steps[first..last-1] to work[to..]; their words begin at `at`.
+    """Add the outputs' sums over the inputs steps[first..last-1] to work[to..]; their words begin at `at`.
 
     Each is shifted down by its four bits of `downs`, and low words' products by `low_sum_shift` before.
 
-    All five at once: an input is read once, and a look-up costs as much as a product.
+    All at once: an input is read once, and a look-up costs as much as a product.
     """
     a0 = a1 = a2 = a3 = a4 = 0
     b0 = b1 = b2 = b3 = b4 = 0
@@ -77,7 +78,7 @@ def sums(c, d, at, part, high, steps, first, last, low_sum_shift, downs, work, t
 
 
 def carry(own, at, u, base, work):
-    """Five branches, whose sums are work[base..base+4], times u into the five before them; empties them."""
+    """A branch of every output, their sums work[base..], times u into the branches before; empties them."""
     a = u >> 14
     b = u & 16383
     for j in range(base, base + OUTPUTS):
@@ -90,13 +91,13 @@ def carry(own, at, u, base, work):
 
 
 def nested(c, d, own, steps, u, part, high, head, work):
-    """All of it: the five sums come to stand in work[0..4]. The features are the inputs from 5 on."""
+    """All of it, the outputs' sums into work[0..]. The features are the inputs from OUTPUTS on."""
     for i in range(3 * OUTPUTS):
         work[i] = 0
     at = 0
     branch = 0
     low_sum_shift = head[LOW_BITS] + head[HIGH_BITS] - head[PART_BITS]
-    downs = head[DOWNS] & 0xFFFFF
+    downs = head[DOWNS] & ALL_DOWNS
     last = head[STEPS]
     i = 0
     while i < last:

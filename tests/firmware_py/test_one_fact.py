@@ -28,11 +28,10 @@ from palpate.view.app import array_module
 
 
 def test_the_outputs_table_and_the_numbers_taken_from_it():
-    assert outputs.COUNT == len(outputs.TABLE) == len(outputs.NAMES)
-    assert outputs.NAMES[outputs.E_INV23] == "E_inv23"
-    assert len(outputs.PARTS) * outputs.COUNT == outputs.VALUES
     assert evaluator.OUTPUTS == polynomial.OUTPUTS == verdict.OUTPUTS == outputs.COUNT
     assert evaluator.E_OUTPUT == outputs.E_INV23
+    assert polynomial.ALL_DOWNS == (1 << evaluator.SIGMA_DOWN) - 1 == (1 << 4 * outputs.COUNT) - 1
+    assert sum(16**j for j in range(outputs.COUNT)) == evaluator.ALIKE
     assert evaluator.PREDICTED == 3 * outputs.COUNT and evaluator.WORK == 4 * outputs.COUNT
     assert tuple(range(outputs.VALUES, outputs.VALUES + 4)) == (
         verdict.FLAGS,

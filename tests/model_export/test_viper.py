@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from firmware_py import evaluator, polynomial
+from firmware_py import constant, evaluator, polynomial
 from firmware_py import features as firmware_features
 from palpate.model_export.fixed_point import compiler
 from tests.model_export import synthetic
@@ -63,7 +63,7 @@ def twin():
             for a in node.args.args:
                 a.annotation = None
     tree.body = [n for n in tree.body if not isinstance(n, ast.Import | ast.ImportFrom)]
-    space: dict = dict(POINTERS)
+    space: dict = dict(POINTERS) | {"constant": constant}
     exec(compile(ast.fix_missing_locations(tree), str(SOURCE), "exec"), space)
     found = {}
     for name, function in space.items():
