@@ -45,7 +45,7 @@ def chain(path, runtime, directory):
     return json.loads(done.stdout.splitlines()[-1])
 
 
-@pytest.mark.parametrize("runtime", ["micropython", "cpython"])
+@pytest.mark.parametrize("runtime", ["micropython", pytest.param("cpython", marks=pytest.mark.long)])
 def test_eight_by_twelve_at_3_mm_from_strokes_to_an_estimate(tmp_path, runtime):
     said = chain(description(tmp_path, 8, 12, 3000), runtime, tmp_path)
     assert {name: v for name, v in said["worst"].items() if v > 2e-3} == {}

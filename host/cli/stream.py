@@ -84,12 +84,16 @@ def command(
         outlets = _outlets(probe) if lsl else None
         before = _left_behind(probe, quiet, fat_kPa) if earlier else []
         interrupted = scale_told = False
+        serial = probe.identity.serial
         try:
             for event in probe.stream(strokes, every, timeout_s):
                 if not scale_told and not quiet:
                     _say_scale(probe)
                 scale_told = True
                 _show(event, estimates, quiet, json_lines, fat_kPa)
+                if not quiet and probe.identity.serial != serial:
+                    serial = probe.identity.serial
+                    note(f"  it is another one: probe {serial}")
                 if outlets is not None:
                     outlets.push(event)
                 probe.check_recording()

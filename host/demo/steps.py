@@ -55,6 +55,7 @@ def run(out: Path, runtime: str = "micropython", fresh: bool = False, stderr: bo
     PalpateError
         A step failed, or the host's replay of the recording differs from what the probe sent.
     """
+    check_runtime(runtime)
     out.mkdir(parents=True, exist_ok=True)
     step = _Steps()
     files = {

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 from firmware_py import calib, messages, status
-from palpate.errors import CommandTimeout, LinkGone, PortError
+from palpate.errors import CommandTimeout, LinkGone, NotAProbe, PortError
 from palpate.link.commands import check_answer, pack_command
 from palpate.link.events import Answer, Estimate, Event, Gap, StreamEnd
 from palpate.link.identity import Identity
@@ -22,6 +22,8 @@ AWAY_S = 60.0
 GIVE_UP_S = 6.0
 """How long a command is repeated before the probe counts as silent."""
 REOPEN_EVERY_S = 0.25
+ELSEWHERE_S = 5.0
+"""A probe that has been gone for so long may have been replaced, where any will do."""
 INLINE_TRIES = 3
 
 
@@ -36,6 +38,8 @@ class Line(LineReader):
         Is told every byte, both ways.
     reopen : callable, optional
         Opens the link again after an unplug; without it a broken link ends the line.
+    elsewhere : callable, optional
+        Opens a link to whatever probe is there: a stream, and nothing else, goes on with another one.
     """
 
     def __init__(
@@ -43,6 +47,7 @@ class Line(LineReader):
         transport: Transport,
         recorder: Recorder | None = None,
         reopen: Callable[[], Transport] | None = None,
+        elsewhere: Callable[[], Transport] | None = None,
     ) -> None:
         self.identity: Identity | None = None
         self.stream: StreamWish | None = None
@@ -51,7 +56,7 @@ class Line(LineReader):
         self.asked_ns = 0
         """When the last request of `ask_afresh` left."""
         self._patience = Patience()
-        self._reopen = reopen
+        self._reopen, self._elsewhere = reopen, elsewhere
         super().__init__(transport, recorder)
 
     def ask(
@@ -127,31 +132,38 @@ class Line(LineReader):
         self.transport.close()
         self._tell(Gap(time.time_ns(), 0.0, str(gone), ended=False))
         while not self._stopping.is_set():
+            elsewhere = self._elsewhere if self._may_be_replaced(began) else None
             try:
-                self.transport = self._reopen()
-                if self._welcome_back(began, str(gone)):
+                self.transport = (elsewhere or self._reopen)()
+                if self._welcome_back(began, str(gone), any_probe=elsewhere is not None):
                     return
-            except (PortError, LinkGone):
+            except (PortError, LinkGone, NotAProbe):
                 pass
             self.transport.close()
             self._stopping.wait(REOPEN_EVERY_S)
 
-    def _welcome_back(self, began: float, reason: str) -> bool:
+    def _may_be_replaced(self, began: float) -> bool:
+        """Only a stream goes on with another probe: a model is never flashed to two halves of two."""
+        return self.stream is not None and time.monotonic() - began > ELSEWHERE_S
+
+    def _welcome_back(self, began: float, reason: str, any_probe: bool) -> bool:
         answer = self._ask_inline("identify", (random.randrange(1 << 30),))
         if answer is None:
             return False
         before, now = self.identity, Identity.from_answer(answer.values)
         now.check()
-        if before is not None and now.serial != before.serial:
+        another = before is not None and now.serial != before.serial
+        if another and not any_probe:
             return False  # another probe, or another program's terminal under the old name: wait for ours
         if (wanted := self.stream) is not None:
             self._read_calibration_inline()
+            wanted.number = 0 if another else wanted.number  # its streams are none of ours
             if not self._goes_on(wanted):
                 return False
         unwanted = self.stream is None and self.parser.streaming
         if unwanted and self._ask_inline("stream_stop", ()) is None:
             return False
-        restarted = before is None or now.boots != before.boots
+        restarted = before is None or another or now.boots != before.boots
         self.identity = now
         self.parser.counts.reconnects += 1
         self._tell(Gap(time.time_ns(), time.monotonic() - began, reason, restarted=restarted))

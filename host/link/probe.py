@@ -63,8 +63,9 @@ class Probe(Commandable):
         transport: Transport,
         recorder: Recorder | None = None,
         reopen: Callable[[], Transport] | None = None,
+        elsewhere: Callable[[], Transport] | None = None,
     ) -> None:
-        super().__init__(Line(transport, recorder, reopen))
+        super().__init__(Line(transport, recorder, reopen, elsewhere))
         try:
             shake_hands(self._line)
         except BaseException:
@@ -78,7 +79,8 @@ class Probe(Commandable):
         Parameters
         ----------
         port : str
-            `auto`, a device path, `COM5`, `socket://HOST:PORT`, a serial number.
+            `auto`, a device path, `COM5`, `socket://HOST:PORT`, a serial number. With `auto` and no
+            recorder a stream goes on with another probe, if the first is gone for seconds and another is there.
         baud : int
             Of a UART.
         recorder : Recorder, optional
@@ -96,7 +98,15 @@ class Probe(Commandable):
         if port.endswith(".mcap"):
             raise NotLive(f"{port} is a recording, not a port; `palpate view` and `palpate replay` take it")
         place = resolve(port, baud)
-        return cls(open_transport(place.port, baud), recorder, lambda: open_transport(place.port_now(), baud))
+
+        def reopen() -> Transport:
+            return open_transport(place.port_now(), baud)
+
+        def elsewhere() -> Transport:
+            return open_transport(resolve("auto", baud).port, baud)
+
+        any_will_do = port == "auto" and recorder is None  # a recording is of one probe
+        return cls(open_transport(place.port, baud), recorder, reopen, elsewhere if any_will_do else None)
 
     @property
     def connected(self) -> bool:

@@ -45,6 +45,13 @@ def node() -> str:
     )
 
 
+def check_runtime(name: str) -> None:
+    """Raises RuntimeMissing, before any work is done, if what this runtime takes is not installed."""
+    if name == "micropython":
+        node()
+        check_wasm()
+
+
 def check_wasm() -> None:
     """Raises RuntimeMissing if the MicroPython/WASM package is not there."""
     if not PACKAGE.exists():

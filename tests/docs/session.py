@@ -34,6 +34,10 @@ for line in sys.stdin:
 """
 
 
+Left = tuple[Block, "subprocess.Popen[bytes]", Path]
+"""What was left running, and where its output goes."""
+
+
 class BlockFailed(AssertionError):
     """A block of the documentation does not do what it says."""
 
@@ -115,7 +119,7 @@ class Session:
         }
         self._shell: Interpreter | None = None
         self._python: Interpreter | None = None
-        self._left: list[tuple[Block, subprocess.Popen[bytes], Path]] = []
+        self._left: list[Left] = []
         self._count = 0
 
     def run(self, block: Block) -> str:
@@ -152,7 +156,12 @@ class Session:
         return self._python.run(order, mark, BLOCK_TIMEOUT_S)
 
     def _leave_running(self, block: Block) -> str:
-        """Start it and wait until it has said something, as a reader would before going on."""
+        """Start it and wait until it has said something, as a reader would before going on.
+
+        In a terminal with a name, as "second terminal, leave it running", Ctrl-C ends what still runs there.
+        """
+        if "terminal" in block.title:
+            self._ctrl_c([left for left in self._left if left[0].title == block.title])
         path = self.directory / ".blocks" / f"{self._count}.sh"
         path.write_text("set -eo pipefail\n" + block.text)
         log = path.with_suffix(".log")
@@ -182,12 +191,15 @@ class Session:
         for interpreter in (self._shell, self._python):
             if interpreter is not None:
                 interpreter.close()
+        self._ctrl_c(self._left[::-1])
+
+    def _ctrl_c(self, left: list[Left]) -> None:
         complaints = []
-        for block, process, log in reversed(self._left):
+        for block, process, log in left:
             _end(process, signal.SIGINT)
             if "palpate " in block.text and "Traceback" in log.read_text():  # others' manners are theirs
                 complaints.append(f"{block.where} ended with a traceback\n{log.read_text()}")
-        self._left.clear()
+        self._left = [one for one in self._left if one not in left]
         if complaints:
             raise BlockFailed("\n".join(complaints))
 

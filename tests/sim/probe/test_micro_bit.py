@@ -145,10 +145,11 @@ def rack(monkeypatch):
 
 
 @pytest.mark.timeout(3600)
-def test_a_hundred_whole_strokes_from_frames_to_estimates(rack):
+@pytest.mark.parametrize("number", [25, pytest.param(100, marks=pytest.mark.long)])
+def test_whole_strokes_from_frames_to_estimates(rack, number):
     force_map = forcemap.load(any_force_map())
     model = compiler.compile_model(synthetic.model("field"))
-    streams = list(strokes(VECTORS, FRAMES))
+    streams = list(strokes(number, FRAMES))
     names = [name for stage in (*STAGES, EVALUATOR) for name in stage]
     with recorded(*names, most=200) as calls:
         mine = list(answers(streams, force_map, model))
@@ -161,11 +162,11 @@ def test_a_hundred_whole_strokes_from_frames_to_estimates(rack):
         assert theirs == mine[k], f"stroke {k}"
     print(json.dumps({"strokes": len(mine), "numbers": sum(map(len, mine)), "calls": rack.calls}))
     assert set(rack.calls) == {*names, "bins.Places.enter", "bins.Places.order"}
-    assert rack.calls["rowpipeline.add_rows"] == rack.calls["bins.Places.enter"] == VECTORS * FRAMES
+    assert rack.calls["rowpipeline.add_rows"] == rack.calls["bins.Places.enter"] == number * FRAMES
     for name in ("feature_chain.move_all", "traces.map_rows", "gaussfit.fit_from", "evaluator.compute"):
-        assert rack.calls[name] >= 0.7 * VECTORS
+        assert rack.calls[name] >= 0.6 * number
     codes = Counter(answer[FRAMES] for answer in mine)
-    assert codes[status.OK] >= 0.7 * VECTORS
+    assert codes[status.OK] >= 0.6 * number
 
 
 @pytest.mark.parametrize(("kind", "degree"), [("thesis", 2), ("field", 2), ("field", 3)])

@@ -103,10 +103,10 @@ def whole_answers(tables, n):
     return mine, [[int(x) for x in line.split()] for line in said.splitlines()]
 
 
-def test_two_hundred_whole_strokes_from_frames_to_estimates(tables):
-    mine, theirs = whole_answers(tables, 200)
+def test_sixty_whole_strokes_from_frames_to_estimates(tables):
+    mine, theirs = whole_answers(tables, 60)
     assert theirs == mine
-    assert sum(answer[0] == status.OK for answer in mine) > 140
+    assert sum(answer[0] == status.OK for answer in mine) > 30
 
 
 @pytest.mark.long
