@@ -7,6 +7,7 @@ import pytest
 from palpate import models
 from palpate.link.events import OUTPUTS
 from palpate.models.build import MADE, sample
+from palpate.models.coverage import coverage
 
 
 def test_the_file_is_the_one_that_the_recipe_was_written_for():
@@ -28,3 +29,14 @@ def test_its_answers_are_near_the_truth():
     for stroke in models.recipe()["sample"]:
         for name, share in (("F_N_per_m", 0.04), ("t_mm", 0.04), ("d_mm", 0.06), ("h", 0.1)):
             assert stroke[name]["value"] == pytest.approx(stroke[name]["truth"], rel=share), stroke["code"]
+
+
+@pytest.mark.long
+def test_its_intervals_hold_on_lumps_that_it_never_met_the_depths_among_them():
+    """Were t and d taken as independent, the depth's 90 % would be 96."""
+    shares, lost = coverage(256)
+    whole = shares.loc["all"]
+    assert 20 < lost < 60
+    for name in (*OUTPUTS, "depth"):
+        assert 0.86 <= whole[name] <= 0.95, name
+    assert whole["independent"] > 0.93
