@@ -77,6 +77,7 @@ def command(
     """
     from palpate.link import emulated
     from palpate.sim.probe.emulated import RUNTIMES, EmulatedProbe
+    from palpate.sim.probe.node import check_runtime
 
     if board:
         runtime = board
@@ -92,6 +93,7 @@ def command(
         if own_model:
             public = emulator.public_key()
     check_arguments(code, noise, listen)
+    check_runtime(runtime)
     announce()
     streams: Any
     streams, calibration = strokes_over(code, noise, seed, frames, strokes, steady)

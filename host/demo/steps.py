@@ -18,6 +18,7 @@ from palpate.demo.result import DemoResult, say_result, summary, truth, verdict
 from palpate.errors import PalpateError
 from palpate.files import whole_file
 from palpate.link.events import Estimate, Frame, TactileMap
+from palpate.sim.probe.node import check_runtime
 
 EXPERIENCE = "the thesis' thirty strokes"
 

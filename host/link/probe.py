@@ -80,7 +80,7 @@ class Probe(Commandable):
         ----------
         port : str
             `auto`, a device path, `COM5`, `socket://HOST:PORT`, a serial number. With `auto` and no
-            recorder a stream goes on with another probe, if the first is gone for seconds and another is there.
+            recorder a stream goes on with another probe if the first stays away.
         baud : int
             Of a UART.
         recorder : Recorder, optional

@@ -18,13 +18,14 @@ from palpate.errors import (
     PortMissing,
     UsageError,
 )
+from palpate.link import emulated as notes
 from palpate.link.events import Estimate, Features, Frame, Gap, StrokeState, TactileMap
 from palpate.link.flash import flash
 from palpate.link.probe import Probe
 from palpate.link.transport import FdTransport, open_transport
 from palpate.model_export.exporter import export
 from palpate.sim.probe.faults import Faults
-from tests.host.probes import FRAMES, connect, settled
+from tests.host.probes import FRAMES, LUMP, connect, settled
 from tests.waiting import PATIENCE_S, wait_until
 
 RUNTIMES = [("cpython", "pty"), ("micropython", "pty"), ("micropython", "tcp:127.0.0.1:0")]
@@ -169,6 +170,28 @@ def test_an_unplugged_probe_comes_back_and_the_gap_is_marked(emulated):
         assert probe.counts.reconnects == 1
         probe.stop_stream()
         settled(probe)
+
+
+def test_where_any_probe_will_do_a_stream_goes_on_with_another(emulated):
+    """A replaced board, or an emulator that was started again, was waited for in vain."""
+    first = emulated(repeat=True, serial=b"FIRST001")
+    note = notes.leave(notes.Note(first.port, os.getpid(), LUMP, "cpython"))
+    with Probe.open("auto") as probe:
+        mine = probe.identity.serial
+        probe.start_stream()
+        assert any(isinstance(event, Frame) for event in probe.events(PATIENCE_S))
+        note.unlink()
+        first.stop()
+        second = emulated(repeat=True, serial=b"SECOND02")
+        notes.leave(notes.Note(second.port, os.getpid(), LUMP, "cpython"))
+        gaps = []
+        for event in probe.events(PATIENCE_S):
+            gaps += [event] if isinstance(event, Gap) else []
+            if len(gaps) == 2 and isinstance(event, Frame):
+                break
+        assert gaps[1].ended and gaps[1].restarted
+        assert probe.identity.serial != mine
+        probe.stop_stream()
 
 
 def test_a_restarted_probe_is_noticed(emulated):
