@@ -79,9 +79,13 @@ def extremes(body, places):
                 yield k, bytes((value,))
 
 
-def test_exchanged_ends_are_refused_and_hang_nothing(body, places):
-    at, _ = places[fw.OUTPUTS]
+@pytest.mark.parametrize(
+    ("section", "first"), [(fw.OUTPUTS, 0), (fw.OUTPUTS, 4), (fw.FEATURES, 0), (fw.FEATURES, 3)]
+)
+def test_exchanged_ends_are_refused_and_hang_nothing(body, places, section, first):
+    at = places[section][0] + 4 * first
     low, high = struct.unpack_from("<2i", body, at)
+    assert low < high
     swapped = body[:at] + struct.pack("<2i", high, low) + body[at + 8 :]
     assert opened(swapped) == status.BAD_MODEL
     with pytest.raises(ImageError, match="no model can have"):

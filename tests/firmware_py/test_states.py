@@ -1,0 +1,56 @@
+"""The states of docs/protocol.md: idle, streaming, measuring, and what leads from one to another."""
+
+import pytest
+
+from firmware_py import messages, status
+from firmware_py.estimator import Estimator
+from firmware_py.store import FileStore
+from palpate.sim.probe.virtual import VirtualBoard
+from tests.firmware_py.talk import Bench, command
+
+ZERO = (messages.CALIBRATE_ZERO, 20, 0)
+BOTH = (messages.CONTENT_FRAMES | messages.CONTENT_STROKES, 1, 0, 0)
+
+
+@pytest.fixture
+def bench(tmp_path):
+    return Bench(VirtualBoard(), Estimator(FileStore(str(tmp_path))))
+
+
+def running(bench):
+    """The number of the stream that runs, 0: none."""
+    return bench.ask("identify", (7,)).fields["stream"]
+
+
+def test_a_stream_is_left_by_its_stop_and_by_another_stream(bench):
+    assert running(bench) == 0
+    first = bench.ask("stream_start", BOTH).fields["stream"]
+    assert running(bench) == first > 0
+    second = bench.ask("stream_start", BOTH).fields["stream"]
+    assert running(bench) == second != first
+    assert bench.ask("stream_stop").fields["stream"] == second
+    assert running(bench) == 0 and bench.ask("stream_stop").fields["stream"] == 0
+
+
+def test_while_it_streams_it_does_not_measure(bench):
+    stream = bench.ask("stream_start", BOTH).fields["stream"]
+    assert bench.ask("calibrate", ZERO).code == status.BUSY
+    assert running(bench) == stream
+
+
+def test_while_it_measures_it_begins_nothing_else(bench):
+    bench.send(command("calibrate", 77, ZERO))
+    assert bench.ask("stream_start", BOTH).code == status.BUSY
+    assert bench.ask("calibrate", ZERO).code == status.BUSY
+    assert bench.send(command("calibrate", 77, ZERO)) == []  # it is at it: the answer comes when it is done
+    bench.run(1_000_000)
+    assert [m.code for m in bench.heard if m.number == 77] == [status.OK]
+    assert bench.ask("stream_start", BOTH).code == status.OK
+
+
+def test_a_new_host_is_not_answered_what_another_one_had_asked(bench):
+    bench.send(command("calibrate", 77, ZERO))
+    assert running(bench) == 0
+    bench.run(1_000_000)
+    assert not [m for m in bench.heard if m.number == 77]
+    assert bench.ask("stream_start", BOTH).code == status.OK
