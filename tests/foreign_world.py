@@ -1,6 +1,7 @@
 """The foreign world: lumps, tissue, contact and sensor that no model was told of, to try real data on.
 
     python -m tests.foreign_world export DIRECTORY --lumps 24 --strokes 2    strokes as CSV, and their truth
+    python -m tests.foreign_world campaign DIRECTORY                         the sensor in air, under a cuff
     python -m tests.foreign_world keep                                       computes foreign_world.npz anew
 
 Tissue that stiffens, friction of .2, a face 5 % too curved; a sensor with hysteresis and creep whose cells
@@ -18,6 +19,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from palpate.sim.probe.cells import COLUMN_MM, FULL_SCALE_KPA, PEDESTAL_KPA, ROW_MM
 from palpate.sim.probe.noise import LEVELS
@@ -118,45 +120,80 @@ class Laboratory:
 
 
 def export(directory: Path, fields_: list[StrokeField], strokes: int, seed: int = 1) -> None:
-    """Strokes as CSV, a file a lump, and the truth as truth.csv; the array is the one in use."""
-    import pandas as pd
-
-    directory.mkdir(parents=True, exist_ok=True)
+    """Strokes as CSV, a file for each lump and day, and truth.csv; the array is the one in use."""
     laboratory, truths = Laboratory(seed), []
-    names = [f"p_{r}_{c}" for r in range(len(ROW_MM)) for c in range(len(COLUMN_MM))]
     for k, field in enumerate(fields_):
-        parts = []
-        for number in range(strokes):
-            seen = laboratory.over(field, 100 * k + number).stroke(FRAMES)
-            kPa = np.rint(1e3 * (seen.counts / 4095 * FULL_SCALE_KPA - PEDESTAL_KPA)) / 1e3
-            part = pd.DataFrame(kPa, columns=names)
-            part.insert(0, "stroke", number + 1)
-            part.insert(1, "t_s", seen.times_us / 1e6)
-            part.insert(2, "x_mm", seen.positions_um / 1e3)
-            part.insert(3, "z_mm", seen.displacements_um / 1e3)
-            parts.append(part)
+        for day in (1, 2):
+            name = f"lump-{k + 1:02}-day-{day}"
+            seen = [laboratory.over(field, 100 * k + 10 * day + n).stroke(FRAMES) for n in range(strokes)]
+            write(
+                directory / f"{name}.csv",
+                [(s.counts, s.positions_um, s.displacements_um, s.times_us) for s in seen],
+            )
             case = field.low.case
-            truths.append({
-                "recording": f"lump-{k + 1:02}.mcap", "stroke": number + 1, "lump": f"L{k + 1:02}",
-                "d_mm": round(case.d_mm, 3), "depth_mm": round(case.depth_mm, 3),
-                "E_ratio": round(case.E_ratio, 3), "place": "border", "tissue": "foreign",
-                "visit": f"day {1 + number * 2 // strokes}", "who": "A", "when": "2026-11-21",
-            })  # fmt: skip
-        pd.concat(parts).to_csv(directory / f"lump-{k + 1:02}.csv", index=False)
+            truths += [
+                {
+                    "recording": f"{name}.mcap", "stroke": n + 1,
+                    "lump": f"L{k + 1:02}", "visit": f"day {day}",
+                    "d_mm": round(case.d_mm, 3), "depth_mm": round(case.depth_mm, 3), "place": "border",
+                    "E_ratio": round(case.E_ratio, 3), "tissue": "foreign", "who": "A", "when": "2026-11-21",
+                }
+                for n in range(strokes)
+            ]  # fmt: skip
     pd.DataFrame(truths).to_csv(directory / "truth.csv", index=False)
+
+
+def write(path: Path, parts: list[tuple[np.ndarray, ...]]) -> None:
+    """Frames as CSV: kPa of each cell, time in s, place and displacement in mm, number of the stroke."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    names = [f"p_{r}_{c}" for r in range(len(ROW_MM)) for c in range(len(COLUMN_MM))]
+    tables = []
+    for number, (counts, x_um, z_um, time_us) in enumerate(parts):
+        count = np.clip(np.rint(counts), 0, 4095)
+        kPa = np.round(count / 4095 * FULL_SCALE_KPA - PEDESTAL_KPA, 4)
+        table = pd.DataFrame(kPa.reshape(len(kPa), -1), columns=names)
+        for at, (name, values) in enumerate(
+            {"t_s": time_us / 1e6, "x_mm": x_um / 1e3, "z_mm": z_um / 1e3}.items()
+        ):
+            table.insert(at, name, values)
+        table.insert(0, "stroke", number + 1)
+        tables.append(table)
+    pd.concat(tables).to_csv(path, index=False)
+
+
+CUFF = [[0, 0], [0.5, 0], [0.5, 18], [2, 18], [4, 0], [5, 0], [6, 12], [8, 0]]
+
+
+def campaign(directory: Path, field: StrokeField, seed: int = 1) -> None:
+    """The sensor in air and under a cuff, as CSV, and campaign.toml, which says what they are of."""
+    laboratory, said = Laboratory(seed), []
+    times, levels = np.array(CUFF, float).T
+    for kind, count, seconds in (("air", 8, 2.0), ("cuff", 4, 8.0)):
+        time = np.arange(0, seconds, 0.02)
+        kPa = np.interp(time, times + 1e-6 * np.arange(len(times)), levels) if kind == "cuff" else 0 * time
+        for k in range(count):
+            sensor = laboratory.over(field, 5000 + 100 * count + k)
+            p = np.broadcast_to(kPa[:, None, None], (len(time), len(ROW_MM), len(COLUMN_MM)))
+            felt = sensor.felt(p, 0 * time, 60 * time, np.linspace(0, 1, len(time)))
+            write(directory / f"{kind}-{k + 1}.csv", [(felt[0], 0 * felt[1], felt[2], 1e6 * time)])
+            more = f"kPa = {CUFF}" if kind == "cuff" else "displacement_mm = 0.0"
+            said.append(f'[[recording]]\nfile = "{kind}-{k + 1}.mcap"\nkind = "{kind}"\n{more}\n')
+    (directory / "campaign.toml").write_text("\n".join(said))
 
 
 def main(arguments: list[str]) -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=["export", "keep"])
-    parser.add_argument("directory", nargs="?", type=Path)
-    parser.add_argument("--lumps", type=int, default=24)
-    parser.add_argument("--strokes", type=int, default=2)
+    parser.add_argument("what", choices=["export", "campaign", "keep"])
+    parser.add_argument("directory", nargs="?", type=Path, default=Path("out/foreign"))
+    parser.add_argument("--lumps", type=int, default=24, help="how many to export")
+    parser.add_argument("--strokes", type=int, default=2, help="over each, on each of two days")
     said = parser.parse_args(arguments)
     if said.what == "keep":
         keep()
+    elif said.what == "campaign":
+        campaign(said.directory, kept()[0])
     else:
         export(said.directory, kept()[: said.lumps], said.strokes)
 
