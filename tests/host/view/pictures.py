@@ -36,7 +36,7 @@ def main(demo: Path) -> None:
     with (
         tempfile.TemporaryDirectory() as folder,
         EmulatedProbe(
-            strokes=[*before, *after], public_key=key, repeat=True, calibration=calibration
+            strokes=[*before, *after], public_key=key, repeat=True, calibration=calibration, roomy=True
         ) as probe,
         sync_playwright() as playwright,
         playwright.chromium.launch(executable_path=chromium(), args=CHROMIUM_OPTIONS) as browser,
