@@ -177,8 +177,5 @@ def _check_needs(row: int, path: Path, stroke: RecordedStroke, spec: ModelSpec) 
     if "displacement" in stroke.missing:
         needed = [name for name in spec.features if name in DISPLACEMENT_FEATURES]
         if needed:
-            raise fault(
-                row,
-                "recording",
-                f"{path.name} has no displacement, and the model needs {needed[0]}; fit one --pressure-only",
-            )
+            what = f"{path.name} has no displacement, and the model needs {needed[0]}"
+            raise fault(row, "recording", f"{what}; use a model of pressure alone")

@@ -129,14 +129,15 @@ def test_recalibrated_intervals_hold_what_they_say(lumps):
     assert 0.88 <= np.mean(covered) <= 0.94
 
 
-def test_noise_alone_is_not_learned():
-    """Residuals without any bias: a correction chosen by chance may not cost more than a tenth."""
+@pytest.mark.parametrize(("lumps", "most"), [(5, 1.15), (20, 1.1)])
+def test_noise_alone_is_not_learned(lumps, most):
+    """Residuals without any bias: what is chosen by chance costs little of the mean square error."""
     rng = np.random.default_rng(1)
     level = np.array([1, *[2] * 5, *[3] * 20])
     worse = []
     for _ in range(200):
-        phi = np.column_stack([np.ones(20), rng.standard_normal((20, 25))])
-        fitted = correction.fit(correction.Basis(phi, level), rng.standard_normal(20))
+        phi = np.column_stack([np.ones(lumps), rng.standard_normal((lumps, 25))])
+        fitted = correction.fit(correction.Basis(phi, level), rng.standard_normal(lumps))
         fresh = np.column_stack([np.ones(500), rng.standard_normal((500, 25))])
         worse.append(1 + np.mean((fresh @ fitted.coefficients) ** 2))
-    assert np.mean(worse) < 1.1
+    assert np.mean(worse) < most
