@@ -5,7 +5,7 @@ A residual's expected size sigma is log-linear in the features and in the predic
 stated coverage (Papadopoulos and others 2002; Lei and others 2018; with residuals from
 cross-validation beside those of calibration lumps, Vovk 2015). Constant widths cover some groups of lumps
 far too seldom. What remains is met by a quantile somewhat above the stated one: as far above as the worst
-group of calibration lumps needs, within "90 +- 2 %".
+group of calibration lumps needs, within 2 % of the stated coverage.
 """
 
 from __future__ import annotations

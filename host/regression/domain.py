@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.outputs import COUNT
 from palpate.features.map_features import Floats
 
 SHRINKAGE = 1e-3
@@ -61,7 +62,7 @@ class DomainCheck:
         return self.familiar(features, z) & (self.beyond(y, half) <= self.margin)
 
 
-def fit_domain(features: Floats, z: Floats, outputs: int = 5, share_out: float = 0.025) -> DomainCheck:
+def fit_domain(features: Floats, z: Floats, outputs: int = COUNT, share_out: float = 0.025) -> DomainCheck:
     """Box and distance that leave out at most about `share_out` of strokes like these; ranges without ends.
 
     Parameters

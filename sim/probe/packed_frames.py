@@ -24,7 +24,7 @@ class Truth:
     centre_mm: float
 
     def outputs(self) -> dict[str, float]:
-        """The five outputs of the inverse model, in its order."""
+        """The outputs of the inverse model, in its order."""
         return {k: getattr(self, k) for k in NAMES}
 
 

@@ -3,6 +3,7 @@
 from array import array
 
 import numpy as np
+import pandas as pd
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -22,6 +23,7 @@ from firmware_py import (
 from firmware_py.boards import scan_order
 from palpate.cli import ports
 from palpate.regression import table
+from palpate.regression.field import model
 from palpate.sim.probe import cells, packed_frames
 from palpate.sim.tissue import face_sensors
 from palpate.view.app import array_module
@@ -47,7 +49,10 @@ def test_the_outputs_table_and_the_numbers_taken_from_it():
 def test_whoever_names_the_outputs_names_them_all():
     """An output that is added to the table is asked for here, before a command meets it without a word."""
     assert set(ports.WORDS) == set(outputs.NAMES)
-    assert table.TARGETS == ("F", "t", "d", "h", "E_inv23")  # as the thesis has them
+    run = pd.DataFrame({name: [1.0] for name in table.INPUTS})
+    assert tuple(table.target_values(run)) == table.TARGETS
+    for bounds in (model.RANGE_LO, model.RANGE_HI, model.LOWEST, model.HIGHEST):
+        assert len(bounds) == outputs.COUNT
 
 
 def test_a_place_in_the_models_arrays_has_one_number():
