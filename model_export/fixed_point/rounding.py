@@ -1,8 +1,8 @@
-"""Rounding a row's coefficients together: those that follow compensate each one's error as far as they can.
+"""Rounding a row's coefficients together: each one's error is compensated by those that follow.
 
-Features of a stroke go together, so that many changes of the coefficients hardly change a prediction: the
-lattice's points near such a valley are better than the one nearest to the coefficients. (The greedy search
-is Babai's nearest plane.)
+Features of a stroke are correlated, so many changes of the coefficients hardly change a prediction. Rounded
+coefficients that differ from the exact ones by such a change are better than the nearest ones. (The greedy
+search is Babai's nearest plane.)
 """
 
 from __future__ import annotations

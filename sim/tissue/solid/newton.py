@@ -133,12 +133,12 @@ class SolidNewton:
             seen = self.contact.evaluate(state.u, state.multiplier, state.height, position)
             residual, theta = self.body.residual(state.u, state.pressure, self._frozen)
             self._balance(residual, seen)
-            lack = force - seen.force.sum()
-            error_before, error = error, max(np.abs(residual).max(), 0.05 * abs(lack)) / force
+            force_deficit = force - seen.force.sum()
+            error_before, error = error, max(np.abs(residual).max(), 0.05 * abs(force_deficit)) / force
             gap = np.abs(seen.gap).max() if len(seen.active) else 1.0
             if (
                 error < tolerance
-                and abs(lack) < _FORCE_TOLERANCE * force
+                and abs(force_deficit) < _FORCE_TOLERANCE * force
                 and (rough or gap < _GAP_TOLERANCE_MM)
             ):
                 state.smallest_jacobian = self.body.smallest_jacobian(state.u)
@@ -154,7 +154,7 @@ class SolidNewton:
                 self._correct(seen)
                 seen = replace(seen, normal=self._normals[seen.active])
             fresh = renew is not None or before is None or not np.array_equal(seen.active, before.active)
-            self._step(state, seen, residual, theta, lack, fresh)
+            self._step(state, seen, residual, theta, force_deficit, fresh)
             before = seen
             self.counts.iterations += 1
         raise NoConvergence(f"no equilibrium within {limit} iterations (still {error:.1e} of the force out)")
@@ -183,7 +183,7 @@ class SolidNewton:
         try:
             self._renew(state.u, state.pressure, seen, which, curved=True)
         except NotPositiveDefinite:
-            # Far from equilibrium the pressure's geometric term can spoil definiteness; go on without.
+            # Far from equilibrium the pressure's geometric term can make the tangent indefinite: omit it.
             try:
                 self._renew(state.u, np.zeros_like(state.pressure), seen, self._all, curved=False)
             except NotPositiveDefinite:
@@ -233,7 +233,7 @@ class SolidNewton:
         return self.solver.solve(sides)
 
     def _step(
-        self, state: State, seen: Touching, residual: Floats, theta: Floats, lack: float, fresh: bool
+        self, state: State, seen: Touching, residual: Floats, theta: Floats, force_deficit: float, fresh: bool
     ) -> None:
         contact, active = self.contact, seen.active
         weight = contact.weight[active] * contact.augmentation
@@ -256,7 +256,9 @@ class SolidNewton:
             self._pivot = weight.sum() - self._border @ solutions[1]
         change = solutions[0]
         if len(active):
-            rise = (float(contact.weight[active] @ pull) - lack - self._border @ change) / self._pivot
+            rise = (
+                float(contact.weight[active] @ pull) - force_deficit - self._border @ change
+            ) / self._pivot
         else:
             rise = -0.2  # not touching yet: let the probe sink
         scale = min(1.0, _LARGEST_RISE_MM / max(abs(rise), 1e-12))

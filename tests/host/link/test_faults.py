@@ -107,7 +107,7 @@ def test_a_host_that_stops_reading_finds_the_newest_frames_and_every_result(emul
     assert counts.lost == told["frames_dropped"] > 100
 
 
-def test_the_same_seed_hurts_the_same_bytes():
+def test_the_same_seed_corrupts_the_same_bytes():
     from palpate.sim.probe.faults import FaultyLine
 
     data = b"".join(pack([k % 4096] * 416) for k in range(200))

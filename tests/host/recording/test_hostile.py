@@ -82,10 +82,10 @@ def test_a_chunk_that_cannot_be_unpacked_is_a_sentence(tmp_path):
     """It was an uncaught ZstdError."""
     path = tmp_path / "zstd.mcap"
 
-    def spoil(chunk):
+    def corrupt(chunk):
         chunk.data = b"\xff" * 40 + chunk.data[40:]
 
-    path.write_bytes(with_chunk(session(path, True), spoil))
+    path.write_bytes(with_chunk(session(path, True), corrupt))
     assert "cannot be unpacked" in Recording(path).check()
     done = CliRunner().invoke(convert_command, [str(path), str(tmp_path / "out.csv")])
     assert done.exit_code == 0 and "is damaged" in done.output

@@ -225,7 +225,7 @@ def test_a_page_that_sends_rubbish_is_still_served(running):
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
 def test_every_address_makes_a_token_up(tmp_path, host):
-    """Without one on localhost, the page obeyed any user of the machine."""
+    """Without one on localhost, any user of the machine could operate the page."""
     viewer = Viewer(SyntheticSource([]), mode="live", host=host, recordings=tmp_path)
     try:
         assert viewer.token is not None and len(viewer.token) >= 32
