@@ -26,8 +26,9 @@ import pandas as pd
 
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.errors import CaseError, SweepStopped, TissueError
+from palpate.sim.tissue.records import Record, record_of
 from palpate.sim.tissue.settings import Settings, case_key
-from palpate.sim.tissue.store import Record, StrokeStore, record_of
+from palpate.sim.tissue.store import StrokeStore
 from palpate.sim.tissue.tables import read_table
 
 _GROUP = 4

@@ -10,8 +10,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.records import stroke_of
 from palpate.sim.tissue.result import Stroke
-from palpate.sim.tissue.store import stroke_of
 
 
 def check_finished(out_dir: str | Path) -> Path:
