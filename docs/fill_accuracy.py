@@ -15,6 +15,7 @@ from pathlib import Path
 
 from rich.table import Table
 
+from palpate.regression.any_tissue import study as any_tissue
 from palpate.regression.field.bench import Bench
 from palpate.regression.field.data import of_the_command, prepare
 from palpate.regression.field.fit import fit_field
@@ -27,6 +28,7 @@ from palpate.regression.thesis.fit import ThesisFit, fit_thesis
 from palpate.report.study_figures import save_study_figure
 
 DOCS = Path(__file__).parent
+ANY_TISSUE_LUMPS = 153
 PAGE = DOCS / "accuracy.md"
 FIGURES = DOCS / "figures"
 
@@ -85,6 +87,7 @@ class Numbers:
             out[f"study-{name}"] = lambda name=name: self._study(name)  # type: ignore[misc]
         out["which-lumps"] = self._which_lumps
         out["tissue-fit"] = self._tissue_fit
+        out["any-tissue"] = self._any_tissue
         return out
 
     def _which_lumps(self) -> str:
@@ -99,6 +102,11 @@ class Numbers:
     def _tissue_fit(self) -> str:
         strokes = prepare(self.field_dir / "soft-fat", 512, tissue={"fat_kPa": 7.0}, progress=tell)
         return of_rich(fit_field(strokes, levels=(), recipes=(), progress=tell).tables()[0])
+
+    def _any_tissue(self) -> str:
+        lumps = any_tissue.prepare(self.field_dir / "any", ANY_TISSUE_LUMPS, progress=tell)
+        heads, rows = any_tissue.text_of(any_tissue.table_of(lumps))
+        return markdown(heads, rows)
 
     def _study(self, name: str) -> str:
         study = STUDIES.get(name, TISSUE_STUDY)

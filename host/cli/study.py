@@ -13,10 +13,11 @@ from palpate.errors import UsageError
 @click.command("study")
 @click.argument("name")
 @click.argument("directory", type=click.Path(path_type=Path, file_okay=False))
+@click.option("--lumps", default=600, show_default=True, help="Of any-tissue: how many to simulate.")
 @click.option("--seed", default=1, show_default=True, help="Of the split and of the sensors' noise.")
 @click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Draw it, as SVG or PNG.")
 @json_option
-def command(name: str, directory: Path, seed: int, figure: Path | None, as_json: bool) -> None:
+def command(name: str, directory: Path, lumps: int, seed: int, figure: Path | None, as_json: bool) -> None:
     """Retrain the field model with one thing about the probe, the hand or the tissue changed.
 
     DIRECTORY holds the strokes of `palpate fit --kind field`. NAME is one of
@@ -25,6 +26,7 @@ def command(name: str, directory: Path, seed: int, figure: Path | None, as_json:
     noise bits pitch gain dead position force displacement forces learning
     tissue    (simulates other tissues into DIRECTORY first, a few minutes)
     computed  (simulates lumps at seven forces into DIRECTORY first, a few minutes)
+    any-tissue  (needs nothing in DIRECTORY: simulates --lumps lumps in random tissue into it first)
 
     \b
     Example:
@@ -36,9 +38,14 @@ def command(name: str, directory: Path, seed: int, figure: Path | None, as_json:
     from palpate.regression.field.study import STUDIES, study_table
     from palpate.regression.field.tissues import TISSUE_STUDY
 
+    if name == "any-tissue":
+        if figure is not None:
+            raise UsageError("any-tissue has no figure: leave --figure out")
+        _any_tissue(directory, lumps, seed, as_json)
+        return
     studies = STUDIES | {study.name: study for study in (TISSUE_STUDY, COMPUTED_STUDY)}
     if name not in studies:
-        raise UsageError(f"there is no study {name!r}; there are {', '.join(studies)}")
+        raise UsageError(f"there is no study {name!r}; there are {', '.join((*studies, 'any-tissue'))}")
     study = studies[name]
     with showing_progress() as progress, Bench(read(directory), seed, directory, progress=progress) as bench:
         result = study.table(bench, tell=note)
@@ -52,3 +59,15 @@ def command(name: str, directory: Path, seed: int, figure: Path | None, as_json:
         return
     heads, rows = study_table(study, result)
     table(heads, rows, study.title)
+
+
+def _any_tissue(directory: Path, lumps: int, seed: int, as_json: bool) -> None:
+    from palpate.regression.any_tissue.study import prepare, table_of, text_of
+
+    with showing_progress() as progress:
+        result = table_of(prepare(directory, lumps, progress=progress), seed=seed, step=note)
+    if as_json:
+        print_json({"study": "any-tissue", "rows": result.to_dict("records")})
+        return
+    heads, rows = text_of(result)
+    table(heads, rows, "Tissue that nobody told the probe about")

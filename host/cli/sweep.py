@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 @click.option(
     "--design",
     required=True,
-    help="thesis | one-factor | sobol:N[:SEED] | balls[:N[:SEED]] | a file with one code per line.",
+    help="thesis | one-factor | sobol:N[:SEED] | balls[:N[:SEED]] | any:N[:SEED] | any-press:N[:SEED] | "
+    "a file with one code per line.",
 )
 @click.option(
     "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Directory of the strokes."
@@ -55,6 +56,8 @@ def command(
       thesis           the thesis' thirty runs
       one-factor       one input varied at a time, finely
       sobol:N[:SEED]   N cases that fill the space of d, h, E, F evenly
+      any:N[:SEED]     N lumps in random tissue, at three forces each
+      any-press:N[:SEED]  the press before each of these strokes, at four forces
       balls:N[:SEED]   N balls and ellipsoids in random tissue, at two forces each (seconds a stroke)
       FILE             one case code per line
 
@@ -64,12 +67,13 @@ def command(
       palpate sweep --design sobol:64:1 --out out/field --workers 2
       palpate sweep --design balls:100 --out out/balls --keep balls.parquet
     """
-    from palpate.sim.tissue import Settings, read_design, sweep
+    from palpate.sim.tissue import read_design, sweep
+    from palpate.sim.tissue.design import settings_of
 
     if workers is not None and scheduler is not None:
         raise UsageError("--workers is for this machine and --scheduler for a cluster; give one of them")
     cases = read_design(design)
-    settings = Settings(hx_mm=hx_mm)
+    settings = settings_of(design, hx_mm)
     announce()
     began = time.monotonic()
     last: list[Progress] = []

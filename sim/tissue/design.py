@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from palpate.sim.tissue.any_tissue import PRESSES, STROKES, any_tissue_cases, press_cases
 from palpate.sim.tissue.case import THESIS_CODES, Case
 from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.settings import Settings
 
 
 @dataclass(frozen=True)
@@ -28,8 +30,8 @@ WIDEST = Ranges((4.0, 25.0), (0.2, 2.0), (1.0, 1000.0), (0.1, 1.2), (25.0, 100.0
 
 
 def read_design(text: str) -> list[Case]:
-    """Cases of `thesis`, `one-factor`, `sobol:N[:SEED]`, `balls[:N[:SEED]]` or a file (CSV of fields, or
-    codes).
+    """Cases of `thesis`, `one-factor`, `sobol:N[:SEED]`, `balls[:N[:SEED]]`, `any:N[:SEED]`,
+    `any-press:N[:SEED]` or a file (CSV of fields, or codes).
 
     Raises
     ------
@@ -41,8 +43,8 @@ def read_design(text: str) -> list[Case]:
     if text == "one-factor":
         return one_factor_cases()
     name, *numbers = text.split(":")
-    if name == "sobol" or (name == "balls" and not Path(text).exists()):
-        usual = [] if name == "sobol" else [1000]
+    if name in ("sobol", "any", "any-press") or (name == "balls" and not Path(text).exists()):
+        usual = [1000] if name == "balls" else []
         try:
             given = [int(number) for number in numbers] or usual
             n, seed = given[0], given[1] if len(given) > 1 else 1
@@ -54,14 +56,23 @@ def read_design(text: str) -> list[Case]:
             from palpate.sim.tissue.solid.design import ball_cases
 
             return ball_cases(n, seed)
-        return sobol_cases(n, seed)
+        if name == "any":
+            return any_tissue_cases(n, seed)
+        return press_cases(n, seed) if name == "any-press" else sobol_cases(n, seed)
     path = Path(text)
     if not path.is_file():
         raise CaseError(
-            f"{text!r} is not a design (thesis, one-factor, sobol:N:SEED, balls:N:SEED) "
+            f"{text!r} is not a design (thesis, one-factor, sobol:N:SEED, balls:N:SEED, any:N:SEED, "
+            "any-press:N:SEED) "
             "and not a file of cases"
         )
     return _read_file(path)
+
+
+def settings_of(text: str, hx_mm: float) -> Settings:
+    """How a design's cases are to be simulated: those of unknown tissue start further off, or press only."""
+    usual = {"any": STROKES, "any-press": PRESSES}.get(text.split(":")[0], Settings())
+    return replace(usual, hx_mm=hx_mm)
 
 
 def sobol_cases(n: int, seed: int, ranges: Ranges = USUAL) -> list[Case]:

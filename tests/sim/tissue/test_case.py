@@ -66,10 +66,11 @@ def test_a_key_names_case_and_settings():
     keys = {
         case_key(case, Settings()),
         case_key(case, Settings(hx_mm=1.0)),
+        case_key(case, Settings(press_only=True)),
         case_key(case, Settings(start_mm=-30.0)),
         case_key(Case.from_code("d10h08e10f09"), Settings()),
     }
-    assert len(keys) == 4
+    assert len(keys) == 5
     assert case_key(Case(10, 0.8, 10, 1), Settings()) == case_key(case, Settings())
 
 

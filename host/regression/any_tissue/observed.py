@@ -1,0 +1,153 @@
+"""Lumps in random tissue as the probe sees them: the stroke's features in integers, and its press.
+
+One simulation serves every fat: with all moduli and the force times s, displacements stay and pressures go
+times s. So each stroke gets a fat of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import UsageError
+from palpate.features.map_features import Floats
+from palpate.firmware_twin.replay_core import Replay
+from palpate.regression.any_tissue.press import at_parts, curves, press_frames
+from palpate.regression.field.data import read_lumps
+from palpate.regression.field.design import LumpStrokes
+from palpate.regression.observed import NAMES, noise_named
+from palpate.regression.probe_model import shows_lump
+from palpate.sim.probe.sensors import Noise, SensorModel, StrokeField
+from palpate.sim.tissue import Case, Stroke, load_strokes
+
+FAT_KPA = (5.0, 25.0)
+FORCE_N_PER_M = (25.0, 150.0)
+TRUTH = ("ln d", "ln depth", "ln t", "E^-2/3", "ln F/E_fat", "ln F", "ln E_fat", "gland_ratio", "gland_mm")
+_FAR = NAMES.index("ln_force")
+
+
+@dataclass(frozen=True)
+class TissueLump:
+    """Strokes over one lump at several forces, and the press before them; fat of the simulations' modulus."""
+
+    strokes: LumpStrokes
+    press: tuple[Stroke, ...]
+
+
+@dataclass(frozen=True)
+class SeenInTissue:
+    """n strokes with a press each.
+
+    Attributes
+    ----------
+    X : (n, features)
+        The stroke's, by the firmware's names.
+    press : (n, 9)
+        Of `press.at_parts`.
+    Y : (n, 9)
+        By `TRUTH`; lengths in mm, F in N/m, E_fat in kPa.
+    found : (n), bool
+        Whether the stroke is whole and shows a lump.
+    group : (n), int
+        Which lump.
+    """
+
+    X: Floats
+    press: Floats
+    Y: Floats
+    found: NDArray[np.bool_]
+    group: NDArray[np.int64]
+
+    def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> SeenInTissue:
+        """Some of the strokes."""
+        return SeenInTissue(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+
+def read_set(strokes: Path, presses: Path) -> list[TissueLump]:
+    """The lumps of two sweeps, designs `any` and `any-press`, that both have whole."""
+    by_lump = {replace(press[0].case, F_rel=1.0): press for press in read_presses(presses)}
+    out = []
+    for lump in read_lumps(strokes)[0]:
+        if (press := by_lump.get(replace(lump.case, F_rel=1.0))) is not None:
+            out.append(TissueLump(lump, press))
+    if not out:
+        raise UsageError(f"{strokes} and {presses} have no lump in common")
+    return out
+
+
+def read_presses(home: Path) -> list[tuple[Stroke, ...]]:
+    """The presses of a sweep of design `any-press`, lump by lump, at rising forces."""
+    by_lump: dict[object, list[Stroke]] = {}
+    for stroke in load_strokes(home):
+        by_lump.setdefault(replace(stroke.case, F_rel=1.0), []).append(stroke)
+    rising = (tuple(sorted(press, key=lambda s: s.case.F_rel)) for press in by_lump.values())
+    return [press for press in rising if len(press) > 2]
+
+
+def scaled(stroke: Stroke, s: float) -> Stroke:
+    """The same stroke with all moduli and the force times s."""
+    case = replace(stroke.case, fat_kPa=stroke.case.fat_kPa * s, F_rel=stroke.case.F_rel * s)
+    return replace(stroke, case=case, images_kPa=stroke.images_kPa * s, peak_kPa=stroke.peak_kPa * s)
+
+
+def random_scale(case: Case, rng: np.random.Generator) -> float:
+    """A fat modulus in `FAT_KPA`, over the case's own, that keeps the force in `FORCE_N_PER_M`."""
+    reach = case.F_N_per_m / case.fat_kPa
+    low, high = max(FAT_KPA[0], FORCE_N_PER_M[0] / reach), min(FAT_KPA[1], FORCE_N_PER_M[1] / reach)
+    return float(low * (high / low) ** rng.random() / case.fat_kPa)
+
+
+def see(
+    lumps: Sequence[TissueLump],
+    noise: Noise | str,
+    seed: int,
+    force_map: bytes | None,
+    every: int = 1,
+    first: int = 0,
+) -> SeenInTissue:
+    """One stroke with its press over each lump, each in a fat and by a probe and a hand of its own.
+
+    Parameters
+    ----------
+    every : int
+        Use each `every`-th of the lump's forces only.
+    first : int
+        The number of the first lump, if these are part of a longer set.
+    """
+    level, replay = noise_named(noise), Replay(force_map)
+    X, press, Y, whole = [], [], [], []
+    for k, lump in enumerate(lumps):
+        rng = np.random.default_rng([seed, first + k])
+        s = random_scale(lump.strokes.case, rng)
+        strokes = lump.strokes.strokes[::every]
+        field = StrokeField(*(scaled(stroke, s) for stroke in strokes))
+        sensors = SensorModel(field, level, int(rng.integers(1 << 40)))
+        frames = press_frames(
+            sensors, StrokeField(*(scaled(p, s) for p in lump.press)), sensors.mean_force_N_per_m
+        )
+        stream = sensors.stroke()
+        code = replay.stream(stream, sensors.calibration())
+        X.append(replay.features())
+        press.append(at_parts(curves(*frames, sensors.known_dead.ravel()), X[-1][_FAR]))
+        case = lump.strokes.case
+        Y.append(_truth(case, stream.truth.F_N_per_m, s * case.fat_kPa))
+        whole.append(code == 0)
+    found = np.array(whole) & shows_lump(np.array(X), NAMES)
+    return SeenInTissue(np.array(X), np.array(press), np.array(Y), found, first + np.arange(len(lumps)))
+
+
+def _truth(case: Case, F: float, fat_kPa: float) -> list[float]:
+    """By `TRUTH`."""
+    lengths = np.log([case.d_mm, case.depth_mm, case.t_mm])
+    ratios = np.log([F / fat_kPa, F, fat_kPa])
+    return [*lengths, case.E_ratio ** (-2 / 3), *ratios, case.gland_ratio, case.gland_mm]
+
+
+def joined(parts: Sequence[SeenInTissue]) -> SeenInTissue:
+    """Several sets as one."""
+    names = [f.name for f in fields(SeenInTissue)]
+    return SeenInTissue(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))

@@ -1,0 +1,185 @@
+"""How good an answer is in tissue that nobody told the probe about: every lump predicted without itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from palpate.features.map_features import Floats
+from palpate.model_export.fixed_point import force_map as force_maps
+from palpate.regression.any_tissue.model import OUTPUTS, STIFFNESS, fit_tissue_model, quarters, truth
+from palpate.regression.any_tissue.observed import (
+    SeenInTissue,
+    TissueLump,
+    joined,
+    random_scale,
+    read_set,
+    scaled,
+    see,
+)
+from palpate.regression.field.data import sweep_progress
+from palpate.regression.field.design import LumpStrokes
+from palpate.regression.field.model import learn_force_map
+from palpate.regression.probe_model import HARD_BELOW
+from palpate.regression.progress import ProgressCallback
+from palpate.regression.table import r_squared
+from palpate.sim.tissue import sweep
+from palpate.sim.tissue.any_tissue import PRESSES, STROKES, any_tissue_cases, press_cases
+
+SEED, DRAWS, FOLDS = 31, 3, 5
+TARGETS = {
+    "d": 0.055,
+    "depth": 0.03,
+    "t": 0.025,
+    "E_fat": 0.015,
+    "d_r2": 0.94,
+    "E_inv23_r2": 0.83,
+    "hard_soft": 0.87,
+}
+"""Of one stroke with its press at typical noise: median errors, R2, hard or soft right."""
+
+WORST_COVERED = 0.86
+"""What the intervals should cover in every quarter."""
+
+
+def prepare(
+    directory: Path, lumps: int, workers: int | None = None, progress: ProgressCallback | None = None
+) -> list[TissueLump]:
+    """Simulate into `directory` what it lacks of that many lumps (see `any_tissue_cases`), and read them."""
+    presses, strokes = directory / "press", directory / "lumps"
+    report = sweep_progress("pressing", progress)
+    sweep(press_cases(lumps, SEED), PRESSES, presses, workers=workers, progress=report)
+    report = sweep_progress("stroking", progress)
+    sweep(any_tissue_cases(lumps, SEED), STROKES, strokes, workers=workers, progress=report)
+    return read_set(strokes, presses)
+
+
+def force_map_of(lumps: Sequence[TissueLump]) -> bytes:
+    """The map that moves frames to another force, learnt over every fat at once; as the probe carries it."""
+    over_any_fat = []
+    for k, lump in enumerate(lumps):
+        s = random_scale(lump.strokes.case, np.random.default_rng(k))
+        over_any_fat.append(LumpStrokes(tuple(scaled(stroke, s) for stroke in lump.strokes.strokes)))
+    blob: bytes = force_maps.blob(learn_force_map(over_any_fat))
+    return blob
+
+
+@dataclass(frozen=True)
+class TissueStudy:
+    """Estimates of lumps by models that have not seen them.
+
+    seen: the strokes that found a lump; y, half : (n, outputs), by `model.OUTPUTS`; hard : (n), bool.
+    """
+
+    seen: SeenInTissue
+    y: Floats
+    half: Floats
+    hard: NDArray[np.bool_]
+    lost: float
+
+    def row(self, words: str) -> dict[str, object]:
+        """R2, median errors and coverage; lengths, forces and moduli relative, E^-2/3 absolute."""
+        Y = truth(self.seen)
+        inside = np.abs(self.y - Y) <= self.half
+        out: dict[str, object] = {"setting": words, "n": len(Y), "lumps": len(np.unique(self.seen.group))}
+        for j, name in enumerate(OUTPUTS):
+            error = np.abs(self.y[:, j] - Y[:, j])
+            short = _short(name)
+            out[f"{short}_r2"] = r_squared(Y[:, j], self.y[:, j])
+            out[f"{short}_error"] = float(np.median(error if j == STIFFNESS else np.expm1(error)))
+            out[f"{short}_covered"] = float(inside[:, j].mean())
+            out[f"{short}_half"] = float(np.median(self.half[:, j]))
+        out["hard_soft"] = float((self.hard == (Y[:, STIFFNESS] <= HARD_BELOW)).mean())
+        worst = [inside[rows].mean(0) for rows in quarters(self.seen).values() if rows.any()]
+        out["worst_quarter"] = float(np.min(worst))
+        return out | {"not_found": self.lost}
+
+
+def _short(name: str) -> str:
+    return {"E^-2/3": "E_inv23", "ln F/E_fat": "reach"}.get(name, name.removeprefix("ln "))
+
+
+def held_out(
+    seen: SeenInTissue, with_press: bool = True, folds: int = FOLDS, step: Callable[[str], None] | None = None
+) -> TissueStudy:
+    """Every lump predicted by models fitted, both stages and the intervals, without it.
+
+    The force map alone has seen every lump: it knows nothing of what lies below.
+    """
+    fold = seen.group % folds
+    parts, answers = [], []
+    for k in range(folds):
+        model = fit_tissue_model(seen.take(fold != k), with_press)
+        test = seen.take((fold == k) & seen.found)
+        parts.append(test)
+        answers.append(model.answer(test))
+        if step:
+            step(f"fold {k + 1} of {folds}")
+    return TissueStudy(
+        joined(parts),
+        np.concatenate([a.y for a in answers]),
+        np.concatenate([a.half for a in answers]),
+        np.concatenate([a.hard for a in answers]),
+        float((~seen.found).mean()),
+    )
+
+
+def table_of(
+    lumps: Sequence[TissueLump],
+    levels: Sequence[str] = ("typical", "real"),
+    draws: int = DRAWS,
+    seed: int = 1,
+    step: Callable[[str], None] | None = None,
+) -> pd.DataFrame:
+    """One row a setting: the stroke alone and with its press, at each level of noise."""
+    return pd.DataFrame(list(_rows(lumps, levels, draws, seed, step)))
+
+
+def _rows(
+    lumps: Sequence[TissueLump],
+    levels: Sequence[str],
+    draws: int,
+    seed: int,
+    step: Callable[[str], None] | None,
+) -> Iterator[dict[str, object]]:
+    blob = force_map_of(lumps)
+    for level in levels:
+        seen = joined([see(lumps, level, 1000 * seed + k, blob) for k in range(draws)])
+        if step:
+            step(f"{level}: seen")
+        yield held_out(seen, False, step=step).row(f"{level}, the stroke alone")
+        yield held_out(seen, True, step=step).row(f"{level}, with its press")
+
+
+def text_of(result: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
+    """Heads and rows: R2 / median error / 90 % interval's coverage of each output, and what is wanted."""
+    columns = {
+        "d": "d",
+        "depth": "depth",
+        "t": "t",
+        "E_inv23": "E^-2/3",
+        "reach": "F/E_fat",
+        "E_fat": "E_fat",
+        "F": "F",
+    }
+    rows = [
+        ["wanted", f"{TARGETS['d_r2']} / {100 * TARGETS['d']:g} %"]
+        + [f"{100 * TARGETS[n]:g} %" if n in TARGETS else "" for n in ("depth", "t")]
+        + [f"{TARGETS['E_inv23_r2']}", "", f"{100 * TARGETS['E_fat']:g} %", ""]
+        + [f"{100 * TARGETS['hard_soft']:.0f}", f"{100 * WORST_COVERED:.0f}", "", ""]
+    ]
+    for row in result.to_dict("records"):
+        cells = []
+        for name in columns:
+            error = row[f"{name}_error"]
+            size = f"{error:.3f}" if name == "E_inv23" else f"{100 * error:.1f} %"
+            cells.append(f"{row[f'{name}_r2']:.3f} / {size} / {100 * row[f'{name}_covered']:.0f}")
+        tail = [f"{100 * row[name]:.0f}" for name in ("hard_soft", "worst_quarter", "not_found")]
+        rows.append([str(row["setting"]), *cells, *tail, str(row["lumps"])])
+    heads = ["noise, input", *columns.values(), "hard/soft", "worst quarter", "not found", "lumps"]
+    return heads, rows
