@@ -61,14 +61,13 @@ class Assembler:
         if not (state.contact and self._contact):
             self._before.clear()
         self._contact = state.contact
-        if state.stroke and self.running is None:
-            finished, self.waiting = self.waiting, None
+        if state.stroke and self.running is None:  # the last one's estimate may still be on its way
             self.running = self._new_stroke(state.time_s)
             for frame in self._before:
                 self.running.add(frame)
             self._before.clear()
         elif not state.stroke and self.running is not None:
-            self.waiting, self.running = self.running, None
+            finished, self.waiting, self.running = self.waiting, self.running, None
         if (stroke := self.running) is not None:
             stroke.force_low |= state.force_low
             stroke.force_high |= state.force_high

@@ -206,6 +206,8 @@ class Session:
             stroke = stroke if known is None else known
         else:
             self.visits.add(stroke)
+            if (running := self._assembler.running) is not None:
+                running.number = stroke.number + 1
             self.tell_slot("visits", {"type": "visits", **self.visits.snapshot()})
         self.tell({**stroke.detail(images=False), "fresh": True})
 

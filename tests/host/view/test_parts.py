@@ -175,6 +175,18 @@ def test_a_lost_estimate_does_not_go_to_the_next_stroke():
     assert second.value("d_mm") == 7.0
 
 
+def test_a_late_estimate_goes_to_its_own_stroke_though_the_next_has_begun():
+    """It was "No answer" for the one, and the answer to the one before for the other."""
+    session = Session(mode="live", name="x")
+    session.on_event(StrokeState(0, True, True))
+    session.on_event(StrokeState(1, True))
+    session.on_event(StrokeState(1.1, True, True))
+    session.on_event(estimate(Bump(d_mm=7.0), 1.2))
+    session.on_event(StrokeState(2, True))
+    session.on_event(estimate(Bump(d_mm=9.0), 2.1))
+    assert [(s.number, s.value("d_mm")) for s in session.visits.strokes()] == [(1, 7.0), (2, 9.0)]
+
+
 def test_a_stroke_cut_off_by_an_unplug_is_not_finished_with_the_next_ones_frames():
     session = Session(mode="live", name="x")
     events = list(stroke(Bump(), 0.0, 0, 50.0, 1.0, 1))
