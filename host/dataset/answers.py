@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py import outputs, status
+from palpate.dataset.checks import fault, slip_of
 from palpate.dataset.strokes import Seen
-from palpate.dataset.table import DataSet, fault, slip_of
+from palpate.dataset.table import DataSet
 from palpate.features.map_features import Floats
 from palpate.link import answer
 from palpate.model_export.fixed_point.reference import evaluate

@@ -11,7 +11,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from firmware_py import calib, messages, status
-from palpate.dataset.table import DataSet, fault
+from palpate.dataset.checks import fault
+from palpate.dataset.table import DataSet
 from palpate.errors import PalpateError, RecordingError
 from palpate.features.map_features import Floats
 from palpate.firmware_twin.replay_core import Replay
