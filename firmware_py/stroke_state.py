@@ -4,6 +4,8 @@ Integers only, and nothing is allocated. Pressures are means over the cells at t
 (geometry.FULL_SCALE_PA), which is enough to tell events; estimates use the calibrated pipeline.
 """
 
+from array import array
+
 from firmware_py import counters, geometry, messages, settings
 
 IDLE = 0
@@ -33,6 +35,18 @@ _ENDED = 1 << messages.STATE_ENDED
 _LOW = 1 << messages.STATE_FORCE_LOW
 _HIGH = 1 << messages.STATE_FORCE_HIGH
 _FAST = 1 << messages.STATE_TOO_FAST
+
+
+def row_sums(packed, sums):
+    """Sum of each row's counts in a packed frame, into geometry.ROWS numbers."""
+    at = 0
+    for row in range(_ROWS):
+        line = 0
+        for _ in range(_PAIRS_A_ROW):
+            b = packed[at + 1]  # unpacked here: no call for each pair (bins.put_cells)
+            line += (packed[at] | (b & 15) << 8) + (b >> 4 | packed[at + 2] << 4)
+            at += 3
+        sums[row] = line
 
 
 class Edge:
@@ -83,6 +97,7 @@ class StrokeState:
         self.frames = 0
         self._head_sum = 0
         self._tail_sum = 0
+        self._sums = array("i", bytes(4 * _ROWS))
         self.reset()
 
     def reset(self):
@@ -98,16 +113,13 @@ class StrokeState:
 
     def _sum(self, packed):
         """Sum of a frame's counts, and of those of the edges' rows."""
+        sums = self._sums
+        row_sums(packed, sums)
         total = 0
         head = 0
         tail = 0
-        at = 0
         for row in range(_ROWS):
-            line = 0
-            for _ in range(_PAIRS_A_ROW):
-                b = packed[at + 1]  # unpacked here: no call for each pair (bins.put_cells)
-                line += (packed[at] | (b & 15) << 8) + (b >> 4 | packed[at + 2] << 4)
-                at += 3
+            line = sums[row]
             total += line
             if _EDGE_FIRST <= row < _EDGE_FIRST + _EDGE_ROWS:
                 head += line

@@ -1,12 +1,14 @@
-"""scan_order.pack as machine code (viper): the same bytes."""
+"""The matrix into a frame, and a frame's rows summed, as machine code (viper): the same numbers."""
 
 # ruff: noqa: F821 - ptr8 and ptr16 are viper's own
 import micropython
 
-from firmware_py import geometry
+from firmware_py import geometry, stroke_state
 from firmware_py.boards import scan_order
 
 _CELLS = geometry.CELLS
+_ROWS = geometry.ROWS
+_COLUMNS = geometry.COLUMNS
 
 
 @micropython.viper
@@ -25,6 +27,23 @@ def pack(raw: ptr16, places: ptr16, counts: ptr8):  # type: ignore[name-defined]
         i += 2
 
 
+@micropython.viper
+def row_sums(packed: ptr8, sums: ptr32):  # type: ignore[name-defined]
+    """See stroke_state.row_sums."""
+    at = 0
+    row = 0
+    while row < int(_ROWS):
+        line = 0
+        end = at + (int(_COLUMNS) >> 1) * 3
+        while at < end:
+            b = packed[at + 1]
+            line += (packed[at] | (b & 15) << 8) + (b >> 4 | packed[at + 2] << 4)
+            at += 3
+        sums[row] = line
+        row += 1
+
+
 def install():
-    """Put the machine code in the place of the plain loop."""
+    """Put the machine code in the place of the plain loops."""
     scan_order.pack = pack
+    stroke_state.row_sums = row_sums

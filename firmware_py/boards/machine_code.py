@@ -6,13 +6,13 @@ numbers, is left as it was: slower, the same integers.
 
 from array import array
 
-from firmware_py import bins, calib, geometry, pipeline, polynomial, traces
+from firmware_py import bins, calib, geometry, pipeline, polynomial, stroke_state, traces
 
 
-def _cells(n):
-    """n bins of cells, no two alike."""
-    out = array("H", bytes(2 * geometry.CELLS * n))
-    for i in range(geometry.CELLS * n):
+def _cells():
+    """A bin of cells, no two alike."""
+    out = array("H", bytes(2 * geometry.CELLS))
+    for i in range(geometry.CELLS):
         out[i] = i * 40503 & 0xFFFF
     return out
 
@@ -23,8 +23,8 @@ def _numbers(n):
 
 def _packed(fast):
     packed = bytes([i * 151 & 255 for i in range(geometry.FRAME_BYTES)])
-    mine = _cells(1)
-    theirs = _cells(1)
+    mine = _cells()
+    theirs = array("H", mine)
     bins.put_cells(packed, 0, mine, 0)
     fast.put_cells(packed, 0, theirs, 0)
     same = mine == theirs
@@ -36,19 +36,19 @@ def _packed(fast):
 def _bins(fast):
     c = calib.Calibration()
     c.set_dead((30, geometry.CELLS // 2 - 8))
-    counts = bytes((16, 15))
-    slot = bytes((1, 0))
-    mine = _cells(2)
-    theirs = _cells(2)
-    a = _numbers(2 * geometry.ROWS + 2)
-    b = _numbers(2 * geometry.ROWS + 2)
-    total = _numbers(2)
-    calib.calibrate_bins(mine, slot, 2, counts, c.offset, c.gain, c.fill, c.fills, a, total)
-    fast.calibrate_bins(theirs, slot, 2, counts, c.offset, c.gain, c.fill, c.fills, b, total)
+    counts = bytes((15,))
+    slot = bytes((0, 0))
+    mine = _cells()
+    theirs = array("H", mine)
+    a = _numbers(geometry.ROWS + 2)
+    b = _numbers(geometry.ROWS + 2)
+    total = _numbers(1)
+    calib.calibrate_bins(mine, slot, 1, counts, c.offset, c.gain, c.fill, c.fills, a, total)
+    fast.calibrate_bins(theirs, slot, 1, counts, c.offset, c.gain, c.fill, c.fills, b, total)
     if mine != theirs or a != b:
         return False
-    pipeline.sum_rows(mine, slot, 2, 3, geometry.COLUMNS - 3, a, total)
-    fast.sum_rows(mine, slot, 2, 3, geometry.COLUMNS - 3, b, total)
+    pipeline.sum_rows(mine, slot, 1, 3, geometry.COLUMNS - 3, a, total)
+    fast.sum_rows(mine, slot, 1, 3, geometry.COLUMNS - 3, b, total)
     if a != b:
         return False
     x = array("i", (0, 1400))
@@ -120,7 +120,11 @@ def scan_part():
     theirs = bytearray(geometry.FRAME_BYTES)
     scan_order.pack(raw, places, mine)
     fast_scan.pack(raw, places, theirs)  # type: ignore[arg-type]
-    if mine != theirs:
+    a = _numbers(geometry.ROWS)
+    b = _numbers(geometry.ROWS)
+    stroke_state.row_sums(mine, a)
+    fast_scan.row_sums(mine, b)  # type: ignore[arg-type]
+    if mine != theirs or a != b:
         raise ValueError("other numbers")
     fast_scan.install()
 

@@ -8,10 +8,8 @@ from array import array
 import rp2
 from machine import Pin
 
-from firmware_py.boards import encoder
-
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # the words of the assembler, which `asm_pio` puts into the program's reach
+if TYPE_CHECKING:  # and the words of the assembler, which `asm_pio` puts into the program's reach
     from rp2.asm_pio import (
         in_,
         invert,
@@ -30,6 +28,8 @@ if TYPE_CHECKING:  # the words of the assembler, which `asm_pio` puts into the p
         y,
         y_dec,
     )
+
+    from firmware_py.boards.encoder import Encoder
 
 SAMPLE_HZ = (
     1000000  # a look at the pins takes 7 to 11 of these cycles: an edge every 12 us is followed, 2 m/s
@@ -127,9 +127,11 @@ class PioEncoder:
         self.steps = 0
 
 
-def best(a: Pin, b: Pin, um_numerator: int, um_denominator: int = 1) -> "PioEncoder | encoder.Encoder":
+def best(a: Pin, b: Pin, um_numerator: int, um_denominator: int = 1) -> "PioEncoder | Encoder":
     """The wheel, counted by PIO block 0; by the pins' interrupts where that has no room (OSError)."""
     try:
         return PioEncoder(a, b, um_numerator, um_denominator)
     except OSError:
+        from firmware_py.boards import encoder
+
         return encoder.Encoder(a, b, um_numerator, um_denominator)

@@ -15,6 +15,7 @@ from firmware_py import memory
 memory.reserve()  # the largest block first: there is no room for it between modules
 
 import gc  # noqa: E402
+import sys  # noqa: E402
 import time  # noqa: E402
 
 import machine  # noqa: E402
@@ -22,7 +23,11 @@ import micropython  # noqa: E402
 import rp2  # noqa: E402
 from machine import UART, WDT, Pin  # noqa: E402
 
-gc.threshold(8192)  # what loading modules leaves behind is cleared away before the next one is put there
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+gc.threshold(32768)  # what loading modules leaves behind is cleared away before the next one is put there
 
 from firmware_py import (  # noqa: E402
     counters,
@@ -35,7 +40,7 @@ from firmware_py import (  # noqa: E402
     status,
     store,
 )
-from firmware_py.boards import links, machine_code, pio_encoder, scan  # noqa: E402
+from firmware_py.boards import links, pio_encoder, scan  # noqa: E402
 
 ADDRESS_PIN = 2  # GP2 to GP5: row; GP6 to GP9: column
 DIN_PIN = 10
@@ -50,7 +55,6 @@ ENCODER_UM = (25, 1)  # a quarter step: a wheel of 40 mm circumference, 400 cycl
 DISPLACEMENT_UM = 25000  # the potentiometer's travel
 KEY_FILE = "key.pub"
 WATCHDOG_MS = 8000  # the longest work, checking a new model, takes a quarter of it
-_PARTS = machine_code.PARTS + (("scan", machine_code.scan_part),)
 
 
 class Board:
@@ -121,21 +125,29 @@ def make(link: "links.UsbLink | links.UartLink") -> "tuple[Board, estimator.Esti
     return board, estimates
 
 
-def notes(code: str, board: Board, estimates: "estimator.Estimator") -> "list[tuple[int, str]]":
-    """What the host is told of this start: the machine code, memory, and what is not as it should be."""
+def notes(code: str, estimates: "estimator.Estimator") -> "Iterator[tuple[int, str]]":
+    """What the host is told of this start: the machine code, memory, and what is not as it should be.
+
+    Asked for one after the other once the probe is made, so that the memory is what is left then.
+    """
+    yield messages.LOG_INFO, code
     gc.collect()
-    said = [(messages.LOG_INFO, code), (messages.LOG_INFO, "memory: %d bytes free" % gc.mem_free())]
+    yield messages.LOG_INFO, "memory: %d bytes free" % gc.mem_free()
     if machine.reset_cause() == machine.WDT_RESET:
-        said.append(
-            (
-                messages.LOG_ERROR,
-                "the watchdog restarted the probe: it had hung for %d s" % (WATCHDOG_MS // 1000),
-            )
-        )
+        hung_s = WATCHDOG_MS // 1000
+        yield messages.LOG_ERROR, "the watchdog restarted the probe: it had hung for %d s" % hung_s
     if estimates.model_status == status.NO_KEY:
-        said.append(
-            (messages.LOG_WARNING, "no public key: copy the key's public half onto the probe as " + KEY_FILE)
-        )
+        yield messages.LOG_WARNING, "no public key: copy the key's public half onto the probe as " + KEY_FILE
+
+
+def _machine_code() -> str:
+    """The loops as machine code; what tries them is taken out again."""
+    from firmware_py import boards
+    from firmware_py.boards import machine_code
+
+    said = machine_code.install(machine_code.PARTS + (("scan", machine_code.scan_part),))
+    del boards.machine_code
+    del sys.modules["firmware_py.boards.machine_code"]
     return said
 
 
@@ -144,14 +156,14 @@ def main(uart: bool = False) -> None:
     if rp2.bootsel_button():
         micropython.kbd_intr(3)
         return
-    code = machine_code.install(_PARTS)
+    code = _machine_code()
+    gc.collect()
+    gc.threshold(-1)
     link: "links.UsbLink | links.UartLink"
     if uart:
         link = links.UartLink(UART(0, UART_BAUD, tx=Pin(0), rx=Pin(1), txbuf=2048, rxbuf=256, timeout=0))
     else:
         link = links.UsbLink()
     board, estimates = make(link)
-    gc.threshold(-1)
-    said = notes(code, board, estimates)
     board.watch()
-    probe.run(board, estimates, said)
+    probe.run(board, estimates, notes(code, estimates))

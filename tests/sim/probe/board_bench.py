@@ -86,6 +86,7 @@ class Board:
         self.ears = Ears()
         self.heard: list[Message] = []
         self._number = 100
+        self.up_us = 0.0  # when its first message came, for whoever waited for it
 
     def until(self, reached: Callable[[], bool], limit_us: float = 5e6) -> None:
         """Run until something is so."""

@@ -13,6 +13,8 @@ from tests.sim.probe.board_bench import Board
 pytestmark = pytest.mark.board
 
 RANDOM_CELLS = np.random.default_rng(3).integers(0, 4096, 416)
+FRAMES_TRIED = 15
+LEAST_FREE = 15_000  # without a model; 40,000 with one are wanted
 FRAMES, STROKES = messages.CONTENT_FRAMES, messages.CONTENT_STROKES
 
 
@@ -21,6 +23,8 @@ def started():
     """A board without key or model, cells at random; it was waited for until it had said its first words."""
     board = Board(cells=RANDOM_CELLS, displacement=1000)
     board.hand.begin = board.hand.end = lambda *_: None  # nobody touches it
+    board.until(lambda: bool(board.heard), 10e6)
+    board.up_us = board.chip.us
     board.until(lambda: len(board.logs()) >= 3)
     return board
 
@@ -94,19 +98,17 @@ def test_amplifiers_that_are_too_slow_would_be_seen():
     assert not np.array_equal(measured(settling_us=6.0)[1], RANDOM_CELLS)
 
 
-@pytest.mark.long
-def test_it_starts_in_two_seconds_with_machine_code_and_forty_kilobytes_free(started):
+def test_it_starts_in_two_seconds_in_machine_code_and_says_what_is_missing(started):
     board = started
-    assert board.chip.us < 2e6
-    assert board.named("boot") == [{"boots": 1, "status": status.OK}]
     code, memory, key = board.logs()[:3]
+    print(f"up after {board.up_us / 1e6:.2f} s; {memory}")
+    assert board.up_us < 2e6
+    assert board.named("boot") == [{"boots": 1, "status": status.OK}]
     assert code == "machine code: link, frames, model, scan"
-    assert int(memory.split()[1]) > 40_000, memory
+    assert int(memory.split()[1]) > LEAST_FREE, memory
     assert key.startswith("no public key: ")
-    print(f"up after {board.chip.us / 1e6:.2f} s; {memory}")
 
 
-@pytest.mark.long
 def test_it_says_who_it_is_by_its_flash_chips_number(started):
     identity = started.ask("identify", (7,)).fields
     assert identity["serial"] == SERIAL
@@ -114,23 +116,25 @@ def test_it_says_who_it_is_by_its_flash_chips_number(started):
     assert identity["boots"] == 1
 
 
-@pytest.mark.long
-def test_every_cell_arrives_in_its_place_at_fifty_frames_a_second_and_none_is_late(started):
+def test_fifty_frames_a_second_arrive_whole_and_on_time_and_allocate_nothing(started):
     board = started
-    before = board.counters()
     assert board.ask("stream_start", (FRAMES | STROKES, 1, 0, 60_000)).code == status.OK
-    begun = board.chip.us
-    board.until(lambda: len(board.named("frame")) >= 25, 2e6)
-    took = board.chip.us - begun
+    board.until(lambda: board.named("frame"), 2e6)
+    counted = [board.counters(), board.counters()]
+    before = len(board.named("frame"))
+    board.until(lambda: len(board.named("frame")) >= before + FRAMES_TRIED, 2e6)
+    counted.append(board.counters())
     assert board.ask("stream_stop").code == status.OK
-    after = board.counters()
     frames = board.named("frame")
     for frame in frames:
         assert np.array_equal(sensors.unpack(frame["tail"]).reshape(-1), RANDOM_CELLS)
         assert frame["displacement_um"] == pytest.approx(6105, abs=4)
-    times = [frame["time_us"] for frame in frames]
-    assert np.diff(times) == pytest.approx(20_000, abs=1500)
+    apart_us = np.diff([frame["time_us"] for frame in frames])
+    print(f"{len(frames)} frames, {apart_us.min()} to {apart_us.max()} us apart")
+    assert apart_us[1:] == pytest.approx(20_000, abs=1500)
     for name in ("frames_overrun", "frames_dropped"):
-        assert after[name] == before[name], name
-    apart = f"{np.diff(times).min()} to {np.diff(times).max()} us apart"
-    print(f"{len(frames)} frames in {took / 1000:.0f} ms, {apart}")
+        assert counted[-1][name] == 0, name
+    # a question for the counters takes memory of its own; frames between two of them take none on top
+    asked, with_frames = -np.diff([c["free_bytes"] for c in counted])
+    print(f"a question takes {asked} bytes, one and {FRAMES_TRIED} frames {with_frames}")
+    assert with_frames <= asked + 100
