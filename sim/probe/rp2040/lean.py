@@ -39,10 +39,9 @@ def lean(sources: Mapping[str, str], main: str) -> dict[str, str]:
     before = None
     while before != (before := [ast.dump(tree) for tree in trees.values()]):
         numbers = {path: _numbers(tree) for path, tree in trees.items()}
-        for path, names in numbers.items():
-            for other in trees.values():
-                for name in _set_from_outside(other, path):
-                    names.pop(name, None)
+        for tree in trees.values():
+            for path, name in _set_from_outside(tree):
+                numbers.get(path, {}).pop(name, None)
         for path, tree in trees.items():
             _Fold(path, tree, numbers).visit(tree)
         used = _used([*trees.values(), start])
@@ -106,16 +105,16 @@ def _numbers(tree: ast.Module) -> dict[str, int]:
     return found
 
 
-def _set_from_outside(tree: ast.AST, path: str) -> list[str]:
-    """Which names of the module at `path` are assigned to by another."""
-    aliases = {alias for alias, where in _modules(tree) if where == path}
+def _set_from_outside(tree: ast.AST) -> list[tuple[str, str]]:
+    """Path and name of what this module assigns to in others."""
+    paths = dict(_modules(tree))
     return [
-        node.attr
+        (paths[node.value.id], node.attr)
         for node in ast.walk(tree)
         if isinstance(node, ast.Attribute)
         and not isinstance(node.ctx, ast.Load)
         and isinstance(node.value, ast.Name)
-        and node.value.id in aliases
+        and node.value.id in paths
     ]
 
 
@@ -133,10 +132,12 @@ class _Fold(ast.NodeTransformer):
     def __init__(self, path: str, tree: ast.AST, numbers: Mapping[str, Mapping[str, int]]) -> None:
         self._own = numbers[path]
         bound = _names_bound(tree)
+        imported = list(_modules(tree))
+        times = Counter(alias for alias, _ in imported)
         self._others = {
             alias: numbers[where]
-            for alias, where in _modules(tree)
-            if where in numbers and bound[alias] == [a for a, _ in _modules(tree)].count(alias)
+            for alias, where in imported
+            if where in numbers and bound[alias] == times[alias]
         }
 
     def visit_Name(self, node: ast.Name) -> ast.AST:
