@@ -15,9 +15,20 @@ from palpate.errors import UsageError
 @click.argument("directory", type=click.Path(path_type=Path, file_okay=False))
 @click.option("--lumps", default=600, show_default=True, help="Of any-tissue: how many to simulate.")
 @click.option("--seed", default=1, show_default=True, help="Of the split and of the sensors' noise.")
+@click.option("--noise", default=None,
+              help="Sensors but for what is varied: a level, or a file of palpate characterise; "
+                   "typical by default (any-tissue: typical and real).")  # fmt: skip
 @click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Draw it, as SVG or PNG.")
 @json_option
-def command(name: str, directory: Path, lumps: int, seed: int, figure: Path | None, as_json: bool) -> None:
+def command(
+    name: str,
+    directory: Path,
+    lumps: int,
+    seed: int,
+    noise: str | None,
+    figure: Path | None,
+    as_json: bool,
+) -> None:
     """Retrain the field model with one thing about the probe, the hand or the tissue changed.
 
     DIRECTORY holds the strokes of `palpate fit --kind field`. NAME is one of
@@ -37,17 +48,22 @@ def command(name: str, directory: Path, lumps: int, seed: int, figure: Path | No
     from palpate.regression.field.data import read
     from palpate.regression.field.study import STUDIES, study_table
     from palpate.regression.field.tissues import TISSUE_STUDY
+    from palpate.regression.observed import noise_named
 
+    level = noise_named(noise or "typical")
     if name == "any-tissue":
         if figure is not None:
             raise UsageError("any-tissue has no figure: leave --figure out")
-        _any_tissue(directory, lumps, seed, as_json)
+        _any_tissue(directory, lumps, seed, noise, as_json)
         return
     studies = STUDIES | {study.name: study for study in (TISSUE_STUDY, COMPUTED_STUDY)}
     if name not in studies:
         raise UsageError(f"there is no study {name!r}; there are {', '.join((*studies, 'any-tissue'))}")
     study = studies[name]
-    with showing_progress() as progress, Bench(read(directory), seed, directory, progress=progress) as bench:
+    with (
+        showing_progress() as progress,
+        Bench(read(directory), seed, directory, progress=progress, noise=level) as bench,
+    ):
         result = study.table(bench, tell=note)
     if figure is not None:
         from palpate.report.study_figures import save_study_figure
@@ -61,11 +77,12 @@ def command(name: str, directory: Path, lumps: int, seed: int, figure: Path | No
     table(heads, rows, study.title)
 
 
-def _any_tissue(directory: Path, lumps: int, seed: int, as_json: bool) -> None:
-    from palpate.regression.any_tissue.study import prepare, table_of, text_of
+def _any_tissue(directory: Path, lumps: int, seed: int, noise: str | None, as_json: bool) -> None:
+    from palpate.regression.any_tissue.study import LEVELS, prepare, table_of, text_of
 
     with showing_progress() as progress:
-        result = table_of(prepare(directory, lumps, progress=progress), seed=seed, step=note)
+        levels = LEVELS if noise is None else (noise,)
+        result = table_of(prepare(directory, lumps, progress=progress), levels, seed=seed, step=note)
     if as_json:
         print_json({"study": "any-tissue", "rows": result.to_dict("records")})
         return

@@ -129,9 +129,13 @@ def held_out(
     )
 
 
+LEVELS = ("typical", "real")
+"""Of the table, unless others are asked for."""
+
+
 def table_of(
     lumps: Sequence[TissueLump],
-    levels: Sequence[str] = ("typical", "real"),
+    levels: Sequence[str] = LEVELS,
     draws: int = DRAWS,
     seed: int = 1,
     step: Callable[[str], None] | None = None,

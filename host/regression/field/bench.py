@@ -37,6 +37,8 @@ class Bench:
         Processes that observe strokes; by default one for each core.
     progress : callable, optional
         See `progress.ProgressCallback`.
+    noise : Noise or str
+        The sensors of the studies, but for what a study varies: a level, or a characterised sensor's file.
     """
 
     def __init__(
@@ -46,10 +48,12 @@ class Bench:
         directory: str | PathLike[str] = ".",
         workers: int | None = None,
         progress: ProgressCallback | None = None,
+        noise: Noise | str = "typical",
     ) -> None:
         self.strokes, self.seed, self.directory = strokes, seed, Path(directory)
         self.workers, self.progress = workers, progress
         self.observer = Observer(workers, progress)
+        self.noise = noise_named(noise)
         self.lumps = stroke_fields(strokes.lumps)
         self.rim = stroke_fields(strokes.rim)
         self.plain = stroke_fields(strokes.plain)

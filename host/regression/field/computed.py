@@ -16,7 +16,7 @@ from palpate.regression.field.design import FIELD_SETTINGS, FORCE_STEP, LumpStro
 from palpate.regression.field.model import FieldModel, fit_field_model
 from palpate.regression.field.recipe import FIELD
 from palpate.regression.field.score import coverage
-from palpate.regression.field.study import DRAWS, TYPICAL, Row, Study, row_of
+from palpate.regression.field.study import DRAWS, Row, Study, row_of
 from palpate.regression.observed import ObservedStrokes, join, observe
 from palpate.regression.table import TARGETS
 from palpate.sim.probe.sensors import StrokeField
@@ -51,12 +51,12 @@ def _run(bench: Bench) -> Iterator[Row]:
         report = sweep_progress("simulating at seven forces", bench.progress)
         sweep(cases(), FIELD_SETTINGS, home, workers=bench.workers, progress=report)
     lumps = [lump for lump in read_lumps(home)[0] if len(lump.strokes) == len(PARTS)]
-    train, calibration, test, rim = bench.parts(TYPICAL, True, DRAWS)
+    train, calibration, test, rim = bench.parts(bench.noise, True, DRAWS)
     model = fit_field_model(FIELD, train, calibration, rim)
     yield covered_row("held-out lumps, as trained", model, test)
     for words, every in (("two forces", 6), ("three forces", 3), ("computed: seven forces", 1)):
         fields = seen_through(lumps, every)
-        strokes = [observe(fields, TYPICAL, seed, force_map=bench.blob) for seed in _OBSERVED]
+        strokes = [observe(fields, bench.noise, seed, force_map=bench.blob) for seed in _OBSERVED]
         yield covered_row(words, model, join(strokes))
 
 

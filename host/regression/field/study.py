@@ -1,7 +1,7 @@
 """Studies for a probe's designer: error against each property that could be better or worse.
 
 Every study retrains the field model for each setting (a device is calibrated as it is) and scores it on the
-same held-out lumps, at typical noise but for what is varied. `STUDIES` lists them by name.
+same held-out lumps, at the bench's noise but for what is varied. `STUDIES` lists them by name.
 """
 
 from __future__ import annotations
@@ -24,9 +24,8 @@ from palpate.regression.observed import NAMES, ObservedStrokes, join
 from palpate.regression.probe_model import from_link, to_link
 from palpate.regression.ridge import FOLDS
 from palpate.regression.table import TARGETS
-from palpate.sim.probe.sensors import LEVELS, Noise
+from palpate.sim.probe.sensors import Noise
 
-TYPICAL = LEVELS["typical"]
 DRAWS = (2, 1, 2)
 PAIR_LN = np.log(1.4)
 
@@ -74,14 +73,14 @@ def _varied(**values: Any) -> Callable[[Bench], Iterator[Row]]:
 
     def run(bench: Bench) -> Iterator[Row]:
         for level in levels:
-            yield _row(bench, label.format(level), TYPICAL.with_(**{name: level}))
+            yield _row(bench, label.format(level), bench.noise.with_(**{name: level}))
 
     return run
 
 
 def _bits(bench: Bench) -> Iterator[Row]:
     for bits in (6, 8, 10, 12):
-        yield _row(bench, f"{bits} bit", TYPICAL, alter=partial(_coarser, step=1 << (12 - bits)))
+        yield _row(bench, f"{bits} bit", bench.noise, alter=partial(_coarser, step=1 << (12 - bits)))
 
 
 def _coarser(counts: NDArray[np.uint16], step: int) -> NDArray[np.uint16]:
@@ -94,33 +93,33 @@ def _paired(counts: NDArray[np.uint16]) -> NDArray[np.uint16]:
 
 
 def _pitch(bench: Bench) -> Iterator[Row]:
-    yield _row(bench, "1.5 mm (16 rows)", TYPICAL)
-    yield _row(bench, "3 mm (8 rows)", TYPICAL, alter=_paired)
+    yield _row(bench, "1.5 mm (16 rows)", bench.noise)
+    yield _row(bench, "3 mm (8 rows)", bench.noise, alter=_paired)
 
 
 def _dead(bench: Bench) -> Iterator[Row]:
     for share in (0.0, 0.01, 0.05, 0.1):
-        yield _row(bench, f"{100 * share:g} %, known", TYPICAL.with_(dead=share))
-    yield _row(bench, "1 %, unknown", TYPICAL.with_(dead=0.01, dead_unknown=1.0))
+        yield _row(bench, f"{100 * share:g} %, known", bench.noise.with_(dead=share))
+    yield _row(bench, "1 %, unknown", bench.noise.with_(dead=0.01, dead_unknown=1.0))
 
 
 def _force(bench: Bench) -> Iterator[Row]:
     bare = Recipe("field, no force map", FIELD.features, FIELD.degree, False, FIELD.cubic)
     for force in (0.0, 0.05, 0.1, 0.2, 0.3):
-        yield _row(bench, f"+-{100 * force:g} %", TYPICAL.with_(force=force))
+        yield _row(bench, f"+-{100 * force:g} %", bench.noise.with_(force=force))
     for force in (0.05, 0.1, 0.2):
-        yield _row(bench, f"+-{100 * force:g} %, frames not moved", TYPICAL.with_(force=force), bare)
+        yield _row(bench, f"+-{100 * force:g} %, frames not moved", bench.noise.with_(force=force), bare)
 
 
 def _displacement(bench: Bench) -> Iterator[Row]:
-    yield _row(bench, "pressure only", TYPICAL, FIELD.pressure_only())
+    yield _row(bench, "pressure only", bench.noise, FIELD.pressure_only())
     for zero in (0.0, 0.05, 0.1, 0.3):
-        noise = TYPICAL.with_(displacement_zero_mm=zero)
+        noise = bench.noise.with_(displacement_zero_mm=zero)
         yield _row(bench, f"with displacement, zero good to {1e3 * zero:g} um", noise)
 
 
 def _learning(bench: Bench) -> Iterator[Row]:
-    train, calibration, test, _ = bench.parts(TYPICAL, True, DRAWS)
+    train, calibration, test, _ = bench.parts(bench.noise, True, DRAWS)
     lumps = np.random.default_rng(bench.seed).permutation(bench.split.train)
     linear = Recipe("degree 1", FIELD.features, 1)
     square = Recipe("degree 2", FIELD.features, 2)
@@ -150,7 +149,7 @@ def _forces(bench: Bench) -> Iterator[Row]:
             chosen = [bench.lumps[k] for k in which]
             means = [f.low.F_N_per_m * float(np.exp(PAIR_LN * shift)) for f in chosen]
             parts.append(
-                bench.observe(bench.lumps, which, TYPICAL, draws, first_draw, mean_forces_N_per_m=means)
+                bench.observe(bench.lumps, which, bench.noise, draws, first_draw, mean_forces_N_per_m=means)
             )
         return tuple(parts)
 

@@ -13,7 +13,7 @@ from palpate.regression.field.design import FIELD_SETTINGS, LumpStrokes, lump_ca
 from palpate.regression.field.model import FieldModel, fit_field_model
 from palpate.regression.field.recipe import FIELD
 from palpate.regression.field.score import coverage
-from palpate.regression.field.study import DRAWS, TYPICAL, Row, Study, row_of
+from palpate.regression.field.study import DRAWS, Row, Study, row_of
 from palpate.regression.observed import ObservedStrokes, observe
 from palpate.regression.progress import ProgressCallback
 from palpate.regression.table import TARGETS
@@ -49,13 +49,13 @@ def other_tissue(
 
 
 def _run(bench: Bench) -> Iterator[Row]:
-    train, calibration, test, rim = bench.parts(TYPICAL, True, DRAWS)
+    train, calibration, test, rim = bench.parts(bench.noise, True, DRAWS)
     model = fit_field_model(FIELD, train, calibration, rim)
     yield tissue_row("as trained", model, test)
     for words, changes in TISSUES.items():
         lumps = other_tissue(bench.directory, changes, workers=bench.workers, progress=bench.progress)
         fields = stroke_fields(lumps)
-        observed = observe(fields, TYPICAL, 900, force_map=bench.blob)
+        observed = observe(fields, bench.noise, 900, force_map=bench.blob)
         yield tissue_row(words, model, observed)
 
 

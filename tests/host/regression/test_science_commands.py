@@ -99,13 +99,19 @@ def test_a_study_is_printed_and_drawn_by_one_command(tmp_path):
     said = json.loads(result.stdout)
     assert [row["setting"] for row in said["rows"]] == ["1.5 mm (16 rows)", "3 mm (8 rows)"]
     assert figure.read_text(encoding="utf-8").startswith("<?xml")
+    noiseless = CliRunner().invoke(study.command, ["pitch", str(STROKES), "--noise", "none", "--json"])
+    assert noiseless.exception is None, noiseless.output
+    better = json.loads(noiseless.stdout)["rows"][0]
+    assert better["F_error"] < said["rows"][0]["F_error"], "the sensors are those that were asked for"
 
 
 def test_a_study_that_does_not_exist_and_a_directory_without_strokes_are_refused(tmp_path):
     result = CliRunner().invoke(study.command, ["colour", str(tmp_path)])
     assert isinstance(result.exception, UsageError) and "no study 'colour'" in str(result.exception)
     result = CliRunner().invoke(study.command, ["noise", str(tmp_path)])
-    assert isinstance(result.exception, PalpateError) and "no strokes in pairs" in str(result.exception)
+    assert isinstance(result.exception, PalpateError) and "no strokes over lumps at two forces" in str(result.exception)
+    result = CliRunner().invoke(study.command, ["pitch", str(STROKES), "--noise", "loud"])
+    assert isinstance(result.exception, PalpateError) and "loud" in str(result.exception)
 
 
 def test_strokes_over_another_shape_are_refused_by_name(tmp_path):
