@@ -24,9 +24,9 @@ def real_key_dir(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def public_key(key_dir):
-    """Of the key that the folder's own `key_dir` makes."""
-    return (key_dir / "public.key").read_bytes()
+def public_key(real_key_dir):
+    """Of that key. A folder with another `key_dir` needs another `public_key`, too: this one is kept for all."""
+    return (real_key_dir / "public.key").read_bytes()
 
 
 NOT_TRIED = "no UF2 of MicroPython"

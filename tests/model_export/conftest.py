@@ -39,6 +39,11 @@ def key_dir(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def public_key(key_dir):
+    return (key_dir / "public.key").read_bytes()
+
+
+@pytest.fixture(scope="session")
 def signed(key_dir):
     """Images of three thesis models by counter 1, 2, 3; under -1 the first as a rollback of these."""
     models = [synthetic.model("thesis", seed=seed) for seed in (1, 2, 3)]
