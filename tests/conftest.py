@@ -25,7 +25,7 @@ def real_key_dir(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def public_key(real_key_dir):
-    """Of that key. A folder with another `key_dir` needs another `public_key`, too: this one is kept for all."""
+    """Of that key. A folder with a `key_dir` of its own needs its own `public_key`, too: this one is kept."""
     return (real_key_dir / "public.key").read_bytes()
 
 

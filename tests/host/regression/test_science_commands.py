@@ -12,6 +12,7 @@ from palpate.cli import fit, study
 from palpate.errors import PalpateError, UsageError
 from palpate.model_export.schema import ModelSpec
 from palpate.report import measured
+from palpate.sim.probe.sensors import LEVELS
 from tests.docs.test_reference import fields_in_the_page
 
 STROKES = Path(__file__).parent / "data"
@@ -35,7 +36,7 @@ def test_one_command_goes_from_strokes_to_a_model_and_its_held_out_table(tmp_pat
     result = CliRunner().invoke(fit.command, words)
     assert result.exception is None, result.output
     said = json.loads(result.stdout)
-    assert {row["noise"] for row in said["held_out"]} == {"none", "good", "typical", "poor"}
+    assert {row["noise"] for row in said["held_out"]} == set(LEVELS)
     assert {row["strokes"] for row in said["held_out"] if row["model"] == "field"} == {1, 4}
     assert 0 <= said["flagged_inside"] < said["flagged_or_not_found_outside"] <= 1
     assert said["outside_strokes"] > 0 and said["training"]["rim_lumps"] > 0
@@ -73,7 +74,7 @@ def test_what_was_measured_is_fitted_placed_and_printed(tmp_path):
 
 def test_a_measured_file_that_is_not_there_is_said_before_the_work(tmp_path):
     words = ["--out", str(tmp_path / "m.json"), "--recording", str(tmp_path / "absent.csv")]
-    result = CliRunner().invoke(fit.command, [str(tmp_path), "--kind", "field", *words])
+    result = CliRunner().invoke(fit.command, [str(STROKES), "--kind", "field", *words])
     assert isinstance(result.exception, PalpateError) and "absent.csv" in str(result.exception)
     assert list(tmp_path.iterdir()) == []
 
