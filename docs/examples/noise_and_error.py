@@ -34,7 +34,7 @@ if __name__ == "__main__":  # the sweep's worker processes import this file
 
     rows = []
     for name, level in LEVELS.items():
-        strokes = observe(lumps, level.without("force"), SEED)
+        strokes = observe(lumps, level.at_one_force(), SEED)
         strokes = strokes.take(strokes.whole)
         said = evaluate(spec, strokes.columns(spec.features))
         error = np.abs(said["value"] / strokes.Y - 1)
