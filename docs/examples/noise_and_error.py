@@ -3,7 +3,7 @@
     python docs/examples/noise_and_error.py [SWEEP]
 
 A model of the thesis kind is trained for typical sensors; lumps that it has never seen are then stroked with
-four qualities of sensor. The hand's force is steady here: to let it wander, simulate pairs (docs/models.md).
+four qualities of sensor. The hand's force is steady here: to let it wander, simulate more (docs/models.md).
 """
 
 import sys
@@ -33,8 +33,8 @@ if __name__ == "__main__":  # the sweep's worker processes import this file
     lumps = [StrokeField(stroke) for stroke in load_strokes(directory.parent / "unseen")]
 
     rows = []
-    for name, level in LEVELS.items():
-        strokes = observe(lumps, level.at_one_force(), SEED)
+    for name in ("none", "good", "typical", "poor"):
+        strokes = observe(lumps, LEVELS[name].at_one_force(), SEED)
         strokes = strokes.take(strokes.whole)
         said = evaluate(spec, strokes.columns(spec.features))
         error = np.abs(said["value"] / strokes.Y - 1)

