@@ -76,8 +76,7 @@ class Chain:
         """Work out map, fit and features. force_map: what forcemap.load returned, or None.
 
         Returns OK; NO_FIT where nothing rises (features are there, Amp is 0); TOO_SHORT where the stroke
-        does not reach COVER_UM to both sides of the lump that was found. May be called again with another
-        map.
+        does not reach COVER_UM to both sides of the lump. May be called again with another map.
         """
         self._take()
         if self.n < FEWEST:
@@ -93,11 +92,7 @@ class Chain:
         if code == status.OK and self._choose():
             self._move(force_map)
             code = self._fit()
-        middle = self._measure()
-        # the search keeps off the ends, the fit does not; what is no lump may lie anywhere
-        if code == status.OK and self.fit[gauss.AMP] << 7 >= self.fit[gauss.BASE]:
-            if middle - self._x[0] < COVER_UM or self._x[self.n - 1] - middle < COVER_UM:
-                code = status.TOO_SHORT
+        self._measure()
         return code
 
     def _take(self):
@@ -154,10 +149,8 @@ class Chain:
         return status.NO_FIT
 
     def _measure(self):
-        """Fill the profile and the features; returns the lump's middle, in _x."""
         middle = self._place + (self.fit[gauss.CENTRE] * 125 >> 13) - HALF_UM
         profile.measure(self._x, self.n, self._rows, self._depth, middle, self.profile, self._small)
         features.from_fit(self.fit, POINTS, self.features)
         features.from_profile(self.profile, self.features)
         features.finish(self.force if self.force > 1 else 1, self.calibration.count_mpa, self.features)
-        return middle

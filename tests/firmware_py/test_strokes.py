@@ -175,21 +175,6 @@ def test_a_short_or_broken_stroke_is_refused(fields, map_blob):
     assert replay.stroke([], [], []) == status.TOO_SHORT
 
 
-@pytest.mark.parametrize("past_mm", [36, 28, 22, 20])
-@pytest.mark.parametrize("back", [False, True])
-def test_a_stroke_that_ends_too_soon_past_the_lump_is_refused(fields, map_blob, past_mm, back):
-    """The search kept off the ends, the fit went there: 15 to 20 mm past, sizes were confidently wrong."""
-    replay = Replay(map_blob)
-    for field in fields[:4]:
-        model = SensorModel(field, LEVELS["typical"].with_(start_mm=0.0), 1)
-        x = np.linspace(-44, past_mm, 60) * (-1 if back else 1)
-        p, depth = model.pressures_at(x)
-        counts, places, depths = model.felt(p, depth, x, np.linspace(0, 1, 60))
-        packed = [pack(np.clip(np.rint(c), 0, 4095)) for c in counts]
-        code = replay.stroke(packed, places, depths)
-        assert code == (status.OK if past_mm > 24 + 3.6 else status.TOO_SHORT)
-
-
 def test_frames_that_cannot_be_used_say_so(fields):
     p = pipeline.Pipeline(calib.Calibration())
     frame = bytes(calib.FRAME_BYTES)
