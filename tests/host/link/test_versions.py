@@ -86,7 +86,7 @@ OTHER_FIRMWARE = {
         ("tables.py", "x00\\x02\\x00", "x00\\x07\\x00"),
         ("tables.py", '"IBI3s8sBBHBHBb8sIIBI"', '"IBI3s8sBBHBHBb8sIIBIH"'),
         ("tables.py", "damage stream", "damage stream news"),
-        ("handlers.py", "damage, probe.stream.number)", "damage, probe.stream.number, 77)"),
+        ("handlers.py", "damage(), probe.stream.number)", "damage(), probe.stream.number, 77)"),
         ("tables.py", "EVENTS = (", 'EVENTS = (\n    (0x5F, "news", "I", "number", "B"),'),
         ("probe.py", ".drop_frames()\n", ".drop_frames()\n        self._post(0x5F, (5,), b'!')\n"),
         ("tables.py", RESEND, RESEND + '    (8, "novelty", "ms", 1, 9, 5),\n'),
