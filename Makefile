@@ -4,6 +4,8 @@ PY := .venv/bin/python
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 export PYTHONUNBUFFERED = 1
+# Without kept byte code each command would compile SciPy, pandas and Numba anew: six seconds instead of one.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: setup dev wheel demo test test-long lint format bench docs clean
 

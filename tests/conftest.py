@@ -4,8 +4,15 @@ Promises of the reference board need MicroPython's own port, which this project 
 not to be had they are skipped, and the last lines say so.
 """
 
+import os
+import sys
+
 import pytest
 from hypothesis import HealthCheck, settings
+
+# Hundreds of commands start here: without kept byte code each compiles SciPy, pandas and Numba anew.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 settings.register_profile(
     "palpate", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
