@@ -23,7 +23,7 @@ demo: setup ## tissue, fit, export, flash, stroke, estimate: the whole chain
 
 test: lint ## every promise, in some twenty minutes on two idle cores
 	@.ci/setup test
-	$(PY) -m pytest -n 2 -m "not long" --dist loadfile
+	$(PY) -m pytest -n auto -m "not long" --dist loadfile --no-loadscope-reorder
 
 test-long: ## the campaigns: 2000 random strokes, fuzzing, power cuts
 	@.ci/setup test

@@ -19,6 +19,8 @@ settings.register_profile(
 )
 settings.load_profile("palpate")
 
+pytest_plugins = ["tests.workers"]
+
 
 @pytest.fixture(scope="session")
 def real_key_dir(tmp_path_factory):

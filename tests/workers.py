@@ -1,0 +1,79 @@
+"""How `make test` shares its work out: a worker more than processors, the longest files first, pages singly.
+
+A worker often waits: for a stroke in real time, for a browser. So one more than there are processors keeps
+them busy. A file stays with one worker, as its fixtures do; what takes longest begins first, so that no
+worker is left with it at the end.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+
+import pytest
+from xdist.scheduler import LoadFileScheduling
+
+from tests.docs.blocks import ROOT, goes_on_from
+
+LONGEST = (
+    "docs/tutorial/emulated.md",
+    "docs/howto/real-strokes.md",
+    "tests/sim/probe/test_rp2040.py",
+    "tests/docs/test_examples.py",
+    "tests/test_demo.py",
+    "README.md",
+    "docs/howto/cluster.md",
+    "tests/sim/tissue/test_sweep.py",
+    "tests/model_export/test_power_cuts.py",
+    "tests/host/view/test_emulated.py",
+    "tests/sim/tissue/test_solid_stroke.py",
+    "tests/sim/probe/test_machine_code.py",
+    "tests/sim/tissue/test_solid_verification.py",
+    "tests/host/report/test_report.py",
+    "tests/host/regression/test_any_tissue.py",
+    "tests/sim/tissue/test_kept_balls.py",
+    "tests/test_another_array.py",
+    "tests/sim/probe/test_three_runtimes.py",
+    "tests/model_export/test_keys.py",
+    "tests/test_door.py",
+)
+"""By measured time (`pytest --durations=0`); files that are not here follow as they are found."""
+PAGE = "::test_a_page_does_what_it_says["
+MOST_WORKERS = 8
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """For `-n auto`."""
+    return min((os.cpu_count() or 1) + 1, MOST_WORKERS)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest files first."""
+    rank = {name: k for k, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: rank.get(scope(item.nodeid), len(LONGEST)))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> LoadFileScheduling | None:
+    """For `--dist loadfile`; any other way is xdist's own."""
+    return Files(config, log) if config.getvalue("dist") == "loadfile" else None
+
+
+class Files(LoadFileScheduling):
+    """As `loadfile`, but each page of the documentation goes by itself, with those that go on from it."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return scope(nodeid)
+
+
+@cache
+def scope(nodeid: str) -> str:
+    """What must stay with one worker: a file's tests, or a page and those that go on from it."""
+    page = nodeid.partition(PAGE)[2]
+    if not page:
+        return nodeid.partition("::")[0]
+    at = ROOT / page.removesuffix("]")
+    while before := goes_on_from(at):
+        at = before
+    return str(at.relative_to(ROOT))
