@@ -1,4 +1,4 @@
-"""The circuit on the pins of an emulated RP2040, as docs/firmware.md has it."""
+"""The circuit on the pins of an emulated RP2040, as docs/howto/build-the-probe.md has it."""
 
 from __future__ import annotations
 
