@@ -21,7 +21,7 @@ wheel: setup ## a wheel in dist/ that is whole: firmware, runtime, page, font an
 demo: setup ## tissue, fit, export, flash, stroke, estimate: the whole chain
 	@.venv/bin/palpate demo
 
-test: lint ## every promise, in some twenty minutes on two idle cores
+test: lint ## every promise
 	@.ci/setup test
 	$(PY) -m pytest -n auto -m "not long" --dist loadfile --no-loadscope-reorder
 

@@ -197,7 +197,10 @@ export class History {
     } catch (error) {
       shown = [error.message];
     }
-    if (this.shownPair().join() === [a, b].join()) box.replaceChildren(...shown); // else others have been chosen
+    if (this.shownPair().join() !== [a, b].join()) return; // others have been chosen
+    const open = Boolean(box.querySelector("details")?.open);
+    box.replaceChildren(...shown);
+    box.querySelector("details")?.toggleAttribute("open", open); // somebody may be reading it
   }
 
   async openLoad() {
@@ -272,13 +275,22 @@ function comparison(found) {
   for (const [key, name] of Object.entries(NAMES)) {
     const row = found[key];
     if (!row) continue;
-    const mean = ({ mean, sd }) => (sd === null ? mean.toFixed(1) : `${mean.toFixed(1)} ± ${sd.toFixed(1)}`);
     const line = body.insertRow();
-    for (const text of [name, mean(row.a), mean(row.b), signed(row.change)]) line.insertCell().textContent = text;
+    line.insertCell().textContent = name;
+    for (const { mean, sd } of [row.a, row.b]) {
+      const cell = line.insertCell();
+      cell.textContent = mean.toFixed(1);
+      if (sd === null) continue;
+      cell.title = `spread (sd) ${sd.toFixed(1)}`;
+      cell.append(element("span", { class: "spread" }, ` ± ${sd.toFixed(1)}`));
+    }
+    const change = line.insertCell();
+    change.textContent = signed(row.change);
     if (row.change_low === null) continue;
-    const sure = element("small", {}, `${signed(row.change_low)} to ${signed(row.change_high)}`);
-    line.lastChild.append(element("br"), sure);
+    change.append(element("small", {}, ` (${signed(row.change_low)} to ${signed(row.change_high)})`));
   }
-  const assumed = element("p", { class: "small-print" }, found.assumes);
+  const assumed = element("details", {});
+  const words = element("p", { class: "small-print" }, found.assumes);
+  assumed.append(element("summary", {}, "95 % intervals; what they take for granted"), words);
   return [result, table, assumed];
 }

@@ -413,3 +413,25 @@ def test_two_visits_say_what_their_comparison_takes_for_granted(viewer, open_pag
     page.keyboard.press("Enter")
     source.limit = 4
     expect(page.locator("#comparison")).to_contain_text("zero or gain")
+    page.locator("#comparison summary").click()
+    source.limit = 5
+    expect(page.locator("#stroke-5")).to_be_visible()
+    expect(page.get_by_text("zero or gain")).to_be_visible()  # and is not shut in its reader's face
+
+
+def test_two_visits_are_compared_without_scrolling_at_1280_by_800(viewer, open_page):
+    """Two rows of four were below the edge."""
+    source = once(Bump(d_mm=10.0), Bump(d_mm=10.3))
+    page = open_page(viewer(source, fat_kPa=10.0))
+    expect(page.locator("#stroke-2")).to_be_visible()
+    page.keyboard.press("v")
+    page.keyboard.press("Enter")
+    expect(page.locator("#visit-b option")).to_have_count(2)
+    source.bumps, source.limit = [Bump(d_mm=13.0), Bump(d_mm=13.2)], 4
+    expect(page.locator("#stroke-4")).to_be_visible()
+    expect(page.locator("#comparison .result")).to_contain_text("beyond repeatability")
+    expect(page.locator("#comparison tbody tr")).to_have_count(4)
+    assert (
+        page.evaluate("(box => box.scrollHeight - box.clientHeight)(document.querySelector('#comparison'))")
+        <= 1
+    )
