@@ -76,15 +76,16 @@ class Boots:
 
     def __call__(self, files):
         records = (files.get("live0"), files.get("live1"))
-        for seen, found in self.known.setdefault(records, []):
-            if all(files.get(name) == content for name, content in seen.items()):
+        for there, absent, found in self.known.setdefault(records, []):
+            if there.items() <= files.items() and absent.isdisjoint(files):
                 return found
         store = Watched(files)
         found = start(store, self.key).live_id()
         # again finds the same, and neither writes
         assert start(store, self.key).live_id() == found
         assert store.trace == []
-        self.known[records].append((store.seen, found))
+        there = {name: content for name, content in store.seen.items() if content is not None}
+        self.known[records].append((there, store.seen.keys() - there.keys(), found))
         self.real += 1
         return found
 
@@ -134,10 +135,11 @@ class Campaign:
         rest = frozenset((k, v) for k, v in files.items() if k != target)
         kind = (rest, tuple(store.trace))
         if kind not in self.second:
-            self.second[kind] = 0
+            cuts = 0
             for _number, _mode, again in cut_states(files, store.trace):
-                self.second[kind] += 1
+                cuts += 1
                 assert self.boot(again) in (before, self.new)
+            self.second[kind] = cuts
         self.pairs += self.second[kind]
 
 
