@@ -36,30 +36,24 @@ def lean(sources: Mapping[str, str], main: str) -> dict[str, str]:
     start = ast.parse(main)
     for tree in trees.values():
         _Annotations().visit(tree)
-    before = None
-    while before != (before := [ast.dump(tree) for tree in trees.values()]):
-        numbers = {path: _numbers(tree) for path, tree in trees.items()}
-        for tree in trees.values():
-            for path, name in _set_from_outside(tree):
+    facts = {path: _Facts(tree) for path, tree in trees.items()}
+    changed = True
+    while changed:
+        numbers = {path: fact.numbers() for path, fact in facts.items()}
+        for fact in facts.values():
+            for path, name in fact.set_outside:
                 numbers.get(path, {}).pop(name, None)
-        for path, tree in trees.items():
-            _Fold(path, tree, numbers).visit(tree)
+        folds = [_Fold(path, fact, numbers) for path, fact in facts.items()]
+        for fold in folds:
+            fold.visit(fold.tree)
         used = _used([*trees.values(), start])
-        for tree in trees.values():
-            _drop(tree, used)
-        reached = _reached(trees, start)
+        dropped = [_drop(tree, used) for tree in trees.values()]
+        facts = {path: _Facts(tree) for path, tree in trees.items()}
+        reached = _reached(facts, _Facts(start))
+        changed = any(fold.changed for fold in folds) or any(dropped) or reached != set(trees)
         trees = {path: tree for path, tree in trees.items() if path in reached}
+        facts = {path: facts[path] for path in trees}
     return {path: ast.unparse(ast.fix_missing_locations(tree)) for path, tree in trees.items()}
-
-
-def _modules(node: ast.AST) -> Iterator[tuple[str, str]]:
-    """Alias and path of every module of the firmware that is imported below a node."""
-    for part in ast.walk(node):
-        if isinstance(part, ast.ImportFrom) and (part.module or "").split(".")[0] == _PACKAGE:
-            folder = (part.module or "").removeprefix(_PACKAGE).replace(".", "/").lstrip("/")
-            for alias in part.names:
-                path = f"{folder}/{alias.name}.py" if folder else f"{alias.name}.py"
-                yield alias.asname or alias.name, path
 
 
 def _value(node: ast.AST) -> int | None:
@@ -76,46 +70,60 @@ def _value(node: ast.AST) -> int | None:
     return None
 
 
-def _names_bound(tree: ast.AST) -> Counter[str]:
-    """How often each name is bound anywhere in a module: assigned, a parameter, imported, defined."""
-    bound: Counter[str] = Counter()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load):
-            bound[node.id] += 1
-        elif isinstance(node, ast.arg):
-            bound[node.arg] += 1
-        elif isinstance(node, ast.alias):
-            bound[(node.asname or node.name).split(".")[0]] += 1
-        elif isinstance(node, (ast.FunctionDef, ast.ClassDef)):
-            bound[node.name] += 1
-        elif isinstance(node, ast.Global):
-            bound.update(2 * node.names)
-    return bound
+class _Facts:
+    """What one walk over a module finds.
+
+    Attributes: tree; modules: alias and path of every module of the firmware that is imported, in functions
+    too; bound: how often each name is bound anywhere (assigned, a parameter, imported, defined); set_outside:
+    path and name of what this module assigns to in others.
+    """
+
+    def __init__(self, tree: ast.Module) -> None:
+        self.tree = tree
+        self.modules: list[tuple[str, str]] = []
+        self.bound: Counter[str] = Counter()
+        stored: list[tuple[str, str]] = []
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Name):
+                self.bound[node.id] += not isinstance(node.ctx, ast.Load)
+            elif isinstance(node, ast.Attribute):
+                if isinstance(node.value, ast.Name) and not isinstance(node.ctx, ast.Load):
+                    stored.append((node.value.id, node.attr))
+            elif isinstance(node, ast.arg):
+                self.bound[node.arg] += 1
+            elif isinstance(node, ast.alias):
+                self.bound[(node.asname or node.name).split(".")[0]] += 1
+            elif isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+                self.bound[node.name] += 1
+            elif isinstance(node, ast.Global):
+                self.bound.update(2 * node.names)
+            if isinstance(node, ast.ImportFrom):
+                self.modules += _imported(node)
+        paths = dict(self.modules)
+        self.set_outside = [(paths[alias], name) for alias, name in stored if alias in paths]
+
+    def numbers(self) -> dict[str, int]:
+        """What the module states once and never changes."""
+        found = {}
+        for node in self.tree.body:
+            if (
+                isinstance(node, ast.Assign)
+                and len(node.targets) == 1
+                and isinstance(node.targets[0], ast.Name)
+            ):
+                name, value = node.targets[0].id, _value(node.value)
+                if value is not None and self.bound[name] == 1:
+                    found[name] = value
+        return found
 
 
-def _numbers(tree: ast.Module) -> dict[str, int]:
-    """What the module states once and never changes."""
-    bound = _names_bound(tree)
-    found = {}
-    for node in tree.body:
-        if isinstance(node, ast.Assign) and len(node.targets) == 1 and isinstance(node.targets[0], ast.Name):
-            name, value = node.targets[0].id, _value(node.value)
-            if value is not None and bound[name] == 1:
-                found[name] = value
-    return found
-
-
-def _set_from_outside(tree: ast.AST) -> list[tuple[str, str]]:
-    """Path and name of what this module assigns to in others."""
-    paths = dict(_modules(tree))
-    return [
-        (paths[node.value.id], node.attr)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Attribute)
-        and not isinstance(node.ctx, ast.Load)
-        and isinstance(node.value, ast.Name)
-        and node.value.id in paths
-    ]
+def _imported(node: ast.ImportFrom) -> Iterator[tuple[str, str]]:
+    """Alias and path of the firmware's modules among what a statement imports."""
+    if (node.module or "").split(".")[0] == _PACKAGE:
+        folder = (node.module or "").removeprefix(_PACKAGE).replace(".", "/").lstrip("/")
+        for alias in node.names:
+            path = f"{folder}/{alias.name}.py" if folder else f"{alias.name}.py"
+            yield alias.asname or alias.name, path
 
 
 class _Annotations(ast.NodeTransformer):
@@ -129,19 +137,20 @@ class _Annotations(ast.NodeTransformer):
 class _Fold(ast.NodeTransformer):
     """Numbers in their names' place."""
 
-    def __init__(self, path: str, tree: ast.AST, numbers: Mapping[str, Mapping[str, int]]) -> None:
+    def __init__(self, path: str, facts: _Facts, numbers: Mapping[str, Mapping[str, int]]) -> None:
+        self.tree = facts.tree
+        self.changed = False
         self._own = numbers[path]
-        bound = _names_bound(tree)
-        imported = list(_modules(tree))
-        times = Counter(alias for alias, _ in imported)
+        times = Counter(alias for alias, _ in facts.modules)
         self._others = {
             alias: numbers[where]
-            for alias, where in imported
-            if where in numbers and bound[alias] == times[alias]
+            for alias, where in facts.modules
+            if where in numbers and facts.bound[alias] == times[alias]
         }
 
     def visit_Name(self, node: ast.Name) -> ast.AST:
         if isinstance(node.ctx, ast.Load) and node.id in self._own:
+            self.changed = True
             return ast.Constant(self._own[node.id])
         return node
 
@@ -149,6 +158,7 @@ class _Fold(ast.NodeTransformer):
         if isinstance(node.ctx, ast.Load) and isinstance(node.value, ast.Name):
             value = self._others.get(node.value.id, {}).get(node.attr)
             if value is not None:
+                self.changed = True
                 return ast.Constant(value)
         self.generic_visit(node)
         return node
@@ -177,8 +187,8 @@ def _plain(node: ast.AST) -> bool:
     )
 
 
-def _drop(tree: ast.Module, used: Mapping[str, int]) -> None:
-    """Take away what nobody reads."""
+def _drop(tree: ast.Module, used: Mapping[str, int]) -> bool:
+    """Take away what nobody reads; whether there was anything."""
 
     def needed(node: ast.stmt) -> bool:
         if isinstance(node, ast.FunctionDef):
@@ -190,26 +200,32 @@ def _drop(tree: ast.Module, used: Mapping[str, int]) -> None:
             return bool(used[node.targets[0].id]) or not _plain(node.value)
         return True
 
+    before = len(tree.body)
     tree.body = [node for node in tree.body if needed(node)]
+    changed = len(tree.body) < before
     for node in tree.body:
         if isinstance(node, ast.ClassDef):
             kept = [m for m in node.body if not isinstance(m, ast.FunctionDef) or needed(m)]
+            changed = changed or len(kept) < len(node.body)
             node.body = kept or [ast.Pass()]
     here = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
     for node in list(tree.body):
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == _PACKAGE:
-            node.names = [a for a in node.names if (a.asname or a.name) in here]
-            if not node.names:
+            names = [a for a in node.names if (a.asname or a.name) in here]
+            changed = changed or len(names) < len(node.names)
+            node.names = names
+            if not names:
                 tree.body.remove(node)
+    return changed
 
 
-def _reached(trees: Mapping[str, ast.Module], start: ast.Module) -> set[str]:
+def _reached(facts: Mapping[str, _Facts], start: _Facts) -> set[str]:
     """The modules that the program imports, and those that they do."""
-    found: set[str] = {path for path in trees if path.endswith("__init__.py")}
-    waiting = [path for _, path in _modules(start)]
+    found: set[str] = {path for path in facts if path.endswith("__init__.py")}
+    waiting = [path for _, path in start.modules]
     while waiting:
         path = waiting.pop()
-        if path in trees and path not in found:
+        if path in facts and path not in found:
             found.add(path)
-            waiting += [where for _, where in _modules(trees[path])]
+            waiting += [where for _, where in facts[path].modules]
     return found
