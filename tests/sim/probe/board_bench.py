@@ -86,16 +86,22 @@ class Board:
         self.ears = Ears()
         self.heard: list[Message] = []
         self._number = 100
+        self._last = b""  # of what it said, for whoever waits in vain
         self.up_us = 0.0  # when its first message came, for whoever waited for it
 
     def until(self, reached: Callable[[], bool], limit_us: float = 5e6) -> None:
         """Run until something is so."""
 
         def listened() -> bool:
-            self.heard += self.ears.hear(self.chip.take())
+            data = self.chip.take()
+            self._last = (self._last + data)[-500:]
+            self.heard += self.ears.hear(data)
             return reached()
 
-        self.chip.run(listened, limit_us)
+        try:
+            self.chip.run(listened, limit_us)
+        except PalpateError as dead:
+            raise type(dead)(f"{dead}; before that: {self._last!r}") from None
 
     def run_us(self, us: float) -> None:
         """Run for so long."""

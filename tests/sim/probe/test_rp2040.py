@@ -18,6 +18,74 @@ LEAST_FREE = 20_000  # without a model; 40,000 with one are wanted
 FRAMES, STROKES = messages.CONTENT_FRAMES, messages.CONTENT_STROKES
 
 
+def test_a_file_system_made_here_is_read_as_it_was_written():
+    files = {"main.py": b"x" * 5000, "firmware_py/boards/scan.mpy": b"y", "key.pub": bytes(56)}
+    assert flash.read(flash.image(files)) == files
+
+
+@pytest.fixture(scope="module")
+def prompt():
+    """A board at MicroPython's prompt, the firmware's modules and the matrix within reach."""
+    files = dict(board_bench.firmware())
+    loader = files.pop("main.py").decode().partition("from firmware_py.boards import rp2_reference")[0]
+    board = Board({"main.py": b"", "loader.py": loader.encode()}, cells=RANDOM_CELLS, displacement=1000)
+    board.chip.run(lambda: board.chip.connected)
+    board.chip.execute(PREPARE)
+    return board
+
+
+PREPARE = """
+import time
+exec(open("loader.py").read())
+from machine import Pin, unique_id
+from firmware_py.boards import fast_scan, scan
+fast_scan.install()
+one = scan.Scan(Pin(2), Pin(17), Pin(16, Pin.IN), Pin(10))
+counts = bytearray(624)
+"""
+MEASURE = """
+began = time.ticks_us()
+one.start()
+started = time.ticks_us()
+while not one.done():
+    pass
+done = time.ticks_us()
+one.take(counts)
+taken = time.ticks_us()
+print(counts.hex(), one.displacement(), started - began, done - began, taken - done)
+"""
+
+
+def measured(board, settling_us):
+    """Cells, displacement, and times in us, with amplifiers of that time constant."""
+    board.matrix.settling_us = settling_us
+    cells, displacement, *times = board.chip.execute(MEASURE).split()
+    return sensors.unpack(bytes.fromhex(cells)), int(displacement), [int(time) for time in times]
+
+
+def test_a_host_that_says_nothing_takes_nothing_of_the_processors_time(prompt):
+    """Every question of the device was answered with an empty packet: loops took three times as long."""
+    loop = "t = time.ticks_us()\nx = 0\nfor i in range(1000): x += i\nprint(time.ticks_us() - t)"
+    assert int(prompt.chip.execute(loop)) < 15_000
+
+
+def test_a_board_knows_its_flash_chips_number(prompt):
+    assert prompt.chip.execute("print(unique_id().hex())").strip() == SERIAL.hex()
+
+
+def test_the_state_machines_measure_every_cell_in_its_place_while_the_processor_does_something_else(prompt):
+    cells, displacement, (start_us, scan_us, take_us) = measured(prompt, settling_us=1.5)
+    assert np.array_equal(cells, RANDOM_CELLS)
+    assert displacement == 2000
+    assert scan_us < 10_000, "eighty-five frames a second leave 11.7 ms"
+    assert start_us + take_us < 1000
+    print(f"scan {scan_us} us in the background; to start it {start_us} us, to take it {take_us} us")
+
+
+def test_amplifiers_that_are_too_slow_would_be_seen(prompt):
+    assert not np.array_equal(measured(prompt, settling_us=6.0)[0], RANDOM_CELLS)
+
+
 @pytest.fixture(scope="module")
 def started():
     """A board without key or model, cells at random; it was waited for until it had said its first words."""
@@ -27,75 +95,6 @@ def started():
     board.up_us = board.chip.us
     board.until(lambda: len(board.logs()) >= 3)
     return board
-
-
-def test_a_file_system_made_here_is_read_as_it_was_written():
-    files = {"main.py": b"x" * 5000, "firmware_py/boards/scan.mpy": b"y", "key.pub": bytes(56)}
-    assert flash.read(flash.image(files)) == files
-
-
-def test_a_host_that_says_nothing_takes_nothing_of_the_processors_time():
-    """Every question of the device was answered with an empty packet: loops took three times as long."""
-    board = Board({"main.py": b""})
-    board.chip.run(lambda: board.chip.connected)
-    loop = "import time\nt = time.ticks_us()\nx = 0\nfor i in range(1000): x += i\nprint(time.ticks_us() - t)"
-    assert int(board.chip.execute(loop)) < 15_000
-
-
-MEASURE = """
-import time
-exec(open("loader.py").read())
-from machine import Pin, unique_id
-from firmware_py.boards import fast_scan, scan
-fast_scan.install()
-one = scan.Scan(Pin(2), Pin(17), Pin(16, Pin.IN), Pin(10))
-counts = bytearray(624)
-began = time.ticks_us()
-one.start()
-started = time.ticks_us()
-while not one.done():
-    pass
-done = time.ticks_us()
-one.take(counts)
-taken = time.ticks_us()
-print(unique_id().hex(), counts.hex(), one.displacement())
-print(started - began, done - began, taken - done)
-"""
-
-
-def measured(settling_us):
-    """What a board at MicroPython's prompt measures: serial number, cells, displacement, times in us."""
-    files = dict(board_bench.firmware())
-    loader = files.pop("main.py").decode().partition("from firmware_py.boards import rp2_reference")[0]
-    board = Board(
-        {"main.py": b"", "loader.py": loader.encode()},
-        cells=RANDOM_CELLS,
-        displacement=1000,
-        settling_us=settling_us,
-    )
-    board.chip.run(lambda: board.chip.connected)
-    first, times = board.chip.execute(MEASURE).splitlines()
-    serial, cells, displacement = first.split()
-    return (
-        serial,
-        sensors.unpack(bytes.fromhex(cells)),
-        int(displacement),
-        [int(time) for time in times.split()],
-    )
-
-
-def test_the_state_machines_measure_every_cell_in_its_place_while_the_processor_does_something_else():
-    serial, cells, displacement, (start_us, scan_us, take_us) = measured(settling_us=1.5)
-    assert serial == SERIAL.hex()
-    assert np.array_equal(cells, RANDOM_CELLS)
-    assert displacement == 2000
-    assert scan_us < 10_000, "eighty-five frames a second leave 11.7 ms"
-    assert start_us + take_us < 1000
-    print(f"scan {scan_us} us in the background; to start it {start_us} us, to take it {take_us} us")
-
-
-def test_amplifiers_that_are_too_slow_would_be_seen():
-    assert not np.array_equal(measured(settling_us=6.0)[1], RANDOM_CELLS)
 
 
 def test_it_starts_in_two_seconds_in_machine_code_and_says_what_is_missing(started):
