@@ -15,8 +15,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # the words of the assembler, which `asm_pio` puts into the program's reach
     from rp2.asm_pio import block, in_, jmp, label, nop, out, pins, pull, set, wrap, wrap_target, x, x_dec
 
-MACHINE_HZ = 2000000  # two instructions a clock: 1 MHz
-CYCLES = 41  # of the machine, a conversion
+MACHINE_HZ = 2000000  # two instructions a clock: 1 MHz; a conversion takes 41 of them
 
 # side-set: bit 0 is the chip select, bit 1 the clock (1: let go; 0: low; 2: high)
 

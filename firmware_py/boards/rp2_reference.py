@@ -46,8 +46,7 @@ ADDRESS_PIN = 2  # GP2 to GP5: row; GP6 to GP9: column
 DIN_PIN = 10
 ENCODER_PINS = (11, 12)
 DOUT_PIN = 16
-SELECT_PIN = 17
-CLOCK_PIN = 18  # SELECT_PIN + 1
+SELECT_PIN = 17  # the converter's clock is the next one, GP18
 LED = "LED"
 UART_BAUD = 921600
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from firmware_py import calib, counters, forcemap, geometry, messages, status
+from firmware_py import calib, forcemap, geometry, messages, status
 from firmware_py.estimator import Estimator
 from firmware_py.probe import Probe
 from palpate.firmware_twin.replay_core import compiled
@@ -23,6 +23,7 @@ from palpate.model_export.image_builder import Info
 from palpate.recording.writer import RecordingWriter
 from palpate.sim.probe.flash_sim import FlashSim
 from palpate.sim.probe.packed_frames import pack
+from palpate.sim.probe.virtual import VirtualBoard
 
 LIFTED = 3
 """Frames in the air before and after each stroke."""
@@ -30,36 +31,15 @@ AIR = pack(np.full(geometry.CELLS, geometry.PEDESTAL_COUNTS, np.uint16))
 RENEW_US = messages.LEASE_MOST_MS * 500
 
 
-class _Board:
-    """A board (firmware_py/boards) that reads what it is given; its clock stands until it is told."""
+class _Board(VirtualBoard):
+    """It reads what it is given; its clock stands until it is told."""
 
     serial = b"IMPORTED"
-    boots = 1
-    settings_record = None
 
     def __init__(self) -> None:
-        self.now_us = 0
-        self.to_probe, self.from_probe = bytearray(), bytearray()
+        super().__init__()
         self.packed, self.position, self.depth = AIR, 0, 0
         self.ready = False  # a frame is there to be read; a stream that begins would have one at once
-
-    def ticks_us(self) -> int:
-        return self.now_us & counters.MASK
-
-    def read(self, buffer: bytearray) -> int:
-        n = min(len(buffer), len(self.to_probe))
-        buffer[:n] = self.to_probe[:n]
-        del self.to_probe[:n]
-        return n
-
-    def write(self, buffer: bytearray, start: int, stop: int) -> int:
-        self.from_probe += buffer[start:stop]
-        return stop - start
-
-    def begin(self) -> None:
-        """Nothing to power."""
-
-    end = start_scan = begin
 
     def scanned(self) -> bool:
         return self.ready

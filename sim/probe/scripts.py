@@ -1,11 +1,8 @@
-"""Runs a script beside `firmware_py` in one of the interpreters and returns its output: for vectors and
-proofs.
-"""
+"""Runs a script beside `firmware_py` in MicroPython and returns its output: for vectors and proofs."""
 
 import json
 import os
 import subprocess
-import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,10 +13,6 @@ from palpate.errors import PalpateError
 from palpate.sim.probe import node
 
 FIRMWARE = Path(firmware_py.__file__).parent
-
-
-_RUN = "import palpate, runpy; runpy.run_path('script.py', run_name='__main__')"
-"""Palpate comes first: it knows of another array."""
 
 
 class ScriptFailed(PalpateError):
@@ -63,17 +56,6 @@ def run_micropython(
         folder = Path(scratch)
         config = stage(folder, script, files or {}, heap)
         return _run([node.node(), str(node.WASM / "run.mjs"), str(config)], folder, timeout_s)
-
-
-def run_cpython(script: str, files: Mapping[str, bytes] | None = None, timeout_s: float = 900) -> str:
-    """Run the same script in CPython, in a process of its own; see `run_micropython`."""
-    with tempfile.TemporaryDirectory(prefix="palpate-script-") as scratch:
-        folder = Path(scratch)
-        (folder / "script.py").write_text(script)
-        for name, contents in (files or {}).items():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name).write_bytes(contents)
-        return _run([sys.executable, "-c", _RUN], folder, timeout_s)
 
 
 def _run(command: list[str], folder: Path, timeout_s: float) -> str:

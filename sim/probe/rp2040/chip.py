@@ -27,7 +27,6 @@ from palpate.sim.probe.rp2040 import flash
 from palpate.sim.probe.rp2040.pacing import Pacing
 from palpate.sim.probe.rp2040.usb_host import UsbHost
 
-CYCLES_PER_US = 125
 _FLASH_AT = 0x10000000
 _READ_UNIQUE_ID = 0x4B
 _DUMMY_BYTES = 4
