@@ -37,6 +37,13 @@ _TWO = 0x2000000
 MOST = 0x1FFFF  # a row, Q5 counts: full scale
 DEEPEST = 0x1FFFFF  # a depth, 1/16 um
 STEEPEST = 0x1FFFFF  # 8 in Q18
+# Relative pressures are within +-2 (Q13) on a face that is pressed all along, as the reference's 24 mm; on a
+# longer one fewer rows bear the force, and each bears more of it
+_RELATIVE_Q = 13
+_long = 30000
+while geometry.LENGTH_UM > _long and _RELATIVE_Q > 10 and _HALF <= 1 << (_RELATIVE_Q - 7):  # sums below 2^30
+    _RELATIVE_Q -= 1
+    _long *= 2
 
 
 def load(blob):
@@ -74,10 +81,11 @@ def limit(v, most):
 def slopes(f, w, lf, ld, total):
     """Evaluate the map f for the image at w[_IMAGE] with sum `total`; outputs from w[0] on, Q18.
 
-    lf, ld: ln F and ln D less their centres, Q12 (held within +-4); relative pressures go in as Q13, within
-    +-2. Image sensor s gets w[s], displacement w[ROWS].
+    lf, ld: ln F and ln D less their centres, Q12 (held within +-4); relative pressures go in as
+    Q13, within +-2 (a long face: Q12, +-4 or Q11, +-8). Image sensor s gets w[s], displacement w[ROWS].
     """
     last = _ROWS - 1
+    up = _RELATIVE_Q - 1
     mean = (total + _HALF) // _ROWS
     half = mean >> 1
     w[0] = 4096
@@ -89,9 +97,10 @@ def slopes(f, w, lf, ld, total):
     for i in range(_HALF):
         a = w[_IMAGE + i]
         b = w[_IMAGE + last - i]
-        w[6 + i] = limit(((limit(a + b - 2 * mean, 250000) << 12) + half) // mean, 16383)
-        w[_ODD + i] = limit(((limit(a - b, 250000) << 12) + half) // mean, 16383)
+        w[6 + i] = limit(((limit(a + b - 2 * mean, 250000) << up) + half) // mean, 16383)
+        w[_ODD + i] = limit(((limit(a - b, 250000) << up) + half) // mean, 16383)
     down = f[0] - 12
+    shift = _RELATIVE_Q - 6
     for j in range(EVEN_OUT):
         s = 0
         k = 3 + j
@@ -99,7 +108,7 @@ def slopes(f, w, lf, ld, total):
             s += w[i] * f[k] >> 6
             k += EVEN_OUT
         for i in range(6, EVEN_IN):
-            s += w[i] * f[k] >> 7
+            s += w[i] * f[k] >> shift
             k += EVEN_OUT
         w[_OUT + j] = limit(s >> down, STEEPEST)
     # the inputs are no longer needed: outputs take their places
@@ -107,7 +116,7 @@ def slopes(f, w, lf, ld, total):
         s = 0
         k = _FIRST_ODD + j
         for i in range(_HALF):
-            s += w[_ODD + i] * f[k] >> 7
+            s += w[_ODD + i] * f[k] >> shift
             k += _HALF
         w[j] = s >> down
     for j in range(_HALF):

@@ -124,12 +124,9 @@ def main(runtime, directory):
     pairs = read_strokes()
     fields = [StrokeField(*pair) for pair in pairs[:-1]]
     said = {}
-    if runtime == "none":
-        # a steady hand, without a force map: this array is too long for one (docs/howto/another-array.md)
-        said["worst"] = worst_against_float64(fields, None, LEVELS["typical"].without("force"))
-    else:
-        learned = learned_force_map(pairs)
-        said["worst"] = worst_against_float64(fields, learned, LEVELS["typical"])
+    learned = learned_force_map(pairs)
+    said["worst"] = worst_against_float64(fields, learned, LEVELS["typical"])
+    if runtime != "none":
         spec = trained(fields, learned)
         key = directory / "key"
         keys.generate(key)
