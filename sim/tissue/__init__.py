@@ -12,8 +12,9 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M, LIKE_FAT, THESIS_CODES, Case
+from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M, LIKE_FAT, Case
 from palpate.sim.tissue.errors import CaseError, StrokeError, TissueError
+from palpate.sim.tissue.thesis_runs import THESIS_CODES
 
 if TYPE_CHECKING:
     from palpate.sim.tissue.design import WIDEST, Ranges, one_factor_cases, read_design, sobol_cases

@@ -9,6 +9,7 @@ import math
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
+from palpate.sim.tissue.case_limits import LIMITS, ONLY_SOLID
 from palpate.sim.tissue.errors import CaseError
 from palpate.sim.tissue.face_sensors import WIDTH_MM
 
@@ -26,36 +27,6 @@ LIKE_FAT = 1.0001
 
 FINE_REACH_MM = 14.0
 """How far the mesh's fine columns go on beyond the outermost positions, at least."""
-
-_OPTIONS: dict[str, tuple[float, float]] = {
-    "probe_radius_mm": (5.0, math.inf),
-    "face_half_mm": (0.0, 40.0),
-    "fillet_per_mm2": (0.005, 10.0),
-    "friction": (0.0, 0.5),
-    "gland_mm": (1.0, 200.0),
-    "gland_ratio": (0.1, 1000.0),
-    "fat_kPa": (0.01, 10000.0),
-    "poisson": (0.3, 0.49999),
-    "fat_stiffening": (0.0, 2000.0),
-    "gland_stiffening": (0.0, 2000.0),
-    "lump_stiffening": (0.0, 2000.0),
-}
-_MAIN: dict[str, tuple[float, float]] = {
-    "d_mm": (0.5, 100.0),
-    "h": (0.02, 50.0),
-    "E_ratio": (0.01, 1e6),
-    "F_rel": (1e-3, 100.0),
-}
-_SOLID: dict[str, tuple[float, float]] = {
-    "half_across_mm": (0.25, 1000.0),
-    "half_down_mm": (0.25, 50.0),
-    "offset_mm": (-30.0, 30.0),
-    "fat_mm": (0.3, 200.0),
-    "across_radius_mm": (20.0, math.inf),
-    "across_half_mm": (0.0, 100.0),
-    "across_fillet_per_mm2": (0.005, 10.0),
-}
-"""What only a ball or an ellipsoid can have, with the smallest and largest value that makes sense."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +105,7 @@ class Case:
     across_fillet_per_mm2: float = 0.1
 
     def __post_init__(self) -> None:
-        for name, (low, high) in (_MAIN | _OPTIONS | _SOLID).items():
+        for name, (low, high) in LIMITS.items():
             raw = getattr(self, name)
             if raw is None and name in _OPTIONAL:
                 continue
@@ -155,7 +126,7 @@ class Case:
             raise CaseError("half_across_mm and half_down_mm belong to an ellipsoid, which needs both")
         if not self.solid:
             defaults = {f.name: f.default for f in fields(self)}
-            if extra := [name for name in _SOLID if getattr(self, name) != defaults[name]]:
+            if extra := [name for name in ONLY_SOLID if getattr(self, name) != defaults[name]]:
                 raise CaseError(f"a cylinder has no {extra[0]}: that takes a ball or an ellipsoid")
         elif self.friction:
             raise CaseError(f"friction is for cylinders only: a {self.shape} is stroked without")
@@ -266,20 +237,7 @@ class Case:
         return out
 
 
-SOLID_FIELDS = ("shape", *_SOLID)
+SOLID_FIELDS = ("shape", *ONLY_SOLID)
 """Fields that a cylinder's record leaves out."""
 
 _OPTIONAL = tuple(f.name for f in fields(Case) if f.default is None)
-
-
-THESIS_CODES: tuple[str, ...] = (
-    *(f"d10h08e10f{f}" for f in ("10", "02", "04", "06", "08")),
-    *(f"d10h08e{e}f10" for e in ("02", "05", "50", "1K")),
-    *("d10h08e02f06", "d10h08e05f06", "d10h08e05f03", "d10h08e1Kf02", "d10h08e1Kf06", "d10h08e50f04"),
-    *(f"d{d}h08e10f10" for d in ("05", "15", "20")),
-    *(f"d10h{h}e10f10" for h in ("03", "05", "12", "15")),
-    *("d05h15e10f10", "d20h03e10f10", "d15h05e10f10", "d20h05e10f10", "d05h12e10f10"),
-    *("d15h05e05f10", "d15h03e02f10"),
-    "d10h08eNLf10",
-)
-"""The thesis' thirty runs: 29 linear ones, the reference first, and the nonlinear one."""

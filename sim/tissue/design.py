@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from palpate.sim.tissue.any_tissue import PRESSES, STROKES, any_tissue_cases, press_cases
-from palpate.sim.tissue.case import THESIS_CODES, Case
+from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.errors import CaseError
 from palpate.sim.tissue.settings import Settings
+from palpate.sim.tissue.thesis_runs import THESIS_CODES
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.checks import fault, inside_out
 from palpate.sim.tissue.contact import Contact, read_sensors
 from palpate.sim.tissue.errors import StrokeError
 from palpate.sim.tissue.geometry import Geometry
@@ -111,7 +112,7 @@ class Run:
             try:
                 state = self.newton.solve(self.predictor(recent, new), new, force, careful=careful)
                 if state.smallest_jacobian <= 0.0:
-                    raise NoConvergence(_inside_out(state))
+                    raise NoConvergence(inside_out(state))
                 history.append((new, state))
                 return
             except NoConvergence as error:
@@ -161,30 +162,15 @@ class Run:
         s = x - position
         touching = np.nonzero(pressure > 0)[0]
         peak = int(pressure.argmax())
-        balance = force / self.case.F_N_per_m - 1.0
         row = {
             "displacement_mm": self.case.t_mm - state.height,
             "images_kPa": read_sensors(s, pressure),
             "peak_mm": s[peak],
             "peak_kPa": pressure[peak],
             "contact_mm": s[touching[[0, -1]]],
-            "force_error": balance,
+            "force_error": force / self.case.F_N_per_m - 1.0,
             "smallest_jacobian": state.smallest_jacobian,
         }
-        trouble = None
-        if not all(np.isfinite(value).all() for value in row.values()):
-            trouble = "the result is not a number"
-        elif state.smallest_jacobian <= 0.0:
-            trouble = _inside_out(state)
-        elif abs(balance) > 1e-6:
-            trouble = f"the contact forces miss the force on the probe by {balance:.1e} of it"
-        elif row["displacement_mm"] >= self.case.t_mm:
-            trouble = "the probe has gone through the fat"
-        if trouble:
+        if trouble := fault(row, state, self.case.t_mm, "fat"):
             raise StrokeError(self.case.code, position, trouble)
         return row
-
-
-def _inside_out(state: State) -> str:
-    """Why a state of balance is refused: tissue does not get into it."""
-    return f"an element is turned inside out (det F = {state.smallest_jacobian:.2g})"

@@ -126,6 +126,7 @@ def load_curve(
 
 
 def checked_positions(positions: Sequence[float] | Floats) -> Floats:
+    """Positions (n,) in mm as an array; CaseError unless they ascend and lie within 60 mm of the lump."""
     out = np.asarray(positions, float)
     if out.ndim != 1 or not len(out) or not np.isfinite(out).all() or (np.diff(out) <= 0).any():
         raise CaseError("positions_mm must be a non-empty ascending list of numbers")

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import sys
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import (
@@ -14,13 +11,10 @@ from concurrent.futures import (
     CancelledError,
     Executor,
     Future,
-    ProcessPoolExecutor,
     wait,
 )
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -29,7 +23,9 @@ from palpate.sim.tissue.errors import CaseError, SweepStopped, TissueError
 from palpate.sim.tissue.records import Record, record_of
 from palpate.sim.tissue.settings import Settings, case_key
 from palpate.sim.tissue.store import StrokeStore
+from palpate.sim.tissue.sweep_progress import Progress, Reporter
 from palpate.sim.tissue.tables import read_table
+from palpate.sim.tissue.workers import pool
 
 _GROUP = 4
 """Most cases in one task: neighbours that share their geometry share its set-up."""
@@ -38,18 +34,6 @@ _SYNC_S = 2.0
 
 _CLUSTERS = ("distributed", "dask", "asyncio")
 """Whose own errors mean that the cluster has gone."""
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far a sweep is: cases done (of which re-used and failed) of a total, rate and seconds left."""
-
-    done: int
-    total: int
-    reused: int
-    failed: int
-    rate_per_s: float
-    left_s: float
 
 
 def sweep(
@@ -102,7 +86,7 @@ def sweep(
         why = (error.strerror or str(error)).lower()
         raise CaseError(f"cannot keep strokes in {out_dir}: {why}") from None
     todo = {key: case for key, case in zip(keys, cases) if key not in store}
-    reporter = _Reporter(len(set(keys)), len(set(keys)) - len(todo), progress)
+    reporter = Reporter(len(set(keys)), len(set(keys)) - len(todo), progress)
     try:
         if todo:
             if executor is not None:
@@ -170,7 +154,7 @@ def _run(
     executor: Executor,
     outstanding: int,
     store: StrokeStore,
-    reporter: _Reporter,
+    reporter: Reporter,
 ) -> None:
     """Keep `outstanding` tasks with the executor until all groups are done."""
     source, pending = iter(groups), set[Future]()
@@ -192,7 +176,7 @@ def _run(
         raise
 
 
-def _keep(done: Iterable[Future], store: StrokeStore, reporter: _Reporter) -> None:
+def _keep(done: Iterable[Future], store: StrokeStore, reporter: Reporter) -> None:
     """Store what tasks have computed; only then raise what one of them failed with."""
     failure: BaseException | None = None
     for future in done:
@@ -220,84 +204,8 @@ def _result(future: Future) -> list[Record]:
 
 
 def _run_in_pool(
-    todo: dict[str, Case], settings: Settings, workers: int | None, store: StrokeStore, reporter: _Reporter
+    todo: dict[str, Case], settings: Settings, workers: int | None, store: StrokeStore, reporter: Reporter
 ) -> None:
     workers = min(workers or os.cpu_count() or 1, len(todo))
-    method = "forkserver" if sys.platform == "linux" else "spawn"
-    context = multiprocessing.get_context(method)
-    if method == "forkserver":
-        context.set_forkserver_preload(["palpate.sim.tissue.stroke"])
-    with _one_thread_each(), _pool(workers, context) as pool:
-        _run(_groups(todo), settings, pool, 4 * workers, store, reporter)
-
-
-@contextmanager
-def _pool(workers: int, context: Any) -> Iterator[ProcessPoolExecutor]:
-    """A pool that an interrupt ends cleanly, even one that comes while the pool starts."""
-    others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_die_with_parent)
-    try:
-        yield pool
-    except BaseException:
-        try:
-            pool.shutdown(cancel_futures=True)
-        except RuntimeError:  # its thread never ran, so nobody but us ends the workers
-            for worker in set(multiprocessing.active_children()) - others:
-                worker.terminate()
-                worker.join()
-        raise
-    pool.shutdown()
-
-
-def _die_with_parent() -> None:
-    """End this worker when the program that uses it is killed: a pool's workers would wait forever."""
-
-    def watch() -> None:
-        parent = multiprocessing.parent_process()
-        if parent is not None:
-            parent.join()
-            os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Processes started meanwhile use one thread each in their linear algebra."""
-    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update(dict.fromkeys(names, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-
-
-class _Reporter:
-    """Counts, and calls back a few times a second."""
-
-    def __init__(self, total: int, reused: int, progress: Callable[[Progress], None] | None) -> None:
-        self.total, self.reused, self.progress = total, reused, progress
-        self.computed = self.failed = 0
-        self.began = self.shown = time.monotonic()
-
-    def count(self, failed: bool) -> None:
-        self.computed += 1
-        self.failed += failed
-        if time.monotonic() - self.shown > 0.2:
-            self.show()
-
-    def show(self) -> None:
-        if self.progress is None:
-            return
-        self.shown = time.monotonic()
-        rate = self.computed / max(self.shown - self.began, 1e-9)
-        left = self.total - self.reused - self.computed
-        left_s = left / rate if rate > 0 else 0.0
-        self.progress(
-            Progress(self.reused + self.computed, self.total, self.reused, self.failed, rate, left_s)
-        )
+    with pool(workers, preload="palpate.sim.tissue.stroke") as executor:
+        _run(_groups(todo), settings, executor, 4 * workers, store, reporter)

@@ -17,6 +17,7 @@ from palpate.sim.tissue.newton import NoConvergence
 from palpate.sim.tissue.solid.body import Body
 from palpate.sim.tissue.solid.face import FaceContact, Touching
 from palpate.sim.tissue.solid.multifrontal import Multifrontal
+from palpate.sim.tissue.solid.woodbury import Correction
 from palpate.sim.tissue.solver.linear import NotPositiveDefinite
 from palpate.sim.tissue.state import State
 
@@ -52,21 +53,6 @@ class Counts:
     solves: int = 0
 
 
-@dataclass
-class _Correction:
-    """What nodes in or out of contact since the factorisation change in its solutions (Woodbury)."""
-
-    changed: Ints
-    dofs: Ints
-    normals: Floats
-    columns: Floats
-    inverse: Floats
-
-    def apply(self, solutions: Floats) -> Floats:
-        seen = (solutions[:, self.dofs] * self.normals).sum(-1)
-        return np.asarray(solutions - seen @ self.inverse.T @ self.columns)
-
-
 class SolidNewton:
     """Finds equilibria of a body under a face.
 
@@ -92,7 +78,7 @@ class SolidNewton:
         self._slow = 0
         self._factored: Touching | None = None
         self._normals: Floats = np.zeros((len(contact.nodes), 3))
-        self._correction: _Correction | None = None
+        self._correction: Correction | None = None
 
     def solve(
         self,
@@ -216,17 +202,9 @@ class SolidNewton:
         self._normals[came] = seen.normal[np.searchsorted(seen.active, came)]
         stiffness = np.where(left, -1.0, 1.0) * contact.augmentation * contact.weight[changed]
         normals = self._normals[changed] * contact.free[changed]
-        dofs = contact.dofs[changed]
-        sides = np.zeros((len(changed), len(self._held_mask)))
-        sides[np.arange(len(changed))[:, None], dofs] = normals
-        columns = self._solved(sides)
-        seen_columns = (columns[:, dofs] * normals).sum(-1)  # [i, j]: what node j sees of node i's column
-        inverse = np.linalg.inv(np.diag(1 / stiffness) + seen_columns.T)
-        self._correction = _Correction(changed, dofs, normals, columns, inverse)
-
-    @property
-    def _held_mask(self) -> NDArray[np.bool_]:
-        return self.body.mesh.fixed.ravel()
+        self._correction = Correction.of(
+            changed, contact.dofs[changed], normals, stiffness, self.body.mesh.fixed.size, self._solved
+        )
 
     def _solved(self, sides: Floats) -> Floats:
         self.counts.solves += len(sides)

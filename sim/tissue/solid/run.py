@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.checks import fault, inside_out
 from palpate.sim.tissue.errors import StrokeError
 from palpate.sim.tissue.face_sensors import ACROSS, SENSORS_MM, places_mm
 from palpate.sim.tissue.newton import NoConvergence
@@ -150,7 +151,7 @@ class SolidRun:
     @staticmethod
     def _upright(state: State) -> State:
         if state.smallest_jacobian <= 0.0:
-            raise NoConvergence(_inside_out(state))
+            raise NoConvergence(inside_out(state))
         return state
 
     def read(self, state: State, position: float, force: float) -> dict[str, Any]:
@@ -170,16 +171,8 @@ class SolidRun:
             "force_error": skin.force / force - 1.0,
             "smallest_jacobian": state.smallest_jacobian,
         }
-        trouble = None
-        if not all(np.isfinite(value).all() for value in row.values()):
-            trouble = "the result is not a number"
-        elif state.smallest_jacobian <= 0.0:
-            trouble = _inside_out(state)
-        elif abs(row["force_error"]) > 1e-6:
-            trouble = f"the contact forces miss the force on the probe by {row['force_error']:.1e} of it"
-        elif row["displacement_mm"] >= self.case.centre_mm + self.case.half_down:
-            trouble = "the probe has gone through the tissue"
-        if trouble:
+        deepest_mm = self.case.centre_mm + self.case.half_down
+        if trouble := fault(row, state, deepest_mm, "tissue"):
             raise StrokeError(self.case.code, position, trouble)
         return row
 
@@ -194,8 +187,3 @@ class Track:
     def add(self, position: float, state: State) -> None:
         """The next state; the fourth last is forgotten."""
         self.recent = [*self.recent[-2:], (position, state)]
-
-
-def _inside_out(state: State) -> str:
-    """Why a state of balance is refused: tissue does not get into it."""
-    return f"an element is turned inside out (det F = {state.smallest_jacobian:.2g})"

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.sim.tissue.mesh import TissueMesh
-from palpate.sim.tissue.solver import strip_factor, strip_solve
+from palpate.sim.tissue.solver import strip_factor, strip_solve, strip_tangent
 from palpate.sim.tissue.solver.lapack import lapack
 from palpate.sim.tissue.solver.linear import NotPositiveDefinite
 from palpate.sim.tissue.solver.strip_layout import CORNERS_AND_SIDES, MIDDLE, lay_out_chain, lay_out_columns
@@ -55,7 +55,7 @@ class StripCholesky:
         if not len(which):
             return
         self._invalidate(self._column_of_element[which])
-        if not strip_factor.condense_elements(K, which, self._condensed, self._packed):
+        if not strip_tangent.condense_elements(K, which, self._condensed, self._packed):
             self._valid = [0, 0]
             raise NotPositiveDefinite("an element's middle is not stable")
 
@@ -66,7 +66,7 @@ class StripCholesky:
             self._invalidate(self._column_of_surface[touched])
             self._contact = contact.copy()
         self._root = min(int(np.searchsorted(self._middles_mm, position_mm)), self._count - 2)
-        tangent = tuple(strip_factor.Tangent(self._packed, contact))
+        tangent = tuple(strip_tangent.Tangent(self._packed, contact))
         for side, end in enumerate((self._root + 1, self._count - self._root - 1)):
             good = strip_factor.eliminate(
                 self._valid[side], end, side == 1, tangent, tuple(self._columns), tuple(self._chains[side]),
