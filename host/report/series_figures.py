@@ -34,6 +34,7 @@ TITLES = {
 
 
 def twelve(strokes: Strokes) -> Item:
+    """Figure 12: what each input does to the tactile maps, beside what the thesis says of it."""
     low, high = (stroke_features(strokes[c]) for c in ("d10h08e10f02", "d10h08e10f10")) if {
         "d10h08e10f02", "d10h08e10f10"
     } <= strokes.keys() else (None, None)  # fmt: skip
@@ -92,6 +93,7 @@ def _inputs(title: str, stroke: Stroke) -> str:
 
 
 def fourteen(strokes: Strokes) -> Item:
+    """Figure 14: what each input does to the displacement, beside what the thesis says of it."""
     beside = []
     small, large = strokes.get("d05h08e10f10"), strokes.get("d20h08e10f10")
     if small is not None and large is not None:

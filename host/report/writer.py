@@ -5,14 +5,13 @@ from __future__ import annotations
 import base64
 import io
 import logging
-from collections.abc import Callable, Iterator, Sequence
-from importlib.resources import files
+from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from palpate.report import style
-from palpate.report.items import Beside, Item, Summary
+from palpate.report import pages, style
+from palpate.report.items import Item, Summary
 
 if TYPE_CHECKING:
     from palpate.regression.field.result import FieldFit
@@ -168,23 +167,9 @@ def _draw(item: Item, target: Path) -> str:
 
 
 def _page(parts: list[dict[str, Any]], summary: Summary | None) -> str:
-    import jinja2
-    import markupsafe
-
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    here = files("palpate.report")
-    environment.filters["powers"] = lambda text: markupsafe.Markup(
-        style.powers_html(str(markupsafe.escape(text)))
-    )
-    template = environment.from_string((here / "template.html").read_text("utf-8"))
-    css = (here / "report.css").read_text("utf-8")
     made = [p for p in parts if not p["item"].missing]
     told = None
     if summary is not None:
         told = {**vars(summary), "png": base64.b64encode(summary.picture.read_bytes()).decode("ascii")}
     numbers = {"made": len(made), "missing": len(parts) - len(made)}
-    return template.render(parts=parts, css=css, rows=_rows, summary=told, **numbers)
-
-
-def _rows(item: Item) -> Iterator[Beside]:
-    yield from item.beside
+    return pages.render("palpate.report", "template.html", parts=parts, summary=told, **numbers)

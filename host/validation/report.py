@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-from importlib.resources import files
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from palpate.dataset.answers import OUTPUTS
-from palpate.report import style
+from palpate.report import pages, style
 from palpate.validation.agreement import Agreement, Estimated
 from palpate.validation.result import NAMES, Validation
 from palpate.validation.verdict import percent
@@ -24,8 +23,6 @@ _DPI = 150
 
 def write(found: Validation, directory: str | PathLike[str], title: str) -> Path:
     """Write the page and its figures (PNG); the path of the page."""
-    import jinja2
-
     target = Path(directory)
     target.mkdir(parents=True, exist_ok=True)
     parts = []
@@ -37,14 +34,12 @@ def write(found: Validation, directory: str | PathLike[str], title: str) -> Path
                 "name": name, "words": NAMES[name], "rows": rows_of(a), "verdict": found.verdicts[name].text,
                 "png": base64.b64encode(png).decode("ascii"),
             })  # fmt: skip
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    template = environment.from_string((files("palpate.validation") / "page.html").read_text("utf-8"))
     page = target / "index.html"
     facts = shares_of(found)
-    css = (files("palpate.report") / "report.css").read_text("utf-8")
-    text = template.render(
-        title=title, parts=parts, facts=facts, confusion=found.confusion, css=css, found=found
-    )
+    text = pages.render(
+        "palpate.validation", "page.html",
+        title=title, parts=parts, facts=facts, confusion=found.confusion, found=found,
+    )  # fmt: skip
     page.write_text(text, encoding="utf-8")
     return page
 
