@@ -37,6 +37,7 @@ class Finding:
     todo: str = ""
 
     def as_dict(self) -> dict[str, str]:
+        """The finding as `--json` prints it."""
         return asdict(self)
 
 

@@ -67,15 +67,18 @@ class Commands(click.Group):
     """The command group; a command's module is imported only when that command is called."""
 
     def invoke(self, ctx: click.Context) -> Any:
+        """Run what was asked; a reader that has gone ends it quietly."""
         try:
             return super().invoke(ctx)
         except BrokenPipeError as error:  # click would end with 1, as if the work had failed
             raise ReaderGone from error
 
     def list_commands(self, ctx: click.Context) -> list[str]:
+        """Every command's name, chapter by chapter."""
         return [name for chapter in CHAPTERS.values() for name, _, _ in chapter]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command of this name, whose module is imported only now; None if there is none."""
         for chapter in CHAPTERS.values():
             for name, module, _ in chapter:
                 if name == cmd_name:
@@ -87,6 +90,7 @@ class Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command meant by the first argument; of a wrong name, what it resembles is said."""
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError as error:

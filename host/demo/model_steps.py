@@ -14,6 +14,7 @@ from palpate.first_time import announce
 
 
 def sweep_step(directory: Path) -> list[Any]:
+    """Simulate the thesis' runs that `directory` does not hold yet."""
     from palpate.regression.runs import read_strokes
     from palpate.sim.tissue import Progress, Settings, read_design, sweep
 
@@ -39,6 +40,7 @@ def sweep_step(directory: Path) -> list[Any]:
 
 
 def fit_step(strokes: list[Any], path: Path, stderr: bool) -> Any:
+    """Fit the thesis' model to the strokes and write it to `path`."""
     from palpate.regression.runs import features_table
     from palpate.regression.thesis.fit import fit_thesis
     from palpate.regression.thesis.polynomial import fit_thesis_model
@@ -66,6 +68,7 @@ def _print_table_1(fit: Any, stderr: bool) -> None:
 
 
 def export_step(spec: Any, key: Path, path: Path) -> bytes:
+    """Compile and sign the model; the image, which is also written to `path`."""
     from palpate.model_export.errors import SigningError
     from palpate.model_export.exporter import export
     from palpate.model_export.signing import keys

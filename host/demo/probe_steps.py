@@ -14,6 +14,7 @@ from palpate.link.events import Estimate, Frame, TactileMap
 
 
 def emulate_step(runtime: str, out: Path) -> Any:
+    """Start an emulated probe over the demo's lump."""
     from palpate.cli.emulate import strokes_over
     from palpate.sim.probe.emulated import EmulatedProbe
 
@@ -27,6 +28,7 @@ def emulate_step(runtime: str, out: Path) -> Any:
 
 
 def flash_step(port: str, image: bytes) -> str:
+    """Flash the image; the model's id as the probe then tells it."""
     from palpate.link.flash import flash
     from palpate.link.probe import Probe
 
@@ -41,6 +43,7 @@ def flash_step(port: str, image: bytes) -> str:
 
 
 def stroke_step(port: str, recording: Path) -> tuple[list[Frame], TactileMap, Estimate]:
+    """Stroke once and record it: frames, tactile map, estimate."""
     from palpate.recording.session import both_counts, recorded
 
     frames: list[Frame] = []
@@ -61,6 +64,7 @@ def stroke_step(port: str, recording: Path) -> tuple[list[Frame], TactileMap, Es
 
 
 def replay_step(recording: Path) -> bool:
+    """Replay the recording: is every estimate the same, bit for bit?"""
     from palpate.recording.replay import replay
 
     strokes = list(replay(recording))

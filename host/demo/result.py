@@ -46,6 +46,7 @@ class DemoResult:
 
 
 def truth() -> dict[str, float]:
+    """What the simulated lump really is, by the outputs' names."""
     from palpate.sim.tissue import Case
 
     case = Case.from_code(LUMP)
@@ -120,6 +121,7 @@ def say_result(
     files: dict[str, Path],
     stderr: bool,
 ) -> None:
+    """Print the estimate beside the truth, and where the files lie."""
     level = estimate.level_permille / 10
     click.echo(f"   {verdict(estimate, truth)}", err=stderr)
     table(("", "the probe says", f"{level:g} % interval", "truth"), rows_of(estimate, truth), stderr=stderr)

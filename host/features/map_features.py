@@ -44,13 +44,20 @@ class StrokeLike(Protocol):
     """What a stroke must offer: K positions, S sensors along the stroke."""
 
     @property
-    def positions_mm(self) -> Floats: ...
+    def positions_mm(self) -> Floats:
+        """Places of the probe's middle (n,), mm."""
+
     @property
-    def displacement_mm(self) -> Floats: ...
+    def displacement_mm(self) -> Floats:
+        """Displacements (n,), mm."""
+
     @property
-    def sensors_mm(self) -> Floats: ...
+    def sensors_mm(self) -> Floats:
+        """Places of the sensors on the face (16,), mm."""
+
     @property
-    def images_kPa(self) -> Floats: ...
+    def images_kPa(self) -> Floats:
+        """Pressures (n, 16), kPa."""
 
 
 @dataclass(frozen=True)

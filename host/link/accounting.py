@@ -35,6 +35,7 @@ class Counts:
     restarts: int = 0
 
     def as_dict(self) -> dict[str, int]:
+        """All of them by their names."""
         return asdict(self)
 
 
@@ -84,6 +85,7 @@ class LinkCounts:
     reconnects: int = 0
 
     def as_dict(self) -> dict[str, int]:
+        """All of them by their names."""
         return asdict(self)
 
 
@@ -187,8 +189,10 @@ class Strokes:
 
     @property
     def received(self) -> int:
+        """Estimates that have come."""
         return self._received + sum(s.counts.received for s in self._streams.values())
 
     @property
     def lost(self) -> int:
+        """Estimates that have not, of strokes that are over."""
         return self._lost + sum(s.counts.lost for s in self._streams.values())

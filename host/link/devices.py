@@ -67,6 +67,7 @@ class Device:
         return []
 
     def as_dict(self) -> dict[str, Any]:
+        """The device as `--json` prints it."""
         return asdict(self)
 
 

@@ -101,6 +101,7 @@ class Identity:
         return self.model_status == status.OK and bool(self.model_id)
 
     def as_dict(self) -> dict[str, Any]:
+        """The identity as `--json` prints it: the schema in hexadecimal, the model's status in words."""
         words = asdict(self)
         words["schema"] = f"{self.schema:08x}"
         words["model_status"] = status.TEXT.get(self.model_status, str(self.model_status))
@@ -115,11 +116,6 @@ class Identity:
         }
         found = {name: pair for name, pair in told.items() if pair[0] != pair[1]}
         return found if set(found) - {"firmware"} else {}
-
-    @property
-    def same_tables(self) -> bool:
-        """False where one end knows messages, settings or counters that the other does not: no obstacle."""
-        return self.schema == tables.SCHEMA
 
     def check(self) -> None:
         """Raise `VersionMismatch` unless probe and host speak the same protocol.

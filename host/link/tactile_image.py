@@ -69,8 +69,10 @@ class Frame(Event):
 
     @property
     def position_mm(self) -> float:
+        """Place of the probe's middle, mm."""
         return self.position_um * 1e-3
 
     @property
     def displacement_mm(self) -> float:
+        """The probe's displacement, mm."""
         return self.displacement_um * 1e-3

@@ -5,7 +5,6 @@ Ports are opened raw (no echo, no newline translation, no byte that means "inter
 
 from __future__ import annotations
 
-import errno
 import os
 import select
 import socket
@@ -13,18 +12,9 @@ import sys
 from typing import Protocol, runtime_checkable
 from urllib.parse import urlsplit
 
-from palpate.errors import LinkGone, PortBusy, PortError, PortForbidden, PortMissing, UsageError
-from palpate.link import holders
+from palpate.errors import LinkGone, PortMissing, UsageError
+from palpate.link.serial_port import open_serial
 
-try:
-    import termios
-
-    TERMINAL_ERROR: type[Exception] = termios.error
-except ImportError:  # Windows has none
-    TERMINAL_ERROR = OSError
-
-MISSING = (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.ENOTDIR, errno.EIO)
-"""Codes of a port that is not there, or vanished while it was opened."""
 READ_BYTES = 1 << 16
 WRITE_TIMEOUT_S = 5.0
 
@@ -39,11 +29,14 @@ class Transport(Protocol):
 
     name: str
 
-    def read(self, timeout_s: float) -> bytes: ...
+    def read(self, timeout_s: float) -> bytes:
+        """What has arrived within `timeout_s`; b"" if nothing has."""
 
-    def write(self, data: bytes) -> None: ...
+    def write(self, data: bytes) -> None:
+        """Send all of `data`."""
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Give the port back."""
 
 
 class FdTransport:
@@ -56,6 +49,7 @@ class FdTransport:
         self._closed = False
 
     def read(self, timeout_s: float) -> bytes:
+        """What has arrived within `timeout_s`; b"" if nothing has."""
         if self._closed:
             raise LinkGone(f"{self.name} was closed")
         try:
@@ -72,6 +66,7 @@ class FdTransport:
         return data
 
     def write(self, data: bytes) -> None:
+        """Send all of `data`."""
         view = memoryview(data)
         while view:
             try:
@@ -87,6 +82,7 @@ class FdTransport:
                 raise self._gone() from error
 
     def close(self) -> None:
+        """Give the port back."""
         if not self._closed:
             self._closed = True
             self._close_port()
@@ -104,7 +100,7 @@ class SerialTransport(FdTransport):
     """A serial port or a pseudo-terminal, through pyserial (raw, exclusive)."""
 
     def __init__(self, port: str, baud: int = 921_600) -> None:
-        self._serial = _open_serial(port, baud)
+        self._serial = open_serial(port, baud)
         super().__init__(port, self._serial.fileno())
 
     def _close_port(self) -> None:
@@ -139,9 +135,10 @@ class PyserialTransport:
 
     def __init__(self, port: str, baud: int = 921_600) -> None:
         self.name = port
-        self._serial = _open_serial(port, baud)
+        self._serial = open_serial(port, baud)
 
     def read(self, timeout_s: float) -> bytes:
+        """What has arrived within `timeout_s`; b"" if nothing has."""
         from serial import SerialException
 
         try:
@@ -151,6 +148,7 @@ class PyserialTransport:
             raise LinkGone(f"{self.name} is gone: the probe was unplugged; plug it in again") from error
 
     def write(self, data: bytes) -> None:
+        """Send all of `data`."""
         from serial import SerialException
 
         try:
@@ -159,6 +157,7 @@ class PyserialTransport:
             raise LinkGone(f"{self.name} is gone: the probe was unplugged; plug it in again") from error
 
     def close(self) -> None:
+        """Give the port back."""
         self._serial.close()
 
 
@@ -196,57 +195,3 @@ def _host_port(url: str) -> tuple[str, int]:
         raise UsageError(
             f"{url!r} is not an address; write socket://HOST:PORT, as socket://localhost:7624"
         ) from None
-
-
-def _open_serial(port: str, baud: int):  # type: ignore[no-untyped-def]
-    """A pyserial port, or the exception that says in a sentence why not."""
-    import serial
-
-    # Most programs take no lock on a port: who has it open shows only in /proc.
-    path = os.path.realpath(port)
-    if path.startswith("/dev/") and (pids := holders.open_by(path)) and _is_terminal(path):
-        raise _busy(port, holders.program(pids[0]))
-    try:
-        return serial.serial_for_url(port, baudrate=baud, timeout=0, exclusive=True)
-    except ValueError as error:
-        raise UsageError(f"{port!r} is not a port: {error}; `palpate devices` lists the ports") from error
-    except (serial.SerialException, OSError, TERMINAL_ERROR) as error:
-        code = getattr(error, "errno", None) or (error.args[0] if error.args else None)
-        if code in MISSING or "FileNotFound" in str(error):
-            message = f"there is no port {port}; plug the probe in, and see `palpate devices`"
-            raise PortMissing(port, message) from error
-        if code in (errno.EAGAIN, errno.EBUSY) or "PermissionError" in str(error):
-            raise _busy(port, holders.holder(port)) from error
-        if code in (errno.EACCES, errno.EPERM):
-            raise _forbidden(port) from error
-        if code in (errno.ENOTTY, errno.EINVAL, errno.EISDIR) or "Could not configure port" in str(error):
-            raise PortError(
-                port, f"{port} is not a serial port; `palpate devices` lists the ports"
-            ) from error
-        raise PortError(port, f"{port} cannot be opened: {error}") from error
-
-
-def _is_terminal(path: str) -> bool:
-    """False for /dev/null and the like, which many programs hold; True where nobody may look."""
-    try:
-        fd = os.open(path, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
-    except OSError:
-        return True
-    try:
-        return os.isatty(fd)
-    finally:
-        os.close(fd)
-
-
-def _busy(port: str, holder: str | None) -> PortBusy:
-    who = holder or "another program"
-    return PortBusy(port, f"{port} is busy: {who} holds it; close that program and try again", holder)
-
-
-def _forbidden(port: str) -> PortForbidden:
-    group = holders.owner_group(port)
-    if group and group != "root":
-        todo = f"join the group {group!r} (sudo usermod -aG {group} $USER) and log in again"
-    else:
-        todo = "a udev rule must give it to a group of yours; docs/troubleshooting.md has one"
-    return PortForbidden(port, f"you may not open {port}; {todo}", group)

@@ -53,6 +53,7 @@ class ReplayedStroke:
         return self.host.numbers == self.probe.numbers
 
     def as_dict(self) -> dict[str, Any]:
+        """The stroke as `--json` prints it."""
         return {
             "stroke": self.probe.stroke,
             "identical": self.identical,

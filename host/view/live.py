@@ -10,7 +10,6 @@ from pathlib import Path
 from firmware_py import messages
 from palpate.errors import LinkError, PortAmbiguous, PortMissing, RecordingError, VersionMismatch
 from palpate.link.devices import resolve
-from palpate.link.events import Event as LinkEvent
 from palpate.link.events import Frame as LinkFrame
 from palpate.link.events import Gap, Log
 from palpate.link.flash import check_image, flash
@@ -21,6 +20,7 @@ from palpate.recording.replay import CALIBRATION, MODEL
 from palpate.recording.writer import RecordingWriter
 from palpate.view.events import Device, Health, LinkChanged, LinkState, RecordingStopped
 from palpate.view.latency import Latency
+from palpate.view.live_recorder import LiveRecorder
 from palpate.view.source import Emit
 from palpate.view.translate import MARK_PREFIX, Translator
 
@@ -30,42 +30,6 @@ SILENCE_S = 0.1
 LOOK_ELSEWHERE_S = 2.0
 """With `--port auto`: a probe that has been gone for so long may have been replaced by another."""
 _GONE = "The probe is gone. Plug it in again; this page goes on by itself."
-
-
-class Recorder:
-    """Passes the link's traffic on to a recording, while one is running."""
-
-    def __init__(self) -> None:
-        self.writer: RecordingWriter | None = None
-        self._lock = threading.Lock()
-
-    def give_up(self, writer: RecordingWriter) -> bool:
-        """Detach this recording; False if it is no longer attached."""
-        with self._lock:
-            if self.writer is not writer:
-                return False
-            self.writer = None
-            return True
-
-    def received(self, raw: bytes, event: LinkEvent | None, host_ns: int) -> None:
-        """Bytes from the probe."""
-        if (writer := self.writer) is not None:
-            writer.received(raw, event, host_ns)
-
-    def sent(self, raw: bytes, host_ns: int) -> None:
-        """Bytes to the probe."""
-        if (writer := self.writer) is not None:
-            writer.sent(raw, host_ns)
-
-    def mark(self, event: LinkEvent) -> None:
-        """A gap, or somebody's mark."""
-        if (writer := self.writer) is not None:
-            writer.mark(event)
-
-    def check(self) -> None:
-        """Raise what ended the recording early, if one is running."""
-        if (writer := self.writer) is not None:
-            writer.check()
 
 
 class LiveSource:
@@ -80,7 +44,7 @@ class LiveSource:
     def __init__(self, port: str) -> None:
         self.name = port
         self._port = port
-        self._recorder = Recorder()
+        self._recorder = LiveRecorder()
         self._probe: Probe | None = None
         self._last_us = 0
         self._rate: deque[tuple[float, int]] = deque(maxlen=8)

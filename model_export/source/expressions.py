@@ -22,6 +22,7 @@ def shifted(text: str, by: int) -> str:
 
 
 def clipped(name: str, lo: int, hi: int) -> str:
+    """An expression: the variable `name`, held between `lo` and `hi`."""
     return f"{lo} if {name} < {lo} else {hi} if {name} > {hi} else {name}"
 
 

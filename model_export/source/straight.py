@@ -14,9 +14,10 @@ from collections.abc import Iterator
 
 from firmware_py import evaluator as ev
 from firmware_py import outputs, scales, verdict
-from palpate.model_export.fixed_point import compiler, nested
+from palpate.model_export.fixed_point import compiler
 from palpate.model_export.fixed_point.nested import Run
 from palpate.model_export.schema import OUTPUTS, ModelSpec
+from palpate.model_export.source.compiled_tables import CompiledTables, N
 from palpate.model_export.source.expressions import (
     clipped,
     exponential,
@@ -27,7 +28,6 @@ from palpate.model_export.source.expressions import (
     wrapped,
 )
 
-N = ev.OUTPUTS
 _E = len(outputs.PARTS) * outputs.E_INV23  # its value in `out`; low and high are the next two
 _CLIP = 1 << 29  # where `scales.scaled` holds its result
 
@@ -48,21 +48,7 @@ def body(spec: ModelSpec, tables: ev.Tables, places: dict[int, int], whole: bool
     return "\n".join(_Writer(spec, tables, places).lines(whole)) + "\n"
 
 
-class _Writer:
-    def __init__(self, spec: ModelSpec, tables: ev.Tables, places: dict[int, int]) -> None:
-        self.spec = spec
-        self.t = tables
-        self.places = places
-        head = tables.head
-        self.n, self.leaves = head[ev.N_FEATURES], head[ev.LEAVES]
-        self.low, self.part, self.high = head[ev.LOW_BITS], head[ev.PART_BITS], head[ev.HIGH_BITS]
-        self.low_sum_shift = self.low + self.high - self.part
-        self.downs = [head[ev.DOWNS] >> 4 * j & 15 for j in range(N + 1)]
-        self.steps = nested.from_bytes(tables.steps[: head[ev.STEPS]])
-        self.runs = nested.from_bytes(tables.steps[head[ev.STEPS] :])
-        self.branching = {step.branch[-1] for step in self.steps if not isinstance(step, Run)}
-        self.named = [f"y{j}" for j in range(N)] + [str(i) for i in range(self.n)]
-
+class _Writer(CompiledTables):
     def lines(self, whole: bool) -> Iterator[str]:
         yield f"    # the features within +-1 over the clip box; p: {self.part} bits of them, q: {self.high}"
         for i in range(self.n):
@@ -74,18 +60,6 @@ class _Writer:
             yield from self._distance()
             yield from self._verdict()
 
-    # ---- rows of the tables
-
-    def _feature_row(self, i: int) -> list[int]:
-        return list(self.t.feats[ev.FEATURE_ROW * i : ev.FEATURE_ROW * (i + 1)])
-
-    def _output_row(self, j: int) -> list[int]:
-        return list(self.t.outs[ev.OUTPUT_ROW * j : ev.OUTPUT_ROW * (j + 1)])
-
-    def _sum_row(self, row: int) -> list[int]:
-        """Intercept and shift of a sum: those of the outputs, of ln sigma, of the whitened coordinates."""
-        return list(self.t.rows[ev.ROW * row : ev.ROW * (row + 1)])
-
     # ---- inputs
 
     def _kept(self, name: str, u: str) -> str:
@@ -96,7 +70,7 @@ class _Writer:
         )
 
     def _feature(self, i: int) -> Iterator[str]:
-        lo, hi, centre, shift, factor = self._feature_row(i)[: ev.BOX_LO]
+        lo, hi, centre, shift, factor = self.feature_row(i)[: ev.BOX_LO]
         assert max(hi - centre, centre - lo) << max(-shift, 0) <= _CLIP  # the evaluator would hold it there
         yield f"    x{i} = features[{self.places[self.t.ids[i]]}]  # {self.spec.features[i]}"
         moved = f"({clipped(f'x{i}', lo, hi)}) - {centre}"
@@ -113,14 +87,9 @@ class _Writer:
 
     # ---- sums
 
-    def _words(self, at: int, j: int, n: int) -> tuple[list[int], list[int]]:
-        """High and low words of output j's sum, of those whose words begin at `at`, over n inputs."""
-        where = range(at + j, at + N * n, N)
-        return [self.t.c[i] for i in where], [self.t.d[i] for i in where]
-
     def _run(self, target: str, sign: str, at: int, j: int, names: list[str], down: int) -> Iterator[str]:
-        """A run's sum: the first products, and the lesser ones cut down."""
-        high, low = self._words(at, j, len(names))
+        """A run's sum: the products of high words, and those of low words shifted down to them."""
+        high, low = self.words(at, j, len(names))
         first = terms(high, [f"p{v}" for v in names])
         lesser = terms(low, [f"q{v}" for v in names])
         yield f"    {target} {sign} ("
@@ -166,7 +135,7 @@ class _Writer:
 
     def _scaled(self, row: int, name: str, most: int) -> list[str]:
         """What turns a row's sum, which cannot be beyond `most`, into a number with its intercept in v."""
-        intercept, shift = self._sum_row(row)
+        intercept, shift = self.sum_row(row)
         lines = []
         held = _CLIP if shift >= 0 else 1 << (29 + shift)
         if shift <= 0 and most > held:
@@ -176,7 +145,7 @@ class _Writer:
 
     def _output(self, j: int, whole: bool) -> Iterator[str]:
         name, unit = OUTPUTS[j]
-        link, lo, hi, mid, shift = self._output_row(j)[: ev.LN_Q_SOFT]
+        link, lo, hi, mid, shift = self.output_row(j)[: ev.LN_Q_SOFT]
         yield f"    # {name}: ln of millionths of {unit}, Q24" if link else f"    # {name}, Q24"
         yield from self._polynomial(j)
         yield from self._scaled(j, "t", 1 << 30)
@@ -194,14 +163,14 @@ class _Writer:
         yield f"    hard = out[{_E}] < {head[ev.HARD_BELOW]}"
         yield "    inside = True"
         for j, (name, _) in enumerate(OUTPUTS):
-            link, lo, hi, _, _, soft, hard, range_lo, range_hi = self._output_row(j)
+            link, lo, hi, _, _, soft, hard, range_lo, range_hi = self.output_row(j)
             yield f"    # {name}"
             at, most = N * self.leaves, 0
             for step in self.runs:
                 assert isinstance(step, Run)
                 names = [self.named[i] for i in step.features]
                 yield from self._run("v", "+=" if most else "=", at, j, names, self.downs[N])
-                high, low = self._words(at, j, len(names))
+                high, low = self.words(at, j, len(names))
                 size = (sum(map(abs, high)) << self.part) + (
                     sum(map(abs, low)) << self.high >> self.low_sum_shift
                 )
@@ -236,7 +205,7 @@ class _Writer:
             words = terms(self.t.c[at : at + i + 1], [f"q{k}" for k in range(i + 1)])
             yield from ["    v = (", *wrapped(words, "        "), "    )"]
             yield from self._scaled(2 * N + i, "v", 1 << 30)
-            intercept, shift = self._sum_row(2 * N + i)
+            intercept, shift = self.sum_row(2 * N + i)
             most = sum(abs(c) for c in self.t.c[at : at + i + 1]) << self.high
             if shift < 0 or (most >> shift) + abs(intercept) >= 16384:
                 yield f"    v = {clipped('v', -16384, 16384)}"
@@ -251,7 +220,7 @@ class _Writer:
         yield "        inside = False"
         yield "    # the domain's box"
         for i in range(self.n):
-            lo, hi = self._feature_row(i)[ev.BOX_LO :]
+            lo, hi = self.feature_row(i)[ev.BOX_LO :]
             yield f"    if x{i} < {lo} or x{i} > {hi}:  # {self.spec.features[i]}"
             yield "        inside = False"
         yield f"    flags = {ev.IN_DOMAIN} if inside else 0"

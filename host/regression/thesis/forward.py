@@ -14,7 +14,6 @@ from palpate.features.map_features import Floats
 from palpate.regression.table import FEATURES, REFERENCE_CODE, r_squared, relative
 from palpate.regression.thesis.direct import coefficient_table, equation_text
 
-INPUT_NAMES = ("ln F", "ln(t/13 mm)", "ln(d/10 mm)", "ln(h/.8)", "E^-2/3")
 OUTPUT_NAMES = {
     "base_kPa": "Base",
     "amp_kPa": "Amp",

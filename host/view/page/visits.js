@@ -1,11 +1,10 @@
 // The list of strokes, how well they repeat, and two visits side by side.
 
-import { element } from "./card.js";
+import { comparison } from "./comparison.js";
 import { Held, Plot, extent } from "./plot.js";
+import { arrange, head, item } from "./stroke_list.js";
 
 const UNITS = { d_mm: "mm", depth_mm: "mm", t_mm: "mm", F_N_per_m: "N/m" };
-const NAMES = { d_mm: "Diameter, mm", depth_mm: "Depth, mm", t_mm: "Thickness, mm", F_N_per_m: "Force, N/m" };
-const signed = (v) => `${v < 0 ? "\u2212" : "+"}${Math.abs(v).toFixed(1)}`;
 
 export class History {
   /** hooks: {ask(command, options), pick(number|null), toast(text)} */
@@ -92,46 +91,14 @@ export class History {
     for (let n = this.strokes.length - 1, first = n; n >= 0; n = first - 1) {
       const { visit } = this.strokes[n];
       for (first = n; this.strokes[first - 1]?.visit === visit; first--);
-      add(`visit ${visit} from ${this.strokes[first].number}`, () => this.head(visits.get(visit) ?? ""));
-      for (let i = n; i >= first; i--) add(this.strokes[i].number, () => this.item(this.strokes[i]));
+      add(`visit ${visit} from ${this.strokes[first].number}`, () => head(visits.get(visit) ?? ""));
+      for (let i = n; i >= first; i--) add(this.strokes[i].number, () => item(this.strokes[i], this.picked));
     }
-    if (!nodes.size) add("none", () => this.head("Strokes are listed here as they end."));
+    if (!nodes.size) add("none", () => head("Strokes are listed here as they end."));
     this.items = nodes;
     arrange(this.get("strokes"), [...nodes.values()]);
     const n = this.strokes.length;
     this.get("history-note").textContent = n ? `${n} so far; pick one to see it again` : "";
-  }
-
-  head(text) {
-    const head = document.createElement("li");
-    head.className = "visit";
-    head.setAttribute("role", "presentation");
-    head.textContent = text;
-    return head;
-  }
-
-  item(stroke) {
-    const { card } = stroke;
-    const item = document.createElement("li");
-    item.id = `stroke-${stroke.number}`;
-    item.dataset.number = stroke.number;
-    item.setAttribute("role", "option");
-    item.setAttribute("aria-selected", stroke.number === this.picked);
-    const row = card.rows.find((r) => r.key === "d_mm");
-    const parts = [
-      ["n", `${stroke.number}`],
-      ["when", new Date(stroke.wall_time * 1000).toLocaleTimeString([], { hour12: false })],
-      ["what", card.title],
-    ];
-    if (row && card.kind === "lump") parts.push(["size", `${row.value.toFixed(1)} mm`], [`tag ${card.hardness ?? ""}`, card.hardness]);
-    else item.classList.add("plain");
-    for (const [name, text] of parts) {
-      const span = document.createElement("span");
-      span.className = name;
-      span.textContent = text;
-      item.append(span);
-    }
-    return item;
   }
 
   fillVisits() {
@@ -245,14 +212,6 @@ export class History {
   }
 }
 
-/** Make the box hold these nodes in this order; those that stand right are not touched. */
-function arrange(box, nodes) {
-  nodes.forEach((node, i) => {
-    if (box.children[i] !== node) box.insertBefore(node, box.children[i] ?? null);
-  });
-  while (box.children.length > nodes.length) box.lastElementChild.remove();
-}
-
 function sentence(found, unit) {
   if (!found) return "Mean and spread of the last strokes will stand here.";
   const digits = unit === "N/m" ? 0 : 1;
@@ -261,36 +220,4 @@ function sentence(found, unit) {
     `${found.mean.toFixed(digits)} ${unit}, spread (sd) ${found.sd.toFixed(2)} ${unit} over ${found.n} strokes. ` +
     `Two strokes agree within ${found.repeatability.toFixed(2)} ${unit}, 95 times in 100.`
   );
-}
-
-function comparison(found) {
-  const result = document.createElement("p");
-  const main = found.d_mm;
-  result.className = `result${main?.beyond ? " beyond" : ""}`;
-  result.textContent = main?.text ?? "One of the visits holds no stroke with a diameter yet.";
-  if (!main) return [result];
-  const table = document.createElement("table");
-  table.innerHTML = "<thead><tr><th></th><th>earlier</th><th>later</th><th>change</th></tr></thead>";
-  const body = table.createTBody();
-  for (const [key, name] of Object.entries(NAMES)) {
-    const row = found[key];
-    if (!row) continue;
-    const line = body.insertRow();
-    line.insertCell().textContent = name;
-    for (const { mean, sd } of [row.a, row.b]) {
-      const cell = line.insertCell();
-      cell.textContent = mean.toFixed(1);
-      if (sd === null) continue;
-      cell.title = `spread (sd) ${sd.toFixed(1)}`;
-      cell.append(element("span", { class: "spread" }, ` ± ${sd.toFixed(1)}`));
-    }
-    const change = line.insertCell();
-    change.textContent = signed(row.change);
-    if (row.change_low === null) continue;
-    change.append(element("small", {}, ` (${signed(row.change_low)} to ${signed(row.change_high)})`));
-  }
-  const assumed = element("details", {});
-  const words = element("p", { class: "small-print" }, found.assumes);
-  assumed.append(element("summary", {}, "95 % intervals; what they take for granted"), words);
-  return [result, table, assumed];
 }

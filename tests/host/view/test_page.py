@@ -9,7 +9,7 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from palpate.view.app import MAX_UNDRAWN
+from palpate.view.page_connection import MAX_UNDRAWN
 from tests.host.view.chromium import free_port
 from tests.host.view.synthetic import Bump, SyntheticSource
 from tests.host.view.waiting import eventually, noticed, recording_begun, settled

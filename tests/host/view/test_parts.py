@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from palpate.comparison.change import compare, spread
 from palpate.features.gaussian import bump
 from palpate.sim.probe.cells import ROW_MM
-from palpate.view.app import to_json
 from palpate.view.assemble import Assembler
 from palpate.view.events import (  # fmt: skip
     Estimate,
@@ -26,6 +25,7 @@ from palpate.view.events import (  # fmt: skip
     StrokeState,
 )
 from palpate.view.mailbox import Mailbox
+from palpate.view.page_connection import to_json
 from palpate.view.phrases import card
 from palpate.view.session import Session
 from palpate.view.stroke import MAX_FRAMES, MAX_IMAGES, Stroke

@@ -1,0 +1,43 @@
+// The lines of the list of strokes.
+
+/** The line over a visit's strokes. */
+export function head(text) {
+  const line = document.createElement("li");
+  line.className = "visit";
+  line.setAttribute("role", "presentation");
+  line.textContent = text;
+  return line;
+}
+
+/** The line of a stroke: its number, time and what was found. */
+export function item(stroke, picked) {
+  const { card } = stroke;
+  const line = document.createElement("li");
+  line.id = `stroke-${stroke.number}`;
+  line.dataset.number = stroke.number;
+  line.setAttribute("role", "option");
+  line.setAttribute("aria-selected", stroke.number === picked);
+  const row = card.rows.find((r) => r.key === "d_mm");
+  const parts = [
+    ["n", `${stroke.number}`],
+    ["when", new Date(stroke.wall_time * 1000).toLocaleTimeString([], { hour12: false })],
+    ["what", card.title],
+  ];
+  if (row && card.kind === "lump") parts.push(["size", `${row.value.toFixed(1)} mm`], [`tag ${card.hardness ?? ""}`, card.hardness]);
+  else line.classList.add("plain");
+  for (const [name, text] of parts) {
+    const span = document.createElement("span");
+    span.className = name;
+    span.textContent = text;
+    line.append(span);
+  }
+  return line;
+}
+
+/** Make the box hold these nodes in this order; those that stand right are not touched. */
+export function arrange(box, nodes) {
+  nodes.forEach((node, i) => {
+    if (box.children[i] !== node) box.insertBefore(node, box.children[i] ?? null);
+  });
+  while (box.children.length > nodes.length) box.lastElementChild.remove();
+}
