@@ -12,6 +12,7 @@ import click
 from palpate.cli.output import json_option, note, print_json
 from palpate.errors import NoSuchFile, PalpateError, UsageError
 from palpate.first_time import announce
+from palpate.sim.probe.noise import LEVELS
 
 if TYPE_CHECKING:
     from firmware_py.calib import Calibration
@@ -37,7 +38,7 @@ POLL_S = 0.2
     "--noise",
     default="typical",
     show_default=True,
-    help="none, good, typical or poor sensors and hand; or sensor.toml of characterise.",
+    help=f"Sensors and hand: {', '.join(LEVELS)}; or sensor.toml of characterise.",
 )
 @click.option(
     "--steady", is_flag=True, help="A hand whose force does not wander (the thesis' runs know only such)."

@@ -9,6 +9,7 @@ import click
 from palpate.cli.output import console, json_option, note, print_json, showing_progress
 from palpate.errors import UsageError
 from palpate.first_time import announce
+from palpate.sim.probe.noise import LEVELS
 
 
 @click.command("fit")
@@ -17,7 +18,7 @@ from palpate.first_time import announce
               help="thesis: the 29 runs, the thesis' equations. field: lumps of all kinds.")  # fmt: skip
 @click.option("--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="As model.json.")
 @click.option("--noise", default="typical", show_default=True,
-              help="Sensors to train for: none, good, typical, poor, or a sensor.toml.")  # fmt: skip
+              help=f"Sensors to train for: {', '.join(LEVELS)}, or a sensor.toml.")  # fmt: skip
 @click.option("--seed", default=1, show_default=True, help="Of the split and of the sensors' noise.")
 @click.option("--lumps", default=None, type=click.IntRange(64),
               help="field: lumps to simulate where DIRECTORY holds none.")  # fmt: skip

@@ -155,8 +155,8 @@ def compare(
 def _half(parts: Sequence[tuple[float, int]]) -> float:
     """Half the interval from variances and their degrees of freedom (Satterthwaite 1946)."""
     variance = sum(v for v, _ in parts)
-    doubt = sum(v**2 / n for v, n in parts)
-    freedom = variance**2 / doubt if doubt > 0 else parts[0][1]
+    spread = sum(v**2 / n for v, n in parts)
+    freedom = variance**2 / spread if spread > 0 else parts[0][1]
     return float(stats.t.ppf(0.5 + CONFIDENCE / 2, freedom)) * math.sqrt(variance)
 
 

@@ -85,8 +85,8 @@ def verdict(estimate: Estimate, true: dict[str, float]) -> str:
         estimate.outputs["d_mm"]["value"],
         stiffness_words(estimate.span("E_inv23"), true["fat_kPa"]),
     )
-    doubt = "" if estimate.in_domain else " (outside what the model knows)"
-    return f"A lump of {size:.1f} mm, {depth[0]:.1f} mm deep, {estimate.hardness}: {factor}{doubt}"
+    caveat = "" if estimate.in_domain else " (outside what the model knows)"
+    return f"A lump of {size:.1f} mm, {depth[0]:.1f} mm deep, {estimate.hardness}: {factor}{caveat}"
 
 
 def rows_of(estimate: Estimate, true: dict[str, float]) -> list[tuple[str, str, str, str]]:

@@ -1,7 +1,7 @@
 """Messages become typed events: which stream a result belongs to, what is lost, what answers reveal.
 
 `parser.LiveParser` finds the messages in the bytes; every rule on their meaning stands here, so that a live
-port and a recording obey the same.
+port and a recording follow the same.
 """
 
 from __future__ import annotations

@@ -95,7 +95,7 @@ def fit(
     kind : str
         "thesis" (the 29 runs and the thesis' equations) or "field" (for use).
     noise : str
-        Sensors to train for: none, good, typical or poor.
+        Sensors to train for: a level of `palpate.sim.probe.noise.LEVELS`, or a sensor.toml.
     seed : int
         Of the split and of the sensors' noise.
     lumps : int, optional

@@ -132,9 +132,9 @@ def choose(rows: list[Row], inputs: Inputs, floors: list[float]) -> tuple[Form, 
         places = [p[1] for p in given if p is not None]
         downs = tuple(output.down(part, low, n) for output, n in zip(outputs, places))
         form = Form(part, high, low, downs, tuple(inputs.steps))
-        cut = with_room(form, [output.words(n, form) for output, n in zip(outputs, places)], form.steps)
-        if cut is not None:
-            form = replace(form, steps=cut)
+        steps = with_room(form, [output.words(n, form) for output, n in zip(outputs, places)], form.steps)
+        if steps is not None:
+            form = replace(form, steps=steps)
             bad = max(p[0] for p in given if p is not None)
             if best is None or bad < best[0]:
                 best = bad, form, [output.words(n, form) for output, n in zip(outputs, places)]

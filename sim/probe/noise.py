@@ -1,4 +1,4 @@
-"""Everything that stands between the skin and the count, and five named levels of it. Units: mm, kPa."""
+"""Everything that stands between the skin and the count, and named levels of it. Units: mm, kPa."""
 
 from __future__ import annotations
 

@@ -161,7 +161,7 @@ def _rows(
 
 
 def text_of(result: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
-    """Heads and rows: R2 / median error / 90 % interval's coverage of each output, and what is wanted."""
+    """Heads and rows: R2 / median error / the intervals' coverage of each output, and what is wanted."""
     columns = {
         "d": "d",
         "depth": "depth",

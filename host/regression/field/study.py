@@ -16,6 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from firmware_py import geometry
+from palpate.regression.conformal import LEVEL
 from palpate.regression.field.bench import Bench
 from palpate.regression.field.model import Answers, FieldModel, fit_field_model
 from palpate.regression.field.recipe import FIELD, Recipe
@@ -223,7 +224,7 @@ def study_table(study: Study, result: pd.DataFrame) -> tuple[list[str], list[lis
         "t err": lambda r: f"{100 * r.t_error:.1f}",
         "d R2": lambda r: f"{r.d_r2:.3f}",
         "d err": lambda r: f"{100 * r.d_error:.1f}",
-        "d +-90": lambda r: f"{100 * r.d_half:.1f}" if r.d_half == r.d_half else "",
+        f"d +-{100 * LEVEL:g}": lambda r: f"{100 * r.d_half:.1f}" if r.d_half == r.d_half else "",
         "h R2": lambda r: f"{r.h_r2:.3f}",
         "h err": lambda r: f"{100 * r.h_error:.1f}",
         "E^-2/3 R2": lambda r: f"{r.E_inv23_r2:.3f}",

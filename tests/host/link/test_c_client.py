@@ -71,8 +71,8 @@ def test_it_flashes_streams_and_estimates_as_the_python_client_does(client, emul
 
 
 def test_damage_on_the_line_costs_it_frames_and_nothing_else(client, emulated, image):
-    hurt = Faults(flip=1e-4, lose=1e-4)
-    device = emulated(listen="tcp:127.0.0.1:0", to_host=hurt, to_device=hurt, seed=2, repeat=True)
+    faulty = Faults(flip=1e-4, lose=1e-4)
+    device = emulated(listen="tcp:127.0.0.1:0", to_host=faulty, to_device=faulty, seed=2, repeat=True)
     status, out, err = client(device.port.removeprefix("socket://"), 3, image)
     assert (status, err) == (0, "")
     assert len(estimates(out)) == 3

@@ -211,8 +211,8 @@ class SyntheticSource:
 
 
 class SyntheticReplay:
-    """A recording of a minute without strokes that obeys like a real one and tells where it stands when a
-    test says so, early or late."""
+    """A recording of a minute without strokes. It takes commands as a real one does, and tells where it stands
+    when a test says so, early or late."""
 
     def __init__(self) -> None:
         self.name = "made-up.mcap"
@@ -220,18 +220,18 @@ class SyntheticReplay:
         self.emit: Emit = lambda event: None
 
     def play(self) -> int:
-        return self._obey(playing=True)
+        return self._apply(playing=True)
 
     def pause(self) -> int:
-        return self._obey(playing=False)
+        return self._apply(playing=False)
 
     def seek(self, position_s: float) -> int:
-        return self._obey(position_s=position_s)
+        return self._apply(position_s=position_s)
 
     def set_speed(self, speed: float) -> int:
-        return self._obey(speed=speed)
+        return self._apply(speed=speed)
 
-    def _obey(self, **changed: float) -> int:
+    def _apply(self, **changed: float) -> int:
         self.now = replace(self.now, commands_applied=self.now.commands_applied + 1, **changed)
         return self.now.commands_applied
 
