@@ -87,4 +87,4 @@ def _any_tissue(directory: Path, lumps: int, seed: int, noise: str | None, as_js
         print_json({"study": "any-tissue", "rows": result.to_dict("records")})
         return
     heads, rows = text_of(result)
-    table(heads, rows, "Tissue that nobody told the probe about")
+    table(heads, rows, "Tissue that the probe knows nothing about")

@@ -1,4 +1,4 @@
-"""The model in the box: a fitted field model that comes with Palpate, with its recipe, hash and scores.
+"""The bundled model: a fitted field model that comes with Palpate, with its recipe, hash and scores.
 
     from palpate import models
 

@@ -1,4 +1,4 @@
-"""`python -m palpate.models DIRECTORY`: make the model in the box anew."""
+"""`python -m palpate.models DIRECTORY`: make the bundled model again."""
 
 from __future__ import annotations
 

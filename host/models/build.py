@@ -1,4 +1,4 @@
-"""How the model in the box is made, and a sample that shows whether it still is what it was."""
+"""How the bundled model is made, and a sample that shows whether it still is what it was."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How often the intervals of the model in the box hold the truth, on lumps that it has never met.
+"""How often the intervals of the bundled model hold the truth, on lumps that it has never met.
 
     python -m palpate.models.coverage [LUMPS]
 

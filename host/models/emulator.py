@@ -1,4 +1,4 @@
-"""The model in the box, signed for emulated probes: with a key of this machine's, which no real probe
+"""The bundled model, signed for emulated probes: with a key of this machine's, which no real probe
 trusts."""
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def public_key() -> bytes:
 
 
 def give_model(port: str) -> str:
-    """Put the model in the box onto an emulated probe that has none; the id of its model then.
+    """Put the bundled model onto an emulated probe that has none; the id of its model then.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Lumps in tissue that nobody told the probe about: a model in two stages, and how good it is."""
+"""Lumps in tissue that the probe knows nothing about: a model in two stages, and how good it is."""

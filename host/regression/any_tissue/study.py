@@ -1,4 +1,4 @@
-"""How good an answer is in tissue that nobody told the probe about: every lump predicted without itself."""
+"""How good an answer is in tissue that the probe knows nothing about: every lump predicted without itself."""
 
 from __future__ import annotations
 

@@ -190,7 +190,7 @@ def test_emulate_is_found_streams_and_leaves_no_note(palpate):
         told = json.loads(run.stdout.readline())
         assert told["port"].startswith("socket://127.0.0.1:") and told["pid"] == run.pid
         status, out, _ = palpate("stream", "--strokes", 1)
-        assert status == 0 and "lump diameter d" in out  # it has the model in the box
+        assert status == 0 and "lump diameter d" in out  # it has the bundled model
         run.send_signal(signal.SIGINT)
         run.communicate(timeout=PATIENCE_S)
     assert run.returncode == 130

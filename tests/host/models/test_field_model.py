@@ -1,4 +1,4 @@
-"""The model in the box is the one that its recipe describes, and still says what it said."""
+"""The bundled model is the one that its recipe describes, and still says what it said."""
 
 from __future__ import annotations
 

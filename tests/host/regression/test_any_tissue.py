@@ -1,4 +1,4 @@
-"""Tissue that nobody told the probe about: one simulation for every fat, a press that tells the tissue."""
+"""Tissue that the probe knows nothing about: one simulation for every fat, a press that tells the tissue."""
 
 import numpy as np
 import pandas as pd

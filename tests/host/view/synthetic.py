@@ -211,8 +211,8 @@ class SyntheticSource:
 
 
 class SyntheticReplay:
-    """A recording of a minute without strokes. It takes commands as a real one does, and tells where it stands
-    when a test says so, early or late."""
+    """A recording of a minute without strokes. It takes commands as a real one does, and says where it is
+    when a test tells it to, early or late."""
 
     def __init__(self) -> None:
         self.name = "made-up.mcap"
