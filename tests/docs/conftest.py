@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.docs.alike import differs
 from tests.docs.blocks import DOCS, ROOT, blocks_of, goes_on_from, runs_beside
-from tests.docs.session import BlockFailed, Session, copy_files, differs
+from tests.docs.session import BlockFailed, Session, copy_files
 
 TUTORIAL = DOCS / "tutorial" / "emulated.md"
 """Simulates the thesis' strokes; other pages find them there, as a reader's sweep would."""

@@ -16,11 +16,22 @@ from pathlib import Path
 from tests.docs.blocks import ROOT, Block
 
 BIN = ROOT / ".venv" / "bin"
+
+
 BLOCK_TIMEOUT_S = 900
+
+
 """Against a hang: a machine ten times slower than ours comes through."""
+
+
 SAYS_SOMETHING_S = 300
+
+
 _HIDDEN = (".git", ".ci", "Makefile", "out", "site", "build")
+
+
 """Not linked into a page's directory: what a block must not reach, and what it makes itself."""
+
 
 _PYTHON = r"""
 import json, sys
@@ -35,6 +46,8 @@ for line in sys.stdin:
 
 
 Left = tuple[Block, "subprocess.Popen[bytes]", Path]
+
+
 """What was left running, and where its output goes."""
 
 
@@ -226,48 +239,6 @@ def _end(process: subprocess.Popen[bytes], how: signal.Signals) -> None:
             continue
         break
     process.wait(5)
-
-
-def differs(shown: str, printed: str) -> str:
-    """The first line of a `text` block that is not in what was printed, in order; "" where all are.
-
-    `...` stands for anything within a line, a line of `...` for any lines; numbers may differ by 2 %, since
-    another machine rounds otherwise.
-    """
-    rest = [_words(line) for line in printed.splitlines()]
-    for line in shown.splitlines():
-        if not line.strip() or line.strip() == "...":
-            continue
-        wanted = _words(line)
-        while rest and not _alike(wanted, rest[0]):
-            rest.pop(0)
-        if not rest:
-            return line
-        rest.pop(0)
-    return ""
-
-
-def _words(line: str) -> list[str]:
-    return re.findall(r"\.\.\.|-?\d+(?:\.\d+)?(?:e-?\d+)?|\w+|[^\w\s]", line)
-
-
-def _alike(wanted: list[str], heard: list[str]) -> bool:
-    if not wanted:
-        return not heard
-    if wanted[0] == "...":
-        return any(_alike(wanted[1:], heard[k:]) for k in range(len(heard) + 1))
-    if not heard:
-        return False
-    return _same(wanted[0], heard[0]) and _alike(wanted[1:], heard[1:])
-
-
-def _same(a: str, b: str) -> bool:
-    if a == b:
-        return True
-    try:
-        return abs(float(a) - float(b)) <= 0.02 * abs(float(a)) + 1e-12
-    except ValueError:
-        return False
 
 
 if sys.platform == "win32":

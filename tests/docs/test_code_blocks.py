@@ -5,8 +5,9 @@ import tomllib
 
 import pytest
 
+from tests.docs.alike import differs
 from tests.docs.blocks import DATA, ROOT, RUN, blocks_of, pages, read_blocks, unfenced_commands
-from tests.docs.session import BlockFailed, Session, differs
+from tests.docs.session import BlockFailed, Session
 
 REASONS = (
     "needs a board",

@@ -1,0 +1,29 @@
+"""Pages and what they are fed with, for the tests in a browser."""
+
+from __future__ import annotations
+
+from playwright.sync_api import expect
+
+from tests.host.view.synthetic import Bump, SyntheticSource
+from tests.host.view.waiting import eventually
+
+LUMP = Bump(d_mm=10.0, h=0.8)
+
+
+def told(source: SyntheticSource, wanted: list[str]) -> None:
+    """Wait until the page has asked for all this, and find that it asked for nothing else."""
+    eventually(lambda: len(source.told) >= len(wanted), lambda: source.told)
+    assert source.told == wanted
+
+
+def opened(viewer, open_page, source, mode="live", **words):
+    """A page that has been told how things stand."""
+    running = viewer(source, mode=mode, **words)
+    page = open_page(running)
+    expect(page.locator("body")).to_have_attribute("data-link", "connected")
+    return running, page
+
+
+def once(*bumps: Bump) -> SyntheticSource:
+    """One stroke over each, and then a page where nothing moves any more."""
+    return SyntheticSource(list(bumps), seconds=0.4, rest=0.0, limit=len(bumps))

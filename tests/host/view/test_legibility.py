@@ -1,0 +1,143 @@
+"""Everybody can use the page: any window, contrast, keyboard, screen reader, theme; words stay words."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.host.view.pages import LUMP, once
+from tests.host.view.waiting import settled
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.mark.parametrize(
+    ("name", "width", "height", "scheme"),
+    [
+        ("desk", 1280, 800, "dark"),
+        ("desk", 1280, 800, "light"),
+        ("phone", 390, 844, "dark"),
+        ("phone", 390, 844, "light"),
+    ],
+)
+def test_everything_fits_the_window(viewer, open_page, name, width, height, scheme):
+    page = open_page(viewer(once(LUMP)), width, height, scheme)
+    expect(page.locator("#stroke-1")).to_be_visible()
+    expect(page.locator("#card .verdict")).to_be_visible()
+    settled(page)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    if name == "desk":
+        page.locator("#stroke-1").click()
+        expect(page.locator("#image-note")).to_have_text("stroke 1")
+        expect(page.locator("#map-legend")).to_contain_text("fit by the probe")
+        settled(page)
+        page.evaluate("(e => { e.innerHTML = e.innerHTML.replace('probe', 'viewer'); })"
+                      "(document.querySelector('#map-legend'))")  # the longest that it can be  # fmt: skip
+        assert page.evaluate("document.documentElement.scrollHeight") <= height
+        cut = page.evaluate(
+            "[...document.querySelectorAll('#card, .readouts, .panel-head, .bar, .health, .legend')]"
+            ".filter(e => e.scrollWidth > e.clientWidth + 1).map(e => e.id || e.className)"
+        )
+        assert cut == []
+        assert page.evaluate("(c => c.scrollHeight - c.clientHeight)(document.querySelector('#card'))") <= 1
+    for canvas in ("image", "map", "displacement", "force", "repeat"):
+        box = page.locator(f"canvas#{canvas}").bounding_box()
+        assert box["width"] > 120 and box["height"] > 80, canvas
+
+
+@pytest.mark.parametrize("scheme", ["dark", "light"])
+def test_text_can_be_read_against_its_ground(viewer, open_page, scheme):
+    """WCAG 2 AA: contrast of 4.5 for all text on the page."""
+    page = open_page(viewer(once(LUMP)), scheme=scheme)
+    expect(page.locator("#card .verdict")).to_be_visible()
+    settled(page)
+    poor = page.evaluate(
+        """() => {
+          const parse = (text) => (text.match(/[\\d.]+/g) ?? [0, 0, 0, 0]).map(Number);
+          const light = ([r, g, b]) => [r, g, b].map((v) => v / 255)
+            .map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4))
+            .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
+          const ground = (node) => {
+            for (; node; node = node.parentElement) {
+              const c = parse(getComputedStyle(node).backgroundColor);
+              if (c.length < 4 || c[3] > 0.9) return c;
+            }
+            return [255, 255, 255];
+          };
+          const poor = [];
+          for (const node of document.querySelectorAll("body *")) {
+            const text = [...node.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
+            if (!text || !node.offsetParent || node.closest("[aria-disabled=true], option")) continue;
+            const [a, b] = [light(parse(getComputedStyle(node).color)), light(ground(node))].sort((x, y) =>
+            y - x); const ratio = (a + 0.05) / (b + 0.05);
+            if (ratio < 4.5) poor.push(`${node.tagName} ${node.className} ${node.textContent.trim().slice(0,
+            20)} ${ratio.toFixed(2)}`);
+          }
+          return poor;
+        }"""
+    )
+    assert poor == []
+
+
+def test_all_controls_can_be_reached_and_named_by_keyboard_and_screen_reader(viewer, open_page):
+    page = open_page(viewer(once(LUMP)))
+    expect(page.locator("#stroke-1")).to_be_visible()
+    settled(page)
+    nameless = page.evaluate(
+        """[...document.querySelectorAll('button, select, input, summary, canvas')].filter((e) =>
+        e.offsetParent &&
+          !(e.textContent.trim() || e.ariaLabel || e.getAttribute('aria-labelledby') ||
+          e.labels?.[0]?.textContent.trim())
+        ).map((e) => e.id)"""
+    )
+    assert nameless == []
+    reached = set()
+    for _ in range(40):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate("document.activeElement.id"))
+    assert {"record", "mark", "new-visit", "theme", "help", "scale", "colors", "strokes", "quantity", "last",
+            "visit-a", "visit-b", "load-visit"} <= reached  # fmt: skip
+
+
+def test_the_theme_is_changed_by_key_and_remembered(viewer, open_page):
+    page = open_page(viewer(once(LUMP)))
+    before = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    page.keyboard.press("t")
+    after = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert after != before
+    page.reload()
+    expect(page.locator("#link-text")).to_have_text("Connected")
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == after
+
+
+def test_words_from_outside_are_text_and_never_markup(viewer, open_page):
+    page = open_page(viewer(once(LUMP)))
+    expect(page.locator("#stroke-1")).to_be_visible()
+    page.keyboard.press("v")
+    page.locator("#text-value").fill("<img src=x onerror=document.title='owned'>")
+    page.keyboard.press("Enter")
+    expect(page.locator("#visit-b option:checked")).to_have_text("<img src=x onerror=document.title='owned'>")
+    assert page.title() != "owned"
+
+
+def test_escape_closes_the_menu_wherever_the_focus_is_and_e_keeps_it_visible(viewer, open_page):
+    page = open_page(viewer(once(LUMP)))
+    expect(page.locator("#stroke-1")).to_be_visible()
+    page.keyboard.press("e")
+    assert page.evaluate("document.activeElement.matches('#export summary:focus-visible')")
+    for place in ("#scale", "#last", "#export-csv", "#strokes"):
+        page.locator("#export").evaluate("e => { e.open = true; }")
+        page.locator(place).focus()
+        page.keyboard.press("Escape")
+        assert page.locator("#export").evaluate("e => e.open") is False, place
+        assert page.evaluate("document.activeElement.matches('#export summary')"), place
+
+
+def test_what_to_type_is_set_as_code_and_not_between_backticks(viewer, open_page):
+    source = once()
+    page = open_page(viewer(source))
+    expect(page.locator("#card")).to_contain_text("Press the probe on the tissue")
+    source.gone = "No probe found. Start one with `palpate emulate d10h08e10f10`. Trying again every second."
+    source.plugged.clear()
+    expect(page.locator("#banner code")).to_have_text("palpate emulate d10h08e10f10")
+    assert "`" not in page.locator("body").inner_text()

@@ -1,0 +1,77 @@
+"""What must not jump from stroke to stroke: a page that stood still, colours, axes."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import expect
+
+from palpate.view.page_connection import MAX_UNDRAWN
+from tests.host.view.pages import LUMP
+from tests.host.view.synthetic import Bump, SyntheticSource
+from tests.host.view.waiting import eventually, settled
+
+pytestmark = pytest.mark.browser
+
+
+KEEP_NUMBERS = """
+window.seqs = [];
+window.WebSocket = class extends WebSocket {
+  constructor(...words) {
+    super(...words);
+    this.addEventListener("message", ({ data }) => {
+      if (data instanceof ArrayBuffer) seqs.push(new DataView(data).getUint32(4, true));
+    });
+  }
+};
+"""
+
+
+def test_of_a_fast_stream_a_page_that_stood_still_gets_what_is_now_and_not_what_was(viewer, open_page):
+    source = SyntheticSource([LUMP], rate=200.0, seconds=3.0, rest=0.0)
+    page = open_page(viewer(source), script=KEEP_NUMBERS)
+    page.wait_for_function("() => seqs.length > 20")
+    with page.expect_event("dialog") as dialog:
+        page.evaluate("() => void setTimeout(() => alert('nothing is drawn while this is open'))")
+    begin = source.seq
+    eventually(lambda: source.seq > begin + 300)
+    end = source.seq
+    dialog.value.accept()
+    page.wait_for_function("(end) => seqs.at(-1) >= end", arg=end)
+    seqs = page.evaluate("seqs")
+    assert seqs == sorted(seqs)
+    assert sum(begin < seq < end for seq in seqs) <= MAX_UNDRAWN
+
+
+def test_a_colour_means_one_pressure_for_a_whole_visit(viewer, open_page):
+    """The automatic scale hopped within a stroke, so that 4.7 kPa was yellow and the lump's 5.4 kPa green."""
+    high, low = Bump(base_kPa=4.0, amp_kPa=1.5), Bump(base_kPa=1.0, amp_kPa=0.3)
+    source = SyntheticSource([high, low, low], seconds=0.4, rest=0.0, limit=1)
+    page = open_page(viewer(source))
+    expect(page.locator("#stroke-1")).to_be_visible()
+    expect(page.locator("#image")).to_have_attribute("data-top-kpa", "7.5")
+    source.limit = 3
+    expect(page.locator("#stroke-3")).to_be_visible()
+    settled(page)
+    expect(page.locator("#image")).to_have_attribute("data-top-kpa", "7.5")
+    page.keyboard.press("v")
+    page.keyboard.press("Enter")
+    expect(page.locator("#image")).to_have_attribute("data-top-kpa", "5")
+
+
+def test_axes_hold_from_stroke_to_stroke_and_only_ever_widen(viewer, open_page):
+    bumps = [Bump(base_kPa=4.0), Bump(base_kPa=4.2, amp_kPa=0.5), Bump(base_kPa=2.0, amp_kPa=0.5)]
+    source = SyntheticSource(bumps, seconds=0.4, rest=0.0, limit=1)
+    page = open_page(viewer(source))
+    expect(page.locator("#stroke-1")).to_be_visible()
+    settled(page)
+    before = page.locator("#map").get_attribute("data-y")
+    source.limit = 2
+    expect(page.locator("#estimate-which")).to_contain_text("stroke 2,")
+    settled(page)
+    assert before and page.locator("#map").get_attribute("data-y") == before
+    source.limit = 3
+    expect(page.locator("#estimate-which")).to_contain_text("stroke 3,")
+    settled(page)
+    low, high = before.split()
+    now_low, now_high = (page.locator("#map").get_attribute("data-y") or "").split()
+    assert float(now_low) < float(low) and now_high == high

@@ -1,0 +1,99 @@
+"""Records that survive every cut of power: settings, calibration; and the simulated flash itself."""
+
+from __future__ import annotations
+
+import pytest
+
+from firmware_py import safe_record, slh_dsa, status
+from palpate.sim.probe import flash_sim
+from palpate.sim.probe.flash_sim import FlashSim, cut_states
+
+PIECE = 48
+
+
+@pytest.fixture(autouse=True)
+def remember_signatures(monkeypatch):
+    """Verify each distinct content once: the answer depends on nothing else."""
+    known: dict[tuple, int] = {}
+    real = slh_dsa.verify
+
+    def verify(key, read, size, context=slh_dsa.MODEL):
+        content = key, read(0, size), context
+        if content not in known:
+            known[content] = real(key, read, size, context)
+        return known[content]
+
+    monkeypatch.setattr(slh_dsa, "verify", verify)
+
+
+def records_left(files, name="cal"):
+    return safe_record.Record(FlashSim(files), name).load()
+
+
+@pytest.mark.parametrize("length", [0, 1, 30])
+def test_a_record_survives_every_cut_and_every_second_cut(length):
+    old, new, newest = (bytes((k,)) * length + b"!" * k for k in (1, 2, 3))
+    store = FlashSim()
+    safe_record.Record(store, "cal").save(old)
+    files = store.files
+    store = FlashSim(files)
+    safe_record.Record(store, "cal").save(new)
+    cuts = pairs = 0
+    for _number, _mode, left in cut_states(files, store.trace):
+        cuts += 1
+        found = records_left(left)
+        assert found in (old, new)
+        again = FlashSim(left)
+        assert safe_record.Record(again, "cal").save(newest) == status.OK
+        for _second, _mode2, left2 in cut_states(left, again.trace):
+            pairs += 1
+            assert records_left(left2) in (found, newest)
+    assert cuts > 50 and pairs > cuts * cuts / 2
+
+
+def test_a_calibration_survives_every_cut(capsys):
+    old, new = (bytes((i * k + k) % 256 for i in range(1700)) for k in (3, 5))
+    store = FlashSim()
+    for content in (old, new, old):
+        safe_record.Record(store, "cal").save(content)
+    files = store.files
+    store = FlashSim(files)
+    safe_record.Record(store, "cal").save(new)
+    seen = set()
+    cuts = 0
+    for _number, _mode, left in cut_states(files, store.trace):
+        cuts += 1
+        seen.add(frozenset(left.items()))
+        assert records_left(left) in (old, new)
+    with capsys.disabled():
+        print(f"\ncalibration: {cuts} cuts, {len(seen)} different stores")
+
+
+def test_an_empty_store_holds_no_record_and_the_first_save_is_whole_or_nothing():
+    store = FlashSim()
+    assert safe_record.Record(store, "cal").load() is None
+    safe_record.Record(store, "cal").save(b"first")
+    for _number, _mode, left in cut_states({}, store.trace):
+        assert records_left(left) in (None, b"first")
+
+
+def test_a_full_store_keeps_the_old_record():
+    store = FlashSim(full_at=60)
+    assert safe_record.Record(store, "cal").save(b"x" * 20) == status.OK
+    assert safe_record.Record(store, "cal").save(b"y" * 40) == status.NO_SPACE
+    assert safe_record.Record(store, "cal").load() == b"x" * 20
+
+
+def test_the_simulator_itself_can_lose_and_tear():
+    trace = [("create", "a", b"xy"), ("sync", "", b""), ("append", "a", b"z")]
+    left = {(mode, files.get("a")) for _n, mode, files in cut_states({"a": b"old"}, trace)}
+    for wanted in [
+        (flash_sim.LOST, b"old"),
+        (flash_sim.KEPT, b"x"),
+        (flash_sim.IN_PLACE, b"xld"),
+        (flash_sim.HOLES, b"\0\0"),
+        (flash_sim.HOLES, b"xy\0"),
+        (flash_sim.KEPT, b"xyz"),
+        (flash_sim.LOST, b"xy"),
+    ]:
+        assert wanted in left
