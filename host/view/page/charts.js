@@ -93,7 +93,7 @@ export class StrokeCharts {
   }
 }
 
-/** Which of the values is nearest to `at`; -1 of none. */
+/** Which of the values is nearest to `at`; -1 if there are none. */
 function nearest(values, at) {
   let best = -1;
   values.forEach((v, n) => {

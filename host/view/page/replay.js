@@ -30,7 +30,7 @@ export class Replay {
     this.current = 0;
   }
 
-  /** The viewer program tells where it stands; null: nothing is replayed. */
+  /** The state of the replay, from the viewer program; null: nothing is replayed. */
   set(playback) {
     this.get("transport").hidden = !playback;
     const before = this.state;
