@@ -18,13 +18,15 @@ from firmware_py import calib, evaluator, forcemap, outputs, status
 from palpate.features import pipeline_features
 from palpate.firmware_twin.replay_core import Replay
 from palpate.link import flash
-from palpate.link.events import Estimate
+from palpate.link.events import Estimate, Frame
 from palpate.link.probe import Probe
+from palpate.link.scale import NOMINAL
 from palpate.model_export.errors import ImageError
 from palpate.model_export.exporter import export
 from palpate.model_export.fixed_point import force_map
 from palpate.model_export.image_builder import inspect
 from palpate.model_export.signing import keys
+from palpate.recording import channels
 from palpate.regression.conformal import LEVEL, Widths, conformal_quantile, fit_sigma
 from palpate.regression.domain import fit_domain
 from palpate.regression.probe_model import fit_polynomial, spec_of, to_link, training_hash
@@ -120,10 +122,19 @@ def answer(image, public, runtime, stroke, calibration):
         return found, probe.identity
 
 
+def means(field):
+    """A frame's mean pressure in kPa, as a recording has it and as it is."""
+    frame = Frame(
+        0, 0, 0, 0, 0, SensorModel(field, LEVELS["good"], 1).stroke(FRAMES).packed[FRAMES // 2], 0, NOMINAL
+    )
+    motion = dict(channels.decoded(frame))[channels.MOTION]
+    return json.loads(motion)["pressure_mean_kPa"], float(frame.pressure_kPa.mean())
+
+
 def main(runtime, directory):
     pairs = read_strokes()
     fields = [StrokeField(*pair) for pair in pairs[:-1]]
-    said = {}
+    said = {"means": means(fields[0])}
     learned = learned_force_map(pairs)
     said["worst"] = worst_against_float64(fields, learned, LEVELS["typical"])
     if runtime != "none":

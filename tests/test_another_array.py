@@ -49,6 +49,8 @@ def chain(path, runtime, directory):
 def test_eight_by_twelve_at_3_mm_from_strokes_to_an_estimate(tmp_path, runtime):
     said = chain(description(tmp_path, 8, 12, 3000), runtime, tmp_path)
     assert {name: v for name, v in said["worst"].items() if v > 2e-3} == {}
+    recorded_kPa, true_kPa = said["means"]  # was divided by the reference's 416 cells
+    assert recorded_kPa == pytest.approx(true_kPa, abs=1e-3) and true_kPa > 0.1
     assert said["array"] == said["image_for"] == "8x12 at 3000 um"
     estimate, truth = said["estimate"], said["truth"]
     assert estimate["valid"] and estimate["lump"] and estimate["in_domain"]

@@ -29,6 +29,7 @@ from palpate.link.events import (
 )
 
 _SIZE = (geometry.COLUMNS, geometry.ROWS, 2 * geometry.COLUMNS)
+_PA_TO_MEAN_KPA = 1000 * geometry.CELLS
 
 WIRE_IN = "/wire/probe_to_host"
 WIRE_OUT = "/wire/host_to_probe"
@@ -190,7 +191,7 @@ def _frame(event: Frame) -> list[tuple[str, bytes]]:
             event.time_us,
             event.position_um * 1e-3,
             event.displacement_um * 1e-3,
-            pascal.sum(dtype=np.int64) / 416e3,
+            pascal.sum(dtype=np.int64) / _PA_TO_MEAN_KPA,
             event.lost_before,
         )
     )
