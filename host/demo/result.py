@@ -72,7 +72,12 @@ def summary(estimate: Estimate, true: dict[str, float], picture: Path) -> Any:
         "the recording gives the same."
     )
     title = "What the probe felt, and what it says"
-    return Summary(verdict(estimate, true), text, title, rows_of(estimate, true), picture)
+    rows, level = rows_of(estimate, true), _level(estimate)
+    return Summary(verdict(estimate, true), text, title, rows, picture, level)
+
+
+def _level(estimate: Estimate) -> str:
+    return f"{estimate.level_permille / 10:g} % interval"
 
 
 def verdict(estimate: Estimate, true: dict[str, float]) -> str:
@@ -122,9 +127,8 @@ def say_result(
     stderr: bool,
 ) -> None:
     """Print the estimate beside the truth, and where the files lie."""
-    level = estimate.level_permille / 10
     click.echo(f"   {verdict(estimate, truth)}", err=stderr)
-    table(("", "the probe says", f"{level:g} % interval", "truth"), rows_of(estimate, truth), stderr=stderr)
+    table(("", "the probe says", _level(estimate), "truth"), rows_of(estimate, truth), stderr=stderr)
     click.echo(
         f"   {'inside' if estimate.in_domain else 'outside'} the model's domain; "
         f"replay: {'identical' if identical else 'DIFFERENT'}",

@@ -68,6 +68,8 @@ class Summary:
         As text.
     picture : Path
         A PNG of it.
+    interval : str
+        What the third column is.
     """
 
     verdict: str
@@ -75,6 +77,7 @@ class Summary:
     title: str
     rows: list[tuple[str, str, str, str]]
     picture: Path
+    interval: str
 
 
 def number(value: float, digits: int = 3) -> str:

@@ -49,7 +49,7 @@ _RC: dict[Any, Any] = {
 }
 
 
-_POWER = re.compile(r"\^(-?\d+/\d+|-?\d+(?:\.\d+)?|[A-Z])|\bR2\b")
+_POWER = re.compile(r"\^(\(-?\d+/\d+\)|-?\d+/\d+|-?\d+(?:\.\d+)?|[A-Z])|\bR2\b")
 
 
 def ramp(n: int) -> list[tuple[float, float, float, float]]:
@@ -64,13 +64,13 @@ def beside(ax: Axes) -> None:
 
 def powers(text: str) -> str:
     """`E^-2/3` and `R2` with their exponents raised, as matplotlib writes them."""
-    return _POWER.sub(lambda m: f"$^{{{m[1]}}}$" if m[1] else "R$^2$", text)
+    return _POWER.sub(lambda m: f"$^{{{m[1].strip('()')}}}$" if m[1] else "R$^2$", text)
 
 
 def powers_html(text: str) -> str:
     """The same for HTML; `text` must be escaped already."""
     return _POWER.sub(
-        lambda m: f"<sup>{m[1].replace('-', '&minus;')}</sup>" if m[1] else "R<sup>2</sup>", text
+        lambda m: f"<sup>{m[1].strip('()').replace('-', '&minus;')}</sup>" if m[1] else "R<sup>2</sup>", text
     )
 
 

@@ -105,6 +105,7 @@ def test_the_report_says_what_it_is_at(tmp_path):
 
 def test_exponents_are_raised_in_figures_and_tables_and_nothing_else_is_touched():
     assert style.powers("E^-2/3, R2 0.98") == "E$^{-2/3}$, R$^2$ 0.98"
+    assert style.powers_html("stiffness E^(-2/3)") == "stiffness E<sup>&minus;2/3</sup>"
     assert style.powers_html("F^-1.1 (R2 1) &lt;b&gt; (ln h)^2") == (
         "F<sup>&minus;1.1</sup> (R<sup>2</sup> 1) &lt;b&gt; (ln h)<sup>2</sup>"
     )
