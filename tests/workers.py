@@ -38,7 +38,7 @@ LONGEST = (
     "tests/test_door.py",
 )
 """By measured time (`pytest --durations=0`); files that are not here follow as they are found."""
-PAGE = "::test_a_page_does_what_it_says["
+PAGE = "tests/docs/test_code_blocks.py::test_a_page_does_what_it_says["
 MOST_WORKERS = 8
 
 
@@ -70,10 +70,9 @@ class Files(LoadFileScheduling):
 @cache
 def scope(nodeid: str) -> str:
     """What must stay with one worker: a file's tests, or a page and those that go on from it."""
-    page = nodeid.partition(PAGE)[2]
-    if not page:
+    if not nodeid.startswith(PAGE):
         return nodeid.partition("::")[0]
-    at = ROOT / page.removesuffix("]")
+    at = ROOT / nodeid.removeprefix(PAGE).removesuffix("]")
     while before := goes_on_from(at):
         at = before
     return str(at.relative_to(ROOT))
