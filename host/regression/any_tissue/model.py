@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.features.map_features import Floats
-from palpate.regression.any_tissue.observed import TRUTH, SeenInTissue
+from palpate.regression.any_tissue.observed import TRUTH, ObservedInTissue
 from palpate.regression.conformal import Widths, calibrate, fit_sigma, out_of_fold
 from palpate.regression.field.model import even_odds
 from palpate.regression.field.recipe import FIELD_FEATURES
@@ -51,7 +51,7 @@ class TissueModel:
     border: float
     with_press: bool
 
-    def answer(self, seen: SeenInTissue) -> TissueAnswers:
+    def answer(self, seen: ObservedInTissue) -> TissueAnswers:
         """Estimates of every stroke."""
         X = _inputs(seen, self.press.predict(seen.press) if self.with_press else None)
         y = self.stroke.predict(X)
@@ -59,19 +59,19 @@ class TissueModel:
         return TissueAnswers(y, self.widths.half(self.stroke.standard(X), y, hard), hard)
 
 
-def _inputs(seen: SeenInTissue, estimates: Floats | None) -> Floats:
+def _inputs(seen: ObservedInTissue, estimates: Floats | None) -> Floats:
     x = seen.X[:, [NAMES.index(name) for name in SCALE_FREE]]
     base, force = (seen.X[:, NAMES.index(name)] for name in ("ln_base", "ln_force"))
     parts = [x, base - force] if estimates is None else [x, base - force, estimates]
     return np.column_stack([*parts, force])
 
 
-def truth(seen: SeenInTissue) -> Floats:
+def truth(seen: ObservedInTissue) -> Floats:
     """(n, outputs), by `OUTPUTS`."""
     return seen.Y[:, : len(OUTPUTS)]
 
 
-def tissue_truth(seen: SeenInTissue) -> Floats:
+def tissue_truth(seen: ObservedInTissue) -> Floats:
     """(n, 3): ln F/E_fat, ln t and ln(t + gland/ratio), the layers as thick as fat that gives as much."""
     ratio, gland = (seen.Y[:, TRUTH.index(name)] for name in ("gland_ratio", "gland_mm"))
     ln_t = seen.Y[:, TRUTH.index("ln t")]
@@ -104,7 +104,7 @@ def _only(features: int) -> tuple[Term, ...]:
     return (*all_terms(features - 1, 2), (features - 1,))
 
 
-def fit_press(train: SeenInTissue) -> tuple[Polynomial, Floats]:
+def fit_press(train: ObservedInTissue) -> tuple[Polynomial, Floats]:
     """The first stage, and what it says of each stroke where it has not seen its lump (n, 3)."""
     T = tissue_truth(train)
     terms = best_terms(train.press, T, train.group, 3, PRESS_TERMS)
@@ -117,7 +117,7 @@ def fit_press(train: SeenInTissue) -> tuple[Polynomial, Floats]:
 
 
 def fit_tissue_model(
-    train: SeenInTissue, with_press: bool = True, step: Callable[[str], None] | None = None
+    train: ObservedInTissue, with_press: bool = True, step: Callable[[str], None] | None = None
 ) -> TissueModel:
     """Fit both stages; strokes that show no lump are left out of the second."""
     step = step or (lambda what: None)
@@ -143,7 +143,7 @@ def fit_tissue_model(
     return TissueModel(press, stroke, widths, border, with_press)
 
 
-def quarters(seen: SeenInTissue) -> dict[str, NDArray[np.bool_]]:
+def quarters(seen: ObservedInTissue) -> dict[str, NDArray[np.bool_]]:
     """Each quarter of d, depth, E^-2/3, F, E_fat, ratio and gland depth, by name."""
     out: dict[str, NDArray[np.bool_]] = {}
     for name in ("ln d", "ln depth", "E^-2/3", "ln F", "ln E_fat", "gland_ratio", "gland_mm"):

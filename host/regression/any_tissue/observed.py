@@ -39,7 +39,7 @@ class TissueLump:
 
 
 @dataclass(frozen=True)
-class SeenInTissue:
+class ObservedInTissue:
     """n strokes with a press each.
 
     Attributes
@@ -62,9 +62,9 @@ class SeenInTissue:
     found: NDArray[np.bool_]
     group: NDArray[np.int64]
 
-    def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> SeenInTissue:
+    def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> ObservedInTissue:
         """Some of the strokes."""
-        return SeenInTissue(*(getattr(self, f.name)[rows] for f in fields(self)))
+        return ObservedInTissue(*(getattr(self, f.name)[rows] for f in fields(self)))
 
 
 def read_set(strokes: Path, presses: Path) -> list[TissueLump]:
@@ -101,14 +101,14 @@ def random_scale(case: Case, rng: np.random.Generator) -> float:
     return float(low * (high / low) ** rng.random() / case.fat_kPa)
 
 
-def see(
+def observe(
     lumps: Sequence[TissueLump],
     noise: Noise | str,
     seed: int,
     force_map: bytes | None,
     every: int = 1,
     first: int = 0,
-) -> SeenInTissue:
+) -> ObservedInTissue:
     """One stroke with its press over each lump, each in a fat and by a probe and a hand of its own.
 
     Parameters
@@ -137,7 +137,7 @@ def see(
         Y.append(_truth(case, stream.truth.F_N_per_m, s * case.fat_kPa))
         whole.append(code == 0)
     found = np.array(whole) & shows_lump(np.array(X), NAMES)
-    return SeenInTissue(np.array(X), np.array(press), np.array(Y), found, first + np.arange(len(lumps)))
+    return ObservedInTissue(np.array(X), np.array(press), np.array(Y), found, first + np.arange(len(lumps)))
 
 
 def _truth(case: Case, F: float, fat_kPa: float) -> list[float]:
@@ -147,7 +147,7 @@ def _truth(case: Case, F: float, fat_kPa: float) -> list[float]:
     return [*lengths, case.E_ratio ** (-2 / 3), *ratios, case.gland_ratio, case.gland_mm]
 
 
-def joined(parts: Sequence[SeenInTissue]) -> SeenInTissue:
+def joined(parts: Sequence[ObservedInTissue]) -> ObservedInTissue:
     """Several sets as one."""
-    names = [f.name for f in fields(SeenInTissue)]
-    return SeenInTissue(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
+    names = [f.name for f in fields(ObservedInTissue)]
+    return ObservedInTissue(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))

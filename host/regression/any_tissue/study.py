@@ -14,13 +14,13 @@ from palpate.features.map_features import Floats
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.regression.any_tissue.model import OUTPUTS, STIFFNESS, fit_tissue_model, quarters, truth
 from palpate.regression.any_tissue.observed import (
-    SeenInTissue,
+    ObservedInTissue,
     TissueLump,
     joined,
+    observe,
     random_scale,
     read_set,
     scaled,
-    see,
 )
 from palpate.regression.field.data import sweep_progress
 from palpate.regression.field.design import LumpStrokes
@@ -76,7 +76,7 @@ class TissueStudy:
     seen: the strokes that found a lump; y, half : (n, outputs), by `model.OUTPUTS`; hard : (n), bool.
     """
 
-    seen: SeenInTissue
+    seen: ObservedInTissue
     y: Floats
     half: Floats
     hard: NDArray[np.bool_]
@@ -105,7 +105,10 @@ def _short(name: str) -> str:
 
 
 def held_out(
-    seen: SeenInTissue, with_press: bool = True, folds: int = FOLDS, step: Callable[[str], None] | None = None
+    seen: ObservedInTissue,
+    with_press: bool = True,
+    folds: int = FOLDS,
+    step: Callable[[str], None] | None = None,
 ) -> TissueStudy:
     """Every lump predicted by models fitted, both stages and the intervals, without it.
 
@@ -153,7 +156,7 @@ def _rows(
 ) -> Iterator[dict[str, object]]:
     blob = force_map_of(lumps)
     for level in levels:
-        seen = joined([see(lumps, level, 1000 * seed + k, blob) for k in range(draws)])
+        seen = joined([observe(lumps, level, 1000 * seed + k, blob) for k in range(draws)])
         if step:
             step(f"{level}: seen")
         yield held_out(seen, False, step=step).row(f"{level}, the stroke alone")

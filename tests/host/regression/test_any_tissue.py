@@ -65,7 +65,7 @@ def test_a_press_is_read_at_parts_of_the_strokes_force():
 
 
 def test_strokes_are_seen_with_their_press_each_in_a_fat_of_its_own(few):
-    one, again, other = (observed.see(few, "typical", seed, None) for seed in (1, 1, 2))
+    one, again, other = (observed.observe(few, "typical", seed, None) for seed in (1, 1, 2))
     assert np.array_equal(one.X, again.X) and np.array_equal(one.press, again.press)
     assert not np.array_equal(one.Y[:, 6], other.Y[:, 6])
     fat, force = np.exp(one.Y[:, 6]), np.exp(one.Y[:, 5])
@@ -112,7 +112,7 @@ def made_up(groups, draws, rng):
     press_ = np.column_stack([u[:, 4] + 0.1 * k * u[:, 2] + 0.05 * u[:, 5] for k in range(9)])
     press_ += 0.005 * noise(press_.shape)
     found = np.ones(len(g), bool)
-    return observed.SeenInTissue(X, press_, Y, found, g)
+    return observed.ObservedInTissue(X, press_, Y, found, g)
 
 
 def test_two_stages_learn_from_lumps_and_cover_those_left_out():
