@@ -8,8 +8,6 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from firmware_py import geometry, messages, status
 from firmware_py.estimator import Estimator
@@ -18,10 +16,9 @@ from palpate.link import devices
 from palpate.link.identity import Identity
 from palpate.sim.probe import source
 from palpate.sim.probe.virtual import VirtualBoard
-from tests.firmware_py.talk import Bench, Ears, command, packet
+from tests.firmware_py.talk import Bench, Ears, command
 
 FRAMES, STROKES = messages.CONTENT_FRAMES, messages.CONTENT_STROKES
-COMMAND_NAMES = [c[1] for c in messages.COMMANDS]
 
 
 def test_identify_says_who_it_is_and_gives_the_nonce_back():
@@ -159,125 +156,6 @@ def test_time_sync_gives_the_probes_time():
     bench = Bench()
     fields = bench.ask("time_sync").fields
     assert 0 <= fields["received_us"] <= fields["sent_us"] <= bench.probe.board.now_us
-
-
-def test_a_slow_link_costs_the_oldest_frames_whole_and_counted():
-    board = VirtualBoard(bytes_per_s=10_000, link_bytes=1000)
-    bench = Bench(board)
-    bench.ask("stream_start", (FRAMES, 1, 0, 0), us=2_000_000)
-    bench.run(3_000_000)
-    stop = bench.ask("stream_stop", us=3_000_000)
-    numbers = [m.fields["seq"] for m in bench.heard if m.name == "frame"]
-    assert numbers == sorted(set(numbers))
-    missing = stop.fields["next_seq"] - len(numbers)
-    assert missing > 50
-    assert bench.probe.counter("frames_dropped") == missing
-    assert bench.probe.counter("frames_sent") == len(numbers)
-    assert bench.ears.receiver.bad_crc == bench.ears.receiver.bad_frame == 0
-    assert max(np.diff(numbers)) < 20, "the newest frames are kept, so the gaps are even"
-
-
-def test_a_host_that_never_reads_costs_no_memory_and_loses_no_answer():
-    board = VirtualBoard(bytes_per_s=1, link_bytes=700)
-    bench = Bench(board)
-    bench.send(command("stream_start", 1, (FRAMES | STROKES, 1, 0, 0)))
-    for number in range(2, 200):
-        bench.probe.send(command("get_setting", number, (0,)))
-        bench.run(50_000)
-    assert len(bench.probe.board.to_probe) > 0, "commands wait in the link while answers find no room"
-    board._bytes_per_s = 1_000_000
-    bench.run(2_000_000)
-    answers = [m.number for m in bench.heard if m.name == "get_setting"]
-    assert answers == list(range(2, 200))
-
-
-# ---- hostile hosts
-
-
-@pytest.mark.parametrize(
-    ("body", "code"),
-    [
-        (bytes([0x3F, 1, 0]), status.BAD_TYPE),
-        (bytes([0x01]), status.BAD_LENGTH),
-        (bytes([0x01, 1, 0, 1]), status.BAD_LENGTH),
-        (bytes([0x06, 1, 0, 9]), status.BAD_LENGTH),
-        (bytes([0x40, 1, 0]) + bytes(30), status.BAD_TYPE),
-        (bytes([0x81, 1, 0, 0]), status.BAD_TYPE),
-        (bytes([0x05, 1, 0, 0, 1]) + bytes(6), status.BAD_VALUE),
-        (bytes([0x0A, 1, 0, 0, 0, 1, 0]) + bytes(8), status.NOT_SUPPORTED),
-        (bytes([0x0B, 1, 0, 0, 0, 0, 0, 1]), status.NOT_SUPPORTED),
-    ],
-)
-def test_what_it_does_not_know_or_cannot_do_is_answered_with_a_code(body, code):
-    bench = Bench()
-    bench.run(1000)
-    answers = bench.send(packet(body))
-    assert [a.code for a in answers] == [code]
-    assert bench.probe.counter("commands_refused") == 1
-
-
-def streaming() -> Bench:
-    bench = Bench()
-    bench.ask("stream_start", (FRAMES, 1, 0, 0))
-    return bench
-
-
-def still_streams(bench: Bench) -> bool:
-    return len([m for m in bench.run(100_000) if m.name == "frame"]) >= 4
-
-
-@pytest.mark.parametrize(
-    "attack",
-    [
-        b"\x03" * 50 + b"\x04" * 50,
-        b"\x03\x04\r\nimport os; os.remove('main.py')\r\n\x04",
-        b"\x01import machine\x04",
-        b"A" * 100_000,
-        b"\0" * 10_000,
-        packet(b"\x01\x00\x00" + b"\xff" * 500),
-        b"".join(packet(bytes([k]) * 40) for k in range(1, 255)),
-    ],
-)
-def test_an_attack_does_not_stop_the_stream(attack):
-    bench = streaming()
-    bench.send(attack, us=1_000_000)
-    assert still_streams(bench)
-    assert bench.ask("identify", (1,)).code == status.OK
-
-
-@settings(max_examples=100, deadline=None)
-@given(
-    st.lists(st.one_of(st.binary(max_size=80), st.binary(min_size=1, max_size=57).map(packet)), max_size=20)
-)
-def test_any_bytes_are_survived_and_every_packet_is_answered(pieces):
-    bench = streaming()
-    before = bench.ears.receiver.packets
-    for piece in pieces:
-        bench.send(piece, us=20_000)
-    bench.send(b"\0", us=400_000)
-    assert bench.ears.receiver.bad_crc == bench.ears.receiver.bad_frame == 0
-    assert bench.ears.receiver.packets >= before
-    accepted = bench.probe.firmware.receiver.packets
-    answered = sum(bench.probe.counter(n) for n in ("commands", "commands_refused", "commands_duplicate"))
-    assert accepted == answered
-    assert bench.ask("identify", (1,), us=400_000).code == status.OK
-
-
-@settings(max_examples=100, deadline=None)
-@given(
-    st.lists(
-        st.tuples(st.sampled_from(COMMAND_NAMES), st.binary(max_size=50), st.integers(0, 3)), max_size=30
-    )
-)
-def test_any_order_of_commands_is_answered_one_by_one(commands):
-    bench = Bench()
-    bench.run(1000)
-    for name, fields, number in commands:
-        bench.probe.send(packet(bytes([messages.TYPE[name], number, 0]) + fields))
-        answers = [m for m in bench.run(30_000) if m.kind & messages.ANSWER]
-        assert len(answers) == 1
-        assert answers[0].number == number
-    assert bench.ask("identify", (1,), us=400_000).code == status.OK
 
 
 def test_wrapping_numbers_wrap_without_a_jump():

@@ -7,8 +7,8 @@ from firmware_py.estimator import Estimator
 from firmware_py.store import FileStore
 from palpate.sim.probe.flash_sim import FlashSim, cut_states
 from palpate.sim.probe.virtual import VirtualBoard
+from tests.firmware_py.streaming import STROKE
 from tests.firmware_py.talk import Bench
-from tests.firmware_py.test_streams import STROKE
 
 RATE = 80_000
 COPIES = ("set0", "set1")
