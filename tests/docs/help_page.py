@@ -1,4 +1,7 @@
-"""docs/reference/help.md from the commands' own `--help`: python -m tests.docs.help_page"""
+"""docs/reference/help.md from the commands' own `--help`: python -m tests.docs.help_page [FILE]"""
+
+import sys
+from pathlib import Path
 
 from click.testing import CliRunner
 
@@ -33,4 +36,4 @@ def render() -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(render(), encoding="utf-8")
+    (Path(sys.argv[1]) if sys.argv[1:] else PAGE).write_text(render(), encoding="utf-8")
