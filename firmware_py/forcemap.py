@@ -7,8 +7,8 @@ takes two steps, the second with the map evaluated half way (midpoint rule). Lea
 finite-element strokes at two forces by `palpate.model_export.fixed_point.force_map`.
 
 Blob, little endian: "F", version, shift of the coefficients' Q format, 0; ln F centre and ln D
-centre (int32, Q24, of the image sum in Q5 counts and of the displacement in 1/16 um);
-then int16, input by input (for 16 rows, 14 x 9 even coefficients and 8 x 8 odd ones).
+centre (int32, Q24, of the image sum in Q5 counts and of the displacement in 1/16 um; 0 there is for a map of
+the pressure alone); then int16, input by input (for 16 rows, 14 x 9 even coefficients and 8 x 8 odd ones).
 """
 
 from array import array
@@ -137,14 +137,15 @@ def move(f, rows, at, depth, u, w):
         v = rows[at + i]
         w[_IMAGE + i] = v
         total += v
-    if total < 2048 or depth < 16:
+    alone = f[2] == 0  # a map of the pressure alone
+    if total < 2048 or (depth < 16 and not alone):
         return depth
     if u > 11000000:
         u = 11000000
     elif u < -11000000:
         u = -11000000
     lf = (_ln(total) - f[1] + 2048) >> 12
-    ld = (_ln(depth) - f[2] + 2048) >> 12
+    ld = 0 if alone else (_ln(depth) - f[2] + 2048) >> 12
     slopes(f, w, lf, ld, total)
     # half a step
     step = _mul(u >> 1, total)
@@ -159,5 +160,7 @@ def move(f, rows, at, depth, u, w):
     step = _mul(u, total)
     for i in range(_ROWS):
         rows[at + i] = limit(rows[at + i] + ((_mul(step, w[i] << 6) + _HALF) // _ROWS), MOST)
+    if alone:
+        return depth
     u = limit(_mul(u, w[_ROWS] << 6), _TWO)
     return limit(_mul(depth << 4, _exp(u, 4)), DEEPEST)

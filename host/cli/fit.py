@@ -25,6 +25,8 @@ from palpate.sim.probe.noise import LEVELS
 @click.option("--workers", type=click.IntRange(1), help="field: processes for that; all cores by default.")
 @click.option("--tissue", multiple=True, metavar="NAME=VALUE",
               help="field: another tissue or probe, as gland_ratio=8; may be repeated.")  # fmt: skip
+@click.option("--without", type=click.Choice(["displacement"]),
+              help="field: a model of the pressure alone, for recordings without it.")  # fmt: skip
 @click.option("--studies", is_flag=True, help="field: all of palpate study too (an hour).")
 @click.option("--report", type=click.Path(path_type=Path, file_okay=False), help="Draw the figures there.")
 @click.option("--recording", type=click.Path(path_type=Path, dir_okay=False),
@@ -43,6 +45,7 @@ def command(
     lumps: int | None,
     workers: int | None,
     tissue: tuple[str, ...],
+    without: str | None,
     studies: bool,
     report: Path | None,
     recording: Path | None,
@@ -61,15 +64,17 @@ def command(
       palpate sweep --design thesis --out out/thesis
       palpate fit out/thesis --kind thesis --out out/model.json
       palpate fit out/field --kind field --out out/field.json --report out/report
+      palpate fit out/field --kind field --without displacement --out out/pressure.json
     """
     from palpate.regression.field.data import check_begun
-    from palpate.regression.fit import fit
+    from palpate.regression.fit import check_kind, fit
     from palpate.regression.observed import noise_named
     from palpate.report.measured import Measured, measure
     from palpate.sim.tissue import check_finished
 
     # Read before the work: what is wrong with arguments and files is said at once.
     noise_named(noise)
+    check_kind(kind, without is None)
     changed = _tissue(tissue)
     if kind == "field":
         check_begun(directory, lumps)
@@ -87,6 +92,7 @@ def command(
             workers=workers,
             tissue=changed,
             studies=studies,
+            displacement=without is None,
             progress=progress,
             note=note,
         )

@@ -22,15 +22,10 @@ from palpate.model_export.schema import ModelSpec
 from palpate.recording.channels import CALIBRATION
 from palpate.recording.playback import open_recording
 from palpate.recording.replay import FRAMES_KEPT
-from palpate.regression.observed import NAMES
+from palpate.regression.observed import NAMES, OF_THE_DISPLACEMENT
 
 IMPORT_NOTE = "import"
 """Name of a recording's metadata in which `palpate import` says what was missing."""
-
-DISPLACEMENT_FEATURES = frozenset(
-    name for name in NAMES if name.startswith(("ln_d28", "ln_d0", "ln_d_far", "dip_", "ln_ramp_d"))
-)
-"""What needs the displacement."""
 
 
 @dataclass(frozen=True)
@@ -176,7 +171,11 @@ def _read(row: int, path: Path) -> dict[int, RecordedStroke]:
 
 def _check_needs(row: int, path: Path, stroke: RecordedStroke, spec: ModelSpec) -> None:
     if "displacement" in stroke.missing:
-        needed = [name for name in spec.features if name in DISPLACEMENT_FEATURES]
+        needed = [name for name in spec.features if name in OF_THE_DISPLACEMENT]
+        if not needed and (spec.force_map or {}).get("ln_D") is not None:
+            needed = ["it to even out the force"]
         if needed:
             what = f"{path.name} has no displacement, and the model needs {needed[0]}"
-            raise fault(row, "recording", f"{what}; use a model of pressure alone")
+            raise fault(
+                row, "recording", f"{what}; palpate fit --without displacement makes one that does not"
+            )

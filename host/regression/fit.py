@@ -79,6 +79,7 @@ def fit(
     workers: int | None = None,
     tissue: Mapping[str, float] | None = None,
     studies: bool = False,
+    displacement: bool = True,
     progress: ProgressCallback | None = None,
     note: Callable[[str], None] | None = None,
 ) -> Fit:
@@ -106,6 +107,8 @@ def fit(
         field: fields of `Case` that differ from the usual tissue or probe, as {"gland_ratio": 8}.
     studies : bool
         field: all of `palpate study` too (an hour).
+    displacement : bool
+        field: False makes a model of the pressure alone, for recordings without displacement.
     progress : callable, optional
         See `progress.ProgressCallback`.
     note : callable, optional
@@ -114,17 +117,25 @@ def fit(
     Raises
     ------
     UsageError
-        There is no such kind, noise level or field of a case; field: `directory` holds no strokes over lumps,
-        and `lumps` does not say how many to simulate.
+        There is no such kind, noise level or field of a case; the thesis kind is asked to do without
+        displacement; field: `directory` holds no strokes over lumps, and `lumps` does not say how many to
+        simulate.
     TableError
         The directory holds no strokes, or strokes over another tissue.
     """
     noise_named(noise)
     if kind == "thesis":
+        check_kind(kind, displacement)
         return _thesis(directory, noise, seed, progress)
     if kind == "field":
-        return _field(directory, noise, seed, lumps, workers, tissue, studies, progress, note)
+        return _field(directory, noise, seed, lumps, workers, tissue, studies, displacement, progress, note)
     raise UsageError(f"there is no kind of model {kind!r}; there are {', '.join(KINDS)}")
+
+
+def check_kind(kind: str, displacement: bool) -> None:
+    """`UsageError` where the kind cannot do without displacement."""
+    if kind == "thesis" and not displacement:
+        raise UsageError("the thesis' equations need the displacement: only --kind field does without")
 
 
 def _thesis(directory: str | PathLike[str], noise: str, seed: int, progress: ProgressCallback | None) -> Fit:
@@ -146,15 +157,18 @@ def _field(
     workers: int | None,
     tissue: Mapping[str, float] | None,
     studies: bool,
+    displacement: bool,
     progress: ProgressCallback | None,
     note: Callable[[str], None] | None,
 ) -> Fit:
     from palpate.regression.field.data import LUMPS, check_begun, prepare
     from palpate.regression.field.fit import fit_field
+    from palpate.regression.field.recipe import FIELD, PRESSURE_ONLY
 
     check_begun(directory, lumps)
     strokes = prepare(directory, lumps or LUMPS, workers=workers, tissue=tissue, progress=progress)
-    result = fit_field(strokes, noise=noise, seed=seed, workers=workers, progress=progress)
+    recipe = FIELD if displacement else PRESSURE_ONLY
+    result = fit_field(strokes, noise=noise, seed=seed, recipe=recipe, workers=workers, progress=progress)
     if studies:
         result = replace(result, studies=_studies(Path(directory), seed, workers, progress, note))
     return Fit("field", result.spec, result)

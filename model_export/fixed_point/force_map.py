@@ -3,13 +3,14 @@
 Every frame of a stroke is moved to the stroke's mean force by the derivatives dp/d ln F and
 d ln D/d ln F. Both are linear in the relative image p / mean(p) and quadratic in ln F and ln D. Probe
 and layers are symmetric, so the map is fitted to the even and odd halves of the image apart; q = p / mean(p).
+A map of the pressure alone does without ln D, and leaves the displacement as it is.
 
 Units: kPa, mm; ln F is the logarithm of the image's sum of pressures, a row each, in kPa.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ Q5_PER_COUNT = 32
 DEPTH_UNITS_PER_MM = 16000
 ROWS, HALF = geometry.ROWS, geometry.HALF_ROWS
 FINEST, COARSEST = 14, 12  # Q formats of the coefficients
+_OF_THE_DEPTH = (2, 4, 5)  # inputs of the even half
 
 
 @dataclass(frozen=True)
@@ -37,8 +39,10 @@ class ForceMap:
         outputs the even half of d q_i/d ln F, i = 0..7, and d ln D/d ln F.
     odd : ndarray (8, 8)
         From (q_i - q_15-i)/2 to the odd half.
-    ln_F, ln_D : float
-        Centres of ln(sum of the image / kPa) and ln(D / mm).
+    ln_F : float
+        Centre of ln(sum of the image / kPa).
+    ln_D : float or None
+        Centre of ln(D / mm); None for a map of the pressure alone.
     rms : float
         Residual of the fit, of the image's mean, over all sensors.
     """
@@ -46,7 +50,7 @@ class ForceMap:
     even: Floats
     odd: Floats
     ln_F: float
-    ln_D: float
+    ln_D: float | None
     rms: float = float("nan")
 
     def as_dict(self) -> dict[str, Any]:
@@ -61,7 +65,8 @@ class ForceMap:
             raise UsageError(f"force map of version {d.get('version')}: this one knows {forcemap.VERSION}")
         try:
             even, odd = np.array(d["even"], float), np.array(d["odd"], float)
-            out = cls(even, odd, float(d["ln_F"]), float(d["ln_D"]), float(d.get("rms", "nan")))
+            ln_D = None if d["ln_D"] is None else float(d["ln_D"])
+            out = cls(even, odd, float(d["ln_F"]), ln_D, float(d.get("rms", "nan")))
         except (KeyError, TypeError, ValueError) as e:
             raise UsageError(f"not a force map: {e}") from None
         if even.shape != (forcemap.EVEN_IN, forcemap.EVEN_OUT) or odd.shape != (HALF, HALF):
@@ -70,9 +75,13 @@ class ForceMap:
                 f"a force map for {ROWS} rows has {wanted} numbers, not {even.shape} and {odd.shape}"
             )
         if not (
-            np.isfinite(even).all() and np.isfinite(odd).all() and np.isfinite([out.ln_F, out.ln_D]).all()
+            np.isfinite(even).all()
+            and np.isfinite(odd).all()
+            and np.isfinite([out.ln_F, out.ln_D or 0.0]).all()
         ):
             raise UsageError("the force map holds a number that is not finite")
+        if out.ln_D is None and (even[list(_OF_THE_DEPTH)].any() or even[:, HALF].any()):
+            raise UsageError("a force map of the pressure alone has coefficients of the displacement")
         return out
 
     def slopes(self, image: Floats, depth: Floats, ln_F: Floats | None = None) -> tuple[Floats, Floats]:
@@ -83,7 +92,7 @@ class ForceMap:
         total = image.sum(1)
         q = image / total[:, None] * ROWS
         lf = (np.log(total) if ln_F is None else ln_F) - self.ln_F
-        ld = np.log(depth) - self.ln_D
+        ld = np.zeros_like(lf) if self.ln_D is None else np.log(depth) - self.ln_D
         e = even_inputs(lf, ld, q) @ self.even
         o = _odd(q) @ self.odd
         return np.column_stack([e[:, :HALF] + o, (e[:, :HALF] - o)[:, ::-1]]), e[:, HALF]
@@ -122,6 +131,7 @@ def fit(
     noise_kPa: float = 0.012,
     ridge: float = 1e-4,
     seed: int = 0,
+    displacement: bool = True,
 ) -> ForceMap:
     """Fit the map to images and depths at the same places under two forces.
 
@@ -136,6 +146,8 @@ def fit(
         white noise of .25 % of 25 kPa over 26 columns.
     ridge : float
         Relative ridge.
+    displacement : bool
+        Whether the map may use it; a map of the pressure alone serves recordings that have none.
     """
     low_kPa, high_kPa = np.asarray(low_kPa, float), np.asarray(high_kPa, float)
     if low_kPa.shape != high_kPa.shape or low_kPa.ndim != 2 or low_kPa.shape[1] != ROWS:
@@ -154,15 +166,17 @@ def fit(
     lf, ld = np.log(image.sum(1)), 0.5 * np.log(np.asarray(low_mm) * high_mm)
     ln_F, ln_D = float(lf.mean()), float(ld.mean())
     q = image / image.sum(1)[:, None] * ROWS
-    even = _ridge(
-        even_inputs(lf - ln_F, ld - ln_D, q),
-        np.column_stack([_even(target), target_depth]),
-        ridge,
-    )
+    inputs = even_inputs(lf - ln_F, ld - ln_D, q)
+    if displacement:
+        even = _ridge(inputs, np.column_stack([_even(target), target_depth]), ridge)
+    else:
+        even = np.zeros((forcemap.EVEN_IN, forcemap.EVEN_OUT))
+        used = np.setdiff1d(np.arange(forcemap.EVEN_IN), _OF_THE_DEPTH)
+        even[used, :HALF] = _ridge(inputs[:, used], _even(target), ridge)
     odd = _ridge(_odd(q), _odd(target), ridge)
-    out = ForceMap(even, odd, ln_F, ln_D)
+    out = ForceMap(even, odd, ln_F, ln_D if displacement else None)
     residual = out.slopes(image, np.exp(ld))[0] - target
-    return ForceMap(even, odd, ln_F, ln_D, float(np.sqrt((residual**2).mean())))
+    return replace(out, rms=float(np.sqrt((residual**2).mean())))
 
 
 def _ridge(x: Floats, y: Floats, ridge: float) -> Floats:
@@ -210,7 +224,7 @@ def blob(force_map: ForceMap | dict[str, Any], count_mpa: int = geometry.COUNT_M
     flat = np.concatenate([m.even.ravel(), m.odd.ravel()])
     shift = _shift(np.abs(flat).max())
     ln_F = m.ln_F + np.log(1e6 / count_mpa * Q5_PER_COUNT)
-    ln_D = m.ln_D + np.log(DEPTH_UNITS_PER_MM)
+    ln_D = 0.0 if m.ln_D is None else m.ln_D + np.log(DEPTH_UNITS_PER_MM)
     centres = np.rint(np.array([ln_F, ln_D]) * 2**24)
     if np.abs(centres).max() >= 2**29:
         raise UsageError("the force map's centres are out of range: are its units kPa and mm?")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.regression.field.data import FieldStrokes, Split, split, stroke_fields
 from palpate.regression.field.model import learn_force_map
 from palpate.regression.field.observer import Observer
+from palpate.regression.field.recipe import FIELD, Recipe
 from palpate.regression.observed import ObservedStrokes, noise_named
 from palpate.regression.progress import ProgressCallback
 from palpate.sim.probe.sensors import Noise, StrokeField
@@ -59,7 +61,7 @@ class Bench:
         self.plain = stroke_fields(strokes.plain)
         self.wide = stroke_fields(strokes.wide)
         self.split: Split = split(len(self.lumps), seed)
-        self.force_map = learn_force_map([strokes.lumps[k] for k in self.split.train] + strokes.rim)
+        self.force_map = self._learn_force_map()
         self.blob = force_maps.blob(self.force_map)
 
     def __enter__(self) -> Bench:
@@ -68,6 +70,21 @@ class Bench:
     def __exit__(self, *_: object) -> None:
         self.observer.__exit__()
 
+    @cached_property
+    def pressure_map(self) -> force_maps.ForceMap:
+        """The force map that does without displacement."""
+        return self._learn_force_map(displacement=False)
+
+    def force_map_of(self, recipe: Recipe) -> force_maps.ForceMap | None:
+        """How a recipe moves frames to the stroke's mean force; None where it does not."""
+        if not recipe.force_map:
+            return None
+        return self.force_map if recipe.displacement else self.pressure_map
+
+    def _learn_force_map(self, displacement: bool = True) -> force_maps.ForceMap:
+        lumps = [self.strokes.lumps[k] for k in self.split.train]
+        return learn_force_map(lumps + self.strokes.rim, displacement)
+
     def observe(
         self,
         fields: Sequence[StrokeField],
@@ -75,15 +92,18 @@ class Bench:
         noise: Noise | str,
         draws: int,
         first_draw: int,
-        force_map: bool = True,
+        recipe: Recipe = FIELD,
         **options: Any,
     ) -> ObservedStrokes:
         """`draws` strokes over each of some fields, each by a different probe in a different hand.
 
+        The frames are moved by the force map of `recipe`.
+
         `options` are further options of `observed.observe`, as mean_forces_N_per_m.
         """
         first = self.seed * _SEED_STEP + first_draw
-        options["force_map"] = self.blob if force_map else None
+        found = self.force_map_of(recipe)
+        options["force_map"] = None if found is None else force_maps.blob(found)
         chosen, groups = [fields[k] for k in which], [int(k) for k in which]
         return self.observer.observe(
             chosen, noise_named(noise), range(first, first + draws), groups, **options
@@ -92,7 +112,7 @@ class Bench:
     def parts(
         self,
         noise: Noise | str,
-        force_map: bool = True,
+        recipe: Recipe = FIELD,
         draws: tuple[int, int, int] = (TRAIN_DRAWS, CALIBRATION_DRAWS, TEST_DRAWS),
         **options: Any,
     ) -> tuple[ObservedStrokes, ObservedStrokes, ObservedStrokes, ObservedStrokes | None]:
@@ -103,11 +123,11 @@ class Bench:
             draws, rim_draws = (1, 1, 1), 1
         which = (s.train, s.calibration, s.test)
         train, calibration, test = (
-            self.observe(self.lumps, lumps, noise, n, 100 * k, force_map, **options)
+            self.observe(self.lumps, lumps, noise, n, 100 * k, recipe, **options)
             for k, (lumps, n) in enumerate(zip(which, draws))
         )
         if not self.rim:
             return train, calibration, test, None
         every = np.arange(len(self.rim))
-        rim = self.observe(self.rim, every, noise, rim_draws, _RIM_FIRST, force_map, **options)
+        rim = self.observe(self.rim, every, noise, rim_draws, _RIM_FIRST, recipe, **options)
         return train, calibration, test, rim

@@ -51,7 +51,7 @@ def _run(bench: Bench) -> Iterator[Row]:
         report = sweep_progress("simulating at seven forces", bench.progress)
         sweep(cases(), FIELD_SETTINGS, home, workers=bench.workers, progress=report)
     lumps = [lump for lump in read_lumps(home)[0] if len(lump.strokes) == len(PARTS)]
-    train, calibration, test, rim = bench.parts(bench.noise, True, DRAWS)
+    train, calibration, test, rim = bench.parts(bench.noise, draws=DRAWS)
     model = fit_field_model(FIELD, train, calibration, rim)
     yield covered_row("held-out lumps, as trained", model, test)
     for words, every in (("two forces", 6), ("three forces", 3), ("computed: seven forces", 1)):

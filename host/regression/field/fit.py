@@ -40,6 +40,7 @@ def fit_field(
     seed: int = 1,
     levels: Sequence[str] = LEVELS,
     recipes: Sequence[Recipe] = RECIPES,
+    recipe: Recipe = FIELD,
     workers: int | None = None,
     progress: ProgressCallback | None = None,
 ) -> FieldFit:
@@ -53,7 +54,9 @@ def fit_field(
         Level that the model is for; it is among `levels` or added to them.
     seed : int
     levels, recipes : sequences
-        Lines of the table; the field recipe is always there.
+        Lines of the table.
+    recipe : Recipe
+        What the model is made by; it is among `recipes` or added to them.
     workers : int, optional
         Processes that observe strokes; by default one for each core.
     progress : callable, optional
@@ -61,21 +64,22 @@ def fit_field(
     """
     noise_named(noise)
     levels = tuple(dict.fromkeys((*levels, noise)))
-    recipes = tuple(dict.fromkeys((FIELD, *recipes)))
+    recipes = tuple(dict.fromkeys((recipe, *recipes)))
     rows: list[HeldOutRow] = []
     with Bench(strokes, seed, workers=workers, progress=progress) as bench:
         count = _Counter(len(levels) * len(recipes), progress)
         for level in levels:
-            observed: dict[bool, Parts] = {}
-            for recipe in recipes:
-                if recipe.force_map not in observed:
-                    observed[recipe.force_map] = bench.parts(level, recipe.force_map)
-                train, calibration, test, rim = observed[recipe.force_map]
-                model = fit_field_model(recipe, train, calibration, rim, step=count)
-                rows += held_out(level, model, test)
+            observed: dict[tuple[bool, bool], Parts] = {}
+            for tried in recipes:
+                moved = tried.force_map, tried.force_map and tried.displacement
+                if moved not in observed:
+                    observed[moved] = bench.parts(level, tried)
+                train, calibration, test, rim = observed[moved]
+                model = fit_field_model(tried, train, calibration, rim, step=count)
+                rows += held_out(level, model, test, averages=tried == recipe)
                 count("models scored")
-                if level == noise and recipe == FIELD:
-                    kept, parts = model, observed[recipe.force_map]
+                if level == noise and tried == recipe:
+                    kept, parts = model, observed[moved]
         return _result(bench, kept, parts, noise, rows)
 
 
@@ -103,7 +107,8 @@ def _result(bench: Bench, model: FieldModel, parts: Parts, noise: str, rows: lis
     for name, part in (("training", train), ("rim", rim), ("calibration", calibration), ("test", test)):
         for why, left_out in ({} if part is None else _left_out(model, part)).items():
             excluded[f"{name}: {why}"] = left_out
-    main = next(r for r in rows if (r.noise, r.recipe, r.strokes) == (noise, FIELD.name, 1))
+    force_map = bench.force_map_of(model.recipe)
+    main = next(r for r in rows if (r.noise, r.recipe, r.strokes) == (noise, model.recipe.name, 1))
     spec = model.spec(
         {
             "hash": hash_of(train, calibration, *(() if rim is None else (rim,))),
@@ -114,7 +119,7 @@ def _result(bench: Bench, model: FieldModel, parts: Parts, noise: str, rows: lis
             "seed": bench.seed,
             "features": _some(train.columns(model.polynomial.names)[model.lump(train)]),
         },
-        bench.force_map.as_dict(),
+        force_map and force_map.as_dict(),
         held_out=flat(main.scores),
     )
     return FieldFit(
@@ -133,14 +138,14 @@ def _result(bench: Bench, model: FieldModel, parts: Parts, noise: str, rows: lis
     )
 
 
-def held_out(level: str, model: FieldModel, test: ObservedStrokes) -> list[HeldOutRow]:
-    """The lines of one model: one stroke, and for the field recipe four strokes averaged."""
+def held_out(level: str, model: FieldModel, test: ObservedStrokes, averages: bool) -> list[HeldOutRow]:
+    """The lines of one model: one stroke, and if `averages` says so four strokes averaged."""
     answers = model.answer(test)
     terms = len(model.polynomial.terms)
     name = model.recipe.name
     missed = int((~answers.lump).sum())
     out = [HeldOutRow(level, name, 1, terms, scores(test, answers.value, answers.lump, model.border), missed)]
-    if name == FIELD.name and level != "none":
+    if averages and level != "none":
         mean, y, lost = averaged(test, answers.y, answers.lump)
         if len(mean) > 1:
             found = scores(mean, from_link(y), np.ones(len(mean), bool), model.border)

@@ -43,7 +43,7 @@ def flags(
     judged = [(test, answers)]
     if bench.wide:
         every = np.arange(len(bench.wide))
-        observed = bench.observe(bench.wide, every, noise, DRAWS_OUTSIDE, _FIRST_OUTSIDE)
+        observed = bench.observe(bench.wide, every, noise, DRAWS_OUTSIDE, _FIRST_OUTSIDE, model.recipe)
         observed = observed.take(outside(observed))
         wide = model.answer(observed)
         judged.append((observed, wide))
@@ -59,7 +59,7 @@ def flags(
         }
     if bench.plain:
         every = np.arange(len(bench.plain))
-        observed = bench.observe(bench.plain, every, noise, DRAWS_PLAIN, _FIRST_PLAIN)
+        observed = bench.observe(bench.plain, every, noise, DRAWS_PLAIN, _FIRST_PLAIN, model.recipe)
         out["plain_strokes"] = float(len(observed))
         out["false_alarms"] = float(model.lump(observed).mean())
     return out, by_distance(model, judged)

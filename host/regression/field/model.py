@@ -119,7 +119,7 @@ class FieldModel:
         )
 
 
-def learn_force_map(lumps: Sequence[LumpStrokes]) -> force_maps.ForceMap:
+def learn_force_map(lumps: Sequence[LumpStrokes], displacement: bool = True) -> force_maps.ForceMap:
     """The map that moves a frame to another force, from the outer strokes of training lumps."""
     low = [lump.low.full() for lump in lumps]
     high = [lump.high.full() for lump in lumps]
@@ -128,6 +128,7 @@ def learn_force_map(lumps: Sequence[LumpStrokes]) -> force_maps.ForceMap:
         np.concatenate([s.displacement_mm for s in low]),
         np.concatenate([s.images_kPa for s in high]),
         np.concatenate([s.displacement_mm for s in high]),
+        displacement=displacement,
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.features.map_features import Floats
+from palpate.regression.observed import OF_THE_DISPLACEMENT
 from palpate.regression.ridge import Term, all_terms, fit_ridge, importance, monomials
 
 PILOT_FEATURES = (
@@ -51,7 +52,6 @@ CUBIC = (
     "tilt_10_14",
     "trace_7_9",
 )
-_DISPLACEMENT = ("ln_d28", "ln_d0", "ln_d_far", "dip_0_2", "dip_3_5", "dip_6_10", "dip_12_16", "dip_17_22")
 
 
 @dataclass(frozen=True)
@@ -93,11 +93,16 @@ class Recipe:
         kept = np.sort(np.argsort(-worth, kind="stable")[: self.most_cubic])
         return terms[:plain] + tuple(terms[plain + k] for k in kept)
 
+    @property
+    def displacement(self) -> bool:
+        """Whether it needs the displacement; without, the force map does without as well."""
+        return any(name in OF_THE_DISPLACEMENT for name in self.features)
+
     def pressure_only(self) -> Recipe:
         """The same without displacement."""
 
         def keep(names: tuple[str, ...]) -> tuple[str, ...]:
-            return tuple(n for n in names if n not in _DISPLACEMENT)
+            return tuple(n for n in names if n not in OF_THE_DISPLACEMENT)
 
         return Recipe(
             f"{self.name}, pressure only",
@@ -112,4 +117,6 @@ class Recipe:
 FIELD = Recipe("field", FIELD_FEATURES, 2, True, CUBIC, 48)
 SIX_WITH_MAP = Recipe("thesis' six, force map", THESIS_SIX, 3)
 SIX_BARE = Recipe("thesis' six", THESIS_SIX, 3, force_map=False)
-RECIPES = (FIELD, FIELD.pressure_only(), SIX_WITH_MAP, SIX_BARE)
+PRESSURE_ONLY = FIELD.pressure_only()
+"""For recordings without displacement."""
+RECIPES = (FIELD, PRESSURE_ONLY, SIX_WITH_MAP, SIX_BARE)

@@ -19,7 +19,7 @@ from firmware_py import geometry
 from palpate.regression.conformal import LEVEL
 from palpate.regression.field.bench import Bench
 from palpate.regression.field.model import Answers, FieldModel, fit_field_model
-from palpate.regression.field.recipe import FIELD, Recipe
+from palpate.regression.field.recipe import FIELD, PRESSURE_ONLY, Recipe
 from palpate.regression.field.score import hardness, scores
 from palpate.regression.observed import NAMES, ObservedStrokes, join
 from palpate.regression.probe_model import from_link, to_link
@@ -64,7 +64,7 @@ def row_of(setting: str, model: FieldModel, test: ObservedStrokes, answers: Answ
 
 
 def _row(bench: Bench, setting: str, noise: Noise, recipe: Recipe = FIELD, **sensor: Any) -> Row:
-    train, calibration, test, rim = bench.parts(noise, recipe.force_map, DRAWS, **sensor)
+    train, calibration, test, rim = bench.parts(noise, recipe, DRAWS, **sensor)
     return row_of(setting, fit_field_model(recipe, train, calibration, rim), test)
 
 
@@ -113,14 +113,14 @@ def _force(bench: Bench) -> Iterator[Row]:
 
 
 def _displacement(bench: Bench) -> Iterator[Row]:
-    yield _row(bench, "pressure only", bench.noise, FIELD.pressure_only())
+    yield _row(bench, "pressure only", bench.noise, PRESSURE_ONLY)
     for zero in (0.0, 0.05, 0.1, 0.3):
         noise = bench.noise.with_(displacement_zero_mm=zero)
         yield _row(bench, f"with displacement, zero good to {1e3 * zero:g} um", noise)
 
 
 def _learning(bench: Bench) -> Iterator[Row]:
-    train, calibration, test, _ = bench.parts(bench.noise, True, DRAWS)
+    train, calibration, test, _ = bench.parts(bench.noise, draws=DRAWS)
     lumps = np.random.default_rng(bench.seed).permutation(bench.split.train)
     linear = Recipe("degree 1", FIELD.features, 1)
     square = Recipe("degree 2", FIELD.features, 2)

@@ -49,7 +49,7 @@ def other_tissue(
 
 
 def _run(bench: Bench) -> Iterator[Row]:
-    train, calibration, test, rim = bench.parts(bench.noise, True, DRAWS)
+    train, calibration, test, rim = bench.parts(bench.noise, draws=DRAWS)
     model = fit_field_model(FIELD, train, calibration, rim)
     yield tissue_row("as trained", model, test)
     for words, changes in TISSUES.items():

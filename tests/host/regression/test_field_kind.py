@@ -58,7 +58,7 @@ def test_a_small_field_model_holds_on_lumps_it_never_saw(fitted, parts):
 def test_moving_frames_to_the_mean_force_is_what_makes_it_hold(bench, parts, fitted):
     """Without the force map the hand's wandering turns into ripple of the map (FACTS, "The sensor")."""
     bare = recipe.Recipe("bare", recipe.PILOT_FEATURES, 1, force_map=False)
-    train, calibration, test, _ = bench.parts("typical", False, draws=(2, 2, 2))
+    train, calibration, test, _ = bench.parts("typical", bare, draws=(2, 2, 2))
     poor = model.fit_field_model(bare, train, calibration).answer(test)
     good = fitted.answer(parts[2])
     with_map = score.scores(parts[2], good.value, good.lump)["d_error"]
