@@ -7,7 +7,6 @@ from firmware_py import calib, geometry, messages, status
 _CELLS = geometry.CELLS
 _FULL_SCALE = geometry.FULL_COUNT * 8
 _MOST_DEAD = _CELLS // 4  # so many at once are no broken cells: nothing presses, or no cable is plugged in
-_MOST_DIFFERENCE = 1000  # counts between two frames; more is a blow to the probe, not noise
 
 
 def square_root(n):
@@ -24,7 +23,7 @@ def square_root(n):
 def add_frame(packed, total, before, first):
     """Add a frame's counts to `total`, keep them in `before`.
 
-    Sum of squared differences from the one before.
+    Sum of squared differences from the one before; 1000 counts and more are a blow to the probe, not noise.
     """
     squares = 0
     at = 0

@@ -16,10 +16,17 @@ from palpate.dataset.columns import DataSetError
 from palpate.dataset.strokes import Seen, see
 from palpate.dataset.table import DataSet
 from palpate.features.map_features import Floats
-from palpate.model_export.fixed_point.reference import evaluate, monomials
+from palpate.model_export.fixed_point.reference import (
+    evaluate,
+    half_widths,
+    link_ends,
+    monomials,
+    sigma_of,
+    standardised,
+)
 from palpate.model_export.schema import OUTPUTS, ModelSpec
 from palpate.regression.observed import NAMES
-from palpate.regression.probe_model import E_INV23, training_hash
+from palpate.regression.probe_model import training_hash
 
 FEWEST_LUMPS = 5
 """Fewer are refused: their mean error says less than the simulated model."""
@@ -88,8 +95,8 @@ def adapt_to(spec: ModelSpec, seen: Seen) -> Adapted:
         for lump, without in zip(np.unique(group), correction.left_out(means, errors)):
             left = rows[group == lump]
             held_out[left, j] += basis.phi[left] @ without.coefficients
-    held_out = np.clip(held_out, *_ends(spec))
-    half = _halves(spec, seen, held_out)
+    held_out = np.clip(held_out, *link_ends(spec))
+    half = half_widths(spec, held_out, sigma_of(spec, standardised(spec, columns(spec, seen)), held_out))
     widths = {}
     for j, output in enumerate(spec.outputs):
         if output.name in corrections:
@@ -124,12 +131,11 @@ def basis_of(spec: ModelSpec, seen: Seen) -> tuple[Basis, dict[str, Any], Callab
     The last turns coefficients (columns, outputs) over phi into changes of the model's coefficients, (terms,
     outputs).
     """
-    X = seen.X[:, [NAMES.index(name) for name in spec.features]]
+    X = columns(spec, seen)
     said = evaluate(spec, X)
-    z = (np.clip(X, spec.clip_lo, spec.clip_hi) - np.array(spec.centre)) / np.array(spec.scale)
     C = np.array([o.coefficients for o in spec.outputs]).T
-    T = monomials(z, spec.terms)
-    lo, hi = _ends(spec)
+    T = monomials(standardised(spec, X), spec.terms)
+    lo, hi = link_ends(spec)
     middle, size = (lo + hi) / 2, (hi - lo) / 4
     outputs = (T @ C - middle) / size
     sizes = np.array([1.0 if len(term) < 2 else 2.0 ** (len(term) - 1) for term in spec.terms])
@@ -149,21 +155,9 @@ def basis_of(spec: ModelSpec, seen: Seen) -> tuple[Basis, dict[str, Any], Callab
     return basis, said, back
 
 
-def _ends(spec: ModelSpec) -> tuple[Floats, Floats]:
-    ends = np.array([[o.lo, o.hi] for o in spec.outputs]).T
-    is_ln = np.array([o.link == "ln" for o in spec.outputs])
-    ends[:, is_ln] = np.log(ends[:, is_ln])
-    return ends[0], ends[1]
-
-
-def _halves(spec: ModelSpec, seen: Seen, y: Floats) -> Floats:
-    """Half-widths, link scale, (n, outputs), of the model's intervals round other predictions."""
-    X = seen.X[:, [NAMES.index(name) for name in spec.features]]
-    z = (np.clip(X, spec.clip_lo, spec.clip_hi) - np.array(spec.centre)) / np.array(spec.scale)
-    inputs = np.hstack([monomials(z, spec.interval.terms), y])
-    sigma = np.exp(inputs @ np.array(spec.interval.coefficients).T)
-    hard = (y[:, E_INV23] < spec.hard_below).astype(int)
-    return np.asarray(np.array(spec.interval.quantiles).T[hard] * sigma, float)
+def columns(spec: ModelSpec, seen: Seen) -> Floats:
+    """The model's features of each stroke, (n, features)."""
+    return seen.X[:, [NAMES.index(name) for name in spec.features]]
 
 
 def _assemble(
@@ -205,7 +199,7 @@ def _assemble(
 
 def _domain(spec: ModelSpec, seen: Seen) -> Any:
     """Box and distance widened by what the data set's strokes need; never narrowed."""
-    X = seen.X[:, [NAMES.index(name) for name in spec.features]]
+    X = columns(spec, seen)
     clipped = np.clip(X, spec.clip_lo, spec.clip_hi)
     room = _ROOM * np.ptp(clipped, axis=0)
     lo = np.maximum(np.minimum(spec.domain.lo, clipped.min(axis=0) - room), spec.clip_lo)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from palpate.cli.output import json_option, note, print_json
+from palpate.cli.real import load_model
 from palpate.files import check_writable, whole_file
 
 if TYPE_CHECKING:
@@ -48,11 +49,9 @@ def command(
       palpate export out/model.json --key out/key --out out/model.palp
       palpate export out/model.json --key out/key --out out/model.palp --emit-mpy out/model.mpy --arch armv6m
     """
-    from palpate import models
     from palpate.model_export.exporter import export
-    from palpate.model_export.schema import ModelSpec
 
-    spec = models.load() if str(model) == "field" and not model.exists() else ModelSpec.load(model)
+    spec = load_model(model)
     files = _emitted(spec, emit_py, emit_mpy, arch)
     for place in (out, *files):
         check_writable(place)  # before anything is signed

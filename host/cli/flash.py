@@ -29,6 +29,7 @@ def command(image: Path, port: str, baud: int, as_json: bool) -> None:
     """
     from palpate.link.flash import check_image, flash, is_succession
     from palpate.link.probe import Probe
+    from palpate.model_export.image_builder import inspect
 
     data = read_whole(image, "model image")
     check_image(data)
@@ -40,7 +41,10 @@ def command(image: Path, port: str, baud: int, as_json: bool) -> None:
             task = bar.add_task("flashing", total=len(data))
             done = flash(probe, data, lambda at, size: bar.update(task, completed=at, total=size))
         seconds = time.monotonic() - began
-        summary = asdict(done) | {"port": probe.name, "replaced": before, "seconds": seconds}
+        adapted = "" if is_succession(data) else inspect(data).adapted
+        summary = asdict(done) | {
+            "port": probe.name, "replaced": before, "seconds": seconds, "adapted": adapted
+        }  # fmt: skip
     if as_json:
         print_json(summary)
     elif is_succession(data):
@@ -49,4 +53,5 @@ def command(image: Path, port: str, baud: int, as_json: bool) -> None:
         was = f" (was {before})" if before and before != done.model_id else ""
         click.echo(
             f"{summary['port']}: model {done.model_id} is live{was}; {done.size} bytes in {seconds:.1f} s"
+            + (f"; {adapted}" if adapted else "")
         )

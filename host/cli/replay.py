@@ -32,6 +32,8 @@ def command(recording: Path, model: Path | None, fat_kPa: float | None, as_json:
       palpate stream --strokes 1 --record visit.mcap
       palpate replay visit.mcap
     """
+    from palpate.model_export.image_builder import inspect
+    from palpate.recording.channels import MODEL
     from palpate.recording.reader import Recording
     from palpate.recording.replay import replay
 
@@ -45,8 +47,11 @@ def command(recording: Path, model: Path | None, fat_kPa: float | None, as_json:
             click.echo("\n".join(estimate_lines(stroke.probe, fat_kPa)))
             click.echo(f"  replay: {stroke.missing or ('identical' if stroke.identical else 'DIFFERENT')}")
     compared = [stroke for stroke in strokes if stroke.host is not None]
+    image = image or opened.attachment(MODEL)
+    adapted = inspect(image).adapted if image and compared else ""
     summary: dict[str, Any] = {
         "recording": recording,
+        "adapted": adapted,
         "finished": opened.finished,
         "identical": bool(compared) and all(stroke.identical for stroke in compared),
         "compared": len(compared),
@@ -64,4 +69,6 @@ def command(recording: Path, model: Path | None, fat_kPa: float | None, as_json:
         why = strokes[0].missing if strokes else "it holds no estimate"
         raise RecordingError(f"nothing in {recording} can be compared: {why}")
     if not as_json:
+        if adapted:
+            click.echo(f"the model was {adapted}")
         click.echo(f"replay: identical ({len(compared)} of {len(strokes)} strokes compared)")

@@ -63,7 +63,7 @@ def compile_model(spec: ModelSpec) -> ev.Tables:
     floors = [0.0 if o.link == "ln" else (o.hi - o.lo) / 10 for o in spec.outputs]
     distance = _distance_rows(spec, gain)
     features = _some_features(spec)
-    z = (np.clip(features, spec.clip_lo, spec.clip_hi) - np.array(spec.centre)) / spec.scale
+    z = reference.standardised(spec, features)
     form, summed = quantise.choose(rows, quantise.Inputs(z / gain, steps), floors)
     said = reference.evaluate(spec, features)
     y = (said["y"] - y_mid) / y_radius

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from firmware_py import outputs
 from palpate.model_export.schema import ModelSpec, Term
 
 
@@ -16,6 +17,35 @@ def monomials(z: np.ndarray, terms: tuple[Term, ...]) -> np.ndarray:
         for i in term:
             out[:, k] *= z[:, i]
     return out
+
+
+def standardised(spec: ModelSpec, features: np.ndarray) -> np.ndarray:
+    """Features (n x len(spec.features)) as the polynomials take them: clipped, centred, scaled."""
+    return (np.clip(features, spec.clip_lo, spec.clip_hi) - np.array(spec.centre)) / np.array(spec.scale)
+
+
+def link_ends(spec: ModelSpec) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest prediction of each output, link scale."""
+    lo, hi = (np.array([getattr(o, word) for o in spec.outputs]) for word in ("lo", "hi"))
+    is_ln = _logarithmic(spec)
+    lo[is_ln], hi[is_ln] = np.log(lo[is_ln]), np.log(hi[is_ln])
+    return lo, hi
+
+
+def sigma_of(spec: ModelSpec, z: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Expected size of the residuals round predictions y (n x 5, link scale) at standardised features z."""
+    inputs = np.hstack([monomials(z, spec.interval.terms), y])
+    return np.exp(inputs @ np.array(spec.interval.coefficients).T)
+
+
+def half_widths(spec: ModelSpec, y: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """Half the intervals' widths, n x 5, link scale: the quantile of a soft or a hard lump times sigma."""
+    hard = (y[:, outputs.E_INV23] < spec.hard_below).astype(int)
+    return np.array(spec.interval.quantiles).T[hard] * sigma
+
+
+def _logarithmic(spec: ModelSpec) -> np.ndarray:
+    return np.array([o.link == "ln" for o in spec.outputs])
 
 
 def evaluate(spec: ModelSpec, features: np.ndarray) -> dict[str, Any]:
@@ -36,18 +66,12 @@ def evaluate(spec: ModelSpec, features: np.ndarray) -> dict[str, Any]:
         The lump rule is not applied: it may need features that the model does not use.
     """
     raw = np.atleast_2d(np.asarray(features, float))
-    x = np.clip(raw, spec.clip_lo, spec.clip_hi)
-    z = (x - np.array(spec.centre)) / np.array(spec.scale)
-    is_ln = np.array([o.link == "ln" for o in spec.outputs])
-    y = monomials(z, spec.terms) @ np.array([o.coefficients for o in spec.outputs]).T
-    lo, hi = (np.array([getattr(o, word) for o in spec.outputs]) for word in ("lo", "hi"))
-    lo[is_ln], hi[is_ln] = np.log(lo[is_ln]), np.log(hi[is_ln])
-    y = np.clip(y, lo, hi)
-    inputs = np.hstack([monomials(z, spec.interval.terms), y])
-    sigma = np.exp(inputs @ np.array(spec.interval.coefficients).T)
+    z = standardised(spec, raw)
+    is_ln, (lo, hi) = _logarithmic(spec), link_ends(spec)
+    y = np.clip(monomials(z, spec.terms) @ np.array([o.coefficients for o in spec.outputs]).T, lo, hi)
+    sigma = sigma_of(spec, z, y)
     value = np.where(is_ln, np.exp(y), y)
-    hard = (value[:, 4] < spec.hard_below).astype(int)
-    width = np.array(spec.interval.quantiles).T[hard] * sigma
+    width = half_widths(spec, y, sigma)
     ends = [np.clip(y + s * width, lo, hi) for s in (-1, 1)]
     low, high = (np.where(is_ln, np.exp(e), e) for e in ends)
     away = z - np.array(spec.domain.centre)

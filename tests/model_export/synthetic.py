@@ -12,21 +12,8 @@ from firmware_py import features as firmware_features
 from firmware_py import model_image
 from palpate.model_export.fixed_point.reference import monomials
 from palpate.model_export.schema import OUTPUTS, Domain, Interval, Limit, ModelSpec, Output
+from palpate.regression.field.recipe import PILOT_FEATURES
 
-# in the order of the pilot's features
-PILOT_FEATURES = (
-    "ln_force",
-    "asinh_amp",
-    "ln_stdev",
-    "ln_base",
-    "ln_d_far",
-    "dip_6_10",
-    "ln_centre_share",
-    "ln_misfit",
-    "asinh_rise",
-    "trace_7_9",
-    "trace_12_16",
-)
 SIX = ("ln_base", "ln_amp", "ln_stdev", "inv_curvature", "ln_d28", "ln_d0")
 RANGES = {"F_N_per_m": (5.0, 300.0), "t_mm": (2.0, 60.0), "d_mm": (2.0, 40.0), "h": (0.1, 3.0)}
 

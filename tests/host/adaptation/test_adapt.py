@@ -1,19 +1,22 @@
 """Few lumps help a model and do not hurt it; what comes out is a model as any other."""
 
+import json
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from palpate import models
 from palpate.adaptation import correction, recalibration
-from palpate.adaptation.adapt import FEWEST_LUMPS, adapt_to, basis_of
+from palpate.adaptation.adapt import FEWEST_LUMPS, adapt_to, basis_of, columns
 from palpate.adaptation.left_out import before_and_after
 from palpate.dataset.answers import answers, found
 from palpate.dataset.columns import DataSetError
-from palpate.dataset.strokes import Seen
+from palpate.dataset.strokes import Seen, read_strokes
 from palpate.firmware_twin.replay_core import Replay
 from palpate.model_export.exporter import export
-from palpate.model_export.fixed_point.reference import evaluate
+from palpate.model_export.fixed_point import force_map
+from palpate.model_export.fixed_point.reference import evaluate, monomials, standardised
 from palpate.model_export.image_builder import inspect
 from palpate.model_export.schema import ModelSpec
 from palpate.regression.observed import NAMES
@@ -68,11 +71,7 @@ def test_the_correction_is_the_model_s_own_polynomial(spec, seen):
     basis, _, back = basis_of(spec, seen)
     B = 1e-3 * np.random.default_rng(2).standard_normal((basis.phi.shape[1], 5))
     C = np.array([o.coefficients for o in spec.outputs]).T
-    from palpate.model_export.fixed_point.reference import monomials
-
-    X = seen.X[:, [NAMES.index(n) for n in spec.features]]
-    z = (np.clip(X, spec.clip_lo, spec.clip_hi) - np.array(spec.centre)) / np.array(spec.scale)
-    T = monomials(z, spec.terms)
+    T = monomials(standardised(spec, columns(spec, seen)), spec.terms)
     np.testing.assert_allclose(T @ (C + back(B)), T @ C + basis.phi @ B, atol=1e-9)
 
 
@@ -103,6 +102,35 @@ def test_an_adapted_model_is_a_model_as_any_other_and_says_what_it_is(spec, seen
     assert Replay().force_map is None
     plain, _ = export(spec, key_dir)
     assert inspect(plain).adapted == ""
+
+
+def test_an_adapted_model_answers_on_the_probe_as_it_was_adapted(
+    spec, seen, emulated, key_dir, palpate, tmp_path
+):
+    """Exported, signed, flashed to real MicroPython, stroked, recorded, replayed; each says what it is."""
+    adapted = adapt_to(spec, seen)
+    adapted.spec.save(tmp_path / "adapted.json")
+    words = f"adapted from {spec.training['hash'][:16]} with {adapted.lumps} lumps"
+    image, visit, device = tmp_path / "adapted.palp", tmp_path / "visit.mcap", emulated("micropython")
+    assert palpate("export", tmp_path / "adapted.json", "--key", key_dir, "--out", image)[0] == 0
+    status, out, _ = palpate("flash", image, "--port", device.port, "--json")
+    assert status == 0 and json.loads(out)["adapted"] == words
+    model_id = json.loads(out)["model_id"]
+    status, out, _ = palpate("stream", "--port", device.port, "--strokes", 1, "--record", visit, "--json")
+    (estimate,) = json.loads(out)["strokes"]
+    assert status == 0 and estimate["model_id"] == model_id == inspect(image.read_bytes()).model_id
+    stroke = next(iter(read_strokes(visit).values()))
+    replayed = Replay(force_map.blob(spec.force_map))
+    replayed.stroke(stroke.packed, stroke.positions_um, stroke.displacements_um, stroke.calibration)
+    x = replayed.features()[[NAMES.index(n) for n in spec.features]]
+    own, before = evaluate(adapted.spec, x), evaluate(spec, x)
+    for j, name in ((2, "d_mm"), (3, "h")):
+        for part in ("value", "low", "high"):
+            assert estimate[name][part] == pytest.approx(own[part][0, j], rel=5e-3)
+        assert estimate[name]["value"] > 1.1 * before["value"][0, j], "read a fifth too small before"
+    status, out, _ = palpate("replay", visit, "--json")
+    again = json.loads(out)
+    assert status == 0 and again["identical"] is True and again["adapted"] == words
 
 
 def test_a_second_adaptation_starts_from_the_first(spec, seen):
