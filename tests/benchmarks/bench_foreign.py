@@ -26,7 +26,7 @@ from palpate.regression.ridge import all_terms
 from palpate.validation.agreement import errors_of
 from tests.foreign_world import FRAMES, Laboratory, kept
 
-STROKES, SIZES, DRAWS = 4, (5, 10, 20, 40), 20
+STROKES, SIZES, DRAWS = 4, (5, 10, 20, 40), 60
 SHOWN = ("d_mm", "depth_mm", "t_mm", "h", "E_inv23")
 
 
@@ -130,17 +130,22 @@ def study(
 
 
 def table(found: pd.DataFrame) -> str:
-    """The study as text: mean over the draws, in %; E^-2/3 in hundredths."""
+    """The study as text: mean over the draws, in %; E^-2/3 in hundredths.
+
+    Beside the coverage stands the half-width of its mean's 95 % interval over the draws.
+    """
     lines = [
-        f"{'':24}" + "".join(f"{name:>22}" for name in SHOWN),
-        f"{'':24}" + f"{'bias  error  covered':>22}" * 5,
+        f"{'':24}" + "".join(f"{name:>26}" for name in SHOWN),
+        f"{'':24}" + f"{'bias  error  covered':>26}" * 5,
     ]
     for (way, n), part in found.groupby(["way", "lumps"], sort=False):
         if way == "as it came" and n:
             continue
         mean = part.groupby("output")[["bias", "error", "covered"]].mean()
+        doubt = 1.96 * part.groupby("output")["covered"].sem().fillna(0.0)
         cells = "".join(
-            f"{100 * mean.bias[o]:+11.1f}{100 * mean.error[o]:6.1f}{100 * mean.covered[o]:5.0f}"
+            f"{100 * mean.bias[o]:+11.1f}{100 * mean.error[o]:6.1f}"
+            f"{100 * mean.covered[o]:5.0f}+-{100 * doubt[o]:.1f}"
             for o in SHOWN
         )
         lines.append(f"{way + (f', {n} lumps' if n else ''):24}{cells}")

@@ -141,20 +141,25 @@ def test_a_second_adaptation_starts_from_the_first(spec, seen):
     assert abs(np.log(y)).max() < 0.1, "there is little left to correct"
 
 
-@pytest.mark.parametrize("lumps", [5, 9, 19, 20, 40])
-def test_recalibrated_intervals_hold_what_they_say(lumps):
-    """Errors three times larger than the model thinks, half of each common to a lump's strokes."""
+@pytest.mark.parametrize("shared_part", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("lumps", [5, 9, 10, 20, 40])
+def test_recalibrated_intervals_hold_what_they_say(lumps, shared_part):
+    """Errors three times larger than the model thinks, part of each common to a lump's strokes.
+
+    With twenty lumps and more they hold no more either: once they held 94 % where strokes repeat well.
+    """
     rng = np.random.default_rng(lumps)
     covered = []
-    for _ in range(400):
+    for _ in range(300):
 
         def errors(n):
             shared = rng.standard_normal(n)[:, None]
-            return 3 / 1.645 * (shared + rng.standard_normal((n, 3))) / 2**0.5
+            own = rng.standard_normal((n, 3))
+            return 3 / 1.645 * (shared_part**0.5 * shared + (1 - shared_part) ** 0.5 * own)
 
         q = recalibration.factor(np.abs(errors(lumps)).ravel(), np.repeat(np.arange(lumps), 3), 0.9)
         covered.append((np.abs(errors(200)) <= q).mean())
-    assert 0.88 <= np.mean(covered) <= 0.94
+    assert 0.88 <= np.mean(covered) <= (0.95 if lumps < 20 else 0.92)
 
 
 @pytest.mark.parametrize(("lumps", "most"), [(5, 1.15), (20, 1.1)])
