@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -115,7 +116,7 @@ def _result(bench: Bench, model: FieldModel, parts: Parts, noise: str, rows: lis
             "n": int(model.lump(train).sum()) + (0 if rim is None else int(model.lump(rim).sum())),
             "lumps": len(bench.split.train),
             "rim_lumps": len(bench.rim),
-            "noise": noise,
+            "noise": Path(noise).name,  # of a sensor's file only the name: where it lay means nothing
             "seed": bench.seed,
             "features": _some(train.columns(model.polynomial.names)[model.lump(train)]),
         },

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.stats import qmc
@@ -117,7 +118,7 @@ def fit_thesis_model(
             "hash": training_hash(observed.X, observed.Y),
             "n": len(observed),
             "runs": len(runs),
-            "noise": noise if isinstance(noise, str) else "custom",
+            "noise": Path(noise).name if isinstance(noise, str) else "custom",
             "seed": seed,
             "features": observed.columns(FEATURES).tolist(),
         },
