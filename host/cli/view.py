@@ -12,6 +12,7 @@ import click
 
 from palpate.cli.output import note
 from palpate.cli.ports import fat_option
+from palpate.cli.real import load_model
 from palpate.errors import MissingExtra, PalpateError, PortAmbiguous, UsageError
 
 if TYPE_CHECKING:
@@ -53,6 +54,8 @@ Examples:
 @fat_option
 @click.option("--data", type=click.Path(path_type=Path, dir_okay=False),
               help="Data set with lumps visited again: what visits differ by themselves.")  # fmt: skip
+@click.option("--model", default="field", show_default=True, type=click.Path(path_type=Path),
+              help="Of --data: the model that the probe or the recording has.")  # fmt: skip
 @click.option("--browser/--no-browser", default=True, help="Open the page in the browser.")
 def command(
     recording: Path | None,
@@ -62,6 +65,7 @@ def command(
     recordings: Path,
     fat_kPa: float | None,
     data: Path | None,
+    model: Path,
     browser: bool,
 ) -> None:
     """Watch a probe, or a recording, in the browser.
@@ -80,7 +84,7 @@ def command(
     from palpate.view.read_strokes import load_strokes
     from palpate.view.replay import ReplaySource
 
-    between = _between(data)
+    between = _between(data, model)
     source: LiveSource | ReplaySource
     if recording is not None:
         if recording.suffix != ".mcap":
@@ -99,6 +103,7 @@ def command(
             load_strokes=load_strokes,
             token=_kept_token(),
             fat_kPa=fat_kPa,
+            between=between,
         )
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
@@ -106,23 +111,20 @@ def command(
             f"cannot listen on {host} port {http_port}: {reason}; try another --http-port"
         ) from error
 
-    viewer.session.visits.between = between
-
     def ready(url: str) -> None:
         click.echo(f"Palpate is at {url}  (Ctrl-C ends it)")
 
     viewer.run(open_browser=browser, on_ready=ready)
 
 
-def _between(data: Path | None) -> dict[str, Between]:
+def _between(data: Path | None, model: Path) -> dict[str, Between]:
     """What visits differ by, from a data set's lumps that were visited again; {} without one."""
     if data is None:
         return {}
-    from palpate import models
     from palpate.comparison.between import between_visits
     from palpate.dataset import table
 
-    return between_visits(models.load(), table.read(data))
+    return between_visits(load_model(model), table.read(data))
 
 
 def _kept_token() -> str:

@@ -125,5 +125,6 @@ def card(
             value, low, high = answer.stiffness(_span(estimate.E_inv23))
             out["E_ratio"] = {"value": value, "low": low, "high": high}
             out["stiffness_text"] = answer.stiffness_words(_span(estimate.E_inv23), fat_kPa)
-    row("F_N_per_m", "Force", "N/m", estimate.F_N_per_m)
+    if kind != "none":  # the probe sends zeros where it finds no lump
+        row("F_N_per_m", "Force", "N/m", estimate.F_N_per_m)
     return out

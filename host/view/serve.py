@@ -7,11 +7,12 @@ import secrets
 import socket
 import threading
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import uvicorn
 
+from palpate.comparison.change import Between
 from palpate.view.app import make_app
 from palpate.view.commands import Commands, LoadStrokes
 from palpate.view.events import LinkChanged, LinkState
@@ -32,6 +33,7 @@ class Viewer:
     load_strokes : reads the strokes of an earlier recording
     token : ask for this token; by default one is made up, and where it is empty nobody is asked (in a test)
     fat_kPa : Young's modulus of the fat, where it is known: stiffness is said in kPa, too
+    between : what visits differ by themselves (`comparison.between`), by quantity
 
     Raises
     ------
@@ -50,11 +52,13 @@ class Viewer:
         load_strokes: LoadStrokes = lambda path: (),
         token: str | None = None,
         fat_kPa: float | None = None,
+        between: Mapping[str, Between] | None = None,
     ) -> None:
         self.token = secrets.token_urlsafe(24) if token is None else token
         self._once: set[str] = set()
         self.source = source
         self.session = Session(mode=mode, name=source.name, fat_kPa=fat_kPa)
+        self.session.visits.between = between or {}
         self.commands = Commands(self.session, source, recordings, load_strokes)
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self._socket = socket.socket(family, socket.SOCK_STREAM)

@@ -120,7 +120,7 @@ def _result(bench: Bench, model: FieldModel, parts: Parts, noise: str, rows: lis
             "seed": bench.seed,
             "features": _some(train.columns(model.polynomial.names)[model.lump(train)]),
         },
-        force_map and force_map.as_dict(),
+        None if force_map is None else force_map.as_dict(),
         held_out=flat(main.scores),
     )
     return FieldFit(

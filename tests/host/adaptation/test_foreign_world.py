@@ -11,7 +11,7 @@ from tests.benchmarks import bench_foreign
 
 @pytest.fixture(scope="module")
 def found():
-    return bench_foreign.study(draws=3, sizes=(5, 20), fresh=False, strokes=2)
+    return bench_foreign.study(draws=3, sizes=(5, 20), fresh=0, strokes=2)
 
 
 def mean(found, way, lumps):
