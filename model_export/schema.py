@@ -73,7 +73,8 @@ class ModelSpec(ModelData):
         try:
             text = Path(path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
-            raise ModelError(f"cannot read the model {path}: {error}") from None
+            why = error.strerror if isinstance(error, OSError) else "it is not text"
+            raise ModelError(f"cannot read the model {path}: {(why or str(error)).lower()}") from None
         try:
             data = json.loads(text, parse_constant=_no_constant, parse_int=_integer)
         except ValueError as error:

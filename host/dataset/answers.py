@@ -134,7 +134,8 @@ def refuse_outside(data: DataSet, spec: ModelSpec) -> None:
 
 
 def _outside(line: object, spec: ModelSpec) -> tuple[str, str]:
-    for output, (low, high) in zip(spec.outputs, spec.domain.ranges):
+    ranges = sorted(zip(spec.outputs, spec.domain.ranges), key=lambda pair: pair[0].name == "t_mm")
+    for output, (low, high) in ranges:  # t last: it is mostly worked out, and another column is to blame
         low, high = (output.lo if low is None else low), (output.hi if high is None else high)
         column = TRUTH_COLUMN.get(output.name, output.name)
         if column == "E_ratio":

@@ -85,7 +85,14 @@ def write(table: pd.DataFrame, path: str | Path) -> None:
 
 
 def _csv(path: Path) -> pd.DataFrame:
-    return _opened(path, lambda: pd.read_csv(path, dtype=str, keep_default_na=False, skipinitialspace=True))
+    raw = _opened(
+        path, lambda: pd.read_csv(path, header=None, dtype=str, keep_default_na=False, skipinitialspace=True)
+    )
+    heads = [str(name).removeprefix("\ufeff").strip() for name in raw.iloc[0]]
+    for at, name in enumerate(heads):
+        if name and name in heads[:at]:
+            raise DataSetError(f"row 1, column {name}: it is there twice")
+    return raw.iloc[1:].set_axis(heads, axis=1).reset_index(drop=True)
 
 
 def _parquet(path: Path) -> pd.DataFrame:
@@ -102,7 +109,8 @@ def _opened(path: Path, load: Callable[[], pd.DataFrame]) -> pd.DataFrame:
             f"the data set {path} cannot be read: {(error.strerror or str(error)).lower()}"
         ) from None
     except (ValueError, UnicodeDecodeError) as error:  # pandas' and pyarrow's own errors are ValueErrors
-        raise DataSetError(f"{path} cannot be read as a table: {str(error).splitlines()[0]}") from None
+        why = str(error).splitlines()[0].removeprefix("Error tokenizing data. C error: ").split(". ")[0]
+        raise DataSetError(f"{path} cannot be read as a table: {why}") from None
 
 
 def check(raw: pd.DataFrame, path: Path) -> DataSet:

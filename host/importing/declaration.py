@@ -108,7 +108,7 @@ class Declaration:
         if "{row}" not in self.pressure:
             return []
         pairs = ((r, c) for r in range(self.rows) for c in range(self.columns))
-        return [self.pressure.format(row=r, column=c) for r, c in pairs]
+        return [self.pressure.replace("{row}", str(r)).replace("{column}", str(c)) for r, c in pairs]
 
 
 def read(path: str | Path) -> Declaration:

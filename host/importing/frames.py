@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -242,5 +243,5 @@ def _opened(path: Path, load: Callable[[], Any]) -> Any:
     except OSError as error:
         reason = error.strerror or str(error).splitlines()[0]
         raise NoSuchFile(f"{path} cannot be read: {reason.lower()}") from None
-    except (ValueError, EOFError) as error:
+    except (ValueError, EOFError, zipfile.BadZipFile) as error:
         raise ImportFailed(f"{path} cannot be read: {str(error).splitlines()[0]}") from None

@@ -68,6 +68,26 @@ def test_what_is_wrong_is_one_sentence(tmp_path, old, new, sentence):
         read(tmp_path, GOOD.replace(old, new, 1))
 
 
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("recording,stroke,lump,d_mm,d_mm\na.mcap,1,A,12,13\n", "row 1, column d_mm: it is there twice"),
+        ("recording,stroke,lump,d_mm\na.mcap,1,A,12,7,7\n", "Expected 4 fields in line 2, saw 6"),
+    ],
+)
+def test_a_heading_that_does_not_fit_the_rows_is_refused(tmp_path, text, sentence):
+    """Once the second of two columns was dropped, and values too many shifted all the others."""
+    with pytest.raises(DataSetError, match=sentence):
+        read(tmp_path, text)
+
+
+def test_lengths_in_cm_blame_the_column_that_was_written(tmp_path):
+    """Once it was t, which follows from d and depth and stood in no file."""
+    data = read(tmp_path, "recording,stroke,lump,d_mm,depth_mm,place\na.mcap,1,A,1.2,0.8,border\n")
+    with pytest.raises(DataSetError, match=r"row 2, column d_mm: 1.2 is outside .* is it in cm"):
+        answers.refuse_outside(data, models.load())
+
+
 def test_h_and_depth_must_agree(tmp_path):
     text = "recording,stroke,lump,d_mm,depth_mm,h\na.mcap,1,A,10,8,0.5\n"
     with pytest.raises(DataSetError, match="row 2, column depth_mm: 8 contradicts h, which makes it 5"):

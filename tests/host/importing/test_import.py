@@ -176,6 +176,19 @@ def test_a_file_that_is_not_what_it_is_declared_to_be(felt, tmp_path, change, se
     assert not (tmp_path / "a.mcap").exists()
 
 
+def test_a_file_that_was_written_by_half(tmp_path):
+    np.savez(tmp_path / "a.npz", x=np.zeros(50))
+    whole = (tmp_path / "a.npz").read_bytes()
+    (tmp_path / "a.npz").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(ImportFailed, match=r"a.npz cannot be read: File is not a zip file"):
+        importer.import_file(tmp_path / "a.npz", tmp_path / "a.mcap", declared(tmp_path))
+
+
+def test_a_name_with_other_braces_is_a_name(tmp_path):
+    said = declared(tmp_path, DECLARED.replace("p_{row}_{column}", "{p}_{row}_{column}"))
+    assert said.cell_names()[:2] == ["{p}_0_0", "{p}_0_1"]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
