@@ -108,7 +108,7 @@ def test_a_force_map_of_extreme_numbers_stays_in_range(fields):
     p = watched.pipeline.Pipeline(calib.Calibration())
     frames = SensorModel(fields[0], LEVELS["poor"], 1).stroke()
     for extreme in (-32768, 32767, None):
-        blob = bytearray([0x46, forcemap.VERSION, 12, 0, *bytes(8)])
+        blob = bytearray([0x46, forcemap.VERSION, 12, 0, *bytes(4), 1, 0, 0, 0])
         for _ in range(forcemap.COEFS):
             v = int(rng.integers(-32768, 32768)) if extreme is None else extreme
             blob += (v & 65535).to_bytes(2, "little")
