@@ -14,11 +14,8 @@ CLEAR = 6  # the best column must rise this many times the scatter above the col
 NEARLY_ALL = COLS * 11 // 13
 
 
-def respond(maps, points, centre, stdev, answer, bump):
-    """Each column's amplitude of the bump (centre and stdev in Q16 mm): answer[c] in Q3 counts.
-
-    maps: points x COLS, Q7 counts; bump: working space for `points` numbers. Returns 0 if the bump is flat.
-    """
+def make_bump(points, centre, stdev, bump):
+    """The bump (centre and stdev in Q16 mm) less its mean, in bump[0..points); its norm, 0 if it is flat."""
     wide = stdev >> 4
     s = 0
     for i in range(points):
@@ -32,15 +29,21 @@ def respond(maps, points, centre, stdev, answer, bump):
         norm += bump[i] * bump[i]
     if norm < 4096:
         return 0
-    norm >>= 10
-    for c in range(COLS):
+    return norm >> 10
+
+
+def respond(maps, points, bump, norm, answer, first, columns):
+    """How much of the bump each of `columns` columns from `first` on sees: answer[c] in Q3 counts.
+
+    maps: points x columns, Q7 counts (traces.map_columns); bump, norm: from `make_bump`.
+    """
+    for c in range(columns):
         s = 0
         j = c
         for i in range(points):
             s += bump[i] * (maps[j] >> 4)
-            j += COLS
-        answer[c] = s // norm
-    return 1
+            j += columns
+        answer[first + c] = s // norm
 
 
 def smooth(answer, half, out):

@@ -1,6 +1,6 @@
 """Takes commands apart, keeps each from being executed twice, and answers."""
 
-from firmware_py import counters, messages, outbox, status
+from firmware_py import counters, messages, status
 
 REMEMBERED = 4
 UNKNOWN = 0xFF
@@ -24,7 +24,6 @@ class Commands:
         self._counts = counts
         self._box = box
         self._handlers = handlers
-        self._body = bytearray(outbox.MESSAGE_BODY)
         self._keys = [b""] * REMEMBERED
         self._answers = [b""] * REMEMBERED
         self._next = 0
@@ -87,7 +86,7 @@ class Commands:
     def _answer(self, kind, number, key, answer):
         length = self._send(kind | messages.ANSWER, number, answer[0], answer[1], answer[2])
         self._keys[self._next] = key
-        self._answers[self._next] = bytes(self._body[:length])
+        self._answers[self._next] = bytes(self._box.body[:length])
         self._next = (self._next + 1) % REMEMBERED
         if answer[0] >= 0:
             counters.add(self._counts, counters.COMMANDS, 1)
@@ -95,6 +94,7 @@ class Commands:
     def _send(self, kind, number, code, values, tail):
         if code < 0:
             counters.add(self._counts, counters.COMMANDS_REFUSED, 1)
-        length = messages.pack(self._body, kind, number, code, values, tail)
-        self._box.post(self._body, length)
+        body = self._box.body
+        length = messages.pack(body, kind, number, code, values, tail)
+        self._box.post(body, length)
         return length

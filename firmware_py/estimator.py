@@ -25,7 +25,7 @@ def _never():
 
 def _pipeline(calibration, columns):
     if columns is None:
-        return pipeline.Pipeline(calibration)
+        return pipeline.Pipeline(calibration, once=True)
     from firmware_py import rowpipeline
 
     return rowpipeline.RowPipeline(calibration, columns[0], columns[1])

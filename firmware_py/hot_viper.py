@@ -147,11 +147,20 @@ def sum_rows(cells: ptr16, slot: ptr8, n: int, first: int, last: int, rows: ptr3
 
 @micropython.viper
 def map_columns(
-    x_um: ptr32, n: int, cells: ptr16, slot: ptr8, level: ptr32, start_um: int, out: ptr32, points: int
+    x_um: ptr32,
+    n: int,
+    cells: ptr16,
+    slot: ptr8,
+    level: ptr32,
+    start_um: int,
+    out: ptr32,
+    points: int,
+    first: int,
+    columns: int,
 ):
     """See traces.map_columns."""
     rows_ = int(_ROWS)
-    columns = int(_COLUMNS)
+    width = int(_COLUMNS)
     size = int(_CELLS)
     pitch = int(_PITCH_UM)
     end = points * columns
@@ -177,8 +186,8 @@ def map_columns(
             v = (t << 12) // h
             u = (4096 - v) * level[k] >> 12
             v = v * level[k + 1] >> 12
-            a = slot[k] * size + row * columns
-            b = slot[k + 1] * size + row * columns
+            a = slot[k] * size + row * width + first
+            b = slot[k + 1] * size + row * width + first
             j = i * columns
             e = j + columns
             while j < e:

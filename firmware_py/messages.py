@@ -111,6 +111,11 @@ def head_size(kind):
     return 1 if kind & 0x40 else 3
 
 
+def size(kind, tail):
+    """Bytes of an event with so many numbers behind its fields."""
+    return head_size(kind) + struct.calcsize("<" + TABLE[kind][2]) + 4 * tail
+
+
 def pack(body, kind, message_id, status, values, tail=b""):
     """Write a message into body (a bytearray); return its length.
 

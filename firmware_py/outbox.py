@@ -21,10 +21,12 @@ class Outbox:
     """Two rings of preallocated bodies and one wire buffer.
 
     Parameters: counts (the probe's counters), frames and messages: how many of each may wait.
+    `body` is where a message is packed before it is queued.
     """
 
-    def __init__(self, counts, frames=4, messages_=16):
+    def __init__(self, counts, frames=4, messages_=10):
         self._counts = counts
+        self.body = bytearray(MESSAGE_BODY)
         # one more frame than may wait: the one that the sensors are being read into
         self._frames = [bytearray(messages.FRAME_BODY + _CRC) for _ in range(frames + 1)]
         self._views = [memoryview(f)[messages.FRAME_HEAD : messages.FRAME_BODY] for f in self._frames]
@@ -71,13 +73,13 @@ class Outbox:
         counters.add(self._counts, _FRAMES_DROPPED, self.frames_waiting)
         self.frames_waiting = 0
 
-    def post(self, body, length):
-        """Queue a copy of body[:length]; True if there was room."""
+    def post(self, body, length, at=0):
+        """Queue a copy of body[at:at + length]; True if there was room."""
         n = len(self._bodies)
         if self.messages_waiting == n:
             return False
         k = (self._head + self.messages_waiting) % n
-        self._bodies[k][:length] = memoryview(body)[:length]
+        self._bodies[k][:length] = memoryview(body)[at : at + length]
         self._lengths[k] = length
         self.messages_waiting += 1
         return True

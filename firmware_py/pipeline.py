@@ -17,6 +17,7 @@ _ROWS = geometry.ROWS
 _COLUMNS = geometry.COLUMNS
 _CELLS = geometry.CELLS
 _SUM_SHIFT = feature_chain.SUM_SHIFT
+_TOGETHER = feature_chain.PLACES // POINTS  # columns whose maps lie in memory at a time
 
 
 def sum_rows(cells, slot, n, first, last, rows, total):
@@ -61,9 +62,11 @@ class Pipeline(feature_chain.Chain):
     n_bins, width_um : int
         How many position bins, and how wide; memory is two bytes a cell and bin.
     fixed_columns : (first, one after the last) to look at these only; None to find those that see the lump
+    once : bool
+        `finish` is asked for once a stroke; so the rows need not be kept as they were, which is 4 kB.
     """
 
-    def __init__(self, calibration, n_bins=bins.BINS, width_um=bins.WIDTH_UM, fixed_columns=None):
+    def __init__(self, calibration, n_bins=bins.BINS, width_um=bins.WIDTH_UM, fixed_columns=None, once=False):
         feature_chain.Chain.__init__(self, calibration, n_bins)
         self.bins = bins.Bins(n_bins, width_um)
         self.fixed_columns = fixed_columns
@@ -71,10 +74,8 @@ class Pipeline(feature_chain.Chain):
         self.stuck = 0  # how many cells stood at a rail all along, and were mended
         self._found = bytearray(geometry.MASK_BYTES)
         self._slot = bytearray(n_bins)
-        self._maps = array("i", bytes(4 * feature_chain.POINTS * _COLUMNS))
-        self._exact = array(
-            "i", bytes(4 * _ROWS * n_bins)
-        )  # rows over all columns, before cells were rounded
+        # rows over all columns, before cells were rounded
+        self._exact = self._rows if once else array("i", bytes(4 * _ROWS * n_bins))
         self.reset()
 
     def reset(self):
@@ -123,7 +124,7 @@ class Pipeline(feature_chain.Chain):
             )
         if self.fixed_columns:
             sum_rows(b.cells, self._slot, self.n, span[0], span[1], self._rows, self._force)
-        else:
+        elif self._exact is not self._rows:
             for i in range(_ROWS * self.n):
                 self._rows[i] = self._exact[i]
 
@@ -133,14 +134,18 @@ class Pipeline(feature_chain.Chain):
             return False
         span = self.span
         cells = self.bins.cells
+        bump = self._small
+        norm = columns.make_bump(POINTS, self.fit[2], self.fit[3], bump)
+        if not norm:
+            return False
         level = self._work
         levels(self._force, self.force, self.n, level)
-        x = self._place - feature_chain.HALF_UM
-        traces.map_columns(self._x, self.n, cells, self._slot, level, x, self._maps, feature_chain.POINTS)
-        if not columns.respond(
-            self._maps, feature_chain.POINTS, self.fit[2], self.fit[3], self.columns, self._work
-        ):
-            return False
+        x = self._place - HALF_UM
+        maps = self._wide
+        for first in range(0, _COLUMNS, _TOGETHER):
+            n = min(_TOGETHER, _COLUMNS - first)
+            traces.map_columns(self._x, self.n, cells, self._slot, level, x, maps, POINTS, first, n)
+            columns.respond(maps, POINTS, bump, norm, self.columns, first, n)
         columns.choose(self.columns, self._small, span)
         if span[1] - span[0] == _COLUMNS:
             return False

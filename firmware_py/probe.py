@@ -52,7 +52,6 @@ class Probe:
         self._input = bytearray(_CHUNK)
         self._input_at = 0
         self._input_end = 0
-        self._event = bytearray(outbox.MESSAGE_BODY)
         self._event_seq = 0
         self.stream = stream.Stream(board.boots)
         self._stroke = 0  # the last that was begun
@@ -286,9 +285,10 @@ class Probe:
         self._post(messages.TYPE["log"], (level, self.board.ticks_us()), text.encode()[:200])
 
     def _post(self, kind, values, tail=b""):
-        length = messages.pack(self._event, kind, 0, 0, values, tail)
+        box = self.box
+        length = messages.pack(box.body, kind, 0, 0, values, tail)
         # the last places are for answers and results
-        if self.box.room() <= 4 or not self.box.post(self._event, length):
+        if box.room() <= 4 or not box.post(box.body, length):
             counters.add(self.counts, counters.EVENTS_DROPPED, 1)
 
 

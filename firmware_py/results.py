@@ -11,7 +11,7 @@ Then, as when another stream begins or another host identifies itself, it keeps 
 
 from array import array
 
-from firmware_py import counters, messages
+from firmware_py import counters, feature_chain, features, messages, outputs
 
 TRIES = 6
 _MOST_WAIT_MS = 60000
@@ -21,17 +21,24 @@ _SENDING = 2
 _ORDER = (1, 2, 0)  # of messages.HAVE_..., by bit
 _ESTIMATES = 2
 _LISTED = 20  # streams in the answer to `results`
+# how many are kept of each, and the numbers behind its fields
+_KEPT = (
+    ("map", 4, feature_chain.POINTS),
+    ("features", 4, features.COUNT),
+    ("estimate", 32, outputs.VALUES),
+)
 
 
 class Ring:
     """Packed messages of one kind.
 
-    Parameters: kind (its name), size (how many), longest (bytes of a body).
+    Parameters: kind (its name), size (how many), numbers (how many stand behind its fields).
     """
 
-    def __init__(self, kind, size, longest):
+    def __init__(self, kind, size, numbers):
         self.kind = messages.TYPE[kind]
-        self.bodies = [bytearray(longest) for _ in range(size)]
+        self.longest = messages.size(self.kind, numbers)
+        self.bodies = bytearray(size * self.longest)
         self.lengths = array("H", [0] * size)
         self.streams = array("i", [0] * size)
         self.strokes = array("i", [0] * size)
@@ -42,7 +49,7 @@ class Ring:
     def place(self):
         """Where the next one goes: the oldest that nobody waits for, else the oldest."""
         best = 0
-        for i in range(1, len(self.bodies)):
+        for i in range(1, len(self.state)):
             if self.state[i] and not self.state[best]:
                 continue
             if self.state[best] and not self.state[i] or self.older(i, best):
@@ -54,7 +61,7 @@ class Ring:
 
     def find(self, stream, stroke):
         """Where the one of that stroke is, or -1."""
-        for i in range(len(self.bodies)):
+        for i in range(len(self.state)):
             if self.lengths[i] and self.strokes[i] == stroke and self.streams[i] == stream:
                 return i
         return -1
@@ -62,7 +69,7 @@ class Ring:
     def due(self, now_us):
         """The one that is to be sent now, or -1. Allocates nothing."""
         best = -1
-        for i in range(len(self.bodies)):
+        for i in range(len(self.state)):
             if self.state[i] != _SENDING:
                 continue
             if self.tries[i] and counters.elapsed(now_us, self.due_us[i]) < 0:
@@ -93,7 +100,7 @@ class Results:
         self._box = box
         self._values = values
         self._setting = setting
-        self._rings = (Ring("map", 4, 272), Ring("features", 4, 136), Ring("estimate", 32, 108))
+        self._rings = tuple([Ring(kind, size, numbers) for kind, size, numbers in _KEPT])
         self._sending = 0
         self.stream = 0
         self.stroke = 0
@@ -114,9 +121,11 @@ class Results:
             lost = counters.ESTIMATES_GIVEN_UP if which == _ESTIMATES else counters.MAPS_GIVEN_UP
             counters.add(self._counts, lost, 1)
             self._set(ring, i, _FREE)
-        ring.lengths[i] = messages.pack(
-            ring.bodies[i], ring.kind, 0, 0, (self.stream, self.stroke) + values, tail
-        )
+        body = self._box.body
+        n = messages.pack(body, ring.kind, 0, 0, (self.stream, self.stroke) + values, tail)
+        at = i * ring.longest
+        ring.bodies[at : at + n] = memoryview(body)[:n]
+        ring.lengths[i] = n
         ring.streams[i] = self.stream
         ring.strokes[i] = self.stroke
         ring.tries[i] = 0
@@ -203,7 +212,7 @@ class Results:
             self._send(best, at, now_us)
 
     def _send(self, ring, i, now_us):
-        if not self._box.post(ring.bodies[i], ring.lengths[i]):
+        if not self._box.post(ring.bodies, ring.lengths[i], i * ring.longest):
             return
         if ring.tries[i]:
             counters.add(self._counts, counters.RESULTS_RESENT, 1)

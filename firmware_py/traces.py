@@ -87,13 +87,14 @@ def map_rows(x_um, n, rows, start_um, out, points, w):
     rescale(out, points)
 
 
-def map_columns(x_um, n, cells, slot, level, start_um, out, points):
-    """The same map for each column, from calibrated cells: out[point * COLUMNS + column], Q7 counts.
+def map_columns(x_um, n, cells, slot, level, start_um, out, points, first, columns):
+    """The same map for each of `columns` columns from `first` on, from calibrated cells, Q7 counts.
+
+    out[point * columns + column - first].
 
     `level[k]` (Q12, below 2) multiplies bin k, which takes out most of a wandering force. Between two
     bins the trace is straight: these maps only have to tell the columns apart.
     """
-    columns = _COLUMNS
     for i in range(points * columns):
         out[i] = 0
     s = _FIRST_ROW_UM
@@ -112,8 +113,8 @@ def map_columns(x_um, n, cells, slot, level, start_um, out, points):
             v = (t << 12) // h
             u = (4096 - v) * level[k] >> 12
             v = v * level[k + 1] >> 12
-            a = slot[k] * _CELLS + row * columns
-            b = slot[k + 1] * _CELLS + row * columns
+            a = slot[k] * _CELLS + row * _COLUMNS + first
+            b = slot[k + 1] * _CELLS + row * _COLUMNS + first
             j = i * columns
             e = j + columns
             while j < e:

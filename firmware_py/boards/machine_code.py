@@ -55,8 +55,8 @@ def _bins(fast):
     level = array("i", (4000, 4200))
     a = _numbers(geometry.COLUMNS)
     b = _numbers(geometry.COLUMNS)
-    traces.map_columns(x, 2, mine, slot, level, -1500, a, 1)
-    fast.map_columns(x, 2, mine, slot, level, -1500, b, 1)
+    traces.map_columns(x, 2, mine, slot, level, -1500, a, 1, 3, 7)
+    fast.map_columns(x, 2, mine, slot, level, -1500, b, 1, 3, 7)
     return a == b
 
 

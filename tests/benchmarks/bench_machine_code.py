@@ -52,7 +52,10 @@ def frames_and_stroke(architecture: str) -> dict[str, tuple[float, float]]:
         for k in range(p.n):
             work[k] = 4096
         start = int(p._x[p.n // 2]) - pipeline.HALF_UM
-        traces.map_columns(p._x, p.n, p.bins.cells, p._slot, work, start, p._maps, pipeline.POINTS)
+        for first in range(0, 26, 2):
+            traces.map_columns(
+                p._x, p.n, p.bins.cells, p._slot, work, start, p._wide, pipeline.POINTS, first, 2
+            )
         spent("a stroke: 26 column maps")
     return found
 

