@@ -108,6 +108,14 @@ def plan_fill(dead, fill):
     return n
 
 
+def dead_cells(dead):
+    """How many cells are marked."""
+    n = 0
+    for i in range(CELLS):
+        n += dead[i >> 3] >> (i & 7) & 1
+    return n
+
+
 class Calibration:
     """Turns counts into pressure: `offset` (1/8 count), `gain` (Q13), `dead` (one bit a cell)."""
 

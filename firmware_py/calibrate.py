@@ -87,10 +87,10 @@ class Calibrator:
         """Update the calibration from the frames taken; return a status."""
         c = self.calibration
         if self.kind == messages.CALIBRATE_ZERO:
-            before = dead_cells(c)
+            before = calib.dead_cells(c.dead)
             c.set_dead(())
             c.zero(self._total, self.taken)
-            return status.OK if dead_cells(c) - before < _MOST_DEAD else status.BAD_CALIBRATION
+            return status.OK if calib.dead_cells(c.dead) - before < _MOST_DEAD else status.BAD_CALIBRATION
         dead = [i for i in range(_CELLS) if c.dead[i >> 3] >> (i & 7) & 1]
         expected = self.pressure_pa * 1000 // c.count_mpa * 8
         if expected < 800 or expected > _FULL_SCALE:
@@ -106,11 +106,3 @@ class Calibrator:
                 c.gain[i] = min(expected * calib.UNIT_GAIN // felt, 32767)
         c.set_dead(dead)
         return status.OK if len(dead) - before < _MOST_DEAD else status.BAD_CALIBRATION
-
-
-def dead_cells(calibration):
-    """How many cells are marked dead."""
-    n = 0
-    for i in range(_CELLS):
-        n += calibration.dead[i >> 3] >> (i & 7) & 1
-    return n

@@ -32,9 +32,12 @@ MAPS_GIVEN_UP = 22
 LEASES_EXPIRED = 23
 
 
+_COUNT = len(messages.COUNTERS)
+
+
 def fresh():
     """All counters at zero."""
-    return array("i", [0] * len(messages.COUNTERS))
+    return array("i", [0] * _COUNT)
 
 
 def add(counters, which, n):

@@ -4,10 +4,10 @@ from array import array
 
 from firmware_py import (
     calib,
-    calibrate,
     evaluator,
     features,
     forcemap,
+    memory,
     messages,
     outputs,
     pipeline,
@@ -177,6 +177,8 @@ class Estimator:
             return status.BAD_VALUE, (), b""
         if not self._begin_measuring():
             return status.BUSY, (), b""
+        from firmware_py import calibrate  # a board has no room for it at other times
+
         fresh = calib.Calibration()
         fresh.load(self.calibration.to_bytes())
         self._calibrator = calibrate.Calibrator(fresh, kind, frames, pressure_pa)
@@ -192,11 +194,13 @@ class Estimator:
             return None
         if in_contact and c.kind == messages.CALIBRATE_ZERO:
             self._calibrator = None
-            return status.IN_CONTACT, (), b""
-        if not c.take(counts):
+            code = status.IN_CONTACT
+        elif not c.take(counts):
             return None
-        self._calibrator = None
-        code = c.finish()
+        else:
+            self._calibrator = None
+            code = c.finish()
+        memory.forget(memory.CALIBRATING)
         if code != status.OK:
             return code, (), b""
         return self._keep(c.calibration, c.kind, c.taken, c.noise_millicounts())
@@ -208,7 +212,7 @@ class Estimator:
             return code, (), b""
         self.calibration.load(blob)
         self.calibration_status = status.OK
-        return status.OK, (kind, frames, calibrate.dead_cells(calibration), noise), b""
+        return status.OK, (kind, frames, calib.dead_cells(calibration.dead), noise), b""
 
     def _read_back(self, fields):
         what, offset = fields

@@ -222,3 +222,21 @@ class Tables:
             self.u, self.part, self.high, self.work, out,
         )  # fmt: skip
         return verdict(x, self.ids, self.feats, self.limits, self.head, self.work, out)
+
+
+class Model:
+    """A model ready to evaluate (model_image.load), which needs nothing any more of what has loaded it.
+
+    tested: place and length of the vectors in its image.
+    """
+
+    def __init__(self, tables, force_map, header, tested):
+        self.tables = tables
+        self.force_map = force_map
+        self.tested = tested
+        self.evaluate = tables.evaluate
+        self.model_id = header.model_id
+        self.kind = header.kind
+        self.counter = header.counter
+        self.rollback = header.rollback
+        self.replaces = header.replaces

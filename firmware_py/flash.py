@@ -1,6 +1,6 @@
 """The commands that bring a new model: begin, data, verify, confirm, abort; the work is done in slots.py."""
 
-from firmware_py import features, keyring, messages, slots, status
+from firmware_py import features, keyring, memory, messages, slots, status
 
 
 class Flash:
@@ -13,6 +13,7 @@ class Flash:
         self.slots = slots.Slots(store, key, features.FEATURES_VERSION, features.COUNT)
         self.status = self.slots.boot()
         self.slots.settle()
+        memory.forget(memory.FLASHING)
         self._name = b""  # what the host calls the image that is on its way, or that came last
         self._refused = status.BAD_STATE  # why that one was dropped
 
@@ -49,7 +50,9 @@ class Flash:
             self.slots.abort()  # what is on its way is another image, though it may have the same size
             self._name = name
         self._refused = status.BAD_STATE
-        return self.slots.begin(size), (self.slots.received,), b""
+        code = self.slots.begin(size)
+        memory.forget(memory.FLASHING)
+        return code, (self.slots.received,), b""
 
     def _data(self, fields):
         offset, data = fields
@@ -65,6 +68,7 @@ class Flash:
         code = self.slots.verify()
         if code == status.OK:
             code = self.slots.try_()
+        memory.forget(memory.FLASHING)
         trial = self.slots.trial
         if code != status.OK:
             if self.slots.state == slots.IDLE:

@@ -5,6 +5,7 @@ import gc
 from firmware_py import counters, geometry, messages, status, tables
 
 _MASK = counters.MASK
+_KNOWN = tuple([command[0] for command in messages.COMMANDS])
 
 
 def _not_supported(_fields):
@@ -15,21 +16,21 @@ def table(probe):
     """Type of a command -> function(fields) -> (status, values, tail), for `commands.Commands`."""
     mine = Handlers(probe)
     known = {}
-    for command in messages.COMMANDS:
-        known[command[0]] = _not_supported  # what this build leaves out
-    for name, handler in (
-        ("identify", mine.identify),
-        ("get_setting", mine.get_setting),
-        ("set_setting", mine.set_setting),
-        ("stream_start", mine.stream_start),
-        ("stream_stop", mine.stream_stop),
-        ("statistics", mine.statistics),
-        ("time_sync", mine.time_sync),
-        ("stroke_ack", mine.stroke_ack),
-        ("stream_renew", mine.stream_renew),
-        ("results", mine.results),
+    for kind in _KNOWN:
+        known[kind] = _not_supported  # what this build leaves out
+    for kind, handler in (
+        (messages.TYPE["identify"], mine.identify),
+        (messages.TYPE["get_setting"], mine.get_setting),
+        (messages.TYPE["set_setting"], mine.set_setting),
+        (messages.TYPE["stream_start"], mine.stream_start),
+        (messages.TYPE["stream_stop"], mine.stream_stop),
+        (messages.TYPE["statistics"], mine.statistics),
+        (messages.TYPE["time_sync"], mine.time_sync),
+        (messages.TYPE["stroke_ack"], mine.stroke_ack),
+        (messages.TYPE["stream_renew"], mine.stream_renew),
+        (messages.TYPE["results"], mine.results),
     ):
-        known[messages.TYPE[name]] = handler
+        known[kind] = handler
     if probe.estimator:
         probe.estimator.add_handlers(known, probe.begin_measuring)
     return known

@@ -4,7 +4,7 @@ A *succession* is a new public key, signed by the one before it. It comes over t
 it is kept, only models of the new key are taken, and those that are already here stay.
 """
 
-from firmware_py import safe_record, slh_dsa, status
+from firmware_py import safe_record, status
 
 SUCCESSION = b"PALK\x01\0\0\0"  # what one begins with; then the new public key and the old one's signature
 
@@ -43,10 +43,14 @@ class Keyring:
 
     def least(self):
         """Bytes of the shortest thing that can be signed."""
+        from firmware_py import slh_dsa
+
         return slh_dsa.signature_size(self.current) + len(SUCCESSION) + len(self.installed)
 
     def signed(self, read, size):
         """(status, key) of a model: who has signed it."""
+        from firmware_py import slh_dsa
+
         code = slh_dsa.verify(self.current, read, size)
         if code == status.BAD_SIGNATURE and self.before:
             return slh_dsa.verify(self.before, read, size), self.before
@@ -54,6 +58,8 @@ class Keyring:
 
     def successor(self, read, size):
         """(status, public key) of a succession."""
+        from firmware_py import slh_dsa
+
         code = slh_dsa.verify(self.current, read, size, slh_dsa.SUCCESSOR)
         at = len(SUCCESSION)
         key = read(at, len(self.installed))

@@ -2,9 +2,12 @@
 
 The live slot is never written. Nothing has to be undone at a start: `boot` only reads, so it may itself be
 cut as often as one likes. `settle`, after it, repairs what had rotted. slots.py receives a new model.
+
+What checks and loads a model is imported where it is called: a board has no room for it at other times
+(memory.forget).
 """
 
-from firmware_py import keyring, model_image, safe_record, slh_dsa, status
+from firmware_py import keyring, safe_record, status
 
 NAMES = ("model0", "model1")
 TRIAL = "trial"  # there while a model is being tried: its id
@@ -18,7 +21,7 @@ class LiveModel:
 
     Parameters: the store; the public key that signs models (slh_dsa.py); what this firmware
     computes (features_version, feature_count); the probe's identity (model_image.PROBE).
-    `model` is the live model (model_image.Model) or None. After `boot`, `health` is OK or the worst of
+    `model` is the live model (evaluator.Model) or None. After `boot`, `health` is OK or the worst of
     REPAIRED, ROTTEN and TRIAL_HUNG (status.py).
     """
 
@@ -55,7 +58,7 @@ class LiveModel:
         if kept is None or len(kept) != RECORD_BYTES or self.record.state == status.ROTTEN:
             # gone, or never there: with nothing left of it, nothing in the slots was ever confirmed
             return self._recover() if self.health == status.ROTTEN else status.NO_MODEL
-        self._highest = model_image.u32(kept, 1)
+        self._highest = int.from_bytes(kept[1:5], "little")
         live = kept[0]
         if live > 1:
             return status.NO_MODEL
@@ -66,9 +69,7 @@ class LiveModel:
             return status.OK
         self._note(status.ROTTEN)
         code, model = self._open(1 - live)
-        if code == status.OK and (
-            model.model_id == kept[13:21] or self._new_enough(model.header) == status.OK
-        ):
+        if code == status.OK and (model.model_id == kept[13:21] or self._new_enough(model) == status.OK):
             self._live = 1 - live
             self.model = model
             return status.OK
@@ -91,8 +92,8 @@ class LiveModel:
         """The newest model of either slot, where the record is lost."""
         for slot in range(2):
             code, model = self._open(slot)
-            if code == status.OK and self._new_enough(model.header) == status.OK:
-                self._highest = max(model.header.counter, model.header.replaces)
+            if code == status.OK and self._new_enough(model) == status.OK:
+                self._highest = max(model.counter, model.replaces)
                 self._live = slot
                 self.model = model
         return status.OK if self.model else status.NO_MODEL
@@ -111,6 +112,8 @@ class LiveModel:
         return code, model if code == status.OK else None
 
     def _self_test(self, model, slot):
+        from firmware_py import model_image
+
         try:
             return model_image.self_test(model, self._reader(slot), self.feature_count)
         except (OverflowError, ValueError, IndexError):
@@ -122,20 +125,22 @@ class LiveModel:
         return lambda offset, n: store.read(name, offset, n)
 
     def _load(self, slot, key):
+        from firmware_py import model_image, slh_dsa
+
         body = self.store.size(NAMES[slot]) - slh_dsa.signature_size(key)
         return model_image.load(
             self._reader(slot), body, self.features_version, self.feature_count, self.probe
         )
 
-    def _new_enough(self, header):
-        counter = header.counter
-        if header.rollback and header.replaces > counter:
-            counter = header.replaces
+    def _new_enough(self, model):
+        counter = model.counter
+        if model.rollback and model.replaces > counter:
+            counter = model.replaces
         return status.OK if counter >= self._highest else status.TOO_OLD
 
     def _record_of(self, slot, model, before):
         """The record with this model live, and another one before it."""
-        highest = max(self._highest, model.header.counter)
+        highest = max(self._highest, model.counter)
         b = bytearray(RECORD_BYTES)
         b[0] = slot
         for i in range(4):
@@ -149,7 +154,7 @@ class LiveModel:
         """Put this model, which lies in `slot`, in the live one's place for good. A status."""
         code = self.record.save(self._record_of(slot, model, self.model))
         if code == status.OK:
-            self._highest = max(self._highest, model.header.counter)
+            self._highest = max(self._highest, model.counter)
             self._live = slot
             self.health = status.OK
             self.model = model

@@ -1,20 +1,25 @@
-"""The one big block of memory, taken before anything else is imported.
+"""A small board's memory: the one big block, taken first, and modules that are needed seldom, given back.
 
 A board with little memory reserves the cells' block as its first deed (boards/rp2_reference.py): once modules
 are loaded, no hole is large enough for it.
 """
 
+import sys
 from array import array
 
 from firmware_py import geometry
 
 BINS = 64
+FLASHING = ("model_image", "model_check", "unpack", "slh_dsa")  # what checks and loads a model
+CALIBRATING = ("calibrate",)
 
 _reserved = []  # type: list[array[int]]
+_small = []  # type: list[bool]
 
 
 def reserve():
-    """Take the block for `BINS` bins of cells now; `cells` will hand it out."""
+    """On a small board: take the block for `BINS` bins of cells now; `cells` will hand it out."""
+    _small.append(True)
     _reserved.append(_block(geometry.CELLS * BINS))
 
 
@@ -23,6 +28,15 @@ def cells(n):
     if _reserved and len(_reserved[0]) == n:
         return _reserved.pop()
     return _block(n)
+
+
+def forget(names):
+    """On a small board: give back the code of these modules; importing one loads it again."""
+    if not _small:
+        return
+    for name in names:
+        if sys.modules.pop("firmware_py." + name, None):
+            delattr(sys.modules["firmware_py"], name)
 
 
 def _block(n):

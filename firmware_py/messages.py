@@ -101,6 +101,8 @@ def _table():
 
 
 TABLE = _table()
+# type -> its fields for `struct`, its tail: all that is needed to pack it
+FORMATS = dict([(d[0], ("<" + d[2], d[4])) for d in COMMANDS + ANSWERS + EVENTS])
 TYPE = dict([(d[1], d[0]) for d in COMMANDS + EVENTS])
 
 
@@ -113,7 +115,7 @@ def head_size(kind):
 
 def size(kind, tail):
     """Bytes of an event with so many numbers behind its fields."""
-    return head_size(kind) + struct.calcsize("<" + TABLE[kind][2]) + 4 * tail
+    return head_size(kind) + struct.calcsize(FORMATS[kind][0]) + 4 * tail
 
 
 def pack(body, kind, message_id, status, values, tail=b""):
@@ -122,7 +124,7 @@ def pack(body, kind, message_id, status, values, tail=b""):
     kind: type byte; message_id: of the command (ignored for events); status: of an answer (else ignored);
     values: the fields, in order; tail: bytes, or ints where the table says so. ValueError if too long.
     """
-    definition = TABLE[kind]
+    fields, tail_kind = FORMATS[kind]
     body[0] = kind
     at = head_size(kind)
     if at > 1:
@@ -132,9 +134,8 @@ def pack(body, kind, message_id, status, values, tail=b""):
         body[3] = status & 255
         if status < 0:
             return at
-    fields = "<" + definition[2]
     n = struct.calcsize(fields)
-    if definition[4] == "i":
+    if tail_kind == "i":
         size = n + 4 * len(tail)
     else:
         size = n + len(tail)
@@ -142,7 +143,7 @@ def pack(body, kind, message_id, status, values, tail=b""):
         raise ValueError("message too long")
     struct.pack_into(fields, body, at, *values)
     at += n
-    if definition[4] == "i":
+    if tail_kind == "i":
         for value in tail:
             struct.pack_into("<i", body, at, value)
             at += 4
@@ -172,16 +173,16 @@ def unpack(body, length):
     """
     if length < 1:
         return None
-    definition = TABLE.get(body[0])
-    if definition is None:
+    kind = body[0]
+    known = FORMATS.get(kind)
+    if known is None:
         return None
-    kind, _, fields, _, tail = definition
+    fields, tail = known
     at = head_size(kind)
     if length < at:
         return None
     if kind & ANSWER and answer_status(body) < 0:
         return ()
-    fields = "<" + fields
     n = struct.calcsize(fields)
     left = length - at - n
     if left < 0 and not tail and -left <= tables.ADDED.get(kind, 0):

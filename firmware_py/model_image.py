@@ -92,18 +92,6 @@ class Header:
         return bytes(read(at, n)) if n else b""
 
 
-class Model:
-    """A model ready to evaluate."""
-
-    def __init__(self, header, tables, force_map):
-        self.header = header
-        self.tables = tables
-        self.force_map = force_map
-        self.model_id = header.model_id
-        self.kind = header.kind
-        self.evaluate = tables.evaluate
-
-
 def load(read, body, features_version, feature_count, probe=PROBE):
     """(status, model) of an image of `body` bytes, signature not counted; the model is None unless OK.
 
@@ -162,16 +150,17 @@ def _load(read, body, features_version, feature_count, probe):
         limits,
         head,
     )
-    return status.OK, Model(h, tables, parts[FORCE_MAP] or None)
+    return status.OK, evaluator.Model(tables, parts[FORCE_MAP] or None, h, h.places[SELF_TEST])
 
 
 def self_test(model, read, feature_count):
-    """Run the vectors that travel in the image; OK if every integer comes out as stated, else SELF_TEST.
+    """Run the vectors that travel in the model's image; OK if every integer is as stated, else SELF_TEST.
 
     Section: count, number of extra features, their ids; padding; their values; then for each vector one byte
     a feature (how far into its clip box, in 1/256) and, padded, the integers of its estimate.
     """
-    raw = model.header.section(read, SELF_TEST)
+    at, n = model.tested
+    raw = bytes(read(at, n)) if n else b""
     t = model.tables
     n = len(t.ids)
     if len(raw) < 4:

@@ -23,21 +23,21 @@ _ESTIMATES = 2
 _LISTED = 20  # streams in the answer to `results`
 # how many are kept of each, and the numbers behind its fields
 _KEPT = (
-    ("map", 4, feature_chain.POINTS),
-    ("features", 4, features.COUNT),
-    ("estimate", 32, outputs.VALUES),
+    (messages.TYPE["map"], 4, feature_chain.POINTS),
+    (messages.TYPE["features"], 4, features.COUNT),
+    (messages.TYPE["estimate"], 32, outputs.VALUES),
 )
 
 
 class Ring:
     """Packed messages of one kind.
 
-    Parameters: kind (its name), size (how many), numbers (how many stand behind its fields).
+    Parameters: kind (its type), size (how many), numbers (how many stand behind its fields).
     """
 
     def __init__(self, kind, size, numbers):
-        self.kind = messages.TYPE[kind]
-        self.longest = messages.size(self.kind, numbers)
+        self.kind = kind
+        self.longest = messages.size(kind, numbers)
         self.bodies = bytearray(size * self.longest)
         self.lengths = array("H", [0] * size)
         self.streams = array("i", [0] * size)

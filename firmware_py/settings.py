@@ -16,6 +16,11 @@ STROKE_PAUSE = 6
 RESEND_RESULTS = 7
 
 
+_LOWEST = tuple([definition[3] for definition in messages.SETTINGS])
+_HIGHEST = tuple([definition[4] for definition in messages.SETTINGS])
+_DEFAULTS = tuple([definition[5] for definition in messages.SETTINGS])
+
+
 class Settings:
     """Values by key, kept in a record (safe_record.Record) whenever one changes; None: kept nowhere.
 
@@ -23,7 +28,7 @@ class Settings:
     """
 
     def __init__(self, record=None):
-        self.values = [definition[5] for definition in messages.SETTINGS]
+        self.values = list(_DEFAULTS)
         self.state = status.OK
         self._record = record
         if record:
@@ -36,16 +41,17 @@ class Settings:
         """Take what an earlier run kept; a key that is gone or out of limits falls back to its default."""
         for i in range(len(stored) // 5):
             key, value = struct.unpack_from("<Bi", stored, 5 * i)
-            if key < len(self.values) and messages.SETTINGS[key][3] <= value <= messages.SETTINGS[key][4]:
+            if key < len(self.values) and _LOWEST[key] <= value <= _HIGHEST[key]:
                 self.values[key] = value
         for low, high in messages.ORDERED:
             if self.values[low] >= self.values[high]:
-                self.values[low] = messages.SETTINGS[low][5]
-                self.values[high] = messages.SETTINGS[high][5]
+                self.values[low] = _DEFAULTS[low]
+                self.values[high] = _DEFAULTS[high]
 
     def limits(self, key):
         """Lowest and highest value that a setting takes now: force_low stays below force_high."""
-        lowest, highest = messages.SETTINGS[key][3:5]
+        lowest = _LOWEST[key]
+        highest = _HIGHEST[key]
         for low, high in messages.ORDERED:
             if key == low:
                 highest = min(highest, self.values[high] - 1)

@@ -6,7 +6,7 @@ A power cut at any moment leaves the old model live until the moment in which th
 and the new one from then on (live_model.py). A successor of the key comes the same way (keyring.py).
 """
 
-from firmware_py import keyring, live_model, model_image, slh_dsa, status
+from firmware_py import geometry, keyring, live_model, status
 
 NAMES = live_model.NAMES
 TRIAL = live_model.TRIAL
@@ -24,9 +24,7 @@ class Slots(live_model.LiveModel):
     Parameters: those of LiveModel, and the largest image. `state` is one of the numbers above.
     """
 
-    def __init__(
-        self, store, key, features_version, feature_count, probe=model_image.PROBE, max_size=MAX_SIZE
-    ):
+    def __init__(self, store, key, features_version, feature_count, probe=geometry.NAME, max_size=MAX_SIZE):
         live_model.LiveModel.__init__(self, store, key, features_version, feature_count, probe)
         self.max_size = max_size
         self._forget()
@@ -49,6 +47,8 @@ class Slots(live_model.LiveModel):
 
         If an image of that size is already on its way it goes on: `received` says from where.
         """
+        from firmware_py import slh_dsa
+
         if not slh_dsa.available():
             return status.NOT_SUPPORTED
         if self.state == RECEIVING and size == self.size:
@@ -107,6 +107,8 @@ class Slots(live_model.LiveModel):
                 else:
                     self.abort()
                 return code
+            from firmware_py import slh_dsa
+
             code = slh_dsa.verify(self.keys.current, read, self.size)
         if code == status.OK:
             # should it hang, the next start says so; what is live has not been touched
@@ -115,7 +117,7 @@ class Slots(live_model.LiveModel):
         if code == status.OK:
             code, self.trial = self._load(slot, self.keys.current)
         if self.trial is not None:
-            code = self._new_enough(self.trial.header)
+            code = self._new_enough(self.trial)
         if code != status.OK:
             self.abort()
             return code

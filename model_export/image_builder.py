@@ -151,7 +151,7 @@ class Info:
         Bytes with the signature.
     signature : str or None
         None if no key was given, else "good".
-    model : firmware_py.model_image.Model
+    model : firmware_py.evaluator.Model
     """
 
     kind: str
@@ -165,7 +165,7 @@ class Info:
     adapted: str
     size: int
     signature: str | None
-    model: fw.Model
+    model: evaluator.Model
 
 
 def _body_size(data: bytes, key: bytes | None) -> int:

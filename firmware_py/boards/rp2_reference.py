@@ -39,6 +39,7 @@ from firmware_py import (  # noqa: E402
     safe_record,
     status,
     store,
+    wire,
 )
 from firmware_py.boards import links, pio_encoder, scan  # noqa: E402
 
@@ -118,6 +119,8 @@ def make(link: "links.UsbLink | links.UartLink") -> "tuple[Board, estimator.Esti
     """The board and what makes its estimates; it can be flashed if the public key is in the file key.pub."""
     board = Board(link)
     key = board.store.read(KEY_FILE, 0, 64)
+    if key:
+        say(link, "starting: the model's signature is checked")
     estimates = estimator.Estimator(board.store, flash.Flash(board.store, key) if key else None)
     if not key:
         estimates.model_status = status.NO_KEY
@@ -137,6 +140,14 @@ def notes(code: str, estimates: "estimator.Estimator") -> "Iterator[tuple[int, s
         yield messages.LOG_ERROR, "the watchdog restarted the probe: it had hung for %d s" % hung_s
     if estimates.model_status == status.NO_KEY:
         yield messages.LOG_WARNING, "no public key: copy the key's public half onto the probe as " + KEY_FILE
+
+
+def say(link: "links.UsbLink | links.UartLink", text: str) -> None:
+    """Tell the host something before there is a probe to tell it; what the link does not take is left out."""
+    body = bytearray(len(text) + 16)
+    n = messages.pack(body, messages.TYPE["log"], 0, 0, (messages.LOG_INFO, time.ticks_us()), text.encode())
+    packet = bytearray(wire.wire_size(n))
+    link.write(packet, 0, wire.seal(body, n, packet, 1))
 
 
 def _machine_code() -> str:

@@ -3,18 +3,23 @@
     lean({"status.py": "...", "probe.py": "..."}, main)
 
 Numbers that a module only states (`status.OK`, `FRAME_HEAD + geometry.FRAME_BYTES`) stand where they are
-used. What is then used nowhere goes: constants, sentences, functions and methods, imports. A name counts as
-used where anything of that name is, in any module, so nothing goes that could be meant. The integers stay.
+used, and tables that it works out from others (`messages.FORMATS`) are worked out here. What is then used
+nowhere goes: constants, sentences, functions and methods, imports. A name behind a module's is that module's;
+any other counts as used where anything of that name is, so nothing goes that could be meant. The integers
+stay.
 """
 
 from __future__ import annotations
 
 import ast
+import importlib
 import operator
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 _PACKAGE = "firmware_py"
+_PURE = {"bytes", "dict", "len", "list", "max", "min", "range", "sorted", "sum", "tuple"}
 _FOLDED: dict[type[ast.operator], Callable[[int, int], int]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -34,8 +39,9 @@ def lean(sources: Mapping[str, str], main: str) -> dict[str, str]:
     """
     trees = {path: ast.parse(text) for path, text in sources.items()}
     start = ast.parse(main)
-    for tree in trees.values():
+    for path, tree in trees.items():
         _Annotations().visit(tree)
+        _work_out(path, tree)
     facts = {path: _Facts(tree) for path, tree in trees.items()}
     changed = True
     while changed:
@@ -46,8 +52,8 @@ def lean(sources: Mapping[str, str], main: str) -> dict[str, str]:
         folds = [_Fold(path, fact, numbers) for path, fact in facts.items()]
         for fold in folds:
             fold.visit(fold.tree)
-        used = _used([*trees.values(), start])
-        dropped = [_drop(tree, used) for tree in trees.values()]
+        used = _used({**facts, "": _Facts(start)})
+        dropped = [_drop(tree, used[path] + used["*"]) for path, tree in trees.items()]
         facts = {path: _Facts(tree) for path, tree in trees.items()}
         reached = _reached(facts, _Facts(start))
         changed = any(fold.changed for fold in folds) or any(dropped) or reached != set(trees)
@@ -126,6 +132,63 @@ def _imported(node: ast.ImportFrom) -> Iterator[tuple[str, str]]:
             yield alias.asname or alias.name, path
 
 
+def _module(path: str) -> Any:
+    """A module of the firmware as it runs here; None for one that only a board can run."""
+    try:
+        return importlib.import_module(f"{_PACKAGE}.{path.removesuffix('.py').replace('/', '.')}")
+    except ImportError:
+        return None
+
+
+def _literal(value: object) -> ast.expr | None:
+    """An expression for a number, text, or a table of such."""
+    if isinstance(value, (tuple, dict)) or type(value) in (int, str, bytes):
+        try:
+            return ast.parse(repr(value) if ast.literal_eval(repr(value)) == value else "", mode="eval").body
+        except (SyntaxError, ValueError):
+            pass
+    return None
+
+
+def _work_out(path: str, tree: ast.Module) -> None:
+    """Put what a module works out of constants while it is loaded in as constants."""
+    if path.startswith("boards/") or (module := _module(path)) is None:
+        return
+    facts = _Facts(tree)
+    bound = facts.bound
+    made = {alias for alias, _ in facts.modules} | _PURE
+    made |= {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+    body: list[ast.stmt] = []
+    for node in tree.body:
+        body.append(node)
+        if not isinstance(node, ast.Assign) or _value(node.value) is not None:
+            continue
+        inner = {part.id for part in ast.walk(node.value) if isinstance(part, ast.Name)}
+        inside = {name for part in ast.walk(node.value) for name in _targets(part)}
+        (target,) = node.targets
+        names = _targets(target)
+        if inner - inside <= made and names and all(bound[name] == 1 for name in names):
+            values = [_literal(getattr(module, name, None)) for name in names]
+            if all(value is not None for value in values):
+                body[-1:] = [
+                    ast.Assign([ast.Name(name, ast.Store())], value)
+                    for name, value in zip(names, values, strict=True)
+                    if value is not None
+                ]
+        if all(bound[name] == 1 for name in names):
+            made.update(names)
+    tree.body = body
+
+
+def _targets(node: ast.AST) -> list[str]:
+    """The names that an assignment's target or a comprehension's loop binds."""
+    if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+        return [node.id]
+    if isinstance(node, ast.Tuple) and isinstance(node.ctx, ast.Store):
+        return [name for part in node.elts for name in _targets(part)]
+    return []
+
+
 class _Annotations(ast.NodeTransformer):
     """What only a type checker reads goes; viper's own types, which are not in quotes, stay."""
 
@@ -147,6 +210,7 @@ class _Fold(ast.NodeTransformer):
             for alias, where in facts.modules
             if where in numbers and facts.bound[alias] == times[alias]
         }
+        self._paths = {alias: where for alias, where in facts.modules if alias in self._others}
 
     def visit_Name(self, node: ast.Name) -> ast.AST:
         if isinstance(node.ctx, ast.Load) and node.id in self._own:
@@ -163,20 +227,40 @@ class _Fold(ast.NodeTransformer):
         self.generic_visit(node)
         return node
 
+    def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
+        """`messages.TYPE["log"]`"""
+        self.generic_visit(node)
+        table, key = node.value, node.slice
+        if (
+            isinstance(node.ctx, ast.Load)
+            and isinstance(table, ast.Attribute)
+            and isinstance(table.value, ast.Name)
+            and isinstance(key, ast.Constant)
+            and table.value.id in self._paths
+        ):
+            values = getattr(_module(self._paths[table.value.id]), table.attr, None)
+            if isinstance(values, dict) and type(values.get(key.value)) is int:
+                self.changed = True
+                return ast.Constant(values[key.value])
+        return node
 
-def _used(trees: list[ast.Module]) -> Counter[str]:
-    """How often each name is read anywhere, as a name, an attribute, a keyword, or a word in quotes."""
-    used: Counter[str] = Counter()
-    for tree in trees:
-        for node in ast.walk(tree):
+
+def _used(facts: Mapping[str, _Facts]) -> defaultdict[str, Counter[str]]:
+    """How often each module's names are read; under "*" attributes of who knows what, and words in quotes."""
+    used: defaultdict[str, Counter[str]] = defaultdict(Counter)
+    for path, fact in facts.items():
+        times = Counter(alias for alias, _ in fact.modules)
+        paths = {alias: where for alias, where in fact.modules if fact.bound[alias] == times[alias]}
+        for node in ast.walk(fact.tree):
             if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
-                used[node.id] += 1
+                used[path][node.id] += 1
             elif isinstance(node, ast.Attribute):
-                used[node.attr] += 1
+                owner = paths.get(node.value.id, "*") if isinstance(node.value, ast.Name) else "*"
+                used[owner][node.attr] += 1
             elif isinstance(node, ast.keyword) and node.arg:
-                used[node.arg] += 1
+                used["*"][node.arg] += 1
             elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-                used[node.value] += 1
+                used["*"][node.value] += 1
     return used
 
 

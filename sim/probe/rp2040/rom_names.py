@@ -1,9 +1,10 @@
-"""The names that MicroPython's port for the Pico holds in its flash: v1.24.1, and hardly another elsewhere.
+"""The names that MicroPython's port for the Pico holds in its flash, of v1.24.1; others differ a little.
 
-Where a port has not one of them it costs that port some memory, and nothing else.
+Where a port has not one of them it costs that port some memory, and nothing else. A test finds each in the
+port that the tests run.
 """
 
-NAMES = """
+_TEXT = """
 ADC ALT ALT_GPCK ALT_I2C ALT_PIO0 ALT_PIO1 ALT_PWM ALT_SIO ALT_SPI ALT_UART ALT_USB ARRAY AUTO
 ArithmeticError AssertionError AttributeError BFINT16 BFINT32 BFINT8 BFUINT16 BFUINT32 BFUINT8 BF_LEN BF_POS
 BIG_ENDIAN BUILTIN_CDC BUILTIN_DEFAULT BUILTIN_NONE BaseException BytesIO CORE_TEMP CTS CancelledError DHT11
@@ -90,4 +91,6 @@ vcvt_s32_f32 version version_info vfs viper vldr vline vmov vmrs vneg vsqrt vstr
 wait_for_ms wait_io_event waiter waiting waitq_len wfi word wrap wrap_socket wrap_target wrap_used write
 write_err write_readinto write_scratch writebit writeblocks writebyte writeto writeto_mem writevto ws x
 x_dec x_not_y xfer_cb y y_dec zip
-""".split()
+"""
+
+NAMES = tuple(_TEXT.split())
