@@ -1,9 +1,9 @@
-"""Where the reference board's memory and start-up time go: a table by module and by object.
+"""Where the reference board's memory and its start-up time go: a table by parts of the firmware.
 
-    PALPATE_RP2_UF2=... python -m tests.sim.probe.board_memory [--key PUBLIC_KEY --model IMAGE]
+    python -m tests.sim.probe.board_memory [--key public.key --model IMAGE]
 
-Each module is loaded after those that it needs, so that its line is its own; then the objects are made as
-`rp2_reference.main` makes them. Bytes are counted after a collection, on the emulated board.
+On the emulated RP2040, in device time. Each module is loaded after those that it needs, so that its bytes are
+its own; then the objects are made in the order of `rp2_reference.main`. Bytes are counted after a collection.
 """
 
 from __future__ import annotations
@@ -11,84 +11,74 @@ from __future__ import annotations
 import argparse
 import ast
 import tempfile
+from collections import defaultdict
 from pathlib import Path
 
+from rich.console import Console
+from rich.table import Table
+
 from palpate.sim.probe.rp2040 import board_files
+from palpate.sim.probe.rp2040.chip import Dead
 from palpate.sim.probe.rp2040.lean import lean
+from palpate.sim.probe.rp2040.names import borrowed
 from tests.sim.probe import board_bench
 
-_MEASURE = """
-import gc, time, micropython
-exec(open("loader.py").read())
-def line(name, before, began):
-    ms = time.ticks_diff(time.ticks_us(), began) / 1000
-    gc.collect()
-    print(name, before - gc.mem_free(), ms)
-    return gc.mem_free()
+_PROGRAM = """
+import gc, sys, time, micropython
 gc.collect()
 free = gc.mem_free()
-print("heap", free, time.ticks_ms())
-gc.threshold(32768)
-for name in {modules}:
+began = time.ticks_us()
+def line(name):
+    global free, began
+    us = time.ticks_diff(time.ticks_us(), began)
+    gc.collect()
+    print(name, free - gc.mem_free(), us)
+    free = gc.mem_free()
     began = time.ticks_us()
-    __import__(name)
-    if name == "firmware_py.memory":
-        sys.modules[name].reserve()
-    free = line(name, free, began)
-from firmware_py import counters, outbox, results, wire, acquire, settings, messages, commands, handlers
-from firmware_py import probe, stroke_state, calib, feature_chain, bins, pipeline
-from firmware_py.boards import rp2_reference as board_module
-gc.collect(); free = gc.mem_free(); began = time.ticks_us()
-code = board_module._machine_code()
-free = line("=machine_code", free, began); began = time.ticks_us()
-from firmware_py.boards import links
-box = outbox.Outbox(counters.fresh())
-free = line("=(Outbox)", free, began); began = time.ticks_us()
-r = results.Results(None, box, [], 0)
-free = line("=(Results)", free, began)
-box = r = None
-gc.collect(); free = gc.mem_free(); began = time.ticks_us()
-c = calib.Calibration()
-free = line("=(Calibration)", free, began); began = time.ticks_us()
-c = None
-gc.collect(); free = gc.mem_free(); began = time.ticks_us()
-from firmware_py import pipeline
-p = pipeline.Pipeline(calib.Calibration())
-free = line("=(Pipeline)", free, began)
-from firmware_py import memory
-memory._reserved.append(p.bins.cells)
-p = None
-gc.collect(); free = gc.mem_free(); began = time.ticks_us()
-try:
-    board = board_module.Board(links.UsbLink())
-    micropython.kbd_intr(3)
-    free = line("=Board", free, began); began = time.ticks_us()
-    key = board.store.read("key.pub", 0, 64)
-    from firmware_py import flash, estimator
-    f = flash.Flash(board.store, key) if key else None
-    free = line("=Flash", free, began); began = time.ticks_us()
-    estimates = estimator.Estimator(board.store, f)
-    free = line("=Estimator", free, began); began = time.ticks_us()
-except Exception as e:
-    micropython.kbd_intr(3)
-    print("= =", repr(e))
-    micropython.qstr_info()
-    micropython.mem_info()
-p = probe.Probe(board, estimates)
-free = line("=Probe", free, began)
-print("=", gc.mem_free(), "=")
-micropython.qstr_info()
+line("nothing")
+for module in MODULES:
+    __import__(module)
+    if module == "firmware_py.memory":
+        sys.modules[module].reserve()
+    line(module)
+from firmware_py import estimator, flash, probe, store
+from firmware_py.boards import links, rp2_reference
+line("nothing")
+rp2_reference._machine_code()
+line("machine_code")
+link = links.UsbLink()
+micropython.kbd_intr(3)
+board = rp2_reference.Board(link)
+line("Board")
+key = board.store.read("key.pub", 0, 64)
+flashing = flash.Flash(board.store, key) if key else None
+line("Flash")
+made = estimator.Estimator(board.store, flashing)
+line("Estimator")
+made = probe.Probe(board, made)
+line("Probe")
+print("free", gc.mem_free(), 0)
 micropython.mem_info()
 """
+_PARTS = {
+    "the pipeline": "bins calib columns feature_chain features fixed forcemap gauss gaussfit geometry "
+    "pipeline profile search stuck traces",
+    "the model": "constant evaluator polynomial scales verdict",
+    "flashing and the store": "flash keyring live_model safe_record slots store",
+    "checking a model, calibrating (given back)": "calibrate model_check model_image slh_dsa unpack",
+    "link and messages": "cobs counters crc messages outbox tables wire",
+    "commands, strokes, results": "acquire commands estimator handlers probe results settings stream "
+    "stroke_state",
+    "the cells' block": "memory",
+}
 
 
-def in_order(sources: dict[str, str], main: str) -> list[str]:
+def in_order(sources: dict[str, str]) -> list[str]:
     """Every module after those that it imports at its top."""
     done: list[str] = []
 
     def visit(path: str) -> None:
-        name = "firmware_py." + path.removesuffix(".py").replace("/", ".")
-        name = name.removesuffix(".__init__")
+        name = f"firmware_py.{path.removesuffix('.py').replace('/', '.')}".removesuffix(".__init__")
         if path not in sources or name in done:
             return
         for node in ast.parse(sources[path]).body:
@@ -96,35 +86,70 @@ def in_order(sources: dict[str, str], main: str) -> list[str]:
                 folder = (node.module or "").partition(".")[2]
                 for alias in node.names:
                     visit(f"{folder}/{alias.name}.py" if folder else f"{alias.name}.py")
-        if name not in done:
-            done.append(name)
+        done.append(name)
 
-    visit("__init__.py")
-    visit("memory.py")
-    visit("boards/__init__.py")
-    visit("boards/rp2_reference.py")
+    for path in ("__init__.py", "memory.py", "boards/__init__.py", "boards/rp2_reference.py"):
+        visit(path)
     return done
 
 
+def measured(more: dict[str, bytes]) -> list[tuple[str, int, int]]:
+    """Name, bytes and microseconds of each line that the board prints."""
+    main = board_bench.firmware()["main.py"].decode()
+    loader = main.partition("from firmware_py.boards import rp2_reference")[0]
+    texts = {name: (board_files.FIRMWARE / name).read_text() for name in board_files.modules()}
+    sources = lean(texts, main)
+    modules = in_order(sources)
+    renamed = borrowed({**sources, "program.py": f"MODULES = {modules}\n{_PROGRAM}"})
+    program = renamed.pop("program.py")
+    codes = {name: board_files.compiled(name, text) for name, text in renamed.items()}
+    files = {
+        "main.py": b"",
+        "program.mpy": board_files.compiled("program", loader + program),
+        board_files.PACK: board_files.packed(codes),
+        **more,
+    }
+    board = board_bench.Board(files)
+    board.chip.run(lambda: board.chip.connected)
+    try:
+        said = board.chip.execute("import program", 60e6)
+    except Dead as error:
+        said = str(error)
+    found = []
+    for line in said.splitlines():
+        words = line.split()
+        if len(words) == 3 and words[1].lstrip("-").isdigit() and words[2].isdigit():
+            found.append((words[0].removeprefix("firmware_py."), int(words[1]), int(words[2])))
+        else:
+            print(line)
+    return found
+
+
 def main() -> None:
+    """Print the table of docs/performance.md."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--key", type=Path)
     parser.add_argument("--model", type=Path)
     args = parser.parse_args()
-    files = dict(board_bench.firmware())
-    text = files.pop("main.py").decode()
-    loader = text.partition("from firmware_py.boards import rp2_reference")[0]
-    names = board_files.modules()
-    sources = lean({name: (board_files.FIRMWARE / name).read_text() for name in names}, text)
-    more = {"main.py": b"", "loader.py": loader.encode()}
+    more = {}
     if args.key:
         more["key.pub"] = args.key.read_bytes()
     if args.model:
         with tempfile.TemporaryDirectory() as folder:
             more |= board_bench.kept_files(Path(folder), args.model.read_bytes())
-    board = board_bench.Board(more)
-    board.chip.run(lambda: board.chip.connected)
-    print(board.chip.execute(_MEASURE.format(modules=in_order(sources, text)), 60e6))
+    part_of = {module: part for part, modules in _PARTS.items() for module in modules.split()}
+    size: defaultdict[str, int] = defaultdict(int)
+    us: defaultdict[str, int] = defaultdict(int)
+    for name, n, time_us in measured(more):
+        part = part_of.get(name, "the board" if name in ("", "firmware_py") or "boards" in name else name)
+        size[part] += n
+        us[part] += time_us
+        print(name, n, time_us)
+    table = Table("part", "bytes", "ms")
+    for part in size:
+        if part != "nothing":
+            table.add_row(part, f"{size[part]:,}", f"{us[part] / 1000:.0f}")
+    Console().print(table)
 
 
 if __name__ == "__main__":
