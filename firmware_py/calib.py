@@ -108,14 +108,6 @@ def plan_fill(dead, fill):
     return n
 
 
-def dead_cells(dead):
-    """How many cells are marked."""
-    n = 0
-    for i in range(CELLS):
-        n += dead[i >> 3] >> (i & 7) & 1
-    return n
-
-
 class Calibration:
     """Turns counts into pressure: `offset` (1/8 count), `gain` (Q13), `dead` (one bit a cell)."""
 
@@ -135,6 +127,13 @@ class Calibration:
         for i in cells:
             self.dead[i >> 3] |= 1 << (i & 7)
         self._plan()
+
+    def dead_cells(self):
+        """How many cells are marked dead."""
+        n = 0
+        for i in range(CELLS):
+            n += self.dead[i >> 3] >> (i & 7) & 1
+        return n
 
     def _plan(self):
         n = 0

@@ -87,10 +87,10 @@ class Calibrator:
         """Update the calibration from the frames taken; return a status."""
         c = self.calibration
         if self.kind == messages.CALIBRATE_ZERO:
-            before = calib.dead_cells(c.dead)
+            before = c.dead_cells()
             c.set_dead(())
             c.zero(self._total, self.taken)
-            return status.OK if calib.dead_cells(c.dead) - before < _MOST_DEAD else status.BAD_CALIBRATION
+            return status.OK if c.dead_cells() - before < _MOST_DEAD else status.BAD_CALIBRATION
         dead = [i for i in range(_CELLS) if c.dead[i >> 3] >> (i & 7) & 1]
         expected = self.pressure_pa * 1000 // c.count_mpa * 8
         if expected < 800 or expected > _FULL_SCALE:

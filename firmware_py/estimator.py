@@ -212,7 +212,7 @@ class Estimator:
             return code, (), b""
         self.calibration.load(blob)
         self.calibration_status = status.OK
-        return status.OK, (kind, frames, calib.dead_cells(calibration.dead), noise), b""
+        return status.OK, (kind, frames, calibration.dead_cells(), noise), b""
 
     def _read_back(self, fields):
         what, offset = fields
