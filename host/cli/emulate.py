@@ -86,7 +86,7 @@ def command(
     elif runtime not in RUNTIMES:
         raise UsageError(f"there is no runtime {runtime!r} to stream from; use {' or '.join(RUNTIMES)}")
     public = public_key(key)
-    own_model = key is None and not no_model and not board  # the board has no memory for it yet
+    own_model = key is None and not no_model and not board  # to flash the board takes minutes
     if own_model:
         from palpate import models
         from palpate.models import emulator

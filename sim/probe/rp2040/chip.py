@@ -159,8 +159,15 @@ class Chip:
 
     def _watchdog(self) -> None:
         self.resets += 1
+        self._pacing.rest(False)
         self.mcu.enter_reset(from_watchdog=True)
         self.mcu.leave_reset()
+
+    def hang(self) -> None:
+        """The processor stops where it is, deaf to every interrupt: only a reset helps."""
+        self.mcu.core.enabled_interrupts = 0
+        self.mcu.core.waiting = True
+        self._pacing.rest(True)
 
     def files(self) -> bytes:
         """The file system's blocks as they are now: what a power cut leaves."""

@@ -18,7 +18,7 @@ from rp2040py.simulator import Simulator
 _NS_A_CYCLE = 8.0
 _FRACTIONS = 256  # of a cycle, in the blocks' own reckoning
 _LOOK_NS = 4000.0  # between two looks at a block that waits for a queue
-_REST_NS = 1e6  # and at one that is off
+_REST_NS = 1e6  # and at one that is off, or whose processor hangs
 _LATE_NS = 8000.0  # how late one may be that moves no pins: a turn of the encoder's program
 _ACCESSES = ("read_uint8", "read_uint16", "read_uint32", "write_uint8", "write_uint16", "write_uint32")
 _TOGETHER = 8  # instructions after which the clock goes on: .1 us
@@ -30,6 +30,7 @@ class _Block:
     def __init__(self, mcu: Any, block: Any) -> None:
         self._clock, self._block = mcu.clock, block
         self._cycle = 0
+        self.rests = False
         self._alarm = mcu.clock.create_alarm(self._due)
         self._alarm.schedule(_LOOK_NS)
         self.read_uint32 = block.read_uint32
@@ -53,7 +54,7 @@ class _Block:
 
     def _due(self) -> None:
         block = self._block
-        if block.stopped:
+        if block.stopped or self.rests:
             self._alarm.schedule(_REST_NS)
             return
         passed = self._passed()
@@ -90,6 +91,11 @@ class Pacing(Simulator):
             self.stopped = False
             return False
         raise AttributeError(name)
+
+    def rest(self, rests: bool) -> None:
+        """Whether the state machines are left alone, since nobody hears of what they do."""
+        for block in self._blocks:
+            block.rests = rests
 
     def run(self) -> None:
         """Some milliseconds of the computer's time."""

@@ -137,3 +137,19 @@ def test_fifty_frames_a_second_arrive_whole_and_on_time_and_leave_the_heap_alone
     taken = counted[1]["free_bytes"] - counted[2]["free_bytes"]
     print(f"{FRAMES_TRIED} frames and a question for the counters take {taken} bytes of the heap")
     assert taken < 100 * FRAMES_TRIED
+
+
+def test_a_processor_that_hangs_is_restarted_by_the_watchdog_and_the_host_is_told(started):
+    """Without a watchdog it hung until somebody pulled the plug."""
+    board = started
+    board.chip.hang()
+    hung_us = board.chip.us
+    board.until(lambda: board.chip.resets == 1, 20e6)
+    reset_us = board.chip.us
+    assert reset_us - hung_us < 8.1e6
+    board.until(lambda: len(board.named("boot")) == 2, 5e6)
+    print(
+        f"reset after {(reset_us - hung_us) / 1e6:.1f} s, up {(board.chip.us - reset_us) / 1e6:.1f} s later"
+    )
+    assert board.named("boot")[1] == {"boots": 2, "status": status.OK}
+    board.until(lambda: "the watchdog restarted the probe: it had hung for 8 s" in board.logs())
