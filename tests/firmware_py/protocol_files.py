@@ -93,7 +93,11 @@ def time_rows() -> str:
         ("for an unplugged probe to come back, with a command", f"{line.AWAY_S:g} s", "host"),
         ("between two stream_renew", f"{stream_wish.RENEW_S:g} s", "host"),
         ("the lease that our host asks for", f"{stream_wish.LEASE_MS / 1000:g} s", "host"),
-        ("the lease of who asks for 0; also a calibration's", f"{messages.LEASE_MS / 1000:g} s", "probe"),
+        (
+            "the lease of a host that asks for 0, and of a calibration",
+            f"{messages.LEASE_MS / 1000:g} s",
+            "probe",
+        ),
         ("shortest and longest lease", f"{least:g} and {longest:g} s", "probe"),
         ("for an acknowledgement; then twice as long, and so on", "`resend_results`", "probe"),
     )

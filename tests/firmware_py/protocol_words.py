@@ -15,9 +15,9 @@ MODEL_ID = "", "first 8 bytes of the SHA-256 of the model image's signed part; z
 HAVE = "bits: 1 map, 2 features, 4 estimate"
 
 DAMAGE = {
-    "DAMAGED_CALIBRATION": "both copies of the calibration: nominal values stand in until it is made anew",
+    "DAMAGED_CALIBRATION": "both copies of the calibration: nominal values are used until it is done again",
     "DAMAGED_MODEL": "the record of models or of keys, or the live model: the newest whole one is live",
-    "DAMAGED_SETTINGS": "both copies of the settings: defaults stand in; told until the next start",
+    "DAMAGED_SETTINGS": "both copies of the settings: defaults are used; reported until the next start",
     "DAMAGE_REPAIRED": "one copy of any of these, or a power cut while it was written: nothing is lost",
     "DAMAGE_TRIAL_HUNG": "nothing; the probe restarted while it tried a model, and the one before is live",
 }

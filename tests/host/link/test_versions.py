@@ -96,7 +96,7 @@ OTHER_FIRMWARE = {
     "older": (
         ("tables.py", "x00\\x02\\x00", "x00\\x01\\x07"),
         ("tables.py", '    (0x11, "results", "I", "stream", ""),\n', ""),
-        ("handlers.py", '        ("results", mine.results),\n', ""),
+        ("handlers.py", '        (messages.TYPE["results"], mine.results),\n', ""),
         ("tables.py", RESEND, ""),
         ("probe.py", "settings.RESEND_RESULTS)", "settings.STROKE_PAUSE)"),
         ("tables.py", LEASES, ""),
@@ -135,6 +135,7 @@ def test_fields_that_an_older_probe_does_not_send_are_zero(monkeypatch):
     length = messages.pack(body, kind, 5, 0, told())
     _, name, fields, names, tail = messages.TABLE[kind]
     monkeypatch.setitem(messages.TABLE, kind, (kind, name, fields + "H", names + " news", tail))
+    monkeypatch.setitem(messages.FORMATS, kind, ("<" + fields + "H", tail))
     assert messages.unpack(body, length) is None, "a field of the first release is missing"
     monkeypatch.setitem(tables.ADDED, kind, 2)
     assert messages.unpack(body, length) == (*told(), 0)

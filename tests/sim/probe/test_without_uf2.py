@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[3]
 
 
 def test_the_last_lines_of_the_tests_say_how_many_promises_were_not_tried_and_how_to_try_them():
-    environment = {**os.environ, interpreter.VARIABLE: "/nowhere/RPI_PICO.uf2"}
+    environment = {**os.environ, interpreter.VARIABLE: "/nowhere/RPI_PICO.uf2", "PYTEST_ADDOPTS": ""}
     command = [
         sys.executable,
         "-m",
