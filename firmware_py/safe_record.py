@@ -77,7 +77,7 @@ class Record:
         if code == status.OK:
             self._newest = copy
             self._number = number
-            # it is safe already: what fails now is made good by the next `restore`
+            # it is safe already: what fails now is repaired by the next `restore`
             self._write(1 - copy, content, number)
         return code
 

@@ -13,7 +13,7 @@ from palpate.adaptation import correction, recalibration
 from palpate.adaptation.correction import FEATURES, OFFSET, SLOPES, TERMS, Basis, Correction
 from palpate.dataset.answers import TRUTH_COLUMN, found
 from palpate.dataset.columns import DataSetError
-from palpate.dataset.strokes import Seen, see
+from palpate.dataset.strokes import ObservedDataSet, observe_data_set
 from palpate.dataset.table import DataSet
 from palpate.features.map_features import Floats
 from palpate.model_export.fixed_point.reference import (
@@ -65,10 +65,10 @@ def adapt(spec: ModelSpec, data: DataSet, progress: Callable[[str, int, int], No
     DataSetError
         Fewer than `FEWEST_LUMPS` lumps were found; or a recording cannot be used: row and column.
     """
-    return adapt_to(spec, see(data, spec, progress))
+    return adapt_to(spec, observe_data_set(data, spec, progress))
 
 
-def adapt_to(spec: ModelSpec, seen: Seen) -> Adapted:
+def adapt_to(spec: ModelSpec, seen: ObservedDataSet) -> Adapted:
     """The same with strokes that have been read."""
     seen = seen.take(found(spec, seen.X, seen.status))
     lumps = len(np.unique(seen.lump))
@@ -112,7 +112,7 @@ def adapt_to(spec: ModelSpec, seen: Seen) -> Adapted:
     )
 
 
-def link_truth(spec: ModelSpec, seen: Seen) -> Floats:
+def link_truth(spec: ModelSpec, seen: ObservedDataSet) -> Floats:
     """Truths on the link scale, (n, outputs); NaN where they are not known."""
     out = np.full((len(seen), len(spec.outputs)), np.nan)
     for j, output in enumerate(spec.outputs):
@@ -125,7 +125,9 @@ def link_truth(spec: ModelSpec, seen: Seen) -> Floats:
     return out
 
 
-def basis_of(spec: ModelSpec, seen: Seen) -> tuple[Basis, dict[str, Any], Callable[[Floats], Floats]]:
+def basis_of(
+    spec: ModelSpec, seen: ObservedDataSet
+) -> tuple[Basis, dict[str, Any], Callable[[Floats], Floats]]:
     """What a correction is made of: phi of each stroke, what the model says, and the way back.
 
     The last turns coefficients (columns, outputs) over phi into changes of the model's coefficients, (terms,
@@ -155,14 +157,14 @@ def basis_of(spec: ModelSpec, seen: Seen) -> tuple[Basis, dict[str, Any], Callab
     return basis, said, back
 
 
-def columns(spec: ModelSpec, seen: Seen) -> Floats:
+def columns(spec: ModelSpec, seen: ObservedDataSet) -> Floats:
     """The model's features of each stroke, (n, features)."""
     return seen.X[:, [NAMES.index(name) for name in spec.features]]
 
 
 def _assemble(
     spec: ModelSpec,
-    seen: Seen,
+    seen: ObservedDataSet,
     truth: Floats,
     change: Floats,
     widths: dict[str, float],
@@ -197,7 +199,7 @@ def _assemble(
     ).validate()
 
 
-def _domain(spec: ModelSpec, seen: Seen) -> Any:
+def _domain(spec: ModelSpec, seen: ObservedDataSet) -> Any:
     """Box and distance widened by what the data set's strokes need; never narrowed."""
     X = columns(spec, seen)
     clipped = np.clip(X, spec.clip_lo, spec.clip_hi)

@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.adaptation.adapt import FEWEST_LUMPS, adapt_to
 from palpate.dataset.answers import OUTPUTS, Answers, answers
-from palpate.dataset.strokes import Seen
+from palpate.dataset.strokes import ObservedDataSet
 from palpate.model_export.schema import ModelSpec
 from palpate.validation.agreement import errors_of
 
@@ -56,7 +56,7 @@ class Compared:
 
 
 def before_and_after(
-    spec: ModelSpec, seen: Seen, progress: Callable[[str, int, int], None] | None = None
+    spec: ModelSpec, seen: ObservedDataSet, progress: Callable[[str, int, int], None] | None = None
 ) -> Compared:
     """Adapt without some lumps and judge by these, in turns (`FOLDS`, or each lump alone)."""
     before = answers(spec, seen)

@@ -34,14 +34,14 @@ def command(model: Path, data: Path, leave_out: bool, out: Path, as_json: bool) 
     """
     from palpate.adaptation.adapt import adapt_to
     from palpate.adaptation.left_out import before_and_after
-    from palpate.dataset.strokes import see
+    from palpate.dataset.strokes import observe_data_set
 
     spec = load_model(model)
     check_writable(out)
     found_data = load_data(data, spec, leave_out)
     announce(solver=False, firmware=True)
     with showing_progress() as progress:
-        seen = see(found_data, spec, progress)
+        seen = observe_data_set(found_data, spec, progress)
         adapted = adapt_to(spec, seen)
         compared = before_and_after(spec, seen, progress)
     with whole_file(out) as part:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from palpate.comparison.change import QUANTITIES, Between, Comparison, compare
 from palpate.dataset.answers import OUTPUTS, answers
 from palpate.dataset.columns import DataSetError
-from palpate.dataset.strokes import Seen, read_strokes, see
+from palpate.dataset.strokes import ObservedDataSet, observe_data_set, read_strokes
 from palpate.dataset.table import DataSet
 from palpate.errors import RecordingError
 from palpate.features.map_features import Floats
@@ -39,10 +39,10 @@ def between_visits(
             f"{data.path}, column visit: {FEWEST} lumps visited again, or one {FEWEST + 1} times, are needed "
             "to tell what visits differ by"
         )
-    return of_seen(spec, see(data.only(visits.to_numpy() > 1), spec, progress))
+    return of_observed(spec, observe_data_set(data.only(visits.to_numpy() > 1), spec, progress))
 
 
-def of_seen(spec: ModelSpec, seen: Seen) -> dict[str, Between]:
+def of_observed(spec: ModelSpec, seen: ObservedDataSet) -> dict[str, Between]:
     """The same of strokes that have been read."""
     said = answers(spec, seen)
     visit = seen.table["lump"].astype(str) + "\0" + seen.table["visit"].astype(str)
@@ -119,7 +119,7 @@ def compare_recordings(
 def _values(spec: ModelSpec, path: Path) -> dict[str, list[float]]:
     numbers = list(read_strokes(path))
     table = pd.DataFrame({"row": 1, "recording": [path] * len(numbers), "stroke": numbers, "lump": "here"})
-    seen = see(DataSet(path, table), spec)
+    seen = observe_data_set(DataSet(path, table), spec)
     said = answers(spec, seen)
     if not said.lump.any():
         raise RecordingError(f"no stroke of {path} shows a lump that the model can size")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from firmware_py import outputs, status
 from palpate.dataset.checks import fault, slip_of
-from palpate.dataset.strokes import Seen
+from palpate.dataset.strokes import ObservedDataSet
 from palpate.dataset.table import DataSet
 from palpate.features.map_features import Floats
 from palpate.link import answer
@@ -75,7 +75,7 @@ def found(spec: ModelSpec, X: Floats, codes: NDArray[np.int64]) -> NDArray[np.bo
     return shown
 
 
-def truth_of(seen: Seen) -> Floats:
+def truth_of(seen: ObservedDataSet) -> Floats:
     """The truth of every stroke, (n, outputs), in the order of `OUTPUTS`; NaN where it is not known."""
     out = np.full((len(seen), len(OUTPUTS)), np.nan)
     for j, name in enumerate(OUTPUTS):
@@ -86,7 +86,7 @@ def truth_of(seen: Seen) -> Floats:
     return out
 
 
-def answers(spec: ModelSpec, seen: Seen) -> Answers:
+def answers(spec: ModelSpec, seen: ObservedDataSet) -> Answers:
     """The model's answers, in float64 as the probe's integers give them to a part in a thousand or better."""
     said = evaluate(spec, seen.X[:, [NAMES.index(name) for name in spec.features]])
     value, low, high = (with_depth(said, part) for part in ("value", "low", "high"))

@@ -95,7 +95,7 @@ def _stroke(
 
 
 @dataclass(frozen=True)
-class Seen:
+class ObservedDataSet:
     """A data set's strokes as a model sees them, one for each row.
 
     Attributes
@@ -115,9 +115,9 @@ class Seen:
     def __len__(self) -> int:
         return len(self.status)
 
-    def take(self, rows: NDArray[np.bool_]) -> Seen:
+    def take(self, rows: NDArray[np.bool_]) -> ObservedDataSet:
         """Some of the strokes."""
-        return Seen(self.table[rows].reset_index(drop=True), self.X[rows], self.status[rows])
+        return ObservedDataSet(self.table[rows].reset_index(drop=True), self.X[rows], self.status[rows])
 
     @property
     def lump(self) -> NDArray[np.int64]:
@@ -125,7 +125,9 @@ class Seen:
         return np.asarray(pd.factorize(self.table["lump"])[0], np.int64)
 
 
-def see(data: DataSet, spec: ModelSpec, progress: Callable[[str, int, int], None] | None = None) -> Seen:
+def observe_data_set(
+    data: DataSet, spec: ModelSpec, progress: Callable[[str, int, int], None] | None = None
+) -> ObservedDataSet:
     """Every stroke of a data set through the probe's integer pipeline, as the model wants it.
 
     Parameters
@@ -159,7 +161,7 @@ def see(data: DataSet, spec: ModelSpec, progress: Callable[[str, int, int], None
         X[k] = replay.features()
         if progress is not None:
             progress("strokes read", k + 1, len(data))
-    return Seen(data.table, X, codes)
+    return ObservedDataSet(data.table, X, codes)
 
 
 def _read(row: int, path: Path) -> dict[int, RecordedStroke]:

@@ -11,7 +11,7 @@ import pandas as pd
 from statsmodels.stats.proportion import proportion_confint
 
 from palpate.dataset.answers import OUTPUTS, Answers, answers
-from palpate.dataset.strokes import Seen, see
+from palpate.dataset.strokes import ObservedDataSet, observe_data_set
 from palpate.dataset.table import DataSet
 from palpate.model_export.schema import ModelSpec
 from palpate.regression.probe_model import E_INV23
@@ -109,10 +109,10 @@ def validate(
     DataSetError
         A recording cannot be used; row and column.
     """
-    return judge(spec, see(data, spec, progress), data.remarks, seed)
+    return judge(spec, observe_data_set(data, spec, progress), data.remarks, seed)
 
 
-def judge(spec: ModelSpec, seen: Seen, remarks: tuple[str, ...] = (), seed: int = 1) -> Validation:
+def judge(spec: ModelSpec, seen: ObservedDataSet, remarks: tuple[str, ...] = (), seed: int = 1) -> Validation:
     """The same of strokes that have been read."""
     said = answers(spec, seen)
     found = {name: agreement(said, name, seed) for name in NAMES if name in OUTPUTS}

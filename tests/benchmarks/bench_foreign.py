@@ -15,7 +15,7 @@ from palpate import models
 from palpate.adaptation import recalibration
 from palpate.adaptation.adapt import adapt_to, link_truth
 from palpate.dataset.answers import OUTPUTS, Answers, answers, found
-from palpate.dataset.strokes import Seen
+from palpate.dataset.strokes import ObservedDataSet
 from palpate.firmware_twin.replay_core import Replay
 from palpate.link import answer
 from palpate.model_export.fixed_point import force_map as force_maps
@@ -31,7 +31,7 @@ DRAWS_AFRESH = 20
 SHOWN = ("d_mm", "depth_mm", "t_mm", "h", "E_inv23")
 
 
-def seen(spec: ModelSpec, lumps: int | None = None, strokes: int = STROKES, seed: int = 1) -> Seen:
+def seen(spec: ModelSpec, lumps: int | None = None, strokes: int = STROKES, seed: int = 1) -> ObservedDataSet:
     """The foreign world's strokes as a model sees them."""
     laboratory, replay = Laboratory(seed), Replay(force_maps.blob(spec.force_map))
     rows, X, codes = [], [], []
@@ -47,7 +47,7 @@ def seen(spec: ModelSpec, lumps: int | None = None, strokes: int = STROKES, seed
             rows.append(
                 {"row": len(X) + 1, "lump": f"L{k}", "E_ratio": case.E_ratio, "F_N_per_m": force, **truth}
             )
-    return Seen(pd.DataFrame(rows), np.array(X), np.array(codes))
+    return ObservedDataSet(pd.DataFrame(rows), np.array(X), np.array(codes))
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def scores(said: Answers, rows: np.ndarray) -> dict[str, Score]:
     return out
 
 
-def afresh(spec: ModelSpec, part: Seen, whole: Seen) -> Answers:
+def afresh(spec: ModelSpec, part: ObservedDataSet, whole: ObservedDataSet) -> Answers:
     """A linear model of the same features, trained on some lumps alone; intervals by leaving them out."""
     part = part.take(found(spec, part.X, part.status))
     Y, group = link_truth(spec, part), part.lump

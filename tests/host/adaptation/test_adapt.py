@@ -12,7 +12,7 @@ from palpate.adaptation.adapt import FEWEST_LUMPS, adapt_to, basis_of, columns
 from palpate.adaptation.left_out import before_and_after
 from palpate.dataset.answers import answers, found
 from palpate.dataset.columns import DataSetError
-from palpate.dataset.strokes import Seen, read_strokes
+from palpate.dataset.strokes import ObservedDataSet, read_strokes
 from palpate.firmware_twin.replay_core import Replay
 from palpate.model_export.exporter import export
 from palpate.model_export.fixed_point import force_map
@@ -47,7 +47,7 @@ def seen(spec):
             "F_N_per_m": np.nan,
         }
     )
-    made = Seen(table, X, np.zeros(60, int))
+    made = ObservedDataSet(table, X, np.zeros(60, int))
     return made.take(found(spec, X, made.status))
 
 
@@ -83,7 +83,7 @@ def test_too_few_lumps_are_refused(spec, seen):
 
 def test_the_order_of_rows_does_not_matter(spec, seen):
     order = np.random.default_rng(3).permutation(len(seen))
-    turned = Seen(seen.table.iloc[order].reset_index(drop=True), seen.X[order], seen.status[order])
+    turned = ObservedDataSet(seen.table.iloc[order].reset_index(drop=True), seen.X[order], seen.status[order])
     a, b = adapt_to(spec, seen), adapt_to(spec, turned)
     np.testing.assert_allclose(
         [o.coefficients for o in a.spec.outputs], [o.coefficients for o in b.spec.outputs], atol=1e-9

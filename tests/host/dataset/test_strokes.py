@@ -10,7 +10,7 @@ from palpate.comparison.change import ASSUMES_BETWEEN, Between
 from palpate.dataset import table
 from palpate.dataset.answers import OUTPUTS, answers
 from palpate.dataset.columns import DataSetError
-from palpate.dataset.strokes import see
+from palpate.dataset.strokes import observe_data_set
 from palpate.importing import declaration, importer
 from palpate.models import emulator
 from palpate.recording.replay import replay
@@ -46,7 +46,9 @@ def data(home, rows):
 def test_answers_are_the_probe_s(home):
     """In float64 what the probe said in integers, to two parts in a thousand."""
     spec = models.load()
-    said = answers(spec, see(data(home, "a.mcap,1,A,12,8.4,border\na.mcap,2,A,12,8.4,border\n"), spec))
+    said = answers(
+        spec, observe_data_set(data(home, "a.mcap,1,A,12,8.4,border\na.mcap,2,A,12,8.4,border\n"), spec)
+    )
     for k, stroke in enumerate(replay(home / "a.mcap")):
         for name, of in stroke.probe.outputs.items():
             j = OUTPUTS.index(name)
@@ -73,7 +75,7 @@ def test_answers_are_the_probe_s(home):
 )
 def test_what_a_model_cannot_use(home, rows, sentence):
     with pytest.raises(DataSetError, match=sentence):
-        see(data(home, rows), models.load())
+        observe_data_set(data(home, rows), models.load())
 
 
 def test_the_page_counts_what_visits_differ_by():

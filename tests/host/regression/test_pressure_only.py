@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from palpate.dataset import table
-from palpate.dataset.strokes import see
+from palpate.dataset.strokes import observe_data_set
 from palpate.firmware_twin.replay_core import Replay
 from palpate.importing import declaration, importer
 from palpate.model_export.exporter import export
@@ -78,7 +78,7 @@ def test_it_goes_from_the_fit_to_a_recording_without_displacement(spec, lump, tm
         "recording,stroke,lump,d_mm,h\n"
         + "".join(f"a.mcap,{n},A,{truth['d_mm']},{truth['h']}\n" for n in (1, 2))
     )
-    seen = see(table.read(tmp_path / "set.csv"), spec)
+    seen = observe_data_set(table.read(tmp_path / "set.csv"), spec)
     for stroke, said in zip(found, seen.X):
         columns = [NAMES.index(name) for name in spec.features]
         value = evaluate(spec, said[columns])["value"][0]
