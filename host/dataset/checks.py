@@ -26,29 +26,27 @@ def text_of(value: Any) -> str:
     return "" if value is None or value is pd.NaT or value != value else str(value).strip()
 
 
-def numbers(values: Iterable[Any], column: Column) -> list[float]:
-    """A column as numbers, NaN where it is empty."""
+def numbers(values: Iterable[Any], column: Column, rows: Iterable[int]) -> list[float]:
+    """A column as numbers, NaN where it is empty; `rows` are the numbers of its rows, for what is wrong."""
     out = []
     needed = column in NEEDED
-    for k, value in enumerate(values):
+    for row, value in zip(rows, values, strict=True):
         text = text_of(value)
         if not text and needed:
-            raise fault(k + 2, column.name, "it is empty")
+            raise fault(row, column.name, "it is empty")
         if not text and isinstance(value, str):
             out.append(math.nan)
             continue
         try:
             number = float(value)
         except (TypeError, ValueError):
-            raise fault(k + 2, column.name, f"{text!r} is not a number") from None
+            raise fault(row, column.name, f"{text!r} is not a number") from None
         if not math.isfinite(number):
             if isinstance(value, str) or needed:  # Parquet's NaN is an empty place
-                raise fault(k + 2, column.name, f"{text} is not a number; leave empty what is not known")
+                raise fault(row, column.name, f"{text} is not a number; leave empty what is not known")
         elif not column.low <= number <= column.high:
             slip = slip_of(column.name, number, column.low, column.high)
-            raise fault(
-                k + 2, column.name, f"{number:g} is not within {column.low:g} to {column.high:g}{slip}"
-            )
+            raise fault(row, column.name, f"{number:g} is not within {column.low:g} to {column.high:g}{slip}")
         out.append(number)
     return out
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from palpate.dataset import checks
@@ -85,14 +84,22 @@ def write(table: pd.DataFrame, path: str | Path) -> None:
 
 
 def _csv(path: Path) -> pd.DataFrame:
-    raw = _opened(
-        path, lambda: pd.read_csv(path, header=None, dtype=str, keep_default_na=False, skipinitialspace=True)
-    )
+    raw = _opened(path, lambda: _as_text(path)).fillna("")
+    raw = raw[(raw != "").any(axis=1)]  # blank lines count as rows, and hold no stroke
+    if raw.empty:
+        raise DataSetError(f"{path} cannot be read as a table: it is empty")
     heads = [str(name).removeprefix("\ufeff").strip() for name in raw.iloc[0]]
     for at, name in enumerate(heads):
         if name and name in heads[:at]:
             raise DataSetError(f"row 1, column {name}: it is there twice")
-    return raw.iloc[1:].set_axis(heads, axis=1).reset_index(drop=True)
+    table = raw.iloc[1:].set_axis(heads, axis=1)
+    return table.set_axis(table.index - 1, axis=0)
+
+
+def _as_text(path: Path) -> pd.DataFrame:
+    return pd.read_csv(
+        path, header=None, dtype=str, keep_default_na=False, skipinitialspace=True, skip_blank_lines=False
+    )
 
 
 def _parquet(path: Path) -> pd.DataFrame:
@@ -114,7 +121,7 @@ def _opened(path: Path, load: Callable[[], pd.DataFrame]) -> pd.DataFrame:
 
 
 def check(raw: pd.DataFrame, path: Path) -> DataSet:
-    """The same of a table in memory; recordings are looked for beside `path`."""
+    """The same of a table in memory, whose index begins at 0; recordings are looked for beside `path`."""
     missing = [column.name for column in NEEDED if column.name not in raw]
     if missing:
         raise DataSetError(f"{path} has no column {missing[0]}: {COLUMNS[missing[0]].says}")
@@ -122,10 +129,15 @@ def check(raw: pd.DataFrame, path: Path) -> DataSet:
         raise DataSetError(f"{path} has no truth: it needs one of {', '.join(c.name for c in TRUTH)}")
     if raw.empty:
         raise DataSetError(f"{path} has no rows")
-    out = pd.DataFrame({"row": np.arange(2, len(raw) + 2)})
+    out = pd.DataFrame({"row": raw.index.to_numpy() + 2})
+    raw = raw.reset_index(drop=True)
     for name, column in COLUMNS.items():
         values = raw[name] if name in raw else [""] * len(raw)
-        out[name] = checks.numbers(values, column) if column.number else [checks.text_of(v) for v in values]
+        out[name] = (
+            checks.numbers(values, column, out["row"])
+            if column.number
+            else [checks.text_of(v) for v in values]
+        )
     checks.check_words(out)
     checks.work_out_truth(out)
     out["recording"] = [path.parent / name for name in out["recording"]]

@@ -133,3 +133,16 @@ def test_files_that_are_no_tables(tmp_path):
     (tmp_path / "set.parquet").write_bytes(b"no table")
     with pytest.raises(DataSetError, match="cannot be read as a table"):
         table.read(tmp_path / "set.parquet")
+
+
+def test_rows_are_counted_as_an_editor_counts_them(tmp_path):
+    """Blank lines were skipped, and the row that was named lay above the one that was meant."""
+    text = "recording,stroke,lump,d_mm,h\n\na.mcap,1,A,10,0.8\n\n,,,,\na.mcap,2,A,eight,0.8\n"
+    with pytest.raises(DataSetError, match="row 6, column d_mm: 'eight' is not a number"):
+        read(tmp_path, text)
+
+
+@pytest.mark.parametrize("text", ["", "\n\n", ",,\n"])
+def test_a_table_of_nothing_says_so(text, tmp_path):
+    with pytest.raises(DataSetError, match="cannot be read as a table"):
+        read(tmp_path, text)
