@@ -116,11 +116,15 @@ class Board:
         """What the probe has said in words."""
         return [bytes(fields["tail"]).decode() for fields in self.named("log")]
 
+    def send(self, name: str, values=(), tail=b"") -> int:
+        """A command leaves; its number."""
+        self._number += 1
+        self.chip.send(command(name, self._number, values, tail))
+        return self._number
+
     def ask(self, name: str, values=(), tail=b"", limit_us: float = 5e6) -> Message:
         """A command and its answer."""
-        self._number += 1
-        number = self._number
-        self.chip.send(command(name, number, values, tail))
+        number = self.send(name, values, tail)
         answers: list[Message] = []
 
         def answered() -> bool:
