@@ -9,25 +9,13 @@ from __future__ import annotations
 import pytest
 
 from firmware_py import features as firmware_features
-from firmware_py import slh_dsa, slots, status
+from firmware_py import slots, status
 from palpate.sim.probe.flash_sim import FlashSim, cut_states
+from tests.model_export.remembering import remember_signatures
+
+__all__ = ["remember_signatures"]
 
 PIECE = 48
-
-
-@pytest.fixture(autouse=True)
-def remember_signatures(monkeypatch):
-    """Verify each distinct content once: the answer depends on nothing else."""
-    known: dict[tuple, int] = {}
-    real = slh_dsa.verify
-
-    def verify(key, read, size, context=slh_dsa.MODEL):
-        content = key, read(0, size), context
-        if content not in known:
-            known[content] = real(key, read, size, context)
-        return known[content]
-
-    monkeypatch.setattr(slh_dsa, "verify", verify)
 
 
 def start(store, key):

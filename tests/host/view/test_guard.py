@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import http.client
 import json
 import urllib.error
 import urllib.request
@@ -19,47 +18,10 @@ from websockets.sync.client import connect
 from palpate.cli import view
 from palpate.link.probe import Probe
 from palpate.view import commands
-from palpate.view.serve import Viewer
-from tests.host.view.synthetic import Bump, SyntheticSource
+from tests.host.view.asking import ask, guarded, run_command, running
 from tests.host.view.waiting import PATIENCE_S
 
-
-@pytest.fixture(scope="module")
-def running(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("recordings")
-    (folder.parent / "secret.mcap").write_bytes(b"not for the page")
-    with Viewer(SyntheticSource([Bump()]), mode="live", recordings=folder, token="") as viewer:
-        yield viewer
-
-
-@pytest.fixture(scope="module")
-def guarded(tmp_path_factory):
-    source = SyntheticSource([Bump()])
-    with Viewer(source, mode="live", recordings=tmp_path_factory.mktemp("r"), token="open sesame") as viewer:
-        yield viewer
-
-
-def ask(viewer, path, method="GET", **headers):
-    address = urlsplit(viewer.url)
-    connection = http.client.HTTPConnection("127.0.0.1", address.port, timeout=PATIENCE_S)
-    connection.putrequest(method, path, skip_host="Host" in headers)
-    for name, value in headers.items():
-        connection.putheader(name.replace("_", "-"), value)
-    connection.endheaders()
-    answer = connection.getresponse()
-    body = answer.read()
-    connection.close()
-    return answer, body
-
-
-def run_command(viewer, **command):
-    address = urlsplit(viewer.url)
-    with connect(f"ws://127.0.0.1:{address.port}/ws", max_size=None) as page:
-        page.send(json.dumps({"id": 1, **command}))
-        while True:
-            message = page.recv(PATIENCE_S)
-            if isinstance(message, str) and (answer := json.loads(message)).get("type") == "answer":
-                return answer
+__all__ = ["guarded", "running"]
 
 
 def test_the_page_is_served_on_localhost_with_headers_that_keep_other_sites_out(running):

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import re
-
 import pytest
 from playwright.sync_api import expect
 
 from palpate.link.events import Estimate
 from palpate.link.flash import flash
 from palpate.link.probe import Probe
-from palpate.view.phrases import depth_mm
 from palpate.view.read_strokes import load_strokes
 from palpate.view.replay import ReplaySource
-from palpate.view.translate import estimate as as_shown
+from tests.host.view.card import numbers_of, numbers_on
 from tests.host.view.waiting import PATIENCE_S, eventually, noticed
 
 pytestmark = pytest.mark.browser
@@ -37,29 +34,6 @@ def recording(strokes, public_key, images, tmp_path_factory):
         with recorded(made.port, path) as client:
             estimates = [e for e in client.stream(strokes=3, timeout_s=PATIENCE_S) if isinstance(e, Estimate)]
     return path, estimates
-
-
-def numbers_of(estimate: Estimate) -> dict[str, str]:
-    """What the card must say of an estimate."""
-    shown = as_shown(estimate)
-    depth = depth_mm(shown.t_mm, shown.d_mm, shown.h)
-    wanted = {"d_mm": shown.d_mm, "depth_mm": depth, "t_mm": shown.t_mm}
-    out = {key: f"{v.value:.1f} mm {v.low:.1f} to {v.high:.1f}" for key, v in wanted.items()}
-    force = shown.F_N_per_m
-    out["F_N_per_m"] = f"{force.value:.0f} N/m {force.low:.0f} to {force.high:.0f}"
-    return out
-
-
-def numbers_on(page) -> dict[str, str]:
-    """What the card says, on one line each, without labels and scales."""
-    found = {}
-    for node in page.locator("#card [data-key]").all():
-        value = " ".join(node.locator("dd", has=page.locator(".number")).inner_text().split())
-        between = re.search(r"[\d.]+ to [\d.]+", node.locator(".range-text").inner_text())
-        key = node.get_attribute("data-key")
-        if key != "stiffness":
-            found[key] = f"{value.split(between[0])[0].strip()} {between[0]}"
-    return found
 
 
 def test_at_its_end_a_recording_rests_on_its_last_stroke(recording, viewer, open_page):
