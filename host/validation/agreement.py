@@ -19,7 +19,6 @@ from statsmodels.stats.proportion import proportion_confint
 
 from palpate.dataset.answers import OUTPUTS, Answers
 from palpate.features.map_features import Floats
-from palpate.regression.table import r_squared
 
 RESAMPLES = 999
 CONFIDENCE = 0.95
@@ -115,16 +114,16 @@ def agreement(answers: Answers, name: str, seed: int = 1) -> Agreement | None:
     relative = np.abs(error) if name in ABSOLUTE else np.abs(value / truth - 1)
     resampled = partial(by_lump, group, seed=seed)
     between, within = spread(error, group)
-    low, high = (resampled(partial(_limit_of, error, group, side)) for side in (-1, 1))
+    lumps = len(np.unique(group))
     return Agreement(
         name,
         int(used.sum()),
-        len(np.unique(group)),
-        resampled(lambda k: float(error[k].mean())),
-        (low, high),
-        resampled(lambda k: _r2(truth[k], value[k])),
-        resampled(lambda k: float(np.median(relative[k]))),
-        _share(inside, len(np.unique(group)), resampled),
+        lumps,
+        resampled(partial(_mean, error)),
+        (resampled(partial(_limit, error, group, -1)), resampled(partial(_limit, error, group, 1))),
+        resampled(partial(_r2, truth, value)),
+        resampled(partial(_median, relative)),
+        _share(inside, lumps, resampled),
         between,
         within,
         error,
@@ -135,13 +134,37 @@ def agreement(answers: Answers, name: str, seed: int = 1) -> Agreement | None:
 def _share(inside: Floats, lumps: int, resampled: Callable[..., Estimated]) -> Estimated:
     """Resampling what is always the same says nothing: there Wilson's interval, of as many as lumps."""
     if 0 < inside.mean() < 1 or lumps < FEWEST:
-        return resampled(lambda k: float(inside[k].mean()))
+        return resampled(partial(_mean, inside.astype(float)))
     low, high = proportion_confint(inside.mean() * lumps, lumps, alpha=1 - CONFIDENCE, method="wilson")
     return Estimated(float(inside.mean()), float(low), float(high))
 
 
-def _r2(truth: Floats, value: Floats) -> float:
-    return r_squared(truth, value) if np.ptp(truth) > 0 else float("nan")
+# ---- statistics of strokes that count `times` each, (..., n) -> (...)
+
+
+def _mean(values: Floats, times: Floats) -> Floats:
+    return np.asarray(times @ values / times.sum(-1))
+
+
+def _median(values: Floats, times: Floats) -> Floats:
+    order = np.argsort(values)
+    reached, n = np.cumsum(times[..., order], -1), times.sum(-1)[..., None]
+    middle = [(reached < half).sum(-1) for half in ((n + 1) // 2, n // 2 + 1)]
+    return np.asarray(values[order[middle[0]]] + values[order[middle[1]]]) / 2
+
+
+def _r2(truth: Floats, value: Floats, times: Floats) -> Floats:
+    off = truth - (middle := truth.mean())
+    total = times @ off**2 - times.sum(-1) * _mean(off, times) ** 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = 1 - times @ (truth - value) ** 2 / total
+    return np.where(total > 1e-12 * middle**2, found, np.nan)
+
+
+def _limit(error: Floats, group: NDArray[np.int64], side: int, times: Floats) -> Floats:
+    """The lower (-1) or upper (1) limit of agreement of single strokes."""
+    between, within = _spread(error, group, times)
+    return np.asarray(_mean(error, times) + side * Z * np.hypot(between, within))
 
 
 def spread(error: Floats, group: NDArray[np.int64]) -> tuple[float, float]:
@@ -151,35 +174,33 @@ def spread(error: Floats, group: NDArray[np.int64]) -> tuple[float, float]:
     ----------
     error, group : (n,)
     """
-    number, count = (
-        np.unique(group, return_inverse=True)[1],
-        np.bincount(np.unique(group, return_inverse=True)[1]),
-    )
-    mean = np.bincount(number, error) / count
-    lumps, n = len(count), len(error)
-    if lumps < 2:
-        return 0.0, float(error.std(ddof=1)) if n > 1 else 0.0
-    if n == lumps:  # a single stroke over each: the two cannot be told apart
-        return float(error.std(ddof=1)), 0.0
-    within = float(((error - mean[number]) ** 2).sum() / (n - lumps))
-    among = float((count * (mean - error.mean()) ** 2).sum() / (lumps - 1))
-    usual = (n - (count**2).sum() / n) / (lumps - 1)
-    return float(np.sqrt(max(among - within, 0.0) / usual)), float(np.sqrt(within))
+    between, within = _spread(error, group, np.ones(len(error)))
+    return float(between), float(within)
 
 
-def limit(error: Floats, group: NDArray[np.int64], side: int) -> float:
-    """The lower (-1) or upper (1) limit of agreement of single strokes."""
-    between, within = spread(error, group)
-    return float(error.mean() + side * Z * np.hypot(between, within))
+def _spread(error: Floats, group: NDArray[np.int64], times: Floats) -> tuple[Floats, Floats]:
+    """The same of strokes that count several times, all strokes of a lump alike."""
+    _, first, number, own = np.unique(group, return_index=True, return_inverse=True, return_counts=True)
+    mean = np.bincount(number, error) / own
+    squares = np.bincount(number, (error - mean[number]) ** 2)
+    drawn = times[..., first]
+    count, n = drawn * own, times.sum(-1)
+    lumps = (drawn > 0).sum(-1)
+    middle = _mean(error, times)[..., None]
+    whole = (count * (mean - middle) ** 2).sum(-1) + drawn @ squares
+    alone = np.sqrt(whole / np.maximum(n - 1, 1))
+    inside = drawn @ squares / np.maximum(n - lumps, 1)
+    among = (count * (mean - middle) ** 2).sum(-1) / np.maximum(lumps - 1, 1)
+    usual = (n - (count**2).sum(-1) / n) / np.maximum(lumps - 1, 1)
+    between = np.sqrt(np.maximum(among - inside, 0) / np.where(lumps > 1, usual, 1))
+    within = np.sqrt(inside)
+    # Over a single lump nothing differs from lump to lump; of single strokes the two cannot be told apart.
+    between, within = np.where(lumps < 2, 0, between), np.where(lumps < 2, alone, within)
+    single = (n == lumps) & (lumps > 1)
+    return np.where(single, alone, between), np.where(single, 0, within)
 
 
-def _limit_of(error: Floats, group: NDArray[np.int64], side: int, rows: NDArray[np.int64]) -> float:
-    return limit(error[rows], group[rows], side)
-
-
-def by_lump(
-    group: NDArray[np.int64], statistic: Callable[[NDArray[np.int64]], float], seed: int = 1
-) -> Estimated:
+def by_lump(group: NDArray[np.int64], statistic: Callable[[Floats], Floats], seed: int = 1) -> Estimated:
     """A statistic of strokes with its 95 % interval by resampling whole lumps.
 
     Parameters
@@ -187,21 +208,24 @@ def by_lump(
     group : (n,)
         Which lump each stroke is over.
     statistic : callable
-        Of the numbers of strokes, some of them several times.
+        Of how often each stroke counts, (..., n) -> (...).
     """
-    rows = [np.flatnonzero(group == lump) for lump in np.unique(group)]
-    value = statistic(np.concatenate(rows))
-    if len(rows) < FEWEST:
+    number = np.unique(group, return_inverse=True)[1]
+    lumps = int(number.max()) + 1
+    value = float(statistic(np.ones(len(group))))
+    if lumps < FEWEST:
         return Estimated(value)
 
-    def of(lumps: Any) -> float:
-        return statistic(np.concatenate([rows[int(k)] for k in lumps]))
+    def of(drawn: Any, axis: int) -> Floats:
+        times = np.apply_along_axis(np.bincount, axis, drawn.astype(int), minlength=lumps)
+        return statistic(times[:, number].astype(float))
 
     found = stats.bootstrap(
-        (np.arange(len(rows)),),
+        (np.arange(lumps),),
         of,
         n_resamples=RESAMPLES,
-        vectorized=False,
+        vectorized=True,
+        batch=max(1, 2_000_000 // len(group)),
         method="percentile",
         confidence_level=CONFIDENCE,
         random_state=np.random.default_rng(seed),

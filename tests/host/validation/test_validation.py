@@ -6,6 +6,7 @@ import pytest
 import statsmodels.formula.api as smf
 
 from palpate.dataset.answers import OUTPUTS, Answers
+from palpate.regression.table import r_squared
 from palpate.validation import agreement as agree
 from palpate.validation.agreement import agreement, by_lump
 from palpate.validation.report import write
@@ -54,6 +55,25 @@ def test_repeated_strokes_are_no_new_evidence():
     """Ten strokes over each of twelve lumps say as much as one, where strokes repeat exactly."""
     once, often = (agreement(told(12, n, within=0.0), "d_mm").bias for n in (1, 10))
     assert often.high - often.low == pytest.approx(once.high - once.low, rel=0.1)
+
+
+def test_a_stroke_that_counts_twice_is_a_stroke_written_twice():
+    """What is resampled all at once gives what repeated strokes give one by one."""
+    said, j = told(9, 2, seed=4), OUTPUTS.index("d_mm")
+    error, group = agree.errors_of("d_mm", said.value[:, j], said.truth[:, j]), said.group
+    times = np.repeat(np.random.default_rng(5).integers(0, 4, (20, 9)), 2, axis=1).astype(float)
+    every = [np.repeat(np.arange(18), row.astype(int)) for row in times]
+    for statistic, alone in (
+        (lambda t: agree._mean(error, t), lambda k: error[k].mean()),
+        (lambda t: agree._median(error, t), lambda k: np.median(error[k])),
+        (
+            lambda t: agree._r2(said.truth[:, j], said.value[:, j], t),
+            lambda k: r_squared(said.truth[k, j], said.value[k, j]),
+        ),
+        (lambda t: agree._spread(error, group, t)[0], lambda k: agree.spread(error[k], group[k])[0]),
+        (lambda t: agree._spread(error, group, t)[1], lambda k: agree.spread(error[k], group[k])[1]),
+    ):
+        np.testing.assert_allclose(statistic(times), [alone(k) for k in every], rtol=1e-9)
 
 
 def test_intervals_by_lump_hold_the_truth_as_often_as_they_say():
@@ -109,7 +129,7 @@ def test_intervals_that_always_hold_are_not_sure_to():
 
 def test_one_or_two_lumps_get_no_interval():
     group = np.array([0, 0, 1])
-    assert by_lump(group, lambda k: float(len(k))).low is None
+    assert by_lump(group, lambda times: times.sum(-1)).low is None
     assert agree.FEWEST == 3
 
 

@@ -21,8 +21,9 @@ from tests.firmware_py.strokes import read_strokes
 from tests.model_export import synthetic
 from tests.model_export.test_micropython import rows
 
-# the M3's code is the M4's: it is run, but on fewer vectors
-VECTORS = {"armv6m": 1000, "armv7m": 100, "armv7emsp": 1000}
+VECTORS = {"armv6m": 250, "armv7m": 50, "armv7emsp": 250}
+"""In every `make test`; the M3's code is the M4's. `make test-long` draws a thousand."""
+MANY = 1000
 SOURCES = (twins.HOT, twins.EVALUATOR, twins.LINK)
 SOURCE = """
 import micropython
@@ -98,25 +99,31 @@ def test_every_twin_is_machine_code(architecture, source):
     assert set(module.viper) == (set(placed) or {"_append", "_encode"})
 
 
-# ---- a thousand random vectors for each loop
+# ---- random vectors for each loop
+
+
+@pytest.fixture(params=["some", pytest.param("many", marks=pytest.mark.long)])
+def count(request, architecture):
+    """How many vectors."""
+    return VECTORS[architecture] if request.param == "some" else MANY
 
 
 @pytest.mark.parametrize("name", twins.places(twins.HOT))
-def test_the_hot_loops_on_random_vectors(hot, architecture, name):
+def test_the_hot_loops_on_random_vectors(hot, count, name):
     n = 0
-    for mine in vectors.of(".".join(twins.places(twins.HOT)[name]), VECTORS[architecture]):
+    for mine in vectors.of(".".join(twins.places(twins.HOT)[name]), count):
         theirs = copy.deepcopy(mine)
         vectors.plain(".".join(twins.places(twins.HOT)[name]))(*mine)
         hot[name](*theirs)
         assert theirs == mine
         n += 1
-    assert n == VECTORS[architecture]
+    assert n == count
 
 
-def test_the_links_loops_on_random_messages(architecture):
+def test_the_links_loops_on_random_messages(architecture, count):
     code = MachineCode(twins.LINK, architecture)
     random = np.random.default_rng(3)
-    for k in range(VECTORS[architecture]):
+    for k in range(count):
         n = int(random.integers(0, 700))
         # many zeros, few, none
         data = bytearray((random.integers(0, 256, n) * (random.random(n) > (0.3, 0.01, 0)[k % 3])).tolist())
@@ -156,14 +163,14 @@ def test_whole_strokes(hot):
     assert min(calls.values()) > 0, calls
 
 
-def test_whole_models_on_random_vectors(architecture):
+def test_whole_models_on_random_vectors(architecture, count):
     code = MachineCode(twins.EVALUATOR, architecture)
     out = array("i", [0] * evaluator.OUT_SIZE)
     calls: Counter[str] = Counter()
     for kind, degree in (("thesis", 2), ("field", 2), ("field", 3)):
         spec = synthetic.model(kind, degree)
         tables = compiler.compile_model(spec)
-        given = rows(spec, VECTORS[architecture] if degree == 2 else 100)
+        given = rows(spec, count if degree == 2 else 50)
         plain = [[tables.evaluate(array("i", row), out), *out] for row in given]
         with twins.installed(twins.EVALUATOR, code) as called:
             assert [[tables.evaluate(array("i", row), out), *out] for row in given] == plain
