@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from palpate.features.gaussian import bump
 from palpate.link.events import Frame, TactileMap
@@ -32,6 +33,7 @@ def draw(
     estimate: dict[str, Any],
     truth: dict[str, float],
     headline: str = "",
+    narrow: bool = False,
 ) -> None:
     """Draw one stroke as the probe saw it and write it to `path` (suffix chooses the format).
 
@@ -49,19 +51,29 @@ def draw(
         The case's inputs, under the estimate's names.
     headline : str
         The verdict, above everything.
+    narrow : bool
+        All panels in one column, for a phone.
     """
     with style.look():
-        figure = Figure(figsize=(11.5, 5.9), layout="constrained", facecolor="white")
+        size = (3.7, 13.5) if narrow else (11.5, 5.9)
+        w_pad, h_pad = (0.1, 0.08) if narrow else (None, None)
+        figure = Figure(
+            figsize=size, layout=ConstrainedLayoutEngine(w_pad=w_pad, h_pad=h_pad), facecolor="white"
+        )
         if headline:
             figure.suptitle(headline, x=0.01, ha="left", fontsize=14, weight="bold")
-        columns: Any = figure.subfigures(1, 3, width_ratios=(1.05, 1, 1), wspace=0.04)
-        left, middle, right = columns
-        _images(left, frames, found)
-        above, below = middle.subplots(2, 1)
+        parts: Any = (
+            figure.subfigures(3, 1, height_ratios=(1, 1, 1.25))
+            if narrow
+            else figure.subfigures(1, 3, width_ratios=(1.05, 1, 1), wspace=0.04)
+        )
+        images, traces, estimates = parts
+        _images(images, frames, found)
+        above, below = traces.subplots(2, 1)
         _tactile_map(above, found)
         _displacement(below, frames, found)
-        _estimate(right, estimate, truth)
-        figure.savefig(path, dpi=130)
+        _estimate(estimates, estimate, truth)
+        figure.savefig(path, dpi=220 if narrow else 130)
 
 
 def _images(figure: SubFigure, frames: list[Frame], found: TactileMap) -> None:

@@ -62,7 +62,7 @@ def truth() -> dict[str, float]:
     }
 
 
-def summary(estimate: Estimate, true: dict[str, float], picture: Path) -> Any:
+def summary(estimate: Estimate, true: dict[str, float], files: dict[str, Path]) -> Any:
     """The demo's stroke as the report's first section."""
     from palpate.report.items import Summary
 
@@ -73,7 +73,7 @@ def summary(estimate: Estimate, true: dict[str, float], picture: Path) -> Any:
     )
     title = "What the probe felt, and what it says"
     rows, level = rows_of(estimate, true), _level(estimate)
-    return Summary(verdict(estimate, true), text, title, rows, picture, level)
+    return Summary(verdict(estimate, true), text, title, rows, files["picture"], files["narrow"], level)
 
 
 def _level(estimate: Estimate) -> str:

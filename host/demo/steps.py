@@ -65,6 +65,7 @@ def run(out: Path, runtime: str = "micropython", fresh: bool = False, stderr: bo
         "image": out / "model.palp",
         "recording": out / "stroke.mcap",
         "picture": out / "demo.png",
+        "narrow": out / "demo-narrow.png",
         "report": out / "report" / "index.html",
     }
     if fresh:
@@ -85,9 +86,9 @@ def run(out: Path, runtime: str = "micropython", fresh: bool = False, stderr: bo
             frames, found, estimate = stroke_step(probe.port, files["recording"])
             identical = replay_step(files["recording"])
             true = truth()
-            _picture(files["picture"], frames, found, estimate, true)
+            _pictures(files, frames, found, estimate, true)
     with step("Report", "this stroke, and the thesis' figures and tables from the thirty"):
-        _report(strokes, thesis, files["report"], summary(estimate, true, files["picture"]))
+        _report(strokes, thesis, files["report"], summary(estimate, true, files))
     say_result(estimate, true, identical, files, stderr)
     if not identical:
         raise PalpateError("the host's replay of the stroke differs from what the probe sent")
@@ -112,10 +113,17 @@ def _report(strokes: list[Any], thesis: Any, page: Path, told: Any) -> None:
     stamp.write_text(made_from)
 
 
-def _picture(
-    path: Path, frames: list[Frame], found: TactileMap, estimate: Estimate, truth: dict[str, float]
+def _pictures(
+    files: dict[str, Path],
+    frames: list[Frame],
+    found: TactileMap,
+    estimate: Estimate,
+    truth: dict[str, float],
 ) -> None:
+    """For a desk with the verdict as its headline; for a phone, whose report has it as its own."""
     from palpate.demo.picture import draw
 
-    with whole_file(path) as part:
+    with whole_file(files["picture"]) as part:
         draw(part, frames, found, estimate.as_dict(), truth, verdict(estimate, truth))
+    with whole_file(files["narrow"]) as part:
+        draw(part, frames, found, estimate.as_dict(), truth, narrow=True)

@@ -66,8 +66,8 @@ class Summary:
     title : str
     rows : list of (quantity, value, interval, truth)
         As text.
-    picture : Path
-        A PNG of it.
+    picture, narrow : Path
+        A PNG of it; the same for a phone.
     interval : str
         What the third column is.
     """
@@ -77,6 +77,7 @@ class Summary:
     title: str
     rows: list[tuple[str, str, str, str]]
     picture: Path
+    narrow: Path
     interval: str
 
 

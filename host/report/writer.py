@@ -170,6 +170,9 @@ def _page(parts: list[dict[str, Any]], summary: Summary | None) -> str:
     made = [p for p in parts if not p["item"].missing]
     told = None
     if summary is not None:
-        told = {**vars(summary), "png": base64.b64encode(summary.picture.read_bytes()).decode("ascii")}
+        wide, narrow = (
+            base64.b64encode(p.read_bytes()).decode("ascii") for p in (summary.picture, summary.narrow)
+        )
+        told = {**vars(summary), "png": wide, "narrow_png": narrow}
     numbers = {"made": len(made), "missing": len(parts) - len(made)}
     return pages.render("palpate.report", "template.html", parts=parts, summary=told, **numbers)

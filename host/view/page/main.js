@@ -159,6 +159,7 @@ function showHealth(health) {
 function showState(state) {
   for (const item of get("steps").querySelectorAll("[data-step]")) item.classList.toggle("on", state[item.dataset.step]);
   image.stroking = state.stroke;
+  image.resting = !state.contact;
   const hint = state.too_fast ? "Too fast" : state.force_high ? "Force too high" : state.force_low ? "Press harder" : "";
   get("hint").hidden = !hint;
   get("hint").textContent = hint;

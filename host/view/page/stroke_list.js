@@ -41,3 +41,10 @@ export function arrange(box, nodes) {
   });
   while (box.children.length > nodes.length) box.lastElementChild.remove();
 }
+
+/** Scroll the box, and not the page: on a phone that would take what is being read out of sight. */
+export function reveal(box, line) {
+  const [outer, inner] = [box.getBoundingClientRect(), line.getBoundingClientRect()];
+  if (inner.top < outer.top) box.scrollTop -= outer.top - inner.top;
+  else if (inner.bottom > outer.bottom) box.scrollTop += inner.bottom - outer.bottom;
+}

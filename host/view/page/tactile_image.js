@@ -8,6 +8,7 @@ import { color } from "./theme.js";
 const SCALES = [2, 3, 5, 7.5, 10, 15, 20, 25, 40, 60, 100];
 const ROOM = 1.4; // over what is felt when the probe is pressed on, so that the lump stays below the top
 const STANDS_OUT = 1.15; // the peak against the image's mean, before it is marked
+const FELT_KPA = 0.3; // of the peak, below which nothing touches
 const MOVES = 1.03; // a new place of the peak against the marked one, before the mark moves: noise must not make it dance
 
 export class TactileImage {
@@ -21,6 +22,7 @@ export class TactileImage {
     this.full = FULL_SCALE_KPA;
     this.held = SCALES[2];
     this.stroking = false;
+    this.resting = false; // the probe says that it touches nothing
     this.picked = false; // an earlier image is shown, and not what is felt now
     this.pressure = null;
     this.smooth = new Float32Array(ROWS * COLUMNS);
@@ -70,7 +72,7 @@ export class TactileImage {
     }
     const peak = this.smooth[best];
     const mean = sum / ((ROWS - 2) * (COLUMNS - 2));
-    if (peak < 0.3 || peak < STANDS_OUT * mean) this.at = -1;
+    if (peak < FELT_KPA || peak < STANDS_OUT * mean) this.at = -1;
     else if (this.at < 0 || peak > MOVES * this.smooth[this.at]) this.at = best;
     return peak;
   }
@@ -86,8 +88,13 @@ export class TactileImage {
     c.drawImage(this.frame, 0, 0, width, height);
     if (!this.pressure) return;
     this.fill(table);
+    const alone = this.resting && !this.picked && peak < FELT_KPA;
     c.imageSmoothingEnabled = false;
+    c.globalAlpha = alone ? 0.2 : 1;
     c.drawImage(this.small, x0, y0, w, h);
+    c.globalAlpha = 1;
+    this.canvas.dataset.resting = alone;
+    if (alone) this.say(c, "no contact", x0 + w / 2, y0 + h / 2);
     this.pointer(c, x0 + w + 14 * textScale(), y0 + h - Math.min(peak / this.top, 1) * h);
     const { at } = this;
     if (at >= 0) this.cross(c, x0 + ((at % COLUMNS) + 0.5) * cell, y0 + (ROWS - 0.5 - Math.floor(at / COLUMNS)) * cell, 3 * cell);
@@ -170,6 +177,15 @@ export class TactileImage {
     for (const v of [...inside, this.top]) c.fillText(`${+v.toFixed(1)}`, x + 16 * k, y + h - (v / this.top) * h);
     c.textBaseline = "top";
     c.fillText("kPa", x - 2 * k, y + h + 6 * k);
+  }
+
+  /** A word on the image, where there is little else to see. */
+  say(c, word, x, y) {
+    c.font = font();
+    c.fillStyle = color("text");
+    c.textAlign = "center";
+    c.textBaseline = "middle";
+    c.fillText(word, x, y);
   }
 
   pointer(c, x, mark) {

@@ -2,7 +2,7 @@
 
 import { comparison } from "./comparison.js";
 import { Held, Plot, extent } from "./plot.js";
-import { arrange, head, item } from "./stroke_list.js";
+import { arrange, head, item, reveal } from "./stroke_list.js";
 
 const UNITS = { d_mm: "mm", depth_mm: "mm", t_mm: "mm", F_N_per_m: "N/m" };
 
@@ -68,7 +68,7 @@ export class History {
       const on = Number(item.dataset.number) === number;
       item.setAttribute("aria-selected", on);
       if (!on) continue;
-      item.scrollIntoView({ block: "nearest" });
+      reveal(box, item);
       box.setAttribute("aria-activedescendant", item.id);
     }
     this.draw();

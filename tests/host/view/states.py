@@ -82,7 +82,10 @@ def strokes(stage: Stage) -> Iterator[Shown]:
 
 
 def nothing_found(stage: Stage) -> Iterator[Shown]:
-    page = stage.page(SyntheticSource([Bump(kind="none", base_kPa=3.6)], seconds=1.0, limit=1))
+    source = SyntheticSource([Bump(kind="none", base_kPa=3.6)], seconds=1.0, limit=0)
+    page = stage.page(source)
+    expect(page.locator("#link-text")).to_have_text("Connected")
+    source.limit = 1
     expect(page.locator("#stroke-1")).to_be_visible()
     yield "none", page
 

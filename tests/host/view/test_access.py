@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
+from matplotlib.figure import Figure
 from playwright.sync_api import expect
 
 from palpate.report import write_report
+from palpate.report.items import Summary
 from tests.host.view.synthetic import Bump, SyntheticSource
 from tests.host.view.waiting import PATIENCE_S, recording_begun, settled
 
@@ -79,3 +81,25 @@ def test_the_report_can_be_read_by_everybody(browser, tmp_path):
     page.goto(path.as_uri())
     assert complaints(page) == []
     page.close()
+
+
+def test_on_a_phone_a_report_s_stroke_is_as_wide_as_the_window(browser, tmp_path):
+    """The picture made for a desk had to be moved sideways."""
+    wide, narrow = tmp_path / "wide.png", tmp_path / "narrow.png"
+    for path, size in ((wide, (11.5, 5.9)), (narrow, (3.7, 13.5))):
+        Figure(figsize=size).savefig(path)
+    rows = [("diameter d, mm", "11.9", "11.6 to 12.3", "12")]
+    summary = Summary("A lump of 11.9 mm", "One stroke.", "What it says", rows, wide, narrow, "90 % interval")
+    report = write_report(tmp_path / "report", simulate=False, summary=summary)
+    page = browser.new_page(viewport={"width": 360, "height": 740})
+    page.set_default_timeout(1000 * PATIENCE_S)
+    page.goto(report.as_uri())
+    page.wait_for_function("(i => i.naturalWidth < i.naturalHeight)(document.querySelector('#stroke img'))")
+    assert page.evaluate("document.documentElement.scrollWidth") == 360
+    assert page.evaluate(
+        "[...document.querySelectorAll('#stroke *')].filter(e => e.scrollWidth > e.clientWidth + 1"
+        " && getComputedStyle(e).overflowX !== 'visible').map(e => e.outerHTML.slice(0, 80))"
+    ) == []  # fmt: skip
+    assert complaints(page) == []
+    page.set_viewport_size({"width": 1280, "height": 800})
+    page.wait_for_function("(i => i.naturalWidth > i.naturalHeight)(document.querySelector('#stroke img'))")

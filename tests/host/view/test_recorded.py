@@ -11,7 +11,7 @@ from palpate.link.probe import Probe
 from palpate.view.read_strokes import load_strokes
 from palpate.view.replay import ReplaySource
 from tests.host.view.card import numbers_of, numbers_on
-from tests.host.view.waiting import PATIENCE_S, eventually, noticed
+from tests.host.view.waiting import PATIENCE_S, eventually, noticed, settled
 
 pytestmark = pytest.mark.browser
 
@@ -46,6 +46,24 @@ def test_at_its_end_a_recording_rests_on_its_last_stroke(recording, viewer, open
     source.set_speed(SLOWLY)
     page.keyboard.press("Space")
     expect(page.locator("#image-note")).to_have_text("")
+
+
+def test_at_its_end_a_phone_shows_the_image_and_nothing_of_it_wraps(recording, viewer, open_page):
+    """The page scrolled itself down to the list of strokes; two buttons and a menu had lines of their own."""
+    source = ReplaySource(recording[0])
+    source.set_speed(50)
+    page = open_page(viewer(source, mode="replay"), 360, 740)
+    expect(page.locator("#image-note")).to_have_text("stroke 3")
+    expect(page.locator("#stroke-3")).to_have_attribute("aria-selected", "true")
+    settled(page)
+    assert page.evaluate("scrollY") == 0
+    for row in (".brand, #link, .corner", ".image .panel-head > *"):
+        middles = page.evaluate(
+            """(s) => [...document.querySelectorAll(s)].map((e) => e.getBoundingClientRect())
+            .map((r) => (r.top + r.bottom) / 2)""",
+            row,
+        )
+        assert max(middles) - min(middles) < 8, row
 
 
 def test_a_recording_is_replayed_with_the_same_estimates(recording, viewer, open_page):

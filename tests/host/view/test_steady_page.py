@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import threading
+import time
+
+import numpy as np
 import pytest
 from playwright.sync_api import expect
 
+from palpate.view.events import Frame, LinkChanged, LinkState, StrokeState
 from palpate.view.page_connection import MAX_UNDRAWN
 from tests.host.view.pages import LUMP
-from tests.host.view.synthetic import Bump, SyntheticSource
+from tests.host.view.synthetic import DEVICE, Bump, SyntheticSource
 from tests.host.view.waiting import eventually, settled
 
 pytestmark = pytest.mark.browser
@@ -56,6 +61,34 @@ def test_a_colour_means_one_pressure_for_a_whole_visit(viewer, open_page):
     page.keyboard.press("v")
     page.keyboard.press("Enter")
     expect(page.locator("#image")).to_have_attribute("data-top-kpa", "5")
+
+
+class InTheAir(SyntheticSource):
+    """A probe that touches nothing until `pressed` is set; in the air its cells are a little off zero."""
+
+    def __init__(self) -> None:
+        super().__init__([LUMP])
+        self.pressed = threading.Event()
+
+    def run(self, emit, stop):
+        emit(LinkChanged(LinkState.CONNECTED, "Connected.", DEVICE))
+        while not stop.wait(0.05):
+            on = self.pressed.is_set()
+            now, pressure = time.monotonic(), np.full((16, 26), 3.0 if on else 0.02, np.float32)
+            emit(StrokeState(now, contact=on))
+            emit(Frame(self.seq, now, time.time(), 0.0, 0.0, pressure))
+            self.seq += 1
+
+
+def test_a_probe_at_rest_says_so_and_shows_no_plain_purple(viewer, open_page):
+    source = InTheAir()
+    page = open_page(viewer(source))
+    image = page.locator("#image")
+    expect(image).to_have_attribute("data-resting", "true")
+    source.pressed.set()
+    expect(image).to_have_attribute("data-resting", "false")
+    source.pressed.clear()
+    expect(image).to_have_attribute("data-resting", "true")
 
 
 def test_axes_hold_from_stroke_to_stroke_and_only_ever_widen(viewer, open_page):
