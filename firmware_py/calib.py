@@ -6,7 +6,9 @@ count) turns it into a pressure at the very end.
 
 from array import array
 
-from firmware_py import geometry, status
+from firmware_py import constant, geometry, status
+
+const = constant.const
 
 ROWS = geometry.ROWS
 COLS = geometry.COLUMNS
@@ -18,6 +20,13 @@ COUNT_MPA = geometry.COUNT_MPA
 PEDESTAL = geometry.PEDESTAL_PA * 8 * geometry.FULL_COUNT // geometry.FULL_SCALE_PA  # eighths of a count
 BLOB_BYTES = 8 + 4 * CELLS + geometry.MASK_BYTES
 
+# places in the blob, in bytes
+_TAG = const(0)  # 0x43
+_VERSION_AT = const(1)
+_ROWS_AT = const(2)
+_COLUMNS_AT = const(3)
+_COUNT_MPA = const(4)  # four bytes, of which the last is 0
+_OFFSETS = const(8)  # two bytes for each cell; then the gains, then the mask of dead cells
 _VERSION = 1
 
 
@@ -160,13 +169,13 @@ class Calibration:
     def to_bytes(self):
         """The calibration as BLOB_BYTES bytes, little endian, for the store and the wire."""
         out = bytearray(BLOB_BYTES)
-        out[0] = 0x43
-        out[1] = _VERSION
-        out[2] = ROWS
-        out[3] = COLS
+        out[_TAG] = 0x43
+        out[_VERSION_AT] = _VERSION
+        out[_ROWS_AT] = ROWS
+        out[_COLUMNS_AT] = COLS
         for i in range(4):
-            out[4 + i] = self.count_mpa >> (8 * i) & 255
-        p = 8
+            out[_COUNT_MPA + i] = self.count_mpa >> (8 * i) & 255
+        p = _OFFSETS
         for values in (self.offset, self.gain):
             for v in values:
                 out[p] = v & 255
@@ -179,19 +188,19 @@ class Calibration:
         """Load a calibration written by `to_bytes`; returns a status and changes nothing on failure."""
         if len(blob) != BLOB_BYTES:
             return status.BAD_LENGTH
-        if blob[0] != 0x43 or blob[1] != _VERSION:
+        if blob[_TAG] != 0x43 or blob[_VERSION_AT] != _VERSION:
             return status.BAD_VERSION
-        if blob[2] != ROWS or blob[3] != COLS:
+        if blob[_ROWS_AT] != ROWS or blob[_COLUMNS_AT] != COLS:
             return status.BAD_PROBE
-        mpa = blob[4] | blob[5] << 8 | blob[6] << 16
-        if blob[7] or mpa < 1:
+        mpa = blob[_COUNT_MPA] | blob[_COUNT_MPA + 1] << 8 | blob[_COUNT_MPA + 2] << 16
+        if blob[_OFFSETS - 1] or mpa < 1:
             return status.BAD_VALUE
-        for i in range(8, 8 + 4 * CELLS, 2):
+        for i in range(_OFFSETS, _OFFSETS + 4 * CELLS, 2):
             # an offset or gain of 2^15 and more would leave the integer range
             if blob[i + 1] > 127:
                 return status.BAD_VALUE
         self.count_mpa = mpa
-        p = 8
+        p = _OFFSETS
         for values in (self.offset, self.gain):
             for i in range(CELLS):
                 values[i] = blob[p] | blob[p + 1] << 8

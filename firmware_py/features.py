@@ -3,7 +3,9 @@
 The first six are the thesis' (as logarithms or ratios); docs/features.md gives every formula.
 """
 
-from firmware_py import fixed, geometry, profile
+from firmware_py import constant, fixed, geometry, profile
+
+const = constant.const
 
 _ln = fixed.ln
 _ratio = fixed.ratio
@@ -43,8 +45,45 @@ NAMES = (
     "tilt_15_19",
     "tilt_20_24",
 )
-COUNT = 30
+COUNT = const(30)
+# where each stands in the vector: their places in NAMES; a test holds them equal
+_LN_BASE = const(0)
+_LN_AMP = const(1)
+_LN_STDEV = const(2)
+_INV_CURVATURE = const(3)
+_LN_D28 = const(4)
+_LN_D0 = const(5)
+_LN_FORCE = const(6)
+_ASINH_AMP = const(7)
+_LN_D_FAR = const(8)
+_DIP_6_10 = const(9)
+_LN_CENTRE_SHARE = const(10)
+_LN_MISFIT = const(11)
+_ASINH_RISE = const(12)
+_TRACE_7_9 = const(13)
+_TRACE_12_16 = const(14)
+_DIP_0_2 = const(15)
+_DIP_3_5 = const(16)
+_DIP_12_16 = const(17)
+_DIP_17_22 = const(18)
+_TRACE_3_5 = const(19)
+_TRACE_17_22 = const(20)
+_TILT_3_5 = const(21)
+_TILT_6_9 = const(22)
+_TILT_10_14 = const(23)
+_LN_WIDTH_FAR = const(24)
+_LN_WIDTH_NEAR = const(25)
+_EDGE_FAR = const(26)
+_LN_PEAK = const(27)
+_TILT_15_19 = const(28)
+_TILT_20_24 = const(29)
+# and of the Gaussian's parameters (gauss.py)
+_BASE = const(0)
+_AMP = const(1)
+_STDEV = const(3)
+_COST = const(4)
 
+_LN2 = const(11629080)  # fixed.LN2
 LN_COUNT_TO_KPA = -359705684  # ln(1 / (2^11 1e6)): Q11 counts of 1 mPa to kPa
 _LN_PITCH = fixed.ln(geometry.PITCH_UM)
 LN_SUM_TO_N_PER_M = _LN_PITCH - 405824108  # ln(pitch / (2^5 1e9)): sum of Q5 counts of 1 mPa to N/m
@@ -52,7 +91,7 @@ LN_DEPTH_TO_MM = -162409222  # ln(1 / 16e3)
 LN_HALF_PITCH = _LN_PITCH - 127521983  # ln(pitch / 2000)
 LESS_THAN_PITCH = 0x1000000 - ((geometry.PITCH_UM << 16) // 1000 << 7)  # 1 - half a pitch in mm
 _LN_SHARE = _ln(geometry.ROWS) - _ln(profile.MIDDLE)
-_LN_SPREAD = profile.SPREAD_SHIFT * 11629080
+_LN_SPREAD = profile.SPREAD_SHIFT * _LN2
 _HALF = geometry.HALF_ROWS
 _OUTERMOST = profile.OUTERMOST
 _AT_8_MM, _OUTER, _WEIGHTS = geometry.between(8000)
@@ -66,7 +105,7 @@ def asinh_of(v, times):
     if a < 0x10000000 // times:
         return fixed.asinh(v * times)
     r = _ratio(0x1000000 // times, a)
-    r = _ln(a) - 23 * 11629080 + _ln(times) + (_mul(r, r) >> 2)
+    r = _ln(a) - 23 * _LN2 + _ln(times) + (_mul(r, r) >> 2)
     return r if v >= 0 else -r
 
 
@@ -77,58 +116,58 @@ def less_one(a, b):
 
 def from_fit(p, n, out):
     """The features that the Gaussian alone decides; pressures still in units of the sensor's count."""
-    base = p[0] if p[0] > FLOOR else FLOOR
-    amp = p[1]
-    out[0] = _ln(base) + LN_COUNT_TO_KPA
+    base = p[_BASE] if p[_BASE] > FLOOR else FLOOR
+    amp = p[_AMP]
+    out[_LN_BASE] = _ln(base) + LN_COUNT_TO_KPA
     least = base >> 9
-    out[1] = _ln(amp if amp > least else least) + LN_COUNT_TO_KPA
-    out[2] = _ln(p[3]) - 16 * 11629080
-    out[7] = asinh_of(_ratio(amp, base), 100)
-    out[11] = _ln(fixed.exp(((p[4] - _ln(n)) >> 1) - _ln(base), 0) + TENTH_PERMILLE) - 24 * 11629080
+    out[_LN_AMP] = _ln(amp if amp > least else least) + LN_COUNT_TO_KPA
+    out[_LN_STDEV] = _ln(p[_STDEV]) - 16 * _LN2
+    out[_ASINH_AMP] = asinh_of(_ratio(amp, base), 100)
+    out[_LN_MISFIT] = _ln(fixed.exp(((p[_COST] - _ln(n)) >> 1) - _ln(base), 0) + TENTH_PERMILLE) - 24 * _LN2
 
 
 def from_profile(q, out):
     """The features of the folded profile (profile.measure)."""
     far = _window(q, profile.DEPTH, 24, 33)
     far = far if far > 320 else 320
-    out[4] = _ln(_window(q, profile.DEPTH, 26, 30) // 10) + LN_DEPTH_TO_MM
-    out[5] = _ln(_window(q, profile.DEPTH, 0, 2) // 6) + LN_DEPTH_TO_MM
-    out[8] = _ln(far // 20) + LN_DEPTH_TO_MM
-    out[15] = dip(q, far, 0, 2)
-    out[16] = dip(q, far, 3, 5)
-    out[9] = dip(q, far, 6, 10)
-    out[17] = dip(q, far, 12, 16)
-    out[18] = dip(q, far, 17, 22)
+    out[_LN_D28] = _ln(_window(q, profile.DEPTH, 26, 30) // 10) + LN_DEPTH_TO_MM
+    out[_LN_D0] = _ln(_window(q, profile.DEPTH, 0, 2) // 6) + LN_DEPTH_TO_MM
+    out[_LN_D_FAR] = _ln(far // 20) + LN_DEPTH_TO_MM
+    out[_DIP_0_2] = dip(q, far, 0, 2)
+    out[_DIP_3_5] = dip(q, far, 3, 5)
+    out[_DIP_6_10] = dip(q, far, 6, 10)
+    out[_DIP_12_16] = dip(q, far, 12, 16)
+    out[_DIP_17_22] = dip(q, far, 17, 22)
 
     far = _window(q, profile.CENTRE, 24, 33)
     far = far if far > 2560 else 2560
     total = _window(q, profile.TOTAL, 24, 33)
     total = total if total > 10240 else 10240
-    out[10] = _ln(far) - _ln(total) + _LN_SHARE
-    out[12] = asinh_of(trace(q, far, 0, 2), 32)
-    out[19] = trace(q, far, 3, 5)
-    out[13] = trace(q, far, 7, 9)
-    out[14] = trace(q, far, 12, 16)
-    out[20] = trace(q, far, 17, 22)
-    out[21] = tilt(q, 3, 5)
-    out[22] = tilt(q, 6, 9)
-    out[23] = tilt(q, 10, 14)
-    out[28] = tilt(q, 15, 19)
-    out[29] = tilt(q, 20, 24)
+    out[_LN_CENTRE_SHARE] = _ln(far) - _ln(total) + _LN_SHARE
+    out[_ASINH_RISE] = asinh_of(trace(q, far, 0, 2), 32)
+    out[_TRACE_3_5] = trace(q, far, 3, 5)
+    out[_TRACE_7_9] = trace(q, far, 7, 9)
+    out[_TRACE_12_16] = trace(q, far, 12, 16)
+    out[_TRACE_17_22] = trace(q, far, 17, 22)
+    out[_TILT_3_5] = tilt(q, 3, 5)
+    out[_TILT_6_9] = tilt(q, 6, 9)
+    out[_TILT_10_14] = tilt(q, 10, 14)
+    out[_TILT_15_19] = tilt(q, 15, 19)
+    out[_TILT_20_24] = tilt(q, 20, 24)
 
     s = profile.AT_28
     v = q[s + _HALF - 1]
     if v < 512:
         v = 512
     s += _AT_8_MM
-    out[3] = _ratio((_OUTER * q[s] + (_WEIGHTS - _OUTER) * q[s + 1]) // _WEIGHTS, v)
-    out[24] = spread(q, 24, 33, total)
-    out[25] = spread(q, 0, 2, _window(q, profile.TOTAL, 0, 2)) - out[24]
+    out[_INV_CURVATURE] = _ratio((_OUTER * q[s] + (_WEIGHTS - _OUTER) * q[s + 1]) // _WEIGHTS, v)
+    out[_LN_WIDTH_FAR] = spread(q, 24, 33, total)
+    out[_LN_WIDTH_NEAR] = spread(q, 0, 2, _window(q, profile.TOTAL, 0, 2)) - out[_LN_WIDTH_FAR]
     s = profile.FAR
     v = 0
     for i in range(_OUTERMOST):
         v += q[s + i]
-    out[26] = _ratio(v * _HALF // _OUTERMOST, total)
+    out[_EDGE_FAR] = _ratio(v * _HALF // _OUTERMOST, total)
     s = profile.NEAR
     v = 1
     for i in range(_HALF):
@@ -137,7 +176,7 @@ def from_profile(q, out):
     total = 0
     for i in range(_HALF):
         total += q[s + i]
-    out[27] = _ln(v * _HALF) - _ln(total if total > 1 else 1)
+    out[_LN_PEAK] = _ln(v * _HALF) - _ln(total if total > 1 else 1)
 
 
 def dip(q, far, low, high):
@@ -173,10 +212,10 @@ def finish(force, count_mpa, out):
     force: mean sum of an image, Q5 counts.
     """
     unit = _ln(count_mpa)
-    out[0] += unit
-    out[1] += unit
-    out[6] = _ln(force) + LN_SUM_TO_N_PER_M + unit
-    for i in range(30):
+    out[_LN_BASE] += unit
+    out[_LN_AMP] += unit
+    out[_LN_FORCE] = _ln(force) + LN_SUM_TO_N_PER_M + unit
+    for i in range(COUNT):
         if out[i] > 0x1FFFFFFF:
             out[i] = 0x1FFFFFFF
         elif out[i] < -0x1FFFFFFF:

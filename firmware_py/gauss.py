@@ -8,28 +8,43 @@ ten thousand of itself however small the noise is: the fit ends where the gradie
 Hessian only determines how fast.
 """
 
-from firmware_py import fixed
+from firmware_py import constant, fixed
+
+const = constant.const
 
 _mul = fixed.mul
 _ratio = fixed.ratio
 _ln = fixed.ln
 _exp = fixed.exp
 
-BASE = 0
-AMP = 1
-CENTRE = 2
-STDEV = 3
-COST = 4  # ln of the sum of squared residuals, Q24
-PARAMS = 5
+BASE = const(0)
+AMP = const(1)
+CENTRE = const(2)
+STDEV = const(3)
+COST = const(4)  # ln of the sum of squared residuals, Q24
+PARAMS = const(5)
 WORK = 256  # numbers of working space: four for each of up to 64 points
-SUMS = 16  # of which the last two keep the map's mean and the shift of its scale
+# the sums s: of products of the three slopes a, b, c (in amplitude, centre, stdev) and the residual e
+_AA = const(0)
+_AB = const(1)
+_AC = const(2)
+_BB = const(3)
+_BC = const(4)
+_CC = const(5)
+_AE = const(6)
+_BE = const(7)
+_CE = const(8)
+_SCALE = const(9)  # by how many bits e was scaled up
+_MEAN = const(10)  # of the map
+_SHIFT = const(11)  # by which the map was scaled up
+_LN2 = const(11629080)  # fixed.LN2
 MIN_STDEV = 98304  # 1.5 mm
 MAX_STDEV = 1638400  # 25 mm
 EDGE = 917504  # the centre stays 14 mm inside the grid's ends
 
 
 def prepare(y, n, work, s):
-    """The map less its mean, scaled up to 21 bits, into work[3n..4n); mean and shift into s[10], s[11]."""
+    """The map less its mean, scaled up to 21 bits, into work[3n..4n); mean and shift into the sums s."""
     total = 0
     for i in range(n):
         total += y[i] >> 3
@@ -47,17 +62,17 @@ def prepare(y, n, work, s):
         k += 1
     for i in range(n):
         work[3 * n + i] = (y[i] - mean) << k
-    s[10] = mean
-    s[11] = k
+    s[_MEAN] = mean
+    s[_SHIFT] = k
 
 
 def evaluate(n, p, work, s):
     """Residuals of the parameters p against the prepared map; sets p[BASE], p[COST], work and the sums s."""
-    amp = p[1]
-    wide = p[3] >> 4
+    amp = p[AMP]
+    wide = p[STDEV] >> 4
     half = wide >> 1
     total = 0
-    x = -p[2]
+    x = -p[CENTRE]
     for i in range(n):
         z = ((x << 8) + half) // wide
         if -21000 < z < 21000:
@@ -117,18 +132,18 @@ def evaluate(n, p, work, s):
     rb = sb - qb * n
     qc = sc // n
     rc = sc - qc * n
-    s[0] = (aa - (sa * qa + sa * ra // n)) >> 2
-    s[1] = (ab - (sb * qa + sb * ra // n)) >> 2
-    s[2] = (ac - (sc * qa + sc * ra // n)) >> 2
-    s[3] = (bb - (sb * qb + sb * rb // n)) >> 2
-    s[4] = (bc - (sc * qb + sc * rb // n)) >> 2
-    s[5] = (cc - (sc * qc + sc * rc // n)) >> 2
-    s[6] = (ae - (se * qa + se * ra // n)) >> 2
-    s[7] = (be - (se * qb + se * rb // n)) >> 2
-    s[8] = (ce - (se * qc + se * rc // n)) >> 2
-    s[9] = up - down
-    p[0] = base
-    p[4] = _ln(ee) - 2 * (up - down) * 11629080
+    s[_AA] = (aa - (sa * qa + sa * ra // n)) >> 2
+    s[_AB] = (ab - (sb * qa + sb * ra // n)) >> 2
+    s[_AC] = (ac - (sc * qa + sc * ra // n)) >> 2
+    s[_BB] = (bb - (sb * qb + sb * rb // n)) >> 2
+    s[_BC] = (bc - (sc * qb + sc * rb // n)) >> 2
+    s[_CC] = (cc - (sc * qc + sc * rc // n)) >> 2
+    s[_AE] = (ae - (se * qa + se * ra // n)) >> 2
+    s[_BE] = (be - (se * qb + se * rb // n)) >> 2
+    s[_CE] = (ce - (se * qc + se * rc // n)) >> 2
+    s[_SCALE] = up - down
+    p[BASE] = base
+    p[COST] = _ln(ee) - 2 * (up - down) * _LN2
 
 
 def solve(s, damp, hold, d):
@@ -136,15 +151,15 @@ def solve(s, damp, hold, d):
 
     `hold` fixes stdev (bit 0) or centre (bit 1) at its bound. Returns 0 where the system is singular.
     """
-    h00 = s[0] + (s[0] >> damp) + 4
-    h01 = s[1]
-    h02 = s[2]
-    h11 = s[3] + (s[3] >> damp) + 4
-    h12 = s[4]
-    h22 = s[5] + (s[5] >> damp) + 4
-    g0 = s[6]
-    g1 = s[7]
-    g2 = s[8]
+    h00 = s[_AA] + (s[_AA] >> damp) + 4
+    h01 = s[_AB]
+    h02 = s[_AC]
+    h11 = s[_BB] + (s[_BB] >> damp) + 4
+    h12 = s[_BC]
+    h22 = s[_CC] + (s[_CC] >> damp) + 4
+    g0 = s[_AE]
+    g1 = s[_BE]
+    g2 = s[_CE]
     if hold & 1:
         h02 = h12 = g2 = 0
     if hold & 2:

@@ -8,7 +8,9 @@ is checked all the same (model_check.py).
 
 from array import array
 
-from firmware_py import evaluator, geometry, model_check, status, unpack
+from firmware_py import constant, evaluator, geometry, model_check, status, unpack
+
+const = constant.const
 
 PROBE = geometry.NAME
 MAGIC = b"PALP"
@@ -16,6 +18,21 @@ VERSION = 4
 HEAD_SIZE = 104
 ROLLBACK = 1
 MAX_COUNTER = (1 << 30) - 1
+
+# where the head's fields begin, in bytes; docs/model-image.md says what they are
+_VERSION = const(4)
+_KIND = const(5)
+_FEATURES_VERSION = const(6)
+_FLAGS = const(7)
+_LENGTH = const(8)
+_COUNTER = const(12)
+_REPLACES = const(16)
+_RESERVED = const(20)
+_PROBE = const(24)
+_MODEL_ID = const(40)
+_TRAINING = const(48)
+_LENGTHS = const(80)  # of the sections, from the first on
+_END = const(102)  # two zeros
 
 # sections
 NUMBERS = 1  # evaluator's head
@@ -49,18 +66,18 @@ class Header:
         if len(b) < HEAD_SIZE or b[:4] != MAGIC:
             self.code = status.BAD_MAGIC
             return
-        if b[4] != VERSION:
+        if b[_VERSION] != VERSION:
             self.code = status.BAD_VERSION
             return
-        self.kind = b[5]
-        self.features_version = b[6]
-        self.rollback = b[7] & ROLLBACK
-        self.counter = u32(b, 12)
-        self.replaces = u32(b, 16)
-        self.probe = bytes(b[24:40])
-        self.model_id = bytes(b[40:48])
-        self.training = bytes(b[48:80])
-        if u32(b, 8) != body:
+        self.kind = b[_KIND]
+        self.features_version = b[_FEATURES_VERSION]
+        self.rollback = b[_FLAGS] & ROLLBACK
+        self.counter = u32(b, _COUNTER)
+        self.replaces = u32(b, _REPLACES)
+        self.probe = bytes(b[_PROBE:_MODEL_ID])
+        self.model_id = bytes(b[_MODEL_ID:_TRAINING])
+        self.training = bytes(b[_TRAINING:_LENGTHS])
+        if u32(b, _LENGTH) != body:
             self.code = status.BAD_LENGTH
             return
         if self.probe != probe + bytes(16 - len(probe)):
@@ -68,9 +85,9 @@ class Header:
             return
         if (
             self.kind > 1
-            or b[7] > ROLLBACK
-            or u32(b, 20)
-            or b[102] | b[103]
+            or b[_FLAGS] > ROLLBACK
+            or u32(b, _RESERVED)
+            or b[_END] | b[_END + 1]
             or self.counter > MAX_COUNTER
             or self.replaces > MAX_COUNTER
             or (self.replaces and not self.rollback)
@@ -80,7 +97,7 @@ class Header:
         self.places = {}
         at = HEAD_SIZE
         for tag in range(1, LAST + 1):
-            n = b[78 + 2 * tag] | b[79 + 2 * tag] << 8
+            n = b[_LENGTHS + 2 * tag - 2] | b[_LENGTHS + 2 * tag - 1] << 8
             self.places[tag] = (at, n)
             at += n + 3 & -4
         if at != body:

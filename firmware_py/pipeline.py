@@ -9,7 +9,7 @@
 
 from array import array
 
-from firmware_py import bins, calib, columns, feature_chain, geometry, status, stuck, traces
+from firmware_py import bins, calib, columns, feature_chain, gauss, geometry, status, stuck, traces
 
 POINTS = feature_chain.POINTS
 HALF_UM = feature_chain.HALF_UM
@@ -135,7 +135,7 @@ class Pipeline(feature_chain.Chain):
         span = self.span
         cells = self.bins.cells
         bump = self._small
-        norm = columns.make_bump(POINTS, self.fit[2], self.fit[3], bump)
+        norm = columns.make_bump(POINTS, self.fit[gauss.CENTRE], self.fit[gauss.STDEV], bump)
         if not norm:
             return False
         level = self._work

@@ -4,7 +4,9 @@ Beyond the lump the probe's image is mirrored, so that "towards the lump" is one
 are over both sides. One array holds them; the constants say where.
 """
 
-from firmware_py import geometry, traces
+from firmware_py import constant, geometry, traces
+
+const = constant.const
 
 _weigh = traces.weigh
 _at = traces.at
@@ -15,14 +17,13 @@ _MIDDLE_UM = 3000  # the middle sensors are those less than so far from the midd
 MIDDLE = geometry.rows_within(_MIDDLE_UM)
 OUTERMOST = max(1, 3000 // geometry.PITCH_UM)  # sensors at either end: 3 mm of the face
 SPREAD_SHIFT = 3 * ((_ROWS - 1) // 16)  # what keeps SPREAD in range where there are more than 16 rows
-REACH = 34
-LENGTH = 35  # places 0..34 mm from the middle
-CENTRE = 0  # the MIDDLE sensors, Q5 counts
-DEPTH = 35  # 1/16 um
-TOTAL = 70  # the whole image, Q5 counts
-TILT = 105  # sum of pressure times the place in half pitches: positive away from the lump
-SPREAD = 140  # sum of pressure times the square of that, less SPREAD_SHIFT bits
-FAR = 175  # image 24..33 mm away, folded about its own middle: outermost first
+_REACH = const(34)  # mm on either side of the lump: each profile holds the places 0..34 mm
+CENTRE = const(0)  # the MIDDLE sensors, Q5 counts
+DEPTH = const(35)  # 1/16 um
+TOTAL = const(70)  # the whole image, Q5 counts
+TILT = const(105)  # sum of pressure times the place in half pitches: positive away from the lump
+SPREAD = const(140)  # sum of pressure times the square of that, less SPREAD_SHIFT bits
+FAR = const(175)  # image 24..33 mm away, folded about its own middle: outermost first
 NEAR = FAR + _HALF  # image within 2 mm
 AT_28 = NEAR + _HALF  # image 26..30 mm away
 SIZE = AT_28 + _HALF
@@ -33,14 +34,14 @@ def measure(x_um, n, rows, depth, centre_um, out, w):
     for i in range(SIZE):
         out[i] = 0
     k = 0
-    for j in range(-34, 35):
+    for j in range(-_REACH, _REACH + 1):
         x = centre_um + 1000 * j
         while k < n - 2 and x_um[k + 1] <= x:
             k += 1
         _weigh(x_um, n, k, x, w)
         m = j if j >= 0 else -j
         both = 2 if j == 0 else 1
-        out[35 + m] += both * _at(depth, 1, 0, k, n, w)
+        out[DEPTH + m] += both * _at(depth, 1, 0, k, n, w)
         centre = 0
         total = 0
         tilt = 0
@@ -58,12 +59,12 @@ def measure(x_um, n, rows, depth, centre_um, out, w):
                 centre += v
             spread += v * a * a >> SPREAD_SHIFT
             a -= 2
-        out[m] += both * centre
-        out[70 + m] += both * total
+        out[CENTRE + m] += both * centre
+        out[TOTAL + m] += both * total
         if j:
             # seen from the left the lump lies at positive s
-            out[105 + m] += tilt if j > 0 else -tilt
-        out[140 + m] += both * spread
+            out[TILT + m] += tilt if j > 0 else -tilt
+        out[SPREAD + m] += both * spread
         if 24 <= m <= 33:
             _fold(w, out, FAR, 1)
         if m <= 2:

@@ -2,8 +2,19 @@
 
 from array import array
 
-from firmware_py import evaluator
+from firmware_py import constant, evaluator
 
+const = constant.const
+
+# where each of the numbers stands in its section: first HARD_BELOW, FORCE_LO, FORCE_HI
+_DOWNS = const(3)  # and DOWNS, of 32 bits each
+_LEVEL = const(16)  # two bytes each
+_MARGIN = const(18)
+_N_FEATURES = const(20)  # one byte each
+_LOW_BITS = const(21)
+_LINKS = const(22)
+_PART_BITS = const(23)
+_HIGH_BITS = const(24)
 NUMBERS_HEAD = 25  # bytes of the numbers before the sizes of the words
 ROW_BYTES = 5  # an intercept and its shift
 # what the image keeps of a feature's row and of an output's; the rest is worked out
@@ -150,17 +161,17 @@ def share(steps, size, whole, head, c, d, own):
 def head(raw):
     """The evaluator's head; the numbers of limits, of terms and of steps are seen from their sections."""
     out = array("i", bytearray(4 * evaluator.HEAD))
-    numbers = array("i", raw[:16])
-    for i in range(3):
+    numbers = array("i", raw[:_LEVEL])
+    for i in range(_DOWNS):
         out[evaluator.HARD_BELOW + i] = numbers[i]
-    out[evaluator.DOWNS] = numbers[3]
-    out[evaluator.LEVEL_PERMILLE] = raw[16] | raw[17] << 8
-    out[evaluator.MARGIN] = raw[18] | raw[19] << 8
-    out[evaluator.N_FEATURES] = raw[20]
-    out[evaluator.LOW_BITS] = raw[21]
-    out[evaluator.LINKS] = raw[22]
-    out[evaluator.PART_BITS] = raw[23]
-    out[evaluator.HIGH_BITS] = raw[24]
+    out[evaluator.DOWNS] = numbers[_DOWNS]
+    out[evaluator.LEVEL_PERMILLE] = raw[_LEVEL] | raw[_LEVEL + 1] << 8
+    out[evaluator.MARGIN] = raw[_MARGIN] | raw[_MARGIN + 1] << 8
+    out[evaluator.N_FEATURES] = raw[_N_FEATURES]
+    out[evaluator.LOW_BITS] = raw[_LOW_BITS]
+    out[evaluator.LINKS] = raw[_LINKS]
+    out[evaluator.PART_BITS] = raw[_PART_BITS]
+    out[evaluator.HIGH_BITS] = raw[_HIGH_BITS]
     return out
 
 

@@ -11,6 +11,10 @@ from firmware_py import (
     bins,
     calibrate,
     evaluator,
+    features,
+    fixed,
+    gauss,
+    gaussfit,
     geometry,
     outputs,
     polynomial,
@@ -61,6 +65,17 @@ def test_a_place_in_the_models_arrays_has_one_number():
         for name, number in names.items():
             if name.isupper() and not name.startswith("_") and hasattr(evaluator, name):
                 assert getattr(evaluator, name) == number, name
+
+
+def test_a_feature_and_a_parameter_of_the_gaussian_stand_where_their_names_say():
+    assert len(features.NAMES) == features.COUNT
+    assert [vars(features)["_" + name.upper()] for name in features.NAMES] == list(range(features.COUNT))
+    assert features._LN2 == gauss._LN2 == gaussfit._LN2 == fixed.LN2
+    for module in (features, gaussfit):
+        for name in ("BASE", "AMP", "CENTRE", "STDEV", "COST", "PARAMS"):
+            assert getattr(module, "_" + name, getattr(gauss, name)) == getattr(gauss, name), (module, name)
+    for name in ("_BE", "_CE", "_SCALE", "_MEAN", "_SHIFT"):
+        assert getattr(gaussfit, name) == getattr(gauss, name), name
 
 
 def test_the_tissues_sensors_are_the_reference_arrays():
