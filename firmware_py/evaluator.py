@@ -1,4 +1,4 @@
-"""The model's arithmetic: features in, the five outputs with their intervals out, integers only.
+"""The model's arithmetic: features in, the outputs with their intervals out, integers only.
 
 `Tables` holds a model as arrays; `evaluate` works on arrays the caller owns and allocates nothing.
 `compute` has no branch on data other than those in scales.py, so the exporter runs this very code on
@@ -22,7 +22,7 @@ width = scales.width
 verdict = _verdict.verdict
 
 # Numbers of this module stand in its loops as they are (constant.py); those that outputs.py and verdict.py
-# have as well are held equal by a test.
+# have as well are held equal by a test, and `python -m tests.firmware_py.output_numbers` writes them.
 OUTPUTS = const(5)
 NO_LUMP = _verdict.NO_LUMP
 WORK = const(20)  # sums of three depths, then the predictions
@@ -83,9 +83,8 @@ OUTPUT_ROW = const(9)
 # row table: intercept (Q24) and shift of each sum: outputs, ln sigmas, whitened coordinates
 ROW = const(2)
 
-# c and d: five words for each leaf (one an output) in the order of the program, five for each input of
-# ln sigma, the predictions first; c also the rows of the distance, a lower triangle. own: five for each
-# branch
+# c and d: a word an output for each leaf, in the order of the program, and for each input of ln sigma, the
+# predictions first; c also the rows of the distance, a lower triangle. own: one an output for each branch
 
 NO_WIDTH = const(-536870912)  # stands for ln 0
 

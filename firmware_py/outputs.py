@@ -1,15 +1,24 @@
-"""What a model estimates: the outputs in their order, with units and scales; everybody takes them from here.
+"""What a model estimates: the outputs in their order, with units, words and ranges; all take them from here.
 
-The wire and the evaluator carry millionths of these units. `evaluator` says where they stand in its arrays.
+The truth of each is the attribute of that name of `palpate.sim.tissue.Case`; F alone is what the hand kept.
+The wire and the evaluator carry millionths of these units. Loops hold some numbers of this table as they are:
+`python -m tests.firmware_py.output_numbers` writes them anew when it has changed.
 """
 
-# name on the wire and in JSON, unit, whether the model predicts its logarithm
+# Name on the wire and in JSON; unit; whether the model predicts its logarithm; words. Then the range that
+# the field model is for (t follows from d and h; hard lumps look alike), and that which holds its estimates:
+# wider, so that a lump beyond the first is seen to be.
 TABLE = (
-    ("F_N_per_m", "N/m", True),  # force per metre of probe width
-    ("t_mm", "mm", True),  # thickness of the fat
-    ("d_mm", "mm", True),  # diameter of the lump
-    ("h", "1", True),  # depth of its middle less half a diameter, over the diameter
-    ("E_inv23", "1", False),  # (stiffness over the fat's)^(-2/3)
+    # force per metre of probe width
+    ("F_N_per_m", "N/m", True, "force", 29.0, 104.0, 15.0, 140.0),
+    # thickness of the fat
+    ("t_mm", "mm", True, "tissue thickness t", 0.0, float("inf"), 2.5, 65.0),
+    # diameter of the lump
+    ("d_mm", "mm", True, "lump diameter d", 5.0, 20.0, 3.5, 28.0),
+    # depth of its middle less half a diameter, over the diameter
+    ("h", "1", True, "relative depth h", 0.3, 1.5, 0.15, 2.4),
+    # (stiffness over the fat's)^(-2/3)
+    ("E_inv23", "1", False, "stiffness E^-2/3", 0.0, 2.0 ** (-2 / 3), 1000.0 ** (-2 / 3), 0.9),
 )
 NAMES = tuple([row[0] for row in TABLE])
 UNITS = tuple([row[1] for row in TABLE])

@@ -6,9 +6,13 @@ from firmware_py import outputs
 
 KINDS = ("thesis", "field")
 # Name and unit of the outputs in the order of the wire; an image holds millionths of these units.
-OUTPUTS = tuple((name, unit) for name, unit, _ in outputs.TABLE)
+OUTPUTS = tuple(zip(outputs.NAMES, outputs.UNITS))
 SYMBOLS = tuple(name.removesuffix("_" + unit.replace("/", "_per_")) for name, unit in OUTPUTS)
 """The outputs as equations name them: F, t, d, h, E_inv23."""
+WORDS = {row[0]: row[3] for row in outputs.TABLE}
+"""The outputs in plain words."""
+SHOWN_UNITS = {name: "" if unit == "1" else unit for name, unit in OUTPUTS}
+"""Their units as people are shown them."""
 LINKS = ("ln", "identity")
 
 Term = tuple[int, ...]

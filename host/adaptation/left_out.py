@@ -15,7 +15,7 @@ from palpate.model_export.schema import ModelSpec
 from palpate.validation.agreement import errors_of
 
 FOLDS = 10
-SHOWN = ("d_mm", "depth_mm", "h", "t_mm", "E_inv23", "F_N_per_m")
+SHOWN = tuple(dict.fromkeys(("d_mm", "depth_mm", "h", "t_mm", "E_inv23", "F_N_per_m", *OUTPUTS)))
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import click
 from firmware_py import geometry, outputs
 from palpate.cli.output import note
 from palpate.link.answer import HARDNESS, Span, stiffness_kPa, stiffness_words
+from palpate.model_export.vocabulary import SHOWN_UNITS, WORDS
 
 if TYPE_CHECKING:
     from palpate.link.events import Estimate
@@ -17,14 +18,6 @@ if TYPE_CHECKING:
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-UNITS = {name: "" if unit == "1" else unit for name, unit, _ in outputs.TABLE}
-WORDS = {
-    "F_N_per_m": "force",
-    "t_mm": "tissue thickness t",
-    "d_mm": "lump diameter d",
-    "h": "relative depth h",
-    "E_inv23": "stiffness E^-2/3",
-}
 NOMINAL_SCALE = (
     f"pressures are by the nominal scale ({geometry.FULL_SCALE_PA / 1000:g} kPa over {geometry.FULL_COUNT} "
     f"counts, {geometry.PEDESTAL_PA / 1000:g} kPa the zero)"
@@ -73,7 +66,7 @@ def estimate_lines(estimate: Estimate, fat_kPa: float | None = None) -> list[str
     level = f"{estimate.level_permille / 10:g} % interval"
     lines = [f"{head}, model {estimate.model_id.hex()}"]
     for name in estimate.outputs:
-        lines.append(_number(WORDS[name], UNITS[name], estimate.span(name), level))
+        lines.append(_number(WORDS[name], SHOWN_UNITS[name], estimate.span(name), level))
         if name == "h" and (depth := estimate.depth_mm) is not None:
             lines.append(_number("lump depth", "mm", depth, level))
     factor = stiffness_words(estimate.span("E_inv23"), fat_kPa)

@@ -28,6 +28,7 @@ from palpate.regression.field.data import read_lumps, stroke_fields, sweep_progr
 from palpate.regression.field.design import FIELD_SETTINGS, lump_cases
 from palpate.regression.observed import ObservedStrokes, observe
 from palpate.regression.progress import ProgressCallback
+from palpate.regression.table import SHOWN, TARGETS
 from palpate.sim.tissue import sweep
 
 SEED = 31
@@ -111,8 +112,8 @@ def main() -> None:
     lumps = int(sys.argv[1]) if len(sys.argv) > 1 else LUMPS
     with showing_progress() as progress:
         shares, lost = coverage(lumps, progress)
-    names = {"F_N_per_m": "F", "t_mm": "t", "d_mm": "d", "h": "h", "E_inv23": "E^-2/3", "depth": "depth",
-             "independent": "depth, t and d independent"}  # fmt: skip
+    names = {name: SHOWN[symbol] for name, symbol in zip(OUTPUTS, TARGETS)}
+    names |= {"depth": "depth", "independent": "depth, t and d independent"}
     rows = [
         [str(group), *(f"{100 * row[key]:.1f}" for key in names), f"{row['n']:.0f}"]
         for group, row in shares.iterrows()

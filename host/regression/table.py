@@ -14,7 +14,8 @@ import pandas as pd
 
 from palpate.errors import PalpateError
 from palpate.features.map_features import Floats
-from palpate.model_export.vocabulary import SYMBOLS
+from palpate.model_export.vocabulary import OUTPUTS, SYMBOLS
+from palpate.sim.tissue.case import Case
 
 REFERENCE_CODE = "d10h08e10f10"
 INPUTS = ("d_mm", "h", "E_ratio", "F_rel", "t_mm")
@@ -34,6 +35,7 @@ NAMES = {
 }
 TARGETS = SYMBOLS
 SHOWN = {target: {"E_inv23": "E^-2/3"}.get(target, target) for target in TARGETS}
+_STIFFEST = 1000.0 ** (-2 / 3)
 INPUT_COLUMN = {"F": "F_rel", "t": "t_mm", "d": "d_mm", "h": "h"}
 
 
@@ -81,7 +83,19 @@ def coordinates(table: pd.DataFrame) -> pd.DataFrame:
 def target_values(table: pd.DataFrame) -> pd.DataFrame:
     """What the inverse models estimate, in the thesis' terms: F, t (mm), d (mm), h, E^-2/3."""
     values = {name: table[column].astype(float) for name, column in INPUT_COLUMN.items()}
-    return pd.DataFrame({**values, "E_inv23": table["E_ratio"].astype(float) ** (-2 / 3)})
+    values["E_inv23"] = table["E_ratio"].astype(float) ** (-2 / 3)
+    F, d, h, E_inv23 = (values[target].to_numpy() for target in ("F", "d", "h", "E_inv23"))
+    return pd.DataFrame({**values, **further_outputs(F, d, h, E_inv23)}, table.index)[list(TARGETS)]
+
+
+def further_outputs(F_rel: Floats, d_mm: Floats, h: Floats, E_inv23: Floats) -> dict[str, Floats]:
+    """The outputs (n) that the thesis did not have, by symbol, of lumps with these inputs (n)."""
+    names = {s: name for s, (name, _) in zip(TARGETS, OUTPUTS) if s not in (*INPUT_COLUMN, "E_inv23")}
+    if not names:
+        return {}
+    E_ratio = np.maximum(E_inv23, _STIFFEST) ** -1.5
+    cases = [Case(*inputs) for inputs in zip(d_mm, h, E_ratio, F_rel)]
+    return {s: np.array([getattr(case, name) for case in cases], float) for s, name in names.items()}
 
 
 def r_squared(truth: Sequence[float] | Floats, estimate: Sequence[float] | Floats) -> float:

@@ -7,6 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from rich.table import Table
 
+from palpate.model_export.vocabulary import SHOWN_UNITS
 from palpate.regression.conformal import LEVEL
 from palpate.regression.field.result import FieldFit
 from palpate.regression.field.score import NEAR_THE_BORDER, ordered
@@ -15,7 +16,7 @@ from palpate.report import style
 from palpate.report.items import Item
 
 _PERCENT = f"{100 * LEVEL:g}"
-_UNITS = {"F": "(N/m)", "t": "(mm)", "d": "(mm)", "h": "", "E_inv23": ""}
+_UNITS = {s: f"({u})" if u else "" for s, u in zip(TARGETS, SHOWN_UNITS.values())}
 
 
 def items(fit: FieldFit) -> list[Item]:
@@ -62,7 +63,7 @@ def _study_item(name: str, study, result: pd.DataFrame) -> Item:  # type: ignore
 def figure_estimates(fit: FieldFit) -> Figure:
     """Estimate against truth for every output."""
     figure = style.new(9.0, 5.8)
-    axes = list(figure.subplots(2, 3).flat)
+    axes = list(figure.subplots(2, len(TARGETS) // 2 + 1).flat)
     found = fit.answers.lump
     truth, value = fit.test.Y[found], fit.answers.value[found]
     low, high = fit.answers.low[found], fit.answers.high[found]
@@ -79,7 +80,7 @@ def figure_estimates(fit: FieldFit) -> Figure:
     decided = fit.answers.hardness[found] != "unsure"
     window = max(len(E) // 20, 5)
     smooth = np.ones(window) / window
-    last = axes[5]
+    last = axes[-1]
     last.plot(
         E[order][: 1 - window or None],
         np.convolve(decided[order], smooth, "valid"),

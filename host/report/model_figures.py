@@ -121,7 +121,7 @@ def figure_inverse(fit: ThesisFit, *, displacement: bool) -> Figure:
     figure = style.new(8.8, 5.6)
     kind = "displacement" if displacement else "pressure"
     truth = target_values(fit.table)
-    axes = list(figure.subplots(2, 3).flat)
+    axes = list(figure.subplots(2, len(TARGETS) // 2 + 1).flat)
     for ax, target in zip(axes, TARGETS):
         entry = fit.entry(target, "all", displacement)
         runs = entry.direct.runs

@@ -12,12 +12,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from palpate.dataset.answers import OUTPUTS
+from palpate.model_export.vocabulary import SHOWN_UNITS
 from palpate.report import pages, style
 from palpate.validation.agreement import Agreement, Estimated
 from palpate.validation.result import NAMES, Validation
 from palpate.validation.verdict import percent
 
-UNITS = {"d_mm": "mm", "depth_mm": "mm", "t_mm": "mm", "F_N_per_m": "N/m", "h": "", "E_inv23": ""}
+UNITS = {"depth_mm": "mm", **SHOWN_UNITS}
 _DPI = 150
 
 

@@ -14,6 +14,7 @@ from palpate.dataset.answers import OUTPUTS, Answers, answers
 from palpate.dataset.strokes import ObservedDataSet, observe_data_set
 from palpate.dataset.table import DataSet
 from palpate.model_export.schema import ModelSpec
+from palpate.model_export.vocabulary import WORDS
 from palpate.regression.probe_model import E_INV23
 from palpate.validation.agreement import Agreement, Estimated, agreement
 from palpate.validation.verdict import Verdict, verdict
@@ -26,6 +27,7 @@ NAMES = {
     "E_inv23": "stiffness, E^-2/3",
     "F_N_per_m": "force",
 }
+NAMES |= {name: words for name, words in WORDS.items() if name not in NAMES}
 """Outputs in the order and the words of the report."""
 
 

@@ -3,7 +3,8 @@ host."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from enum import Enum
 
 import numpy as np
@@ -103,7 +104,10 @@ class Interval:
 
 @dataclass(frozen=True)
 class Estimate:
-    """The probe's answer after a stroke. `status_text` is empty, or says why there are no numbers."""
+    """The probe's answer after a stroke.
+
+    `status_text` is empty, or says why there are no numbers; `further` holds outputs that have no field here.
+    """
 
     time_s: float
     F_N_per_m: Interval | None = None
@@ -111,6 +115,7 @@ class Estimate:
     d_mm: Interval | None = None
     h: Interval | None = None
     E_inv23: Interval | None = None
+    further: Mapping[str, Interval] = field(default_factory=dict)
     lump: bool = False
     hardness: str = "unsure"
     in_domain: bool = False
@@ -121,6 +126,9 @@ class Estimate:
     model_id: str = ""
     no_model: bool = False
     status_text: str = ""
+
+
+KNOWN = frozenset(f.name for f in fields(Estimate))
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from firmware_py.outputs import NAMES
 from palpate.features.gaussian import bump
 from palpate.report import stroke_panels, style
 from palpate.sim.probe.cells import PITCH_MM, SHAPE
+from palpate.view.events import KNOWN
 from palpate.view.phrases import NOT_A_DIAGNOSIS
 
 STROKE_KINDS = ("json", "csv", "png", "svg")
-_COLUMNS = ("d_mm", "depth_mm", "t_mm", "F_N_per_m")
+_COLUMNS = ("d_mm", "depth_mm", "t_mm", "F_N_per_m", *(n for n in NAMES if n not in KNOWN))
 
 
 def table(snapshot: dict[str, Any]) -> bytes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from palpate.link import answer
+from palpate.model_export.vocabulary import SHOWN_UNITS, WORDS
 from palpate.view.events import Estimate, Interval
 
 NOT_A_DIAGNOSIS = "Research use, not a diagnosis."
@@ -119,6 +120,8 @@ def card(
             row("depth_mm", "Depth", "mm", depth_mm(estimate.t_mm, estimate.d_mm, h))
             out["rows"][-1]["beside"] = {"label": "h", "value": h.value, "low": h.low, "high": h.high}
         row("t_mm", "Tissue thickness", "mm", estimate.t_mm)
+        for name, interval in estimate.further.items():
+            row(name, WORDS[name][:1].upper() + WORDS[name][1:], SHOWN_UNITS[name], interval)
         out["hardness"] = estimate.hardness
         out["hardness_text"] = answer.HARDNESS.get(estimate.hardness, "")
         if estimate.E_inv23 is not None:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from firmware_py import outputs, status
 from palpate.link import events as link
 from palpate.link.scale import CellScale
-from palpate.view.events import Estimate, Event, Frame, Interval, MapFit, Mark, ProbeMap, StrokeState
+from palpate.view.events import KNOWN, Estimate, Event, Frame, Interval, MapFit, Mark, ProbeMap, StrokeState
 
 WARNING_S = 1.5
 """How long a warning (press harder, too fast) stays on the page."""
@@ -122,10 +122,12 @@ def probe_map(event: link.TactileMap) -> ProbeMap | None:
 
 def estimate(event: link.Estimate) -> Estimate:
     """The probe's answer with its numbers as intervals."""
-    intervals = {name: Interval(**parts) for name, parts in event.outputs.items()}
+    said = {name: Interval(**parts) for name, parts in event.outputs.items()}
+    known = {name: said.pop(name) for name in KNOWN & said.keys()}
     return Estimate(
         time_s=event.time_us * 1e-6,
-        **intervals,
+        **known,
+        further=said,
         lump=event.lump,
         hardness=event.hardness,
         in_domain=event.in_domain,

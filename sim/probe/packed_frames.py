@@ -9,23 +9,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.outputs import NAMES
+from palpate.sim.tissue.case import Case
+
+FORCE = "F_N_per_m"
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What the estimate is compared with: the case's inputs at the force that the hand really kept."""
+    """What the estimate is compared with: the case, and the mean force that the hand really kept.
 
+    Attributes
+    ----------
+    case : Case
+    F_N_per_m : float
+    centre_mm : float
+        Where the lump is in the stroke.
+    """
+
+    case: Case
     F_N_per_m: float
-    t_mm: float
-    d_mm: float
-    h: float
-    E_inv23: float
-    lump: bool
     centre_mm: float
 
+    @property
+    def lump(self) -> bool:
+        """Whether there is one."""
+        return self.case.has_lump
+
     def outputs(self) -> dict[str, float]:
-        """The outputs of the inverse model, in its order."""
-        return {k: getattr(self, k) for k in NAMES}
+        """The outputs of the inverse model (`firmware_py.outputs`), in its order."""
+        return {k: self.F_N_per_m if k == FORCE else getattr(self.case, k) for k in NAMES}
 
 
 @dataclass(frozen=True)

@@ -217,7 +217,7 @@ class SensorModel:
         """The inputs that a stroke through these places is to be inverted to."""
         c = self.field.low.case
         F = self.field.low.F_N_per_m if self.field.one_force else float(np.mean(self.force_at(stroke_mm)))
-        return Truth(F, c.t_mm, c.d_mm, c.h, c.E_ratio ** (-2 / 3), c.has_lump, -self.start_mm)
+        return Truth(c, F, -self.start_mm)
 
     def stroke(self, n_frames: int = 50, frames_per_s: float = 37.5, origin_um: int = 0) -> FrameStream:
         """A whole stroke of n_frames evenly timed frames.

@@ -190,6 +190,11 @@ class Case:
         return self.F_N_per_m * WIDTH_MM / 1000
 
     @property
+    def E_inv23(self) -> float:
+        """(Stiffness of the lump over the fat's)^(-2/3)."""
+        return float(self.E_ratio ** (-2 / 3))
+
+    @property
     def has_lump(self) -> bool:
         """False where the lump is as stiff as the fat, which the thesis uses for "no lump"."""
         return self.E_ratio != 1.0 or self.lump_stiffening > 0.0

@@ -3,7 +3,6 @@
 from array import array
 
 import numpy as np
-import pandas as pd
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -25,38 +24,18 @@ from firmware_py import (
     verdict,
 )
 from firmware_py.boards import scan_order
-from palpate.cli import ports
-from palpate.regression import table
-from palpate.regression.field import model
 from palpate.sim.probe import cells, packed_frames
 from palpate.sim.tissue import face_sensors
 from palpate.view.app import array_module
+from tests.firmware_py import output_numbers
 
 
 def test_the_outputs_table_and_the_numbers_taken_from_it():
-    assert evaluator.OUTPUTS == polynomial.OUTPUTS == verdict.OUTPUTS == outputs.COUNT
-    assert evaluator.E_OUTPUT == outputs.E_INV23
+    for path, text in output_numbers.written().items():
+        assert path.read_text(encoding="utf-8") == text, f"run python -m {output_numbers.__name__}"
     assert polynomial.ALL_DOWNS == (1 << evaluator.SIGMA_DOWN) - 1 == (1 << 4 * outputs.COUNT) - 1
     assert sum(16**j for j in range(outputs.COUNT)) == evaluator.ALIKE
-    assert evaluator.PREDICTED == 3 * outputs.COUNT and evaluator.WORK == 4 * outputs.COUNT
-    assert tuple(range(outputs.VALUES, outputs.VALUES + 4)) == (
-        verdict.FLAGS,
-        verdict.DISTANCE,
-        verdict.LEVEL,
-        verdict.OUT_SIZE,
-    )
-    value, low, high = (3 * outputs.E_INV23 + k for k in range(3))
-    assert outputs.PARTS == ("value", "low", "high") and (low, high) == (verdict.E_LOW, verdict.E_HIGH)
-    assert 3 * outputs.NAMES.index("F_N_per_m") == verdict.FORCE and value == low - 1
-
-
-def test_whoever_names_the_outputs_names_them_all():
-    """An output that is added to the table is asked for here, before a command meets it without a word."""
-    assert set(ports.WORDS) == set(outputs.NAMES)
-    run = pd.DataFrame({name: [1.0] for name in table.INPUTS})
-    assert tuple(table.target_values(run)) == table.TARGETS
-    for bounds in (model.RANGE_LO, model.RANGE_HI, model.LOWEST, model.HIGHEST):
-        assert len(bounds) == outputs.COUNT
+    assert outputs.PARTS == ("value", "low", "high") and verdict.E_HIGH == verdict.E_LOW + 1
 
 
 def test_a_place_in_the_models_arrays_has_one_number():

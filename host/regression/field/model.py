@@ -6,7 +6,6 @@ predictions of these, quantiles on both these and calibration lumps, the domain 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,6 +14,7 @@ import numpy as np
 import statsmodels.api as sm
 from numpy.typing import NDArray
 
+from firmware_py import outputs
 from palpate.features.map_features import Floats
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.schema import ModelSpec
@@ -37,13 +37,8 @@ from palpate.regression.probe_model import (
     training_hash,
 )
 
-RANGE_LO = (29.0, 0.0, 5.0, 0.3, 0.0)
-RANGE_HI = (104.0, math.inf, 20.0, 1.5, 2.0 ** (-2 / 3))
-"""What the model is for: F (N/m), t, d (mm), h, E^-2/3. t follows from d and h; hard lumps look alike."""
-
-LOWEST = (15.0, 2.5, 3.5, 0.15, 1000.0 ** (-2 / 3))
-HIGHEST = (140.0, 65.0, 28.0, 2.4, 0.9)
-"""Where estimates are held: wider, so that a lump beyond the range is seen to be."""
+RANGE_LO, RANGE_HI, LOWEST, HIGHEST = (tuple(float(row[k]) for row in outputs.TABLE) for k in range(4, 8))
+"""What the model is for, and where its estimates are held; see `firmware_py.outputs`."""
 
 FLAGGED_INSIDE = 0.022
 UNFAMILIAR_INSIDE = 0.002
@@ -57,7 +52,7 @@ NEAR_THE_BORDER, FEWEST_ON_A_SIDE = 0.1, 50
 class Answers:
     """A model's answers for n strokes, as the probe gives them.
 
-    value, low, high : (n, 5), in the units of the wire; y, half : (n, 5), link scale;
+    value, low, high : (n, outputs), in the units of the wire; y, half : (n, outputs), link scale;
     lump, in_domain : (n), bool; hardness : (n), "hard", "soft" or "unsure".
     """
 
@@ -223,7 +218,7 @@ def _links(lo: Sequence[float], hi: Sequence[float]) -> tuple[Floats, Floats]:
 
 
 def quarters(Y: Floats) -> list[NDArray[np.bool_]]:
-    """Each quarter of d, h, E^-2/3 and F, as masks of the rows of Y (n, 5)."""
+    """Each quarter of d, h, E^-2/3 and F, as masks of the rows of Y (n, outputs)."""
     out = []
     for column in (2, 3, E_INV23, 0):
         which = np.searchsorted(np.quantile(Y[:, column], [0.25, 0.5, 0.75]), Y[:, column], side="right")

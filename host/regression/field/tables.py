@@ -9,7 +9,7 @@ import pandas as pd
 from rich.table import Table
 
 from palpate.regression.field.score import HeldOutRow, ordered
-from palpate.regression.table import TARGETS
+from palpate.regression.table import SHOWN, TARGETS
 
 
 def held_out(rows: Sequence[HeldOutRow], missed: Sequence[str]) -> Table:
@@ -46,7 +46,7 @@ def coverage(groups: pd.DataFrame, level: float, noise: str) -> Table:
     """Coverage of the intervals by group (`score.coverage`)."""
     out = Table(title=f"Coverage of the {100 * level:.0f} % interval (median half-width), noise {noise}")
     out.add_column("lumps")
-    for name in ("F", "t", "d", "h", "E^-2/3", "n"):
+    for name in (*(SHOWN[t] for t in TARGETS), "n"):
         out.add_column(name, justify="right")
     for group, row in groups.iterrows():
         cells = []

@@ -17,6 +17,7 @@ from palpate.regression.table import (
     NAMES,
     PRESSURE,
     SHOWN,
+    TARGETS,
     coordinates,
     r_squared,
     rmse,
@@ -25,7 +26,7 @@ from palpate.regression.table import (
 from palpate.regression.thesis.subsets import best_r2, best_subset, nested_leave_one_out
 
 MOST_TERMS = 5
-LOG_TARGETS = ("F", "t", "d")
+LOG_TARGETS = tuple(target for target in TARGETS if target not in ("h", "E_inv23"))
 """h and E^-2/3 regress better untransformed: their spread over the runs is already even."""
 
 

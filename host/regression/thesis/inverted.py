@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from palpate.features.map_features import Floats
-from palpate.regression.table import TARGETS, coordinates
+from palpate.regression.table import TARGETS, coordinates, further_outputs
 
 RIDGE = 1e-3
 _LOW = np.array([np.log(0.15), np.log(0.4), np.log(0.3), 0.0])
@@ -41,8 +41,9 @@ def inputs_z(table: pd.DataFrame) -> Floats:
 
 def targets_of(z: Floats) -> pd.DataFrame:
     """F, t, d, h and E^-2/3 of inputs z (n, 4)."""
-    d, h = 10 * np.exp(z[:, 1]), 0.8 * np.exp(z[:, 2])
-    return pd.DataFrame(dict(zip(TARGETS, (np.exp(z[:, 0]), d * (h + 0.5), d, h, z[:, 3]))))
+    F, d, h, E_inv23 = np.exp(z[:, 0]), 10 * np.exp(z[:, 1]), 0.8 * np.exp(z[:, 2]), z[:, 3]
+    values = {"F": F, "t": d * (h + 0.5), "d": d, "h": h, "E_inv23": E_inv23}
+    return pd.DataFrame({**values, **further_outputs(F, d, h, E_inv23)})[list(TARGETS)]
 
 
 def quadratic(z: Floats) -> Floats:

@@ -31,7 +31,7 @@ from palpate.regression.probe_model import (
 )
 from palpate.regression.progress import ProgressCallback
 from palpate.regression.ridge import all_terms
-from palpate.regression.table import r_squared
+from palpate.regression.table import further_outputs, r_squared
 from palpate.regression.thesis.inverted import quadratic
 from palpate.sim.probe.sensors import Noise, StrokeField
 from palpate.sim.tissue import FORCE_UNIT_N_PER_M, Stroke
@@ -150,26 +150,22 @@ def _examples(observed: ObservedStrokes, seed: int) -> tuple[Floats, Floats, Flo
     d = _D_MM[0] + (_D_MM[1] - _D_MM[0]) * u[:, 1]
     h = _H[0] + (_H[1] - _H[0]) * u[:, 2]
     E_inv23 = E1 + (E0 - E1) * u[:, 3]
-    Y = np.column_stack([F * FORCE_UNIT_N_PER_M, d * (h + 0.5), d, h, E_inv23])
+    further = further_outputs(F, d, h, E_inv23).values()
+    Y = np.column_stack([F * FORCE_UNIT_N_PER_M, d * (h + 0.5), d, h, E_inv23, *further])
     X = _forward(observed).draw(_z(Y), np.random.default_rng(seed))
     keep = shows_lump(X, FEATURES)
     return X[keep], to_link(Y[keep]), Y[keep]
 
 
 def _inverse(observed: ObservedStrokes, seed: int) -> Polynomial:
-    X, Y, _ = _examples(observed, seed)
-    lo = to_link(
-        np.array(
-            [[0.8 * _F[0] * FORCE_UNIT_N_PER_M, _T_MM[0], 0.9 * _D_MM[0], 0.9 * _H[0], _E[1] ** (-2 / 3)]]
-        )
-    )
-    hi = to_link(
-        np.array(
-            [[1.2 * _F[1] * FORCE_UNIT_N_PER_M, _T_MM[1], 1.1 * _D_MM[1], 1.1 * _H[1], _E[0] ** (-2 / 3)]]
-        )
-    )
+    X, Y, values = _examples(observed, seed)
+    lo = [0.8 * _F[0] * FORCE_UNIT_N_PER_M, _T_MM[0], 0.9 * _D_MM[0], 0.9 * _H[0], _E[1] ** (-2 / 3)]
+    hi = [1.2 * _F[1] * FORCE_UNIT_N_PER_M, _T_MM[1], 1.1 * _D_MM[1], 1.1 * _H[1], _E[0] ** (-2 / 3)]
+    lo += (0.9 * values[:, len(lo) :].min(axis=0)).tolist()
+    hi += (1.1 * values[:, len(hi) :].max(axis=0)).tolist()
+    ends = to_link(np.array([lo, hi]))
     terms = all_terms(len(FEATURES), DEGREE)
-    return fit_polynomial(FEATURES, X, Y, np.arange(len(X)), terms, lo[0], hi[0])
+    return fit_polynomial(FEATURES, X, Y, np.arange(len(X)), terms, *ends)
 
 
 def _widths(observed: ObservedStrokes, model: Polynomial, seed: int) -> Widths:

@@ -111,7 +111,7 @@ def test_the_emulated_sensors_see_the_images():
         - 0.5
     )
     assert kPa[28] == pytest.approx(stroke.images_kPa[-1], abs=0.0031)
-    assert stroke_frames(stroke, "none").truth.d_mm == 10
+    assert stroke_frames(stroke, "none").truth.case.d_mm == 10
     with pytest.raises(UsageError, match="width"):
         SensorModel(field, stroke_noise(), 0, across_mm=3.9)
 
