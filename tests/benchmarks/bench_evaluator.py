@@ -35,7 +35,7 @@ from palpate.sim.probe import node
 from palpate.sim.probe.on_microbit import Loaded
 from palpate.sim.probe.scripts import FIRMWARE, run_micropython, stage
 from tests.benchmarks.evaluator_script import CHECK, SETUP
-from tests.benchmarks.peers import regressions
+from tests.benchmarks.peers import emlearn_c, regressions
 from tests.firmware_py.stages import recorded
 from tests.model_export import synthetic
 
@@ -114,7 +114,7 @@ def race(console: Console, spec: ModelSpec, title: str) -> dict[str, float]:
             continue
         size = f"{len(modules[module]):,}" if module else ""
         table.add_row(contender, gives, f"{best[name]:.0f}", f"{allocated[name]:,}", size)
-    sums = regressions.emlearn_native(spec, VECTORS)
+    sums = emlearn_c.native(spec, VECTORS)
     if isinstance(sums, str):
         table.add_row("emlearn", "sums", sums, "", "")
     else:

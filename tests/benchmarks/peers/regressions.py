@@ -1,4 +1,4 @@
-"""The model as other tools write it: float Python by hand, m2cgen's Python with its glue, emlearn's C.
+"""The model as other tools write it in Python: floats by hand, m2cgen's with its glue (emlearn_c.py has C).
 
 "Values" are the five outputs; "whole" is values, intervals, domain, hardness and force range. All of
 them begin with the features as the firmware has them, integers in Q24, hold them to the clip box and hold
@@ -7,17 +7,10 @@ the predictions to their ends, as the model says. The float tables leave out the
 
 from __future__ import annotations
 
-import contextlib
-import shutil
-import subprocess
-import tempfile
-import warnings
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 
-from palpate.model_export.fixed_point import reference, sampling
 from palpate.model_export.schema import ModelSpec
 
 _TABLES = """
@@ -219,68 +212,3 @@ def m2cgen_module(spec: ModelSpec) -> str | None:
         return None
     writer = _M2cgen(spec)
     return "\n".join(["import math", *writer.functions(), *writer.values(), "", *writer.estimate(), ""])
-
-
-_MAIN = """
-#include <stdio.h>
-#include <time.h>
-#include "model.h"
-static const float inputs[%d][%d] = {%s};
-int main(void) {
-    float out[5];
-    struct timespec a, b;
-    for (int i = 0; i < %d; i++) {
-        model_regress(inputs[i], %d, out, 5);
-        printf("%%.9g %%.9g %%.9g %%.9g %%.9g\\n", out[0], out[1], out[2], out[3], out[4]);
-    }
-    clock_gettime(CLOCK_MONOTONIC, &a);
-    for (int r = 0; r < 200000; r++) model_regress(inputs[r %% %d], %d, out, 5);
-    clock_gettime(CLOCK_MONOTONIC, &b);
-    printf("%%.9g\\n", ((b.tv_sec - a.tv_sec) * 1e9 + (b.tv_nsec - a.tv_nsec)) / 200000);
-    return 0;
-}
-"""
-
-
-def emlearn_native(spec: ModelSpec, vectors: int) -> tuple[float, float] | str:
-    """What emlearn makes of the five regressions over the monomials (a network of identities), natively.
-
-    Returns (microseconds for the sums alone, worst error against float64), or why there is none. emlearn
-    makes C, which the WASM port cannot load: it is compiled for this machine.
-    """
-    try:
-        import emlearn
-        from sklearn.neural_network import MLPRegressor
-    except ImportError:
-        return "not installed"
-    if shutil.which("cc") is None:
-        return "there is no C compiler here"
-    rng = np.random.default_rng(1)
-    terms = spec.terms[1:]
-    network = MLPRegressor(hidden_layer_sizes=(5,), activation="identity", max_iter=1)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        network.fit(rng.normal(size=(50, len(terms))), rng.normal(size=(50, 5)))
-    network.coefs_ = [np.array([o.coefficients[1:] for o in spec.outputs]).T, np.eye(5)]
-    network.intercepts_ = [np.array([o.coefficients[0] for o in spec.outputs]), np.zeros(5)]
-    features = sampling.in_domain(spec, vectors)
-    z = (np.clip(features, spec.clip_lo, spec.clip_hi) - spec.centre) / spec.scale
-    inputs = reference.monomials(z, terms)
-    exact = reference.monomials(z, spec.terms) @ np.array([o.coefficients for o in spec.outputs]).T
-    rows = ",".join("{" + ",".join(f"{v:.9g}" for v in row) + "}" for row in inputs)
-    n, k = inputs.shape
-    with tempfile.TemporaryDirectory() as directory:
-        folder = Path(directory)
-        with contextlib.chdir(folder):  # it builds a wrapper in ./tmp
-            emlearn.convert(network, method="loadable", return_type="regressor").save(
-                name="model", file="model.h"
-            )
-        (folder / "main.c").write_text(_MAIN % (n, k, rows, n, k, n, k))
-        command = ["cc", "-O2", "-o", "main", "main.c", "-lm", f"-I{emlearn.includedir}"]
-        subprocess.run(command, cwd=folder, check=True, capture_output=True)
-        said = subprocess.run([str(folder / "main")], check=True, capture_output=True, text=True).stdout
-    lines = said.splitlines()
-    got = np.array([[float(v) for v in line.split()] for line in lines[:-1]])
-    is_ln = np.array([o.link == "ln" for o in spec.outputs])
-    size = np.where(is_ln, 1.0, np.maximum(np.abs(exact), 0.1))
-    return float(lines[-1]) / 1e3, float(np.max(np.abs(got - exact) / size))

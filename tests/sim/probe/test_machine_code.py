@@ -14,8 +14,9 @@ import pytest
 from firmware_py import cobs, crc, evaluator, features, forcemap, pipeline, status
 from palpate.model_export.fixed_point import compiler
 from palpate.sim.probe import mpy_file
-from palpate.sim.probe.machine_code import PROCESSORS, BadAccess, MachineCode, compile_viper
+from palpate.sim.probe.machine_code import PROCESSORS, BadAccess, MachineCode
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
+from palpate.sim.probe.viper_source import compile_viper
 from tests.firmware_py import stages, twins, vectors
 from tests.firmware_py.strokes import read_strokes
 from tests.model_export import synthetic
