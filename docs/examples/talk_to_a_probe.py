@@ -53,7 +53,7 @@ if __name__ == "__main__":  # the sweep's worker processes import this file
                 elif isinstance(event, Estimate):
                     d = event.outputs["d_mm"]
                     words = f"{d['value']:.2f} mm ({d['low']:.2f} to {d['high']:.2f}), lump {event.hardness}"
-                    print(f"stroke {event.stroke}: d {words}, truth {truth.case.d_mm:g} mm")
+                    print(f"stroke {event.stroke}: d {words}, truth {truth.d_mm:g} mm")
             print(f"{frames} frames, {probe.frame_counts.lost} lost")
 
     # 4. The same integers again, on this machine, out of the recording.
