@@ -58,14 +58,8 @@ def schematic(path: Path) -> None:
 
 
 def _cell(d: schemdraw.Drawing) -> tuple[float, float]:
-    switch = elm.Ic(
-        pins=[
-            elm.IcPin("A0-A2, EN", side="left", slot="1/1", anchorname="address"),
-            elm.IcPin("D", side="bottom", slot="1/1", anchorname="common"),
-            elm.IcPin("S1-S8", side="right", slot="1/1", anchorname="row"),
-        ],
-        size=(4.4, 2.2),
-    )
+    pins = {"address": ("A0-A2, EN", "left"), "common": ("D", "bottom"), "row": ("S1-S8", "right")}
+    switch = _multiplexer(pins, width=4.4)
     d += switch.label("TMUX1208, 1 of 2", loc="top").at((0, 0)).anchor("row")
     d += elm.Line().left(0.8).at(switch.address).label("GP2-GP5", loc="left")
     d += elm.Ground().at(switch.common)
@@ -78,6 +72,14 @@ def _cell(d: schemdraw.Drawing) -> tuple[float, float]:
     d += elm.Line().right(1.2).label("column", loc="top")
     d += elm.Dot()
     return tuple(d.here)
+
+
+def _multiplexer(pins: dict[str, tuple[str, str]], width: float) -> elm.Ic:
+    """An integrated circuit with one pin a side; anchor -> label, side."""
+    drawn = [
+        elm.IcPin(label, side=side, slot="1/1", anchorname=anchor) for anchor, (label, side) in pins.items()
+    ]
+    return elm.Ic(pins=drawn, size=(width, 2.2))
 
 
 def _amplifier(d: schemdraw.Drawing, column: tuple[float, float]) -> tuple[float, float]:
@@ -103,24 +105,18 @@ def _amplifier(d: schemdraw.Drawing, column: tuple[float, float]) -> tuple[float
 
 def _converter(d: schemdraw.Drawing, output: tuple[float, float]) -> None:
     d += elm.Line().right(1.0).at(output)
-    columns = elm.Ic(
-        pins=[
-            elm.IcPin("Y0-Y15", side="left", slot="1/1", anchorname="y"),
-            elm.IcPin("S0-S3", side="bottom", slot="1/1", anchorname="address"),
-            elm.IcPin("Z", side="right", slot="1/1", anchorname="z"),
-        ],
-        size=(3.2, 2.2),
-    )
+    pins = {"y": ("Y0-Y15", "left"), "address": ("S0-S3", "bottom"), "z": ("Z", "right")}
+    columns = _multiplexer(pins, width=3.2)
     d += columns.label("74HC4067, columns 0-15", loc="top").anchor("y")
     d += elm.Line().down(0.8).at(columns.address)
     d += elm.Dot(open=True).label("GP6-GP9", loc="bottom")
     d += elm.Line().right(3.4).at(columns.z)
-    pins = [elm.IcPin(f"CH{i}", side="left", slot=f"{3 - i}/3", anchorname=f"ch{i}") for i in range(3)]
+    inputs = [elm.IcPin(f"CH{i}", side="left", slot=f"{3 - i}/3", anchorname=f"ch{i}") for i in range(3)]
     wired = {"CLK": "GP18", "DOUT": "GP16", "DIN": "GP10", "CS": "GP17"}
-    pins += [
+    outputs = [
         elm.IcPin(name, side="right", slot=f"{4 - i}/4", anchorname=name) for i, name in enumerate(wired)
     ]
-    converter = elm.Ic(pins=pins, size=(3.6, 4)).label("MCP3204", loc="top").anchor("ch0")
+    converter = elm.Ic(pins=inputs + outputs, size=(3.6, 4)).label("MCP3204", loc="top").anchor("ch0")
     d += converter
     for name, pin in wired.items():
         d += elm.Line().right(0.8).at(getattr(converter, name)).label(pin, loc="right")

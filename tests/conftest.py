@@ -56,8 +56,13 @@ def pytest_terminal_summary(terminalreporter):
     missing = [report for report in skipped if NOT_TRIED in str(report.longrepr)]
     if missing:
         terminalreporter.section("not tried")
+        promises = (
+            "1 promise of the reference board was"
+            if len(missing) == 1
+            else (f"{len(missing)} promises of the reference board were")
+        )
         terminalreporter.write_line(
-            f"{len(missing)} promises of the reference board were not tried, for want of MicroPython for the "
+            f"{promises} not tried, for want of MicroPython for the "
             "Pico: download RPI_PICO-*-v1.24.1.uf2 from micropython.org, and run "
             "PALPATE_RP2_UF2=/path/to/it make test"
         )

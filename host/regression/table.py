@@ -84,7 +84,7 @@ def target_values(table: pd.DataFrame) -> pd.DataFrame:
     """What the inverse models estimate, in the thesis' terms: F, t (mm), d (mm), h, E^-2/3."""
     values = {name: table[column].astype(float) for name, column in INPUT_COLUMN.items()}
     values["E_inv23"] = table["E_ratio"].astype(float) ** (-2 / 3)
-    F, d, h, E_inv23 = (values[target].to_numpy() for target in ("F", "d", "h", "E_inv23"))
+    F, d, h, E_inv23 = (np.asarray(values[name], float) for name in ("F", "d", "h", "E_inv23"))
     return pd.DataFrame({**values, **further_outputs(F, d, h, E_inv23)}, table.index)[list(TARGETS)]
 
 

@@ -29,7 +29,7 @@ STIFFNESSES = (1.0, 2.0, 5.0, 10.0, 50.0, 1000.0)
 
 @dataclass(frozen=True)
 class Measured:
-    """A measured map with its Gaussian, and force curves placed among the simulated ones; either may lack."""
+    """A measured map with its Gaussian, force curves placed among the simulated ones, or both."""
 
     map: RealMap | None = None
     curves: list[tuple[StrainForce, Placed]] = field(default_factory=list)

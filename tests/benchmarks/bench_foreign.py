@@ -146,10 +146,10 @@ def table(found: pd.DataFrame) -> str:
         if way == "as it came" and n:
             continue
         mean = part.groupby("output")[["bias", "error", "covered"]].mean()
-        doubt = 1.96 * part.groupby("output")["covered"].sem().fillna(0.0)
+        half = 1.96 * part.groupby("output")["covered"].sem().fillna(0.0)
         cells = "".join(
             f"{100 * mean.bias[o]:+11.1f}{100 * mean.error[o]:6.1f}"
-            f"{100 * mean.covered[o]:5.0f}+-{100 * doubt[o]:.1f}"
+            f"{100 * mean.covered[o]:5.0f}+-{100 * half[o]:.1f}"
             for o in SHOWN
         )
         lines.append(f"{way + (f', {n} lumps' if n else ''):24}{cells}")

@@ -22,7 +22,7 @@ REASONS = (
     "the tests run it",
     "not for this machine",
 )
-"""What a block may lack here; a reason begins with one of these."""
+"""Why a block may stay unrun; a reason begins with one of these."""
 
 NAMES = [str(page.relative_to(ROOT)) for page in pages()]
 
