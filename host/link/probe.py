@@ -133,6 +133,11 @@ class Probe(Commandable):
         if self._line.recorder is not None:
             self._line.recorder.check()
 
+    def mark(self, event: Event) -> None:
+        """Put an event of one's own into the recording, if there is one, at its `host_ns`."""
+        if self._line.recorder is not None:
+            self._line.recorder.mark(event)
+
     def close(self) -> None:
         """Stop reading and close the port; harmless when repeated. The recorder stays open."""
         self._line.close()

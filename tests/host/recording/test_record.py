@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from palpate.errors import DiskFull, NoSuchFile, NotARecording, NotLive, RecordingError, UnknownFormat
-from palpate.link.events import Estimate, Frame, Gap
+from palpate.link.events import Estimate, Frame, Gap, Log
 from palpate.link.parser import LiveParser
 from palpate.link.probe import Probe
 from palpate.link.reader import LineReader
+from palpate.recording import channels
 from palpate.recording.convert import convert
 from palpate.recording.playback import open_recording
 from palpate.recording.reader import Recording
@@ -224,3 +225,14 @@ def test_flipped_bytes_in_a_recording_never_end_in_a_traceback(tmp_path):
         assert set(seen) <= set(range(6))
         assert isinstance(recording.check(), str)
     os.unlink(path)
+
+
+def test_an_event_of_ones_own_is_recorded_beside_the_session(tmp_path, emulated):
+    """A video or a remark goes the same way: there was no door to the recorder of an open probe."""
+    path = tmp_path / "session.mcap"
+    with RecordingWriter(path) as writer, connect(emulated("cpython"), writer) as probe:
+        probe.mark(Log(time.time_ns(), 0, 0, "breath held"))
+    logged = [record.data for topic, record in Recording(path).records() if topic == channels.LOG]
+    assert any(channels.read_json(data)["message"] == "breath held" for data in logged)
+    with connect(emulated("cpython")) as probe:
+        probe.mark(Log(time.time_ns(), 0, 0, "nobody records"))
