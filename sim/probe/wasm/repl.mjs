@@ -16,25 +16,30 @@ const say = (data) => {
 const mp = await loadMicroPython({ heapsize: 1 << 20, stdout: say, stderr: say, linebuffer: false });
 mp.FS.mkdirTree('/flash/lib');
 mp.runPython(`
-import sys
+import builtins
 import os
+import sys
 
 sys.path[:] = ['', '/flash', '/flash/lib']
 os.chdir('/flash')
 
-class Os: pass  # os with the error numbers of a board's file system, where 2 and not 44 is "no such file"
+# as on a board: 2 and not 44 is "no such file", and an empty path is the current directory
+class Os: pass
 
-def stat(path, of=os.stat):
-    try:
-        return of(path)
-    except OSError as error:
-        raise OSError(2 if error.errno == 44 else error.errno)
+def as_on_a_board(function):
+    def call(path, *more):
+        try:
+            return function(path or '.', *more)
+        except OSError as error:
+            raise OSError(2 if error.errno == 44 else error.errno)
+    return call
 
 for name in dir(os):
     setattr(Os, name, getattr(os, name))
-Os.stat = stat
+Os.stat = as_on_a_board(os.stat)
+builtins.open = as_on_a_board(open)
 sys.modules['os'] = Os
-del Os, name, os, stat
+del Os, as_on_a_board, builtins, name, os
 `);
 mp.replInit();
 

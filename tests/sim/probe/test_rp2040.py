@@ -73,6 +73,11 @@ def test_a_board_knows_its_flash_chips_number(prompt):
     assert prompt.chip.execute("print(unique_id().hex())").strip() == SERIAL.hex()
 
 
+def test_an_empty_path_is_the_directory_that_mpremote_copies_into(prompt):
+    """`mpremote fs cp ... :` asks for it; the prompt of tests/firmware_py/test_install.py had it otherwise."""
+    assert prompt.chip.execute("print(os.stat('')[0] == 0x4000, os.getcwd())") == "True /\n"
+
+
 def test_the_state_machines_measure_every_cell_in_its_place_while_the_processor_does_something_else(prompt):
     cells, displacement, (start_us, scan_us, take_us) = measured(prompt, settling_us=1.5)
     assert np.array_equal(cells, RANDOM_CELLS)
