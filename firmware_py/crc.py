@@ -14,18 +14,20 @@ SIZE = 4
 def _halves_of_table():
     low = array("H", bytearray(512))
     high = array("H", bytearray(512))
-    for i in range(256):
-        lo = i
-        hi = 0
-        for _ in range(8):
-            odd = lo & 1
-            lo = lo >> 1 | (hi & 1) << 15
-            hi >>= 1
-            if odd:
-                lo ^= 0x8320
-                hi ^= 0xEDB8
-        low[i] = lo
-        high[i] = hi
+    lo = 1
+    hi = 0
+    bit = 128
+    while bit:  # the entries of single bits; all others are sums of these
+        odd = lo & 1
+        lo = lo >> 1 | (hi & 1) << 15
+        hi >>= 1
+        if odd:
+            lo ^= 0x8320
+            hi ^= 0xEDB8
+        for i in range(0, 256, 2 * bit):
+            low[i + bit] = low[i] ^ lo
+            high[i + bit] = high[i] ^ hi
+        bit >>= 1
     return low, high
 
 

@@ -76,7 +76,7 @@ def verify(key, read, size, context=MODEL):
     if digest is None:
         return status.BAD_SIGNATURE
     few, high, low, leaf = digest
-    link = bytearray(_NODE + N)  # seed and zeros, address, one node
+    link = bytearray(_NODE + 2 * N)  # seed and zeros, address, one node; room for a digest's other half
     link[:N] = key[4 : 4 + N]
     pair = bytearray(_NODE + 2 * N)
     pair[:N] = link[:N]
@@ -180,6 +180,7 @@ def _climb(pair, node, path, at, index, height):
 
 def _few_times(link, pair, read, at, digits, trees, depth):
     """The few-time signature's public key; None where the signature ends early."""
+    one = memoryview(link)[: _NODE + N]
     roots = []
     held = 0
     have = 0
@@ -198,9 +199,9 @@ def _few_times(link, pair, read, at, digits, trees, depth):
         link[_TYPE] = _FEW
         _put(link, _HEIGHT, 0)
         _put(link, _INDEX, index)
-        link[_NODE:] = path[:N]
+        link[_NODE : _NODE + N] = path[:N]
         pair[:_NODE] = link[:_NODE]
-        roots.append(_climb(pair, sha256(link).digest()[:N], path, N, index, depth))
+        roots.append(_climb(pair, sha256(one).digest()[:N], path, N, index, depth))
     return _all_of(link, _ROOTS, roots)
 
 
@@ -210,6 +211,7 @@ def _one_tree(link, pair, read, at, node, leaf, height):
     if len(path) != N * (CHAINS + height):
         return None
     link[_TYPE] = _CHAIN
+    one = memoryview(link)[: _NODE + N]
     ends = []
     total = 480  # 32 digits of 15, less each: the checksum
     for chain in range(CHAINS):
@@ -218,13 +220,12 @@ def _one_tree(link, pair, read, at, node, leaf, height):
             total -= digit
         else:
             digit = total >> 4 * (34 - chain) & 15
-        end = path[N * chain : N * chain + N]
+        link[_NODE : _NODE + N] = path[N * chain : N * chain + N]
         _put(link, _HEIGHT, chain)
-        for step in range(digit, 15):
+        for step in range(digit, 15):  # nine hashes in ten are made here
             link[_INDEX + 3] = step
-            link[_NODE:] = end
-            end = sha256(link).digest()[:N]
-        ends.append(end)
+            link[_NODE:] = sha256(one).digest()
+        ends.append(link[_NODE : _NODE + N])
     link[_INDEX + 3] = 0
     node = _all_of(link, _ONE_TIME, ends)
     pair[:_NODE] = link[:_NODE]

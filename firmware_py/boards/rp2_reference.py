@@ -103,12 +103,14 @@ class Board:
             time.sleep_us(us if us < 500 else 500)
 
     def begin(self) -> None:
-        """A stream starts."""
+        """A stream starts, and what was done before it is cleared away."""
+        gc.collect()
         self._led.value(1)
 
     def end(self) -> None:
         """It stops."""
         self._led.value(0)
+        gc.collect()
 
     def displacement_um(self) -> int:
         """The potentiometer at the beginning of the last scan; allocates nothing."""

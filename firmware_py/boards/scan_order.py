@@ -41,21 +41,31 @@ def walk():
 
 
 def tables():
-    """The state machine's words, and for each cell the number of its conversion."""
+    """The state machine's words (`order` along the `walk`), and for each cell the number of its conversion.
+
+    Written out, as calls cost a board ten times the time: it makes them at every start.
+    """
     orders = array("I", bytes(4 * CONVERSIONS))
     places = array("H", bytes(2 * CELLS))
-    i = 0
-    before = 0
-    channel_before = 0
-    for channel, address, cell in walk():
-        if i:
-            orders[i - 1] = order(channel_before, before, address)
-        if cell >= 0:
-            places[cell] = i
-        before = address
-        channel_before = channel
-        i += 1
-    orders[i - 1] = order(channel_before, before, 0)
+    for n in range(READINGS):
+        orders[n] = order(DISPLACEMENT, 0, 0)
+    n = READINGS
+    for i in range(ROWS):
+        row = i ^ i >> 1
+        cell = row * COLUMNS
+        for k in range(16):
+            column = k ^ k >> 1
+            address = row | column << 4
+            word = address | address << ADDRESS_BITS + 1  # of channel 0; the address after it comes later
+            orders[n - 1] |= address << 2 * (ADDRESS_BITS + 1)
+            orders[n] = word
+            places[cell + column] = n
+            n += 1
+            if column < COLUMNS - ON_A:
+                orders[n - 1] |= address << 2 * (ADDRESS_BITS + 1)
+                orders[n] = word | _DIN << ADDRESS_BITS + 1
+                places[cell + ON_A + column] = n
+                n += 1
     return orders, places
 
 

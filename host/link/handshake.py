@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 
 from palpate.errors import CommandRefused, CommandTimeout, NotAProbe
+from palpate.link.events import Log
 from palpate.link.identity import Identity
 from palpate.link.line import Line
 
@@ -22,11 +23,19 @@ def shake_hands(line: Line) -> Identity:
     try:
         answer = line.ask("identify", (random.randrange(1 << 30),))
     except (CommandTimeout, CommandRefused) as error:
-        raise NotAProbe(
-            f"{line.transport.name} does not answer as a Palpate probe; check the port (`palpate devices`) "
-            "and that the firmware runs"
-        ) from error
+        to_do = "check the port (`palpate devices`) and that the firmware runs"
+        if words := _last_words(line):
+            to_do = f"it says: {words}"
+        raise NotAProbe(f"{line.transport.name} does not answer as a Palpate probe; {to_do}") from error
     identity = Identity.from_answer(answer.values)
     identity.check()
     line.identity = identity
     return identity
+
+
+def _last_words(line: Line) -> str:
+    """What a probe that cannot answer has logged: why its firmware does not start."""
+    words = ""
+    while (event := line.events.get(0)) is not None:
+        words = event.text if isinstance(event, Log) else words
+    return words

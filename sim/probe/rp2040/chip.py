@@ -69,10 +69,13 @@ class Chip:
         self._shift, self._apply = self._flash._shift_byte, self._flash._apply_command
         vars(self._flash).update(_shift_byte=self._shift_byte, _apply_command=self._apply_command)
         self.flash_commands = 0
+        self.before_flash: Callable[[bytes], None] = lambda _: None
+        """Told each command that changes the flash chip (its code, three bytes of address, data)."""
         self.resets = 0
         self.mcu.watchdog.on_watchdog_trigger = self._watchdog
         self._host = UsbHost(self.mcu.usb_ctrl)
         self.open_port = self._host.open_port
+        self.unplug, self.plug = self._host.unplug, self._host.plug
         self.mcu.core.pc = _FLASH_AT
 
     # -- time
@@ -155,6 +158,7 @@ class Chip:
         sent = self._flash._tx_buffer
         if sent and sent[0] in flash.CHANGES:
             self.flash_commands += 1
+            self.before_flash(bytes(sent))
         self._apply()
 
     def _watchdog(self) -> None:

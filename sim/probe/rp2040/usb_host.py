@@ -27,13 +27,15 @@ class UsbHost:
         self._out = bytearray()
         self._in = bytearray()
         self._room = 0
+        self._away = False
         self.connected = False
 
     def _known(self) -> None:
         self.connected = True
 
     def _heard(self, data: bytes | bytearray) -> None:
-        self._out += data
+        if not self._away:
+            self._out += data
 
     def _gone(self) -> None:
         self.connected = False
@@ -48,7 +50,7 @@ class UsbHost:
         self._give()
 
     def _give(self) -> None:
-        if self._room and self._in:
+        if self._room and self._in and not self._away:
             data = bytes(self._in[: self._room])
             del self._in[: self._room]
             self._room = 0
@@ -67,3 +69,15 @@ class UsbHost:
     def open_port(self, opened: bool) -> None:
         """A program opens or closes the port (DTR)."""
         self._cdc.set_control_lines(dtr=opened, rts=opened)
+
+    def unplug(self) -> None:
+        """The cable is pulled. The board, which has a battery, finds its port closed."""
+        self.open_port(False)
+        self._away, self.connected = True, False
+
+    def plug(self) -> None:
+        """It is put in again: the bus is reset, and the board known once it has answered."""
+        self._cdc._on_controller_reset()
+        self._in.clear()
+        self._room, self._away = 0, False
+        self._controller.reset_device()

@@ -2,12 +2,14 @@
 
 import os
 import pty
+import re
+import threading
 import tty
 from itertools import pairwise
 
 import pytest
 
-from firmware_py import messages
+from firmware_py import messages, wire
 from palpate.errors import (
     CommandRefused,
     CommandTimeout,
@@ -219,3 +221,23 @@ def test_something_else_at_the_other_end_is_no_probe():
     tty.setraw(theirs)
     with pytest.raises(NotAProbe, match="does not answer as a Palpate probe"):
         Probe(open_transport(os.ttyname(theirs)))
+
+
+def test_why_a_probes_firmware_does_not_start_is_told():
+    """The board was silent, and the host said only that something was no probe."""
+    why = "the probe does not start: ImportError: no module named 'wire'"
+    body, packet = bytearray(128), bytearray(256)
+    n = messages.pack(body, messages.TYPE["log"], 0, 0, (messages.LOG_ERROR, 1), why.encode())
+    end = wire.seal(body, n, packet, 1)
+    ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+
+    def answer():
+        os.read(ours, 64)  # the handshake
+        os.write(ours, packet[:end])
+
+    speaker = threading.Thread(target=answer)
+    speaker.start()
+    with pytest.raises(NotAProbe, match=re.escape(f"it says: {why}")):
+        Probe(open_transport(os.ttyname(theirs)))
+    speaker.join()

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from firmware_py import calib, live_model, messages, safe_record
+from firmware_py import calib, live_model, messages, safe_record, status
 from firmware_py.store import FileStore
 from palpate.errors import PalpateError
 from palpate.sim.probe.circuit import Matrix
@@ -32,6 +33,27 @@ def firmware() -> dict[str, bytes]:
     from palpate.sim.probe.rp2040.board_files import board_files
 
     return board_files()
+
+
+LOADER = "loader.py"
+
+
+def at_the_prompt(pack: bytes, **words) -> Board:
+    """A board at MicroPython's prompt; `exec(open("loader.py").read())` puts the pack's modules within reach.
+
+    Parameters: the modules, and those of Board.
+    """
+    from palpate.sim.probe.rp2040.board_files import MAIN, PACK
+    from palpate.sim.probe.rp2040.main_text import main_text
+
+    start, _, _ = main_text(False, messages.TYPE["log"]).partition("\ntry:\n")
+    loader = start.replace("machine.WDT(", "dict(") + (
+        "\nos.mount(Pack(PACK), '/firmware')\nsys.path.insert(0, '/firmware')\n"
+    )
+    files = {MAIN: b"", LOADER: loader.encode(), PACK: pack, **words.pop("files", {})}
+    board = Board(files, **words)
+    board.chip.run(lambda: board.chip.connected)
+    return board
 
 
 def kept_files(
@@ -133,6 +155,16 @@ class Board:
 
         self.until(answered, limit_us)
         return answers[0]
+
+    def flash(self, image: bytes) -> None:
+        """Send a signed model, piece by piece, and have it verified and made live."""
+        name = hashlib.sha256(image).digest()[:8]
+        assert self.ask("flash_begin", (len(image), name)).code == status.OK
+        for at in range(0, len(image), messages.FLASH_PIECE):
+            piece = image[at : at + messages.FLASH_PIECE]
+            assert self.ask("flash_data", (at,), piece).code == status.OK
+        made_ready = self.ask("flash_verify", (name,), limit_us=10e6).fields["model_id"]
+        assert self.ask("flash_confirm", (made_ready,)).code == status.OK
 
     def counters(self) -> dict[str, int]:
         """The probe's own counters."""

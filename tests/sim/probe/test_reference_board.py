@@ -78,3 +78,14 @@ def test_the_list_for_mip_names_every_module():
     assert install_files.PACKAGE.read_text() == install_files.text(), (
         "run: python -m tests.firmware_py.install_files"
     )
+
+
+def test_the_state_machines_words_are_those_of_the_walk():
+    steps = list(scan_order.walk())
+    addresses = [address for _, address, _ in steps[1:]] + [0]
+    orders, places = scan_order.tables()
+    assert list(orders) == [
+        scan_order.order(channel, here, following)
+        for (channel, here, _), following in zip(steps, addresses, strict=True)
+    ]
+    assert all(places[cell] == n for n, (_, _, cell) in enumerate(steps) if cell >= 0)

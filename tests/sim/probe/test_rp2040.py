@@ -6,6 +6,7 @@ import pytest
 from firmware_py import messages, status
 from palpate.sim.probe import sensors
 from palpate.sim.probe.rp2040 import flash
+from palpate.sim.probe.rp2040.board_files import PACK
 from palpate.sim.probe.rp2040.chip import SERIAL
 from tests.sim.probe import board_bench
 from tests.sim.probe.board_bench import Board
@@ -26,10 +27,8 @@ def test_a_file_system_made_here_is_read_as_it_was_written():
 @pytest.fixture(scope="module")
 def prompt():
     """A board at MicroPython's prompt, the firmware's modules and the matrix within reach."""
-    files = dict(board_bench.firmware())
-    loader = files.pop("main.py").decode().partition("from firmware_py.boards import rp2_reference")[0]
-    board = Board({"main.py": b"", "loader.py": loader.encode()}, cells=RANDOM_CELLS, displacement=1000)
-    board.chip.run(lambda: board.chip.connected)
+    pack = board_bench.firmware()[PACK]
+    board = board_bench.at_the_prompt(pack, cells=RANDOM_CELLS, displacement=1000)
     board.chip.execute(PREPARE)
     return board
 
@@ -74,7 +73,7 @@ def test_a_board_knows_its_flash_chips_number(prompt):
 
 
 def test_an_empty_path_is_the_directory_that_mpremote_copies_into(prompt):
-    """`mpremote fs cp ... :` asks for it; the prompt of tests/firmware_py/test_install.py had it otherwise."""
+    """`mpremote fs cp ... :` asks for it. The prompt of tests/firmware_py/test_install.py had none there."""
     assert prompt.chip.execute("print(os.stat('')[0] == 0x4000, os.getcwd())") == "True /\n"
 
 
