@@ -7,7 +7,7 @@ export PYTHONUNBUFFERED = 1
 # Without kept byte code each command would compile SciPy, pandas and Numba anew: six seconds instead of one.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup dev wheel demo test test-long lint format bench docs clean
+.PHONY: setup dev wheel demo test compiling test-long lint format bench docs clean
 
 setup: ## the environment in .venv/
 	@.ci/setup
@@ -21,9 +21,12 @@ wheel: setup ## a wheel in dist/ that is whole: firmware, runtime, page, font an
 demo: setup ## tissue, fit, export, flash, stroke, estimate: the whole chain
 	@.venv/bin/palpate demo
 
-test: lint ## every promise
+test: compiling lint ## every promise
 	@.ci/setup test
 	$(PY) -m pytest -n auto -m "not long" --dist loadfile --no-loadscope-reorder
+
+compiling: dev # what the tests run compiled, while lint has the other processor
+	@$(PY) -m tests.compiling &
 
 test-long: ## the campaigns: 2000 random strokes, fuzzing, power cuts
 	@.ci/setup test
