@@ -57,18 +57,21 @@ class Widths:
     level: float
 
     def sigma(self, z: Floats, y: Floats) -> Floats:
-        """Expected size of the residual, (n, outputs)."""
+        """Expected size of the residual, (n, outputs), from standardised z (n, features) and predicted y."""
         return np.exp(np.hstack([monomials(z, self.terms), y]) @ self.coefficients)
 
     def half(self, z: Floats, y: Floats, hard: NDArray[np.bool_]) -> Floats:
-        """Half-widths on the link scale, (n, outputs)."""
+        """Half-widths on the link scale, (n, outputs); z, y as for `sigma`, hard (n): as predicted."""
         return self.sigma(z, y) * self.quantiles[:, hard.astype(int)].T
 
 
 def out_of_fold(
     z: Floats, Y: Floats, groups: NDArray[np.int64], fit: Fit, folds: int = CROSS_FOLDS
 ) -> Floats:
-    """Out-of-fold prediction of every row, whole lumps left out; `fit` returns a predictor."""
+    """Out-of-fold predictions (n, outputs), whole lumps left out.
+
+    z (n, features), Y (n, outputs), groups (n): which lump; `fit` takes these three and gives a predictor.
+    """
     out = np.empty_like(Y)
     fold = np.unique(groups, return_inverse=True)[1] % folds
     for k in range(folds):
@@ -80,7 +83,10 @@ def out_of_fold(
 def fit_sigma(
     z: Floats, predicted: Floats, residual: Floats, groups: NDArray[np.int64], degree: int = 1
 ) -> tuple[tuple[tuple[int, ...], ...], Floats]:
-    """Log-linear size of the residuals: monomial terms, and coefficients (terms + outputs, outputs)."""
+    """Log-linear size of the residuals: monomial terms, and coefficients (terms + outputs, outputs).
+
+    z (n, features), predicted and residual (n, outputs), link scale; groups (n): which lump.
+    """
     terms = all_terms(z.shape[1], degree)
     size = np.abs(residual)
     logs = np.log(np.maximum(size, np.quantile(size, _SMALLEST_SHARE, axis=0)))

@@ -49,16 +49,16 @@ class DomainCheck:
         return np.einsum("ni,ij,nj->n", u, self.precision, u)
 
     def familiar(self, features: Floats, z: Floats) -> NDArray[np.bool_]:
-        """Whether each stroke's features are like those that the model was trained on."""
+        """Whether each stroke's features (n, features), standardised z, are like those in training, (n)."""
         boxed = ((features >= self.lo) & (features <= self.hi)).all(axis=1)
         return boxed & (self.distance(z) <= self.threshold)
 
     def beyond(self, y: Floats, half: Floats) -> Floats:
-        """How far the worst estimate lies beyond its range, in half-widths; negative inside, (n)."""
+        """How far the worst of y (n, outputs) lies beyond its range, in half-widths, (n); negative inside."""
         return (np.maximum(self.range_lo - y, y - self.range_hi) / np.maximum(half, 1e-12)).max(axis=1)
 
     def inside(self, features: Floats, z: Floats, y: Floats, half: Floats) -> NDArray[np.bool_]:
-        """Whether each stroke is inside the domain."""
+        """Whether each stroke is inside the domain, (n); see `familiar` and `beyond`."""
         return self.familiar(features, z) & (self.beyond(y, half) <= self.margin)
 
 

@@ -51,7 +51,7 @@ class ObservedStrokes:
         return len(self.status)
 
     def take(self, rows: NDArray[Any]) -> ObservedStrokes:
-        """Some of the strokes."""
+        """Some of the strokes: a mask (n), or indices."""
         return ObservedStrokes(
             self.X[rows], self.status[rows], self.Y[rows], self.lump[rows], self.group[rows]
         )

@@ -32,14 +32,14 @@ E_INV23 = outputs.E_INV23
 
 
 def to_link(values: Floats) -> Floats:
-    """Outputs (n, outputs) in the units of the wire to the scale that the polynomials predict."""
+    """Outputs `values` (n, outputs) in the units of the wire, on the scale that the polynomials predict."""
     out = np.array(values, float)
     out[:, _LINK_LN] = np.log(out[:, _LINK_LN])
     return out
 
 
 def from_link(y: Floats) -> Floats:
-    """Back from the link scale to F (N/m), t, d (mm), h, E^-2/3."""
+    """Outputs (n, outputs) in the units of the wire, from y (n, outputs) on the link scale."""
     out = np.array(y, float)
     out[:, _LINK_LN] = np.exp(out[:, _LINK_LN])
     return out
@@ -70,11 +70,11 @@ class Polynomial:
     hi: Floats
 
     def standard(self, X: Floats) -> Floats:
-        """Standardised features (n, features)."""
+        """Features X (n, features), standardised."""
         return (np.clip(X, self.clip_lo, self.clip_hi) - self.centre) / self.scale
 
     def predict(self, X: Floats) -> Floats:
-        """Outputs on the link scale (n, outputs)."""
+        """Outputs on the link scale, (n, outputs), from features X (n, features)."""
         return np.clip(monomials(self.standard(X), self.terms) @ self.coefficients, self.lo, self.hi)
 
 
@@ -121,7 +121,7 @@ def _shape(names: Sequence[str], X: Floats, terms: Sequence[Term], lo: Floats, h
 
 
 def standardised(X: Floats) -> Floats:
-    """Features (n, features) as `fit_polynomial` would standardise them."""
+    """Features X (n, features) as `fit_polynomial` would standardise them."""
     return _shape((), X, (), np.empty(0), np.empty(0)).standard(X)
 
 

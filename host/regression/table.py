@@ -99,11 +99,11 @@ def further_outputs(F_rel: Floats, d_mm: Floats, h: Floats, E_inv23: Floats) -> 
 
 
 def r_squared(truth: Sequence[float] | Floats, estimate: Sequence[float] | Floats) -> float:
-    """1 - residual over total sum of squares, about the mean of the truth given."""
+    """1 - residual over total sum of squares of truth and estimate (n), about the mean of the truth given."""
     y, p = np.asarray(truth, float), np.asarray(estimate, float)
     return float(1 - np.sum((y - p) ** 2) / np.sum((y - y.mean()) ** 2))
 
 
 def rmse(truth: Sequence[float] | Floats, estimate: Sequence[float] | Floats) -> float:
-    """Root mean square error."""
+    """Root mean square of estimate - truth, both (n), in their unit."""
     return float(np.sqrt(np.mean((np.asarray(truth, float) - np.asarray(estimate, float)) ** 2)))

@@ -98,7 +98,7 @@ class ForceMap:
         return np.column_stack([e[:, :HALF] + o, (e[:, :HALF] - o)[:, ::-1]]), e[:, HALF]
 
     def move(self, image: Floats, depth: Floats, u: Floats) -> tuple[Floats, Floats]:
-        """Images (n, rows) and depths (n,) moved by u (n,) = ln(force wanted / force), in float64.
+        """Images (n, rows), kPa, and depths (n,), mm, moved by u (n,) = ln(force wanted / force), in float64.
 
         The firmware's two-step midpoint rule, for checking it.
         """

@@ -115,7 +115,7 @@ class SensorModel:
         self._wave_phase = rng.uniform(0, 2 * np.pi)
 
     def stiffness_at(self, stroke_mm: Floats) -> Floats:
-        """The tissue's stiffness at places along the stroke, over what was simulated."""
+        """The tissue's stiffness at places stroke_mm (n,), over what was simulated, (n,)."""
         swing = np.sin(2 * np.pi * np.asarray(stroke_mm, float) / WAVE_MM + self._wave_phase)
         return self._stiffness * (1 + self.noise.undulation * swing) ** -_AS_STIFFNESS
 
@@ -131,12 +131,12 @@ class SensorModel:
         return c
 
     def force_at(self, stroke_mm: Floats) -> Floats:
-        """The hand's force in N/m at places along the stroke (0: its middle)."""
+        """The hand's force in N/m, (n,), at places stroke_mm (n,) along the stroke (0: its middle)."""
         g = self._sines(np.asarray(stroke_mm, float)) / self._wave_peak
         return self.mean_force_N_per_m * (1 + self.noise.force * g)
 
     def pressures_at(self, stroke_mm: Floats) -> tuple[Floats, Floats]:
-        """True pressures (n, rows, columns) in kPa and displacement (n,) in mm at places along the stroke."""
+        """True pressures (n, rows, columns) in kPa and displacement (n,) in mm at places stroke_mm (n,)."""
         x = np.atleast_1d(np.asarray(stroke_mm, float))
         s = self.stiffness_at(x)  # moduli and forces times s leave the displacement, and pressures go times s
         force = None if self.field.one_force else self.force_at(x) / s
@@ -201,7 +201,7 @@ class SensorModel:
         )
 
     def truth(self, stroke_mm: Floats) -> Truth:
-        """The inputs that a stroke through these places is to be inverted to."""
+        """The inputs that a stroke through the places stroke_mm (n,) is to be inverted to."""
         c = self.field.low.case
         F = self.field.low.F_N_per_m if self.field.one_force else float(np.mean(self.force_at(stroke_mm)))
         return Truth(c, F, -self.start_mm)

@@ -75,7 +75,7 @@ class StrokeField:
     def at(self, position_mm: Floats, force_N_per_m: Floats | None = None) -> tuple[Floats, Floats]:
         """Images (n, rows), of a solid lump (n, rows, columns), in kPa, and displacement (n,) in mm.
 
-        At the places (n,) and forces (n,).
+        At places position_mm (n,) and forces force_N_per_m (n,).
 
         Outside the simulated places the last image stays.
         """

@@ -69,8 +69,8 @@ def press_cases(n: int, seed: int, ranges: TissueRanges | None = None) -> list[C
 
 def _lumps(n: int, seed: int, r: TissueRanges) -> list[Case]:
     found: list[Case] = []
-    for u in _points(n, seed):
-        d, gland = _even(u[0], r.d_mm), _even(u[5], r.gland_mm)
+    for of_d, of_h, of_E, of_force, of_ratio, of_gland, of_fat_b, of_gland_b, of_radius in _points(n, seed):
+        d, gland = _even(of_d, r.d_mm), _even(of_gland, r.gland_mm)
         if d / 2 > 0.9 * gland:
             continue
         low, high = r.E_ratio
@@ -78,14 +78,14 @@ def _lumps(n: int, seed: int, r: TissueRanges) -> list[Case]:
         found.append(
             Case(
                 d_mm=_rounded(d),
-                h=_rounded(_even(u[1], r.h)),
-                E_ratio=_rounded(_even(u[2], (high ** (-2 / 3), low ** (-2 / 3))) ** -1.5),
-                F_rel=_rounded(_log_even(u[3], r.reach_mm) * fat_kPa / FORCE_UNIT_N_PER_M),
-                gland_ratio=_rounded(_log_even(u[4], r.gland_ratio)),
+                h=_rounded(_even(of_h, r.h)),
+                E_ratio=_rounded(_even(of_E, (high ** (-2 / 3), low ** (-2 / 3))) ** -1.5),
+                F_rel=_rounded(_log_even(of_force, r.reach_mm) * fat_kPa / FORCE_UNIT_N_PER_M),
+                gland_ratio=_rounded(_log_even(of_ratio, r.gland_ratio)),
                 gland_mm=_rounded(gland),
-                fat_stiffening=_rounded(_even(u[6], r.stiffening)),
-                gland_stiffening=_rounded(_even(u[7], r.stiffening)),
-                probe_radius_mm=_rounded(_even(u[8], r.probe_radius_mm)),
+                fat_stiffening=_rounded(_even(of_fat_b, r.stiffening)),
+                gland_stiffening=_rounded(_even(of_gland_b, r.stiffening)),
+                probe_radius_mm=_rounded(_even(of_radius, r.probe_radius_mm)),
             )
         )
         if len(found) == n:

@@ -206,7 +206,7 @@ class Case:
 
     @classmethod
     def without_lump(cls, t_mm: float, F_rel: float = 1.0, **options: Any) -> Case:
-        """Plain fat of thickness `t_mm` over gland, as a case with E = 1."""
+        """Plain fat of thickness `t_mm` over gland, as a case with E = 1, at F_rel times 100 N/m."""
         if not 0.3 <= t_mm <= 200.0:
             raise CaseError(f"t_mm must lie between 0.3 and 200, not {t_mm:g}")
         d = min(20.0, max(min(5.0, t_mm / 0.7), t_mm / 1.3))

@@ -109,5 +109,8 @@ _SAMPLE_WEIGHTS = np.array([0.5, *[1.0] * 7, 0.5]) / 8
 
 
 def read_sensors(s_mm: Floats, pressure_kPa: Floats) -> Floats:
-    """Mean pressure over each sensor of `SENSORS_MM`, kPa, from a profile in the probe's frame."""
+    """Mean pressure over each sensor of `SENSORS_MM`, kPa, from a profile in the probe's frame.
+
+    s_mm (S,): places, ascending; pressure_kPa (S,).
+    """
     return np.interp(_PLACES.ravel(), s_mm, pressure_kPa).reshape(_PLACES.shape) @ _SAMPLE_WEIGHTS

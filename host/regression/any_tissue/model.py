@@ -79,7 +79,9 @@ def tissue_truth(seen: ObservedInTissue) -> Floats:
 
 
 def best_terms(X: Floats, Y: Floats, groups: NDArray[np.int64], degree: int, most: int) -> tuple[Term, ...]:
-    """The `most` terms worth most, all of degree one among them."""
+    """The `most` terms worth most, all of degree one among them.
+
+    X (n, features), Y (n, outputs), groups (n): which lump."""
     terms = all_terms(X.shape[1], degree)
     if len(terms) <= most:
         return terms

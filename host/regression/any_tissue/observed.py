@@ -63,7 +63,7 @@ class ObservedInTissue:
     group: NDArray[np.int64]
 
     def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> ObservedInTissue:
-        """Some of the strokes."""
+        """Some of the strokes: a mask (n), or indices."""
         return ObservedInTissue(*(getattr(self, f.name)[rows] for f in fields(self)))
 
 

@@ -50,7 +50,8 @@ def press_frames(
 
 
 def curves(counts: NDArray[np.uint16], depth_um: NDArray[np.int64], dead: NDArray[np.bool_]) -> Floats:
-    """ln F, ln D, ln width and ln centre share of each frame, (frames, 4); `dead` (cells) are left out."""
+    """ln F, ln D, ln width and ln centre share of each frame, (frames, 4), from counts (frames, cells) and
+    depth_um (frames); `dead` (cells) are left out."""
     kPa = counts / geometry.FULL_COUNT * FULL_SCALE_KPA - PEDESTAL_KPA
     cells = kPa.reshape(len(kPa), geometry.ROWS, geometry.COLUMNS)
     live = ~dead.reshape(geometry.ROWS, geometry.COLUMNS)

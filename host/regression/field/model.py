@@ -84,7 +84,7 @@ class FieldModel:
         return self.answer_from(X, y, self.lump(observed))
 
     def answer_from(self, X: Floats, y: Floats, lump: NDArray[np.bool_]) -> Answers:
-        """The same from features and predictions on the link scale."""
+        """The same from features X (n, features), predictions y (n, outputs; link scale) and lump (n)."""
         z = self.polynomial.standard(X)
         half = self.widths.half(z, y, y[:, E_INV23] < self.border)
         lo, hi = self.polynomial.lo, self.polynomial.hi
@@ -186,7 +186,10 @@ def fit_field_model(
 
 
 def familiar_unseen(model: Polynomial, X: Floats, groups: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether each stroke passes a box and distance fitted without its lump; with it, too many would."""
+    """Whether each stroke passes a box and distance fitted without its lump, (n); with it, too many would.
+
+    X : (n, features); groups : (n), which lump.
+    """
 
     def fit(x: Floats, _: Floats, __: NDArray[np.int64]) -> Callable[[Floats], Floats]:
         check = fit_domain(x, model.standard(x), share_out=UNFAMILIAR_INSIDE)

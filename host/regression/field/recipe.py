@@ -83,7 +83,10 @@ class Recipe:
         return terms + tuple(t for t in more if t not in terms)
 
     def terms(self, z: Floats, Y: Floats, groups: NDArray[np.int64]) -> tuple[Term, ...]:
-        """The terms to use, chosen on standardised features of training strokes (see `most_cubic`)."""
+        """The terms to use, chosen on training strokes (see `most_cubic`).
+
+        z : (n, features), standardised; Y : (n, outputs), link scale; groups : (n), which lump.
+        """
         terms = self.candidates()
         plain = len(all_terms(len(self.features), self.degree))
         if self.most_cubic is None or len(terms) - plain <= self.most_cubic:

@@ -65,26 +65,28 @@ def ball_cases(n: int, seed: int, ranges: SolidRanges | None = None) -> list[Cas
     bits = max(0, (n - 1).bit_length())
     points = qmc.Sobol(11, seed=np.random.default_rng(seed)).random_base2(bits)[:n]
     cases = []
-    for u in points:
-        d, h = _even(u[0], r.d_mm), _even(u[1], r.h)
+    for point in points:
+        of_d, of_h, of_E, of_shape, of_line, of_across, of_down, of_gland, *rest = point
+        of_ratio, of_offset, of_strain = rest
+        d, h = _even(of_d, r.d_mm), _even(of_h, r.h)
         low, high = r.E_ratio
-        E = min(max(_even(u[2], (high ** (-2 / 3), low ** (-2 / 3))) ** -1.5, low), high)
-        ball, on_line = u[3] < r.balls, u[4] < r.on_line
-        across, down = (_log_even(v, r.aspect) * d / 2 for v in u[5:7])
+        E = min(max(_even(of_E, (high ** (-2 / 3), low ** (-2 / 3))) ** -1.5, low), high)
+        ball, on_line = of_shape < r.balls, of_line < r.on_line
+        across, down = (_log_even(v, r.aspect) * d / 2 for v in (of_across, of_down))
         half_down = d / 2 if ball else down
-        gland = max(_even(u[7], r.gland_mm), 1.1 * half_down + 1.0)
+        gland = max(_even(of_gland, r.gland_mm), 1.1 * half_down + 1.0)
         case = Case(
             d_mm=_rounded(d),
             h=_rounded(h),
             E_ratio=_rounded(E),
-            gland_ratio=_rounded(_log_even(u[8], r.gland_ratio)),
+            gland_ratio=_rounded(_log_even(of_ratio, r.gland_ratio)),
             gland_mm=_rounded(gland),
             shape="ball" if ball else "ellipsoid",
             half_across_mm=None if ball else _rounded(across),
             half_down_mm=None if ball else _rounded(down),
-            offset_mm=0.0 if on_line else _rounded(_even(u[9], r.offset_mm)),
+            offset_mm=0.0 if on_line else _rounded(_even(of_offset, r.offset_mm)),
         )
-        force = _force_for(_even(u[10], r.strain), case.t_mm)
+        force = _force_for(_even(of_strain, r.strain), case.t_mm)
         cases += [replace(case, F_rel=_rounded(force / FORCE_RATIO)), replace(case, F_rel=_rounded(force))]
     return cases
 
