@@ -16,7 +16,8 @@ from palpate.sim.tissue.face_sensors import WIDTH_MM
 FORCE_UNIT_N_PER_M = 100.0
 """F = 1.0 of a code, in N per metre of probe width (strain 19.7 % in the reference case)."""
 
-SHAPES = ("cylinder", "ball", "ellipsoid")
+SHAPES = {"cylinder": (math.inf, 1.0), "ball": (1.0, 1.0), "ellipsoid": (None, None)}
+"""Half-axes across the stroke and downwards over d/2; None where each case has its own."""
 
 NONLINEAR_E_RATIO = 1.0
 NONLINEAR_STIFFENING = 900.0
@@ -144,24 +145,25 @@ class Case:
     @property
     def half_axes_mm(self) -> tuple[float, float, float]:
         """Half-axes of the lump along the stroke, across it (endless for a cylinder) and downwards, mm."""
-        r = self.d_mm / 2
-        if self.shape == "ellipsoid":
+        r, across = self.d_mm / 2, SHAPES[self.shape][0]
+        if across is None:
             assert self.half_across_mm is not None
             return r, self.half_across_mm, self.half_down
-        return r, math.inf if self.shape == "cylinder" else r, r
+        return r, r * across, self.half_down
 
     @property
     def half_down(self) -> float:
         """Half of the lump's height, mm."""
-        return self.d_mm / 2 if self.half_down_mm is None else self.half_down_mm
+        down = SHAPES[self.shape][1]
+        return self.half_down_mm or self.d_mm / 2 if down is None else down * self.d_mm / 2
 
     @property
     def t_mm(self) -> float:
         """Thickness of the fat, mm."""
         if self.fat_mm is not None:
             return self.fat_mm
-        if self.half_down_mm is not None:
-            return self.d_mm * self.h + self.half_down_mm
+        if self.half_down_mm is not None or self.half_down != self.d_mm / 2:
+            return self.d_mm * self.h + self.half_down
         return self.d_mm * (self.h + 0.5)
 
     @property

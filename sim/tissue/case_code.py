@@ -60,6 +60,7 @@ def read_code(code: str) -> dict[str, Any]:
     if match is None:
         raise CaseError(f"{code!r} is not a case code; write one like d10h08e10f10")
     values: dict[str, Any] = {}
+    plain = _plain_shapes()
 
     def put(name: str, value: float | str) -> None:
         if name in values:
@@ -73,8 +74,8 @@ def read_code(code: str) -> dict[str, Any]:
         else:
             put(_MAIN[letter], _read_number(code, letter, text))
     for option in filter(None, match.group(5).split("_")):
-        if option == "ball":
-            put("shape", "ball")
+        if option in plain:
+            put("shape", option)
         elif axes := _AXES.fullmatch(option):
             put("shape", "ellipsoid")
             for name, text in zip(("half_across_mm", "half_down_mm"), axes.groups()):
@@ -85,9 +86,16 @@ def read_code(code: str) -> dict[str, Any]:
             number = _read_number(code, "", text[1:] if minus else text)
             put(name, -number if minus else number)
         else:
-            known = ", ".join(("ball", "ellipsoidAxB", *OPTIONS))
+            known = ", ".join((*plain, "ellipsoidAxB", *OPTIONS))
             raise CaseError(f"{code!r} has an unknown option {option!r}; known are {known}")
     return values
+
+
+def _plain_shapes() -> tuple[str, ...]:
+    """Shapes that are said by their name alone; a cylinder goes without saying."""
+    from palpate.sim.tissue.case import SHAPES
+
+    return tuple(shape for shape, (across, _) in SHAPES.items() if across is not None and shape != "cylinder")
 
 
 def write_code(case: Case) -> str:
@@ -98,8 +106,8 @@ def write_code(case: Case) -> str:
     e = "NL" if thesis_nl else "1K" if case.E_ratio == 1000.0 else _write_number("e", case.E_ratio)
     text = f"d{_write_number('d', case.d_mm)}h{_write_number('h', case.h)}e{e}"
     text += f"f{_write_number('f', case.F_rel)}"
-    if case.shape == "ball":
-        text += "_ball"
+    if case.shape in _plain_shapes():
+        text += f"_{case.shape}"
     elif case.half_across_mm is not None and case.half_down_mm is not None:
         text += f"_ellipsoid{_plain(case.half_across_mm)}x{_plain(case.half_down_mm)}"
     defaults = {f.name: f.default for f in fields(case)}

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from palpate.sim.tissue import Case, CaseError, Settings, case_key, read_design
+from palpate.sim.tissue.case import SHAPES
 from palpate.sim.tissue.settings import SOLVER_VERSION
 
 
@@ -81,3 +82,13 @@ def test_the_design_of_balls_is_seeded_and_covers_what_it_says():
     assert 0.3 < sum(case.offset_mm == 0 for case in low) / 64 < 0.7
     assert min(case.gland_ratio for case in low) < 2.5
     assert max(case.gland_ratio for case in low) > 9
+
+
+def test_another_body_is_one_row_of_the_table_of_shapes(monkeypatch):
+    """Its name was asked for in three places of the code's reader and writer."""
+    monkeypatch.setitem(SHAPES, "disc", (1.0, 0.5))
+    disc = Case.from_code("d10h08e10f10_disc_y5")
+    assert disc.solid and disc.half_axes_mm == (5.0, 5.0, 2.5) and disc.t_mm == 10.5
+    assert Case.from_code(disc.code) == disc and disc.code.endswith("_disc_y5")
+    with pytest.raises(CaseError, match="known are ball, disc, ellipsoidAxB"):
+        Case.from_code("d10h08e10f10_bean")
