@@ -126,7 +126,7 @@ class Chain:
             margin = points // 2 - (points // 2 - margin) * 3 // 4
         wide = self._wide
         traces.map_rows(self._x, self.n, self._rows, low, wide, points, self._small)
-        if search.search(wide, points, margin, points - 1 - margin, self._work, self._best):
+        if search.search(wide, points, margin, points - 1 - margin, self._work, self._best, self._step):
             place = self._best[0]
             self._width = self._best[1]
         else:

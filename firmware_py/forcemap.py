@@ -127,6 +127,16 @@ def slopes(f, w, lf, ld, total):
     w[_ROWS] = w[_OUT + _HALF]
 
 
+def carry(rows, at, step, w, out, to):
+    """The image rows[at..] moved by step (u times its sum) along the slopes w, into out[to..]; its sum."""
+    total = 0
+    for i in range(_ROWS):
+        v = limit(rows[at + i] + ((_mul(step, w[i] << 6) + _HALF) // _ROWS), MOST)
+        out[to + i] = v
+        total += v
+    return total
+
+
 def move(f, rows, at, depth, u, w):
     """Move the image rows[at..at+ROWS) (Q5 counts) and depth (1/16 um) by u = ln(force wanted / force), Q24.
 
@@ -148,18 +158,11 @@ def move(f, rows, at, depth, u, w):
     ld = 0 if alone else (_ln(depth) - f[2] + 2048) >> 12
     slopes(f, w, lf, ld, total)
     # half a step
-    step = _mul(u >> 1, total)
-    total = 0
-    for i in range(_ROWS):
-        v = limit(rows[at + i] + ((_mul(step, w[i] << 6) + _HALF) // _ROWS), MOST)
-        w[_IMAGE + i] = v
-        total += v
+    total = carry(rows, at, _mul(u >> 1, total), w, w, _IMAGE)
     if total < 2048:
         return depth
     slopes(f, w, lf + (u >> 13), ld + (_mul(u >> 1, w[_ROWS] << 6) >> 12), total)
-    step = _mul(u, total)
-    for i in range(_ROWS):
-        rows[at + i] = limit(rows[at + i] + ((_mul(step, w[i] << 6) + _HALF) // _ROWS), MOST)
+    carry(rows, at, _mul(u, total), w, rows, at)
     if alone:
         return depth
     u = limit(_mul(u, w[_ROWS] << 6), _TWO)

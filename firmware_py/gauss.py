@@ -66,8 +66,8 @@ def prepare(y, n, work, s):
     s[_SHIFT] = k
 
 
-def evaluate(n, p, work, s):
-    """Residuals of the parameters p against the prepared map; sets p[BASE], p[COST], work and the sums s."""
+def residuals(n, p, work):
+    """The Gaussian, the place in stdevs and the residual at each point into work; the mean residual."""
     amp = p[AMP]
     wide = p[STDEV] >> 4
     half = wide >> 1
@@ -86,7 +86,15 @@ def evaluate(n, p, work, s):
         work[2 * n + i] = r
         total += r >> 3
         x += 65536
-    base = total * 8 // n
+    return total * 8 // n
+
+
+def products(n, base, work, s):
+    """Sums of products of the slopes with each other and with the residuals, these less `base` and scaled.
+
+    The Hessian's and the gradient's are without what the base takes away; s[_SCALE]: how far the residuals
+    were scaled up. Returns the sum of their squares.
+    """
     top = 1
     for i in range(n):
         r = work[2 * n + i] - base
@@ -103,6 +111,7 @@ def evaluate(n, p, work, s):
     while top < 2048 and up < 3:
         top <<= 1
         up += 1
+    s[_SCALE] = up - down
     sa = sb = sc = se = 0
     aa = ab = ac = ae = bb = bc = be = cc = ce = ee = 0
     for i in range(n):
@@ -141,9 +150,14 @@ def evaluate(n, p, work, s):
     s[_AE] = (ae - (se * qa + se * ra // n)) >> 2
     s[_BE] = (be - (se * qb + se * rb // n)) >> 2
     s[_CE] = (ce - (se * qc + se * rc // n)) >> 2
-    s[_SCALE] = up - down
-    p[BASE] = base
-    p[COST] = _ln(ee) - 2 * (up - down) * _LN2
+    return ee
+
+
+def evaluate(n, p, work, s):
+    """Residuals of the parameters p against the prepared map; sets p[BASE], p[COST], work and the sums s."""
+    p[BASE] = residuals(n, p, work)
+    ee = products(n, p[BASE], work, s)
+    p[COST] = _ln(ee) - 2 * s[_SCALE] * _LN2
 
 
 def solve(s, damp, hold, d):

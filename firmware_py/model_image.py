@@ -149,11 +149,11 @@ def _load(read, body, features_version, feature_count, probe):
     c = array("h", bytearray(2 * (two + coarse)))
     d = array("h", bytearray(2 * two))
     own = array("i", bytearray(4 * outputs * branches))
-    whole = unpack.numbers(words, outputs * terms, sizes[:outputs])
-    unpack.share(steps, head[evaluator.STEPS], whole, head, c, d, own)
-    whole = unpack.numbers(words[sigma:], outputs * (outputs + n), sizes[outputs:])
-    unpack.pieces(whole, low, c, d, outputs * leaves)
-    for k, v in enumerate(unpack.numbers(words[start:], coarse, (DISTANCE_BITS,))):
+    numbers = unpack.Numbers(words, 0, sizes[:outputs])
+    unpack.share(steps, head[evaluator.STEPS], numbers, head, c, d, own)
+    numbers = unpack.Numbers(words, sigma, sizes[outputs:])
+    unpack.pieces(numbers.take(outputs * (outputs + n)), low, c, d, outputs * leaves)
+    for k, v in enumerate(unpack.Numbers(words, start, (DISTANCE_BITS,)).take(coarse)):
         c[two + k] = v
     tables = evaluator.Tables(
         parts[IDS],

@@ -39,38 +39,43 @@ def measure(x_um, n, rows, depth, centre_um, out, w):
         while k < n - 2 and x_um[k + 1] <= x:
             k += 1
         _weigh(x_um, n, k, x, w)
-        m = j if j >= 0 else -j
-        both = 2 if j == 0 else 1
-        out[DEPTH + m] += both * _at(depth, 1, 0, k, n, w)
-        centre = 0
-        total = 0
-        tilt = 0
-        spread = 0
-        for i in range(_ROWS):
-            w[4 + i] = _at(rows, _ROWS, i, k, n, w)
-        a = _ROWS - 1
-        for i in range(_HALF):
-            v = w[4 + i]
-            u = w[3 + _ROWS - i]
-            tilt += (u - v) * a
-            v += u
-            total += v
-            if a < MIDDLE:
-                centre += v
-            spread += v * a * a >> SPREAD_SHIFT
-            a -= 2
-        out[CENTRE + m] += both * centre
-        out[TOTAL + m] += both * total
-        if j:
-            # seen from the left the lump lies at positive s
-            out[TILT + m] += tilt if j > 0 else -tilt
-        out[SPREAD + m] += both * spread
-        if 24 <= m <= 33:
-            _fold(w, out, FAR, 1)
-        if m <= 2:
-            _fold(w, out, NEAR, both)
-        if 26 <= m <= 30:
-            _fold(w, out, AT_28, 1)
+        add_place(rows, depth, k, n, j, out, w)
+
+
+def add_place(rows, depth, k, n, j, out, w):
+    """Add what is j mm from the middle, in interval k with the weights in w, which gets the image too."""
+    m = j if j >= 0 else -j
+    both = 2 if j == 0 else 1
+    out[DEPTH + m] += both * _at(depth, 1, 0, k, n, w)
+    centre = 0
+    total = 0
+    tilt = 0
+    spread = 0
+    for i in range(_ROWS):
+        w[4 + i] = _at(rows, _ROWS, i, k, n, w)
+    a = _ROWS - 1
+    for i in range(_HALF):
+        v = w[4 + i]
+        u = w[3 + _ROWS - i]
+        tilt += (u - v) * a
+        v += u
+        total += v
+        if a < MIDDLE:
+            centre += v
+        spread += v * a * a >> SPREAD_SHIFT
+        a -= 2
+    out[CENTRE + m] += both * centre
+    out[TOTAL + m] += both * total
+    if j:
+        # seen from the left the lump lies at positive s
+        out[TILT + m] += tilt if j > 0 else -tilt
+    out[SPREAD + m] += both * spread
+    if 24 <= m <= 33:
+        _fold(w, out, FAR, 1)
+    if m <= 2:
+        _fold(w, out, NEAR, both)
+    if 26 <= m <= 30:
+        _fold(w, out, AT_28, 1)
 
 
 def _fold(w, out, at, times):

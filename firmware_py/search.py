@@ -45,10 +45,36 @@ def bump_table(width_um, n, work):
     return reach
 
 
-def search(y, n, low, high, work, best):
+def correlate(work, n, c, reach, sums):
+    """The centred map against the table's bump at place c.
+
+    sums: of their products, of the bump, and of its squares about its mean.
+    """
+    i = c - reach + 1
+    if i < 0:
+        i = 0
+    e = c + reach
+    if e > n:
+        e = n
+    num = 0
+    k1 = 0
+    k2 = 0
+    while i < e:
+        k = work[n + i - c] if i >= c else work[n + c - i]
+        num += k * work[i]
+        k1 += k
+        k2 += k * k
+        i += 1
+    sums[0] = num
+    sums[1] = k1
+    sums[2] = k2 - k1 * k1 // n
+
+
+def search(y, n, low, high, work, best, sums):
     """Best place and width of a positive bump with its middle in low..high (grid indices).
 
-    best[0] becomes the index, best[1] the width in um. Returns 1, or 0 where nothing rises anywhere.
+    best[0] becomes the index, best[1] the width in um; sums: space for three numbers. Returns 1, or 0 where
+    nothing rises anywhere.
     """
     centre_map(y, n, work)
     found = 0
@@ -57,24 +83,9 @@ def search(y, n, low, high, work, best):
         width = WIDTHS_UM[w]
         reach = bump_table(width, n, work)
         for c in range(low, high + 1):
-            i = c - reach + 1
-            if i < 0:
-                i = 0
-            e = c + reach
-            if e > n:
-                e = n
-            num = 0
-            k1 = 0
-            k2 = 0
-            while i < e:
-                k = work[n + i - c] if i >= c else work[n + c - i]
-                num += k * work[i]
-                k1 += k
-                k2 += k * k
-                i += 1
-            k2 -= k1 * k1 // n
-            if num > 0 and k2 > 0:
-                score = 2 * _ln(num) - _ln(k2)
+            correlate(work, n, c, reach, sums)
+            if sums[0] > 0 and sums[2] > 0:
+                score = 2 * _ln(sums[0]) - _ln(sums[2])
                 if not found or score > top:
                     found = 1
                     top = score

@@ -102,23 +102,39 @@ def program(steps, n):
     return None if deepest or sigma != first + n else (leaves, branches, size)
 
 
-def numbers(raw, n, sizes):
-    """n signed numbers of sizes[0], sizes[1], .. bits in turns, lowest bit first."""
-    out = array("i", bytearray(4 * n))
-    held = 0
-    have = 0
-    k = 0
-    for i in range(n):
-        bits = sizes[i % len(sizes)]
-        sign = 1 << bits - 1
-        while have < bits:
-            held |= raw[k] << have
-            have += 8
-            k += 1
-        out[i] = ((held & (2 * sign - 1)) ^ sign) - sign
-        held >>= bits
-        have -= bits
-    return out
+class Numbers:
+    """Signed numbers of sizes[0], sizes[1], .. bits in turns, lowest bit first, from raw[at:].
+
+    They are taken some at a time: all of a model at once are a block that a board may not have in one piece.
+    """
+
+    def __init__(self, raw, at, sizes):
+        self._raw = raw
+        self._at = at
+        self._sizes = sizes
+        self._turn = 0
+        self._held = 0
+        self._have = 0
+
+    def take(self, n):
+        """The next n of them."""
+        out = array("i", bytearray(4 * n))
+        held = self._held
+        have = self._have
+        for i in range(n):
+            bits = self._sizes[self._turn]
+            self._turn = (self._turn + 1) % len(self._sizes)
+            sign = 1 << bits - 1
+            while have < bits:
+                held |= self._raw[self._at] << have
+                have += 8
+                self._at += 1
+            out[i] = ((held & (2 * sign - 1)) ^ sign) - sign
+            held >>= bits
+            have -= bits
+        self._held = held
+        self._have = have
+        return out
 
 
 def pieces(whole, low, c, d, at):
@@ -135,26 +151,24 @@ def pieces(whole, low, c, d, at):
         at += 1
 
 
-def share(steps, size, whole, head, c, d, own):
+def share(steps, size, numbers, head, c, d, own):
     """The outputs' coefficients, which stand in the program's order: leaves to c and d, branches' to own."""
-    k = 0
     leaf = 0
     branch = 0
     i = 0
     while i < size:
         n = steps[i]
         if n & 128:
+            whole = numbers.take(evaluator.OUTPUTS)
             for j in range(evaluator.OUTPUTS):
                 down = head[evaluator.DOWNS] >> 4 * j & 15
-                own[branch] = whole[k] << head[evaluator.PART_BITS] - head[evaluator.LOW_BITS] - down
+                own[branch] = whole[j] << head[evaluator.PART_BITS] - head[evaluator.LOW_BITS] - down
                 branch += 1
-                k += 1
             i += 2
         else:
             n &= 31
-            pieces(whole[k : k + evaluator.OUTPUTS * n], head[evaluator.LOW_BITS], c, d, leaf)
+            pieces(numbers.take(evaluator.OUTPUTS * n), head[evaluator.LOW_BITS], c, d, leaf)
             leaf += evaluator.OUTPUTS * n
-            k += evaluator.OUTPUTS * n
             i += 1 + n
 
 

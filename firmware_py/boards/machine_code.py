@@ -6,7 +6,20 @@ numbers, is left as it was: slower, the same integers.
 
 from array import array
 
-from firmware_py import bins, calib, geometry, pipeline, polynomial, stroke_state, traces
+from firmware_py import (
+    bins,
+    calib,
+    columns,
+    forcemap,
+    gauss,
+    geometry,
+    pipeline,
+    polynomial,
+    profile,
+    search,
+    stroke_state,
+    traces,
+)
 
 
 def _cells():
@@ -104,6 +117,89 @@ def _model():
     evaluator_viper.install()
 
 
+def _image(n):
+    """n rows of pressures, no two alike, not all positive."""
+    out = _numbers(geometry.ROWS * n)
+    for i in range(len(out)):
+        out[i] = (i * 40503 & 0xFFFF) - 3000
+    return out
+
+
+def _traced(fast):
+    x = array("i", (0, 1400, 2900, 4500))
+    rows = _image(4)
+    a = _numbers(2)
+    b = _numbers(2)
+    w = _numbers(4 + geometry.ROWS)
+    u = _numbers(4 + geometry.ROWS)
+    traces.map_rows(x, 4, rows, -1200, a, 2, w)
+    fast.map_rows(x, 4, rows, -1200, b, 2, u)
+    same = a == b and w == u
+    a = _numbers(profile.SIZE)
+    b = _numbers(profile.SIZE)
+    traces.weigh(x, 4, 1, 2000, w)
+    for i in range(4):
+        u[i] = w[i]
+    for j in (-27, 1):
+        profile.add_place(rows, x, 1, 4, j, a, w)
+        fast.add_place(rows, x, 1, 4, j, b, u)
+    return same and a == b and w == u
+
+
+def _moved(fast):
+    f = _numbers(forcemap.HEAD + forcemap.COEFS)
+    for i in range(len(f)):
+        f[i] = (i * 1009 & 511) - 255
+    f[0] = 12
+    w = _numbers(forcemap.WORK)
+    rows = _image(1)
+    total = forcemap.carry(rows, 0, 0, w, w, forcemap._IMAGE)
+    u = array("i", w)
+    forcemap.slopes(f, w, -3000, 2000, total)
+    fast.slopes(f, u, -3000, 2000, total)
+    same = w == u
+    for i in range(geometry.ROWS):
+        w[i] = (i - 8) << 17
+    a = _image(1)
+    for step in (-98765, 60000000):  # the second takes them to either end
+        same = same and forcemap.carry(rows, 0, step, w, rows, 0) == fast.carry(a, 0, step, w, a, 0)
+    return same and rows == a
+
+
+def _fitted(fast):
+    n = 6
+    y = _image(1)
+    w = _numbers(4 * n)
+    s = _numbers(12)
+    gauss.prepare(y, n, w, s)
+    u = array("i", w)
+    t = array("i", s)
+    p = array("i", (0, 12345678, 180000, 100000, 0))
+    base = gauss.residuals(n, p, w)
+    same = base == fast.residuals(n, p, u) and w == u
+    same = same and gauss.products(n, base, w, s) == fast.products(n, base, u, t)
+    same = same and w == u and s == t
+    search.centre_map(y, n, w)
+    search.centre_map(y, n, u)
+    reach = search.bump_table(2200, n, w)
+    same = same and reach == fast.bump_table(2200, n, u)
+    search.correlate(w, n, 2, reach, s)
+    fast.correlate(u, n, 2, reach, t)
+    a = _numbers(2)
+    b = _numbers(2)
+    columns.respond(y, 6, w, 999, a, 0, 2)
+    fast.respond(y, 6, u, 999, b, 0, 2)
+    return same and w == u and s == t and a == b
+
+
+def _stroke():
+    from firmware_py import stroke_viper
+
+    if not _traced(stroke_viper) or not _moved(stroke_viper) or not _fitted(stroke_viper):
+        raise ValueError("other numbers")
+    stroke_viper.install()
+
+
 def _link():
     from firmware_py.boards import fast_link
 
@@ -129,7 +225,7 @@ def scan_part():
     fast_scan.install()
 
 
-PARTS = (("link", _link), ("frames", _frames), ("model", _model))
+PARTS = (("link", _link), ("frames", _frames), ("model", _model), ("stroke", _stroke))
 
 
 def install(parts=PARTS):

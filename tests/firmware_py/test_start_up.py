@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from firmware_py import bins, calib, cobs, crc, pipeline, polynomial, traces
+from firmware_py import cobs, crc
 from firmware_py.boards import machine_code as plain_machine_code
 from firmware_py.boards import scan_order
 from palpate.sim.probe.machine_code import MachineCode
@@ -18,6 +18,7 @@ from tests.firmware_py import twins
 
 MODULES = {
     "firmware_py.hot_viper": twins.HOT,
+    "firmware_py.stroke_viper": twins.STROKE,
     "firmware_py.evaluator_viper": twins.EVALUATOR,
     "firmware_py.boards.fast_link": twins.LINK,
     "firmware_py.boards.fast_scan": twins.SCAN,
@@ -28,8 +29,9 @@ LOOPS = {name for source in MODULES.values() for name in twins.places(source)}
 
 def loops():
     """The loops that are in use."""
-    places = [place for source in (twins.HOT, twins.EVALUATOR) for place in twins.places(source).values()]
-    modules = {"bins": bins, "calib": calib, "pipeline": pipeline, "polynomial": polynomial, "traces": traces}
+    sources = (twins.HOT, twins.STROKE, twins.EVALUATOR)
+    places = [place for source in sources for place in twins.places(source).values()]
+    modules = {module: importlib.import_module(f"firmware_py.{module}") for module, _ in places}
     return [getattr(modules[module], name) for module, name in places] + [
         crc.append,
         cobs.encode,
@@ -55,8 +57,7 @@ def a_board_with_a_compiler(architecture: str, sources=MODULES, frozen=False) ->
     """`import` of a twin gives its functions as machine code on an emulated processor."""
     codes = {name: MachineCode(source, architecture, frozen=frozen) for name, source in sources.items()}
     micropython = types.ModuleType("micropython")
-    by_name = {name: code[name] for code in codes.values() for name in code.names()}
-    micropython.viper = lambda function: by_name[function.__name__]  # type: ignore[attr-defined]
+    micropython.viper = lambda f: codes[f.__module__][f.__name__]  # type: ignore[attr-defined]
     pointers = ("ptr8", "ptr16", "ptr32")
     for name in pointers:
         setattr(builtins, name, int)
@@ -79,7 +80,7 @@ def test_a_board_with_a_compiler_runs_machine_code(clean, architecture, frozen):
     """Frozen too: two loops held a number of 17 bits, which was read from beside its place in the code."""
     before = loops()
     with a_board_with_a_compiler(architecture, frozen=frozen):
-        assert machine_code().install(PARTS) == "machine code: link, frames, model, scan"
+        assert machine_code().install(PARTS) == "machine code: link, frames, model, stroke, scan"
     after = loops()
     assert not any(new is old for new, old in zip(after, before, strict=True))
 
@@ -104,14 +105,22 @@ print(before == (bins.put_cells, polynomial.sums, cobs.encode))
 @pytest.mark.parametrize(
     ("module", "right", "wrong", "left"),
     [
-        ("firmware_py.hot_viper", "b >> 4 | packed", "b >> 5 | packed", "link, model"),
-        ("firmware_py.hot_viper", "* gain[i] >> 9", "* gain[i] >> 8", "link, model"),
-        ("firmware_py.hot_viper", "s = (s << 2)", "s = (s << 1)", "link, model"),
-        ("firmware_py.hot_viper", "(4096 - v) * level[k]", "(4095 - v) * level[k]", "link, model"),
-        ("firmware_py.evaluator_viper", "((d[i] ^ 0x8000) - 0x8000)", "d[i]", "link, frames"),
-        ("firmware_py.evaluator_viper", "(downs & 15)", "(downs & 14)", "link, frames"),
-        ("firmware_py.evaluator_viper", "a * (v & 16383)", "a * (v & 16382)", "link, frames"),
-        ("firmware_py.boards.fast_link", "code == 255", "code == 254", "frames, model"),
+        ("firmware_py.hot_viper", "b >> 4 | packed", "b >> 5 | packed", "link, model, stroke"),
+        ("firmware_py.hot_viper", "* gain[i] >> 9", "* gain[i] >> 8", "link, model, stroke"),
+        ("firmware_py.hot_viper", "s = (s << 2)", "s = (s << 1)", "link, model, stroke"),
+        ("firmware_py.hot_viper", "(4096 - v) * level[k]", "(4095 - v) * level[k]", "link, model, stroke"),
+        ("firmware_py.stroke_viper", "up -= left", "up += left", "link, frames, model"),
+        ("firmware_py.stroke_viper", "v >>= down", "v >>= down + 1", "link, frames, model"),
+        ("firmware_py.stroke_viper", "v = 1 - top", "v = 0 - top", "link, frames, model"),
+        ("firmware_py.stroke_viper", "k1 += k", "k1 += 1", "link, frames, model"),
+        ("firmware_py.stroke_viper", "(maps[j] >> 4)", "(maps[j] >> 5)", "link, frames, model"),
+        ("firmware_py.stroke_viper", "(q >> 1) + (", "(q >> 2) + (", "link, frames, model"),
+        ("firmware_py.stroke_viper", "be += b * e", "be += b * z", "link, frames, model"),
+        ("firmware_py.stroke_viper", "tilt += (u - v)", "tilt += (u + v)", "link, frames, model"),
+        ("firmware_py.evaluator_viper", "((d[i] ^ 0x8000) - 0x8000)", "d[i]", "link, frames, stroke"),
+        ("firmware_py.evaluator_viper", "(downs & 15)", "(downs & 14)", "link, frames, stroke"),
+        ("firmware_py.evaluator_viper", "a * (v & 16383)", "a * (v & 16382)", "link, frames, stroke"),
+        ("firmware_py.boards.fast_link", "code == 255", "code == 254", "frames, model, stroke"),
     ],
 )
 def test_machine_code_that_gives_other_numbers_is_not_used(clean, tmp_path, module, right, wrong, left):

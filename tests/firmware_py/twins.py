@@ -2,14 +2,17 @@
 
 import ast
 import importlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 from palpate.sim.probe.machine_code import MachineCode
 from palpate.sim.probe.scripts import FIRMWARE
 
 HOT = FIRMWARE / "hot_viper.py"
+STROKE = FIRMWARE / "stroke_viper.py"
 EVALUATOR = FIRMWARE / "evaluator_viper.py"
 LINK = FIRMWARE / "boards" / "fast_link.py"
 SCAN = FIRMWARE / "boards" / "fast_scan.py"
@@ -30,14 +33,34 @@ def places(source: Path) -> dict[str, tuple[str, str]]:
     return found
 
 
+def executed(
+    source: Path, viper: Callable[[Any], Any], change=lambda tree: tree, **names: Any
+) -> dict[str, Any]:
+    """A twin's names, its viper functions being what `viper` makes of them; `names` are there beforehand."""
+    tree = ast.parse(source.read_text())
+    tree.body = [
+        node
+        for node in tree.body
+        if not (isinstance(node, ast.Import) and node.names[0].name == "micropython")
+    ]
+    space = {
+        "micropython": SimpleNamespace(viper=viper),
+        **dict.fromkeys(("ptr8", "ptr16", "ptr32")),
+        **names,
+    }
+    exec(compile(ast.fix_missing_locations(change(tree)), str(source), "exec"), space)
+    return space
+
+
 @contextmanager
 def installed(source: Path, code: MachineCode) -> Iterator[dict[str, int]]:
     """What `install` does, for as long as this lasts; gives how often each function was called."""
     calls: dict[str, int] = {}
     before = []
+    space = executed(source, lambda function: code[function.__name__])
 
     def counted(name):
-        function = code[name]
+        function = space[name]
         calls[name] = 0
 
         def call(*arguments):

@@ -21,6 +21,8 @@ from palpate.sim.probe.rp2040.chip import Chip
 from palpate.sim.probe.rp2040.wiring import ReferenceCircuit
 
 BLOCKS = "flash.bin"
+_RECORDS = ("cal", "key", "live", "model", "set")
+"""How the names of what the firmware keeps begin; `key` is a successor of the public key."""
 _KEEP_S = 0.5
 _MOST_HELD = 1 << 20
 
@@ -28,12 +30,12 @@ _MOST_HELD = 1 << 20
 def blocks(store: Path, key: bytes | None) -> bytes:
     """The flash chip's file system: as it was kept in the store, or a new one with the firmware on it.
 
-    A calibration that lies in the store as files, as other emulated probes have it, is taken over.
+    What lies in the store as files, as other emulated probes have it (calibration, model), is taken over.
     """
     kept = store / BLOCKS
     files = flash.read(kept.read_bytes()) if kept.exists() else {}
     for path in store.iterdir():
-        if path.name.startswith("cal") and path.name not in files:
+        if path.name.startswith(_RECORDS) and path.name not in files:
             files[path.name] = path.read_bytes()
     return flash.image(files | board_files(key))
 

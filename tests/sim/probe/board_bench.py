@@ -12,10 +12,13 @@ import numpy as np
 from firmware_py import calib, live_model, messages, safe_record, status
 from firmware_py.store import FileStore
 from palpate.errors import PalpateError
+from palpate.sim.probe import source
 from palpate.sim.probe.circuit import Matrix
-from palpate.sim.probe.hand import Hand, Moment
+from palpate.sim.probe.hand import Hand, Moment, moments
 from palpate.sim.probe.rp2040 import interpreter
 from tests.firmware_py.talk import Ears, Message, command
+
+PROMPT = b"\r\n>>> "
 
 
 @functools.cache
@@ -109,15 +112,23 @@ class Board:
         self.heard: list[Message] = []
         self._number = 100
         self._last = b""  # of what it said, for whoever waits in vain
-        self.up_us = 0.0  # when its first message came, for whoever waited for it
+        self.first_us = self.up_us = 0.0  # when its first message came, and that it is up, where waited for
+
+    def stroke(self, strokes: Sequence[source.Frames], folder: Path) -> None:
+        """From the next stream on a hand leads the board over these strokes, one after the other."""
+        way = source.write_source(folder / "way", strokes).read_bytes()
+        self.hand = self.circuit.hand = Hand(self.matrix, moments(way))
 
     def until(self, reached: Callable[[], bool], limit_us: float = 5e6) -> None:
-        """Run until something is so."""
+        """Run until something is so; not on after the firmware has ended."""
+        from palpate.sim.probe.rp2040.chip import Dead
 
         def listened() -> bool:
             data = self.chip.take()
             self._last = (self._last + data)[-500:]
             self.heard += self.ears.hear(data)
+            if self._last.endswith(PROMPT):
+                raise Dead(f"the firmware has ended at MicroPython's prompt: {self._last!r}")
             return reached()
 
         try:

@@ -25,7 +25,8 @@ from tests.model_export.test_micropython import rows
 VECTORS = {"armv6m": 250, "armv7m": 50, "armv7emsp": 250}
 """In every `make test`; the M3's code is the M4's. `make test-long` draws a thousand."""
 MANY = 1000
-SOURCES = (twins.HOT, twins.EVALUATOR, twins.LINK)
+SOURCES = (twins.HOT, twins.STROKE, twins.EVALUATOR, twins.LINK)
+MACHINE = object()
 SOURCE = """
 import micropython
 
@@ -96,8 +97,8 @@ def test_a_broken_file_is_refused(tmp_path):
 def test_every_twin_is_machine_code(architecture, source):
     module = compile_viper(source, architecture)
     assert module.architecture == architecture
-    placed = twins.places(source)
-    assert set(module.viper) == (set(placed) or {"_append", "_encode"})
+    written = {name for name, part in twins.executed(source, lambda _: MACHINE).items() if part is MACHINE}
+    assert set(module.viper) == written and written
 
 
 # ---- random vectors for each loop
@@ -149,18 +150,20 @@ def feed(stream, calibration, force_map, fixed_columns):
     return [code, p.n, p.stuck, list(p.features), list(p.map), list(p.fit), list(p.span), list(p.columns)]
 
 
-def test_whole_strokes(hot):
+def test_whole_strokes(hot, architecture):
     force_map = forcemap.load(stages.any_force_map())
     calls: Counter[str] = Counter()
+    code = MachineCode(twins.STROKE, architecture)
     for seed, pair in enumerate(read_strokes()[:4]):
         model = SensorModel(StrokeField(*pair), LEVELS["typical"], seed, across_mm=3.9)
         stream = model.stroke(60)
         given = stream, model.calibration(), force_map, (None, (6, 20))[seed % 2]
         expected = feed(*given)
-        with twins.installed(twins.HOT, hot) as called:
+        with twins.installed(twins.HOT, hot) as called, twins.installed(twins.STROKE, code) as more:
             assert feed(*given) == expected
         assert expected[0] == status.OK
         calls.update(called)
+        calls.update(more)
     assert min(calls.values()) > 0, calls
 
 
