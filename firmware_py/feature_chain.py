@@ -10,8 +10,9 @@ from firmware_py import features, forcemap, gauss, gaussfit, geometry, profile, 
 
 POINTS = 57  # the map's places, 1 mm apart, 28 to either side of the lump
 HALF_UM = 28000
+PROFILE_UM = 34000  # where the profile ends
 COVER_UM = 24000  # the stroke must reach this far to either side of the lump
-GAP_UM = 8000  # and leave no longer gap on the way
+GAP_UM = 4500  # and leave no longer gap on the way: sizes come out wrong otherwise, and nothing tells
 PLACES = 128  # most places of the map in which the lump is searched
 FEWEST = 8  # bins
 _ROWS = geometry.ROWS
@@ -76,7 +77,8 @@ class Chain:
         """Work out map, fit and features. force_map: what forcemap.load returned, or None.
 
         Returns OK; NO_FIT where nothing rises (features are there, Amp is 0); TOO_SHORT where the stroke
-        does not reach COVER_UM to both sides of the lump. May be called again with another map.
+        does not reach COVER_UM to both sides of the lump; TOO_SPARSE where its frames lie too far apart;
+        UNEVEN where its force wandered too far. May be called again with another map.
         """
         self._take()
         if self.n < FEWEST:
@@ -88,11 +90,19 @@ class Chain:
         self._move(force_map)
         if not self._find():
             return status.TOO_SHORT
+        if widest_gap(self._x, self.n, self._place - HALF_UM, self._place + HALF_UM) > GAP_UM:
+            return status.TOO_SPARSE
+        if self._uneven():
+            return status.UNEVEN
         code = self._fit()
         if code == status.OK and self._choose():
             self._move(force_map)
             code = self._fit()
-        self._measure()
+        middle = self._measure()
+        # the search keeps off the stroke's ends, the fit does not
+        if code == status.OK and self._clear():
+            if middle - self._x[0] < COVER_UM or self._x[self.n - 1] - middle < COVER_UM:
+                return status.TOO_SHORT
         return code
 
     def _take(self):
@@ -134,7 +144,16 @@ class Chain:
             self._width = 0
         self._place = low + 1000 * place
         self.place_um = self._origin() + self._place
-        return widest_gap(self._x, self.n, self._place - HALF_UM, self._place + HALF_UM) <= GAP_UM
+        return True
+
+    def _uneven(self):
+        """Whether the force of the profile's frames swings by more than .3 of its mean to either side."""
+        low = high = self.force
+        for k in range(self.n):
+            if -PROFILE_UM <= self._x[k] - self._place <= PROFILE_UM:
+                low = min(low, self._force[k])
+                high = max(high, self._force[k])
+        return 5 * (high - low) > 3 * self.force
 
     def _fit(self):
         """The map about the place, and the Gaussian on it."""
@@ -148,9 +167,16 @@ class Chain:
         gaussfit.flat(y, POINTS, p)
         return status.NO_FIT
 
+    def _clear(self):
+        """Whether the bump stands out of the map's misfit, so that its middle is no accident."""
+        p = self.fit
+        return 2 * features._ln(p[gauss.AMP]) - p[gauss.COST] + features._ln(POINTS) > gaussfit.WEAK
+
     def _measure(self):
+        """Fill the profile and the features; returns the lump's middle, in the bins' micrometres."""
         middle = self._place + (self.fit[gauss.CENTRE] * 125 >> 13) - HALF_UM
         profile.measure(self._x, self.n, self._rows, self._depth, middle, self.profile, self._small)
         features.from_fit(self.fit, POINTS, self.features)
         features.from_profile(self.profile, self.features)
         features.finish(self.force if self.force > 1 else 1, self.calibration.count_mpa, self.features)
+        return middle

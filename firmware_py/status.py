@@ -32,6 +32,8 @@ ROTTEN = -28  # what was stored is damaged beyond repair
 BAD_MODEL = -29  # a model image with a number that no model can have
 TRIAL_HUNG = -30  # the probe restarted while it tried a model
 NO_KEY = -31  # the probe was given no public key: there is no model that it would believe
+UNEVEN = -32  # the hand's force changed so much that frames cannot be moved to one force
+TOO_SPARSE = -33  # the frames of a stroke lie too far apart
 
 # One clear sentence for each, for the host's errors and the probe's log; kept beside the numbers.
 TEXT = {
@@ -67,4 +69,6 @@ TEXT = {
     BAD_MODEL: "the model image holds a number that no model can have",
     TRIAL_HUNG: "the probe restarted while it tried a model; the one it had stays",
     NO_KEY: "no public key: the probe holds no key.pub, so it takes no model",
+    UNEVEN: "the force changed by more than 30 % to either side: press evenly",
+    TOO_SPARSE: "frames lie more than 4.5 mm apart: stroke more slowly",
 }

@@ -56,11 +56,11 @@ def coverage(lumps: int = LUMPS, progress: ProgressCallback | None = None) -> tu
         strokes, _, _ = read_lumps(Path(folder))
     blob = None if spec.force_map is None else force_maps.blob(spec.force_map)
     seen = observe(stroke_fields(strokes), "typical", SEED, force_map=blob)
-    found = seen.whole & _shows_lump(spec, seen)
+    found = seen.whole & shows_lump(spec, seen)
     return _shares(spec, seen.take(np.flatnonzero(found))), int((~found).sum())
 
 
-def _shows_lump(spec: ModelSpec, seen: ObservedStrokes) -> NDArray[np.bool_]:
+def shows_lump(spec: ModelSpec, seen: ObservedStrokes) -> NDArray[np.bool_]:
     """The model's own rule."""
     shown = np.ones(len(seen), bool)
     for limit in spec.lump:
@@ -71,7 +71,8 @@ def _shows_lump(spec: ModelSpec, seen: ObservedStrokes) -> NDArray[np.bool_]:
     return shown
 
 
-def _shares(spec: ModelSpec, seen: ObservedStrokes) -> pd.DataFrame:
+def held(spec: ModelSpec, seen: ObservedStrokes) -> dict[str, NDArray[np.bool_]]:
+    """Whether each stroke's intervals hold the truth: of the outputs, of `depth` and of `independent`."""
     said = evaluate(spec, seen.columns(spec.features))
     spans = np.stack([said[part] for part in ("value", "low", "high")], axis=2)
     inside = {name: _holds(spans[:, j], seen.Y[:, j]) for j, name in enumerate(OUTPUTS)}
@@ -79,6 +80,12 @@ def _shares(spec: ModelSpec, seen: ObservedStrokes) -> pd.DataFrame:
     depth = np.array([answer.depth_mm(*map(tuple, stroke[[T, D, H]])) for stroke in spans])
     inside["depth"] = _holds(depth, true)
     inside["independent"] = _holds(_independent(spans), true)
+    return inside
+
+
+def _shares(spec: ModelSpec, seen: ObservedStrokes) -> pd.DataFrame:
+    inside = held(spec, seen)
+    true = seen.Y[:, T] - seen.Y[:, D] / 2
     rows = {}
     for name, group in {"all": np.ones(len(seen), bool), **_quarters(seen, true)}.items():
         rows[name] = {"n": int(group.sum()), **{key: hit[group].mean() for key, hit in inside.items()}}

@@ -171,8 +171,43 @@ def test_a_short_or_broken_stroke_is_refused(fields, map_blob):
     code = replay.stroke(
         [frames.packed[k] for k in keep], frames.positions_um[keep], frames.displacements_um[keep]
     )
-    assert code == status.TOO_SHORT
+    assert code == status.TOO_SPARSE
     assert replay.stroke([], [], []) == status.TOO_SHORT
+
+
+@pytest.mark.parametrize("small", [False, True])
+@pytest.mark.parametrize("back", [False, True])
+@pytest.mark.parametrize("past_mm", [36, 28, 20, 15])
+def test_a_stroke_that_ends_too_soon_past_the_lump_is_refused(fields, map_blob, past_mm, back, small):
+    """The search kept off the stroke's ends and the fit went there: at 15 mm sizes were confidently wrong."""
+    replay = Replay(map_blob, small=small)
+    for field in fields[:4]:
+        frames = SensorModel(field, LEVELS["typical"].with_(start_mm=0.0), 1).stroke()
+        kept = np.flatnonzero(np.linspace(-40, 40, 50) <= past_mm)
+        kept = 49 - kept if back else kept
+        code = replay.stroke(
+            [frames.packed[k] for k in kept], frames.positions_um[kept], frames.displacements_um[kept]
+        )
+        assert code == (status.OK if past_mm > 24 else status.TOO_SHORT)
+
+
+@pytest.mark.parametrize(("frames", "code"), [(16, status.TOO_SPARSE), (25, status.OK)])
+def test_a_stroke_of_few_frames_is_refused(fields, map_blob, frames, code):
+    """With 16 frames the intervals of h held 62 % of the truths, and nothing said so."""
+    replay = Replay(map_blob)
+    for seed, field in enumerate(fields[:4]):
+        assert replay.stream(SensorModel(field, LEVELS["typical"], seed).stroke(frames)) == code
+
+
+@pytest.mark.parametrize(("rise", "code"), [(0.1, status.OK), (0.25, status.OK), (0.45, status.UNEVEN)])
+def test_a_stroke_of_uneven_force_is_refused(fields, map_blob, rise, code):
+    """A force that rose by 40 % to either side passed, and the intervals of t held 30 % of the truths."""
+    replay = Replay(map_blob)
+    for seed, field in enumerate(fields[:4]):
+        model = SensorModel(field, LEVELS["typical"].with_(start_mm=0.0), seed)
+        mean = model.mean_force_N_per_m
+        model.force_at = lambda x, mean=mean: mean * (1 + rise * np.asarray(x) / 40)
+        assert replay.stream(model.stroke()) == code
 
 
 def test_frames_that_cannot_be_used_say_so(fields):

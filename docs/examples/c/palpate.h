@@ -101,6 +101,8 @@ static inline int8_t palpate_status(const uint8_t *body) { return (int8_t)body[3
 #define PALPATE_BAD_MODEL (-29) /* the model image holds a number that no model can have */
 #define PALPATE_TRIAL_HUNG (-30) /* the probe restarted while it tried a model; the one it had stays */
 #define PALPATE_NO_KEY (-31) /* no public key: the probe holds no key.pub, so it takes no model */
+#define PALPATE_UNEVEN (-32) /* the force changed by more than 30 % to either side: press evenly */
+#define PALPATE_TOO_SPARSE (-33) /* frames lie more than 4.5 mm apart: stroke more slowly */
 
 #define PALPATE_SETTING_FRAME_RATE 0 /* mHz, 100 to 10000000, usually 50000 */
 #define PALPATE_SETTING_CONTACT_THRESHOLD 1 /* Pa, 10 to 20000, usually 300 */
