@@ -1,8 +1,10 @@
 """Flashing over links that lose bytes, are cut, or vanish."""
 
+from dataclasses import replace
+
 import pytest
 
-from firmware_py import messages
+from firmware_py import messages, status
 from palpate.errors import (
     FlashError,
     ImageRefused,
@@ -21,6 +23,15 @@ def test_flashing_gets_through_a_link_that_loses_one_byte_in_a_hundred(emulated,
         done = flash(probe, images[0])
         assert probe.identity.model_id == done.model_id  # a hash over all of it
         assert probe.counts.retries > 5
+
+
+def test_a_probe_without_a_public_key_is_said_to_have_none(emulated, images, monkeypatch):
+    """It was said to be built without flashing, which a board with the same firmware and a key is not."""
+    with connect(emulated()) as probe:
+        told = replace(probe.identity, model_status=status.NO_KEY, capabilities=frozenset())
+        monkeypatch.setattr(Probe, "identity", told)
+        with pytest.raises(ImageRefused, match=r"^no public key: .*palpate board DIRECTORY --key KEY"):
+            flash(probe, images[0])
 
 
 def test_flashing_goes_on_after_an_unplug_in_the_middle(emulated, images):
