@@ -4,7 +4,8 @@
     stroke_viper.install()
 
 See hot_viper.py, its fellow for the frames, also for why no number here needs more than 16 bits. Those that
-do are in the table that `residuals` and `bump_table` hand on: the 23 of fixed.exp, and ln 2.
+do are in the table that `residuals` and `bump_table` hand on: the 23 of fixed.exp, and ln 2. One file, long
+as it is: another module would take of the board's heap what a stroke needs.
 """
 
 # ruff: noqa: F821 - ptr32 is viper's own
