@@ -181,7 +181,7 @@ def test_emulate_is_found_streams_and_leaves_no_note(palpate):
         "--runtime",
         "cpython",
         "--frames",
-        "20",
+        "30",
         "--listen",
         "tcp:127.0.0.1:0",
         "--json",
