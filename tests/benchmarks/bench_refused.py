@@ -57,7 +57,8 @@ def stroked(
         model = RisingForce(field, TYPICAL, SEED + k)
         model.rise = rise
         stream = model.stroke(frames)
-        n = int(np.sum(np.linspace(-40.0, 40.0, frames) <= past_mm))
+        x = np.linspace(-40.0, 40.0, frames)
+        n = int(np.sum(x <= past_mm))
         cut = replace(
             stream,
             packed=stream.packed[:n],
@@ -66,7 +67,7 @@ def stroked(
         )
         codes.append(replay.stream(cut, model.calibration()))
         X.append(replay.features())
-        Y.append(list(stream.truth.outputs().values()))
+        Y.append(list(model.truth(x[:n]).outputs().values()))
     each = np.arange(len(fields))
     return ObservedStrokes(np.array(X), np.array(codes), np.array(Y), each >= 0, each)
 
