@@ -17,6 +17,7 @@ from unittest import mock
 
 import numpy as np
 
+from firmware_py.calib import Calibration
 from palpate import models
 from palpate.cli.output import table
 from palpate.features.map_features import Floats
@@ -28,6 +29,7 @@ from palpate.regression.field.data import read_lumps, stroke_fields
 from palpate.regression.field.design import FIELD_SETTINGS, lump_cases
 from palpate.regression.observed import ObservedStrokes
 from palpate.sim.probe.noise import LEVELS
+from palpate.sim.probe.packed_frames import FrameStream
 from palpate.sim.probe.sensors import SensorModel, StrokeField
 from palpate.sim.tissue import sweep
 
@@ -46,13 +48,11 @@ class RisingForce(SensorModel):
         return np.asarray(self.mean_force_N_per_m * (1 + self.rise * share))
 
 
-def stroked(
+def strokes(
     fields: list[StrokeField], frames: int = 50, rise: float = 0.1, past_mm: float = 40.0
-) -> ObservedStrokes:
-    """One stroke over each lump, from 40 mm before it to `past_mm` past it."""
-    spec = models.load()
-    replay = Replay(None if spec.force_map is None else force_maps.blob(spec.force_map))
-    X, codes, Y = [], [], []
+) -> list[tuple[FrameStream, Calibration]]:
+    """One stroke over each lump, from 40 mm before it to `past_mm` past it, with the probe's calibration."""
+    out = []
     for k, field in enumerate(fields):
         model = RisingForce(field, TYPICAL, SEED + k)
         model.rise = rise
@@ -64,11 +64,21 @@ def stroked(
             packed=stream.packed[:n],
             positions_um=stream.positions_um[:n],
             displacements_um=stream.displacements_um[:n],
+            truth=model.truth(x[:n]),
         )
-        codes.append(replay.stream(cut, model.calibration()))
+        out.append((cut, model.calibration()))
+    return out
+
+
+def observed(made: list[tuple[FrameStream, Calibration]], force_map: bytes | None) -> ObservedStrokes:
+    """The strokes through the firmware's pipeline."""
+    replay = Replay(force_map)
+    X, codes, Y = [], [], []
+    for stream, calibration in made:
+        codes.append(replay.stream(stream, calibration))
         X.append(replay.features())
-        Y.append(list(model.truth(x[:n]).outputs().values()))
-    each = np.arange(len(fields))
+        Y.append(list(stream.truth.outputs().values()))
+    each = np.arange(len(made))
     return ObservedStrokes(np.array(X), np.array(codes), np.array(Y), each >= 0, each)
 
 
@@ -93,16 +103,18 @@ SETTINGS = (
 
 def main() -> None:
     spec = models.load()
+    blob = None if spec.force_map is None else force_maps.blob(spec.force_map)
     with tempfile.TemporaryDirectory() as folder:
         sweep(lump_cases(LUMPS, SEED), FIELD_SETTINGS, Path(folder))
         fields = stroke_fields(read_lumps(Path(folder))[0])
     rows = []
     for words, setting in SETTINGS:
+        made = strokes(fields, **setting)
         with nothing_refused():
-            seen = stroked(fields, **setting)
+            seen = observed(made, blob)
         found = seen.take(np.flatnonzero(seen.whole & shows_lump(spec, seen)))
         shares = held(spec, found)
-        refused = 1 - stroked(fields, **setting).whole.mean()
+        refused = 1 - observed(made, blob).whole.mean()
         covered = [f"{100 * shares[name].mean():.0f}" for name in OUTPUTS]
         rows.append([words, f"{100 * refused:.0f}", str(len(found)), *covered])
     print("Coverage of the 90 % intervals without the rules, %, of strokes that show a lump:")

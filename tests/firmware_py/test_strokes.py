@@ -9,6 +9,7 @@ from firmware_py import bins, calib, features, forcemap, pipeline, status
 from palpate.features import pipeline_features as field_features
 from palpate.firmware_twin.replay_core import Replay
 from palpate.sim.probe.sensors import LEVELS, Noise, SensorModel, pack
+from tests.benchmarks.bench_refused import RisingForce
 
 
 def replayed(replay, model, n_frames=50, **kwargs):
@@ -204,9 +205,8 @@ def test_a_stroke_of_uneven_force_is_refused(fields, map_blob, rise, code):
     """A force that rose by 40 % to either side passed, and the intervals of t held 30 % of the truths."""
     replay = Replay(map_blob)
     for seed, field in enumerate(fields[:4]):
-        model = SensorModel(field, LEVELS["typical"].with_(start_mm=0.0), seed)
-        mean = model.mean_force_N_per_m
-        model.force_at = lambda x, mean=mean: mean * (1 + rise * np.asarray(x) / 40)
+        model = RisingForce(field, LEVELS["typical"].with_(start_mm=0.0), seed)
+        model.rise = rise
         assert replay.stream(model.stroke()) == code
 
 
