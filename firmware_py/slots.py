@@ -11,6 +11,7 @@ from firmware_py import geometry, keyring, live_model, status
 NAMES = live_model.NAMES
 TRIAL = live_model.TRIAL
 MAX_SIZE = 32768
+PAGE = 1024  # bytes kept together: each time a file grows, the flash chip erases a block of its own
 
 IDLE = 0
 RECEIVING = 1
@@ -40,6 +41,7 @@ class Slots(live_model.LiveModel):
         self.state = IDLE
         self.received = 0
         self.size = 0
+        self._page = bytearray()
         self._target = 0
 
     def begin(self, size):
@@ -67,24 +69,32 @@ class Slots(live_model.LiveModel):
         self.state = RECEIVING
         self.size = size
         self.received = 0
+        self._page = bytearray(PAGE)
         return status.OK
 
     def write(self, offset, data):
-        """The next piece of the image, or one that was already written (taken as done). A status."""
+        """The next piece of the image, or one that was already taken (then it is done). A status.
+
+        Whole pages go into the store, and the rest with the last piece.
+        """
         if self.state != RECEIVING:
             return status.BAD_STATE
         if offset < 0 or offset > self.received or offset + len(data) > self.size:
             return status.BAD_VALUE
-        data = data[self.received - offset :]
-        if not data:
-            return status.OK
-        code = self.store.append(NAMES[self._target], data)
-        if code == status.OK:
-            self.received += len(data)
-        else:
-            # how much of the piece arrived is unknown: the store is asked
-            self.abort()
-        return code
+        at = self.received - offset
+        while at < len(data):
+            held = self.received % PAGE
+            n = min(PAGE - held, len(data) - at)
+            self._page[held : held + n] = data[at : at + n]
+            self.received += n
+            at += n
+            held += n
+            if held == PAGE or self.received == self.size:
+                code = self.store.append(NAMES[self._target], memoryview(self._page)[:held])
+                if code != status.OK:
+                    self.abort()  # how much of the page arrived is unknown
+                    return code
+        return status.OK
 
     def verify(self):
         """Is what was received a whole image, signed with our key, for this probe, new enough? A status.
@@ -95,6 +105,7 @@ class Slots(live_model.LiveModel):
             return status.OK
         if self.state != RECEIVING or self.received != self.size:
             return status.BAD_STATE
+        self._page = bytearray()
         self.store.sync()
         slot = self._target
         code = status.STORE_ERROR
@@ -163,6 +174,7 @@ class Slots(live_model.LiveModel):
                 self.store.remove(TRIAL)
         self.trial = None
         self.successor = b""
+        self._page = bytearray()
         self.state = IDLE
         self.received = 0
         return status.OK
