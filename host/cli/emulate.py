@@ -124,7 +124,7 @@ def command(
                     port = probe.port
                     if path is not None:
                         path.unlink(missing_ok=True)
-                    path = emulated.leave(emulated.Note(port, os.getpid(), code, runtime))
+                    path = emulated.leave(emulated.Note(port, os.getpid(), code, runtime, probe.times_slower))
                     _announce(port, code, runtime, as_json)
                 time.sleep(POLL_S)
         finally:

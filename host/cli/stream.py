@@ -42,7 +42,7 @@ WARNINGS = {
 @click.option("--overwrite", is_flag=True, help="Replace an existing recording.")
 @click.option("--every", type=click.IntRange(1, 255), default=1, help="Send each n-th frame only.")
 @click.option("--timeout", "timeout_s", type=float, default=60.0, show_default=True,
-              help="Give up after so many seconds without a sign of the probe.")  # fmt: skip
+              help="Give up after so many of the probe's seconds without a sign of it.")  # fmt: skip
 @fat_option
 @click.option("--lsl", is_flag=True, help="Hand everything on to LabStreamingLayer.")
 @click.option("--earlier", is_flag=True, help="First fetch the estimates that an earlier client left behind.")

@@ -74,15 +74,17 @@ class ClockSync:
     """Offset and drift from time exchanges: Cristian's midpoint, a line through the quickest ones.
 
     A round trip bounds the error of its midpoint by half its length, so only exchanges within 1.5 times the
-    shortest round trip count; the drift needs them spread over `min_span_s`.
+    shortest round trip count; the drift needs them spread over `min_span_s`. `times_slower` (an emulated
+    board's clock) tells in which of the probe's turns a value lies.
 
     Source: F. Cristian, "Probabilistic clock synchronization", Distributed Computing 3 (1989).
     """
 
-    def __init__(self, keep: int = 64, min_span_s: float = 5.0) -> None:
+    def __init__(self, keep: int = 64, min_span_s: float = 5.0, times_slower: float = 1.0) -> None:
         self._exchanges: deque[tuple[float, float, float]] = deque(maxlen=keep)
         self._unwrap = Unwrapper()
         self._min_span_us = 1e6 * min_span_s
+        self._times_slower = times_slower
 
     def add(self, asked_us: float, taken_us: int, answered_us: int, came_us: float) -> None:
         """One exchange of four stamps, us.
@@ -94,7 +96,7 @@ class ClockSync:
         taken_us, answered_us : int
             When the probe received the request and wrote the answer, on its clock modulo 2^30.
         """
-        taken = self._unwrap(taken_us, int(came_us))
+        taken = self._unwrap(taken_us, int(came_us / self._times_slower))
         spent = (answered_us - taken_us) % WRAP
         trip = came_us - asked_us - spent
         self._exchanges.append(((asked_us + came_us) / 2, taken + spent / 2, max(trip, 0.0)))

@@ -35,13 +35,16 @@ class Awaited:
     ----------
     strokes : int
         How many; 0: never enough.
+    times_slower : float
+        Seconds of this computer that one of the probe's takes.
     """
 
     PATIENCE_S = 5.0
     """How long a map or features that do not come are waited for once the estimates are there."""
 
-    def __init__(self, strokes: int) -> None:
+    def __init__(self, strokes: int, times_slower: float = 1.0) -> None:
         self.begun = False
+        self._patience_s = self.PATIENCE_S * times_slower
         self._strokes = strokes
         self._have: dict[tuple[int, int], int] = {}
         self._estimates = 0
@@ -60,4 +63,4 @@ class Awaited:
         if self._estimates < self._strokes:
             return False
         complete = sum(have == messages.HAVE_ALL for have in self._have.values())
-        return complete >= self._strokes or time.monotonic() - self._since > self.PATIENCE_S
+        return complete >= self._strokes or time.monotonic() - self._since > self._patience_s

@@ -11,6 +11,8 @@ from pathlib import Path
 
 from palpate.errors import PalpateError
 
+MOST_SLOW = 1000.0
+
 
 @dataclass(frozen=True)
 class Note:
@@ -26,12 +28,15 @@ class Note:
         The case under its sensors.
     runtime : str
         What runs its firmware.
+    times_slower : float
+        How many of this computer's seconds one of the probe's takes: an emulated board has none of its own.
     """
 
     port: str
     pid: int
     code: str
     runtime: str
+    times_slower: float = 1.0
 
 
 def directory() -> Path:
@@ -93,11 +98,18 @@ def running() -> list[Note]:
         words = (note.port, note.code, note.runtime)
         if type(note.pid) is not int or not all(isinstance(w, str) and w.isprintable() for w in words):
             continue
+        if type(note.times_slower) not in (int, float) or not 1 <= note.times_slower <= MOST_SLOW:
+            continue
         if _alive(note.pid):
             found.append(note)
         else:
             path.unlink(missing_ok=True)
     return found
+
+
+def times_slower(port: str) -> float:
+    """How many of this computer's seconds one second of the probe at a port takes; 1 for every real one."""
+    return next((note.times_slower for note in running() if note.port == port), 1.0)
 
 
 def _alive(pid: int) -> bool:

@@ -1,4 +1,8 @@
-"""The live line: commands and their answers, and waiting for a probe that was unplugged."""
+"""The live line: commands and their answers, and waiting for a probe that was unplugged.
+
+How long a probe is waited for is reckoned in its own seconds: an emulated board takes many of the computer's
+for one (`palpate.link.emulated.times_slower`).
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ from collections.abc import Callable
 from firmware_py import calib, messages, status
 from palpate.errors import CommandTimeout, LinkGone, NotAProbe, PortError
 from palpate.link.commands import check_answer, pack_command
+from palpate.link.emulated import times_slower
 from palpate.link.events import Answer, Estimate, Event, Gap, StreamEnd
 from palpate.link.identity import Identity
 from palpate.link.patience import FIRST_WAIT_S, Patience
@@ -67,7 +72,10 @@ class Line(LineReader):
         timeout_s: float = GIVE_UP_S,
         once: bool = False,
     ) -> Answer:
-        """Send a command and wait for its answer; see `Probe.command`. `once`: never send it again."""
+        """Send a command and wait for its answer; see `Probe.command`. `once`: never send it again.
+
+        All waiting is in the probe's seconds.
+        """
         number = self._pending.begin()
         raw = pack_command(name, number, values, tail)
         counts = self.parser.counts
@@ -82,9 +90,9 @@ class Line(LineReader):
                 tries += 1
                 began = time.monotonic()
                 self._write(raw)
-                answer = self._pending.wait(number, patience_s)
+                answer = self._pending.wait(number, patience_s * self.times_slower)
                 if answer is not None:
-                    self._patience.learn(time.monotonic() - began)
+                    self._patience.learn((time.monotonic() - began) / self.times_slower)
                     return check_answer(name, answer)
                 waited_s += patience_s
                 patience_s = self._patience.longer(patience_s)
@@ -92,8 +100,9 @@ class Line(LineReader):
             self._pending.end(number)
         if self.failure is not None:
             raise self.failure
+        tried_s = timeout_s * self.times_slower
         raise CommandTimeout(
-            f"the probe at {self.transport.name} did not answer {name} within {timeout_s:g} s "
+            f"the probe at {self.transport.name} did not answer {name} within {tried_s:.3g} s "
             f"(sent {tries} times); reset it or plug it in again"
         )
 
@@ -135,6 +144,7 @@ class Line(LineReader):
             elsewhere = self._elsewhere if self._may_be_replaced(began) else None
             try:
                 self.transport = (elsewhere or self._reopen)()
+                self.times_slower = times_slower(self.transport.name)
                 if self._welcome_back(began, str(gone), any_probe=elsewhere is not None):
                     return
             except (PortError, LinkGone, NotAProbe):
@@ -192,7 +202,8 @@ class Line(LineReader):
             return
         if self._ended == wanted.number and not self._goes_on(wanted):
             return
-        if time.monotonic() - wanted.renewed > RENEW_S:
+        # what measured the times slower may have been busier than it is now: the lease must not run out
+        if time.monotonic() - wanted.renewed > RENEW_S * max(1.0, self.times_slower / 3):
             wanted.renewed = time.monotonic()
             self._renewal = self._pending.begin_unawaited()
             self._write(pack_command("stream_renew", self._renewal, (wanted.number,)))
@@ -231,7 +242,7 @@ class Line(LineReader):
             for _ in range(INLINE_TRIES):
                 self._note_sent(raw)
                 self.transport.write(raw)
-                deadline = time.monotonic() + FIRST_WAIT_S
+                deadline = time.monotonic() + FIRST_WAIT_S * self.times_slower
                 while (left := deadline - time.monotonic()) > 0 and not self._stopping.is_set():
                     self._pump(min(left, POLL_S))
                     answer = self._pending.get(number)

@@ -187,7 +187,7 @@ class Probe(Commandable):
         found: dict[tuple[type, int, int], Estimate | Features | TactileMap] = {}
         for stream in self._waiting_streams():
             self.command("results", stream)
-            deadline = time.monotonic() + EARLIER_S
+            deadline = time.monotonic() + EARLIER_S * self.times_slower
             while stream in self._waiting_streams() and time.monotonic() < deadline:
                 while line.earlier:
                     result = line.earlier.popleft()
@@ -215,9 +215,14 @@ class Probe(Commandable):
             raise self._line.failure
 
     def stream(self, strokes: int = 0, every: int = 1, timeout_s: float | None = None) -> Iterator[Event]:
-        """Start the stream, pass on its events, and stop it when `strokes` estimates have come (0: never)."""
+        """Start the stream, pass on its events, and stop it when `strokes` estimates have come (0: never).
+
+        `timeout_s`, in the probe's seconds: how long to wait for an event.
+        """
         begun = self.start_stream(0, every)
-        waits = Awaited(strokes)
+        waits = Awaited(strokes, self.times_slower)
+        if timeout_s is not None:
+            timeout_s *= self.times_slower
         try:
             for event in self.events(timeout_s):
                 if isinstance(event, Frame) and not waits.begun:

@@ -12,6 +12,7 @@ from collections import deque
 from palpate.errors import LinkGone, PalpateError
 from palpate.link.commands import PendingCommands, pack_command
 from palpate.link.delivery import HAVE, Again, Earlier
+from palpate.link.emulated import times_slower
 from palpate.link.event_queue import EventQueue
 from palpate.link.events import Answer, Estimate, Event, Features, TactileMap
 from palpate.link.parser import LiveParser, Noise
@@ -36,6 +37,9 @@ class LineReader:
     def __init__(self, transport: Transport, recorder: Recorder | None = None) -> None:
         self.transport = transport
         self.recorder = recorder
+        self.times_slower = times_slower(transport.name)
+        """Seconds of this computer that one of the probe's takes."""
+        self._heard = time.monotonic()
         self.parser = LiveParser(own_only=True)
         self.events = EventQueue()
         self.earlier: deque[Estimate | Features | TactileMap] = deque(maxlen=EARLIER_KEPT)
@@ -95,9 +99,11 @@ class LineReader:
     def _pump(self, timeout_s: float) -> None:
         data = self.transport.read(timeout_s)
         if not data:
-            self.parser.settle()
-            self._note_tail()
+            if time.monotonic() - self._heard >= POLL_S * self.times_slower or self.times_slower == 1:
+                self.parser.settle()
+                self._note_tail()
             return
+        self._heard = time.monotonic()
         host_ns = time.time_ns()
         for event in self.parser.feed(data, host_ns):
             if self.recorder is not None:

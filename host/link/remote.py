@@ -46,9 +46,14 @@ class Commandable(EventSource):
     def __init__(self, line: Line) -> None:
         super().__init__(line.transport.name, line.parser)
         self._line = line
-        self._sync = ClockSync()
+        self._sync = ClockSync(times_slower=line.times_slower)
         self._sync_restarts = 0
         self._counts_before: tuple[int, dict[str, int]] = 0, {}
+
+    @property
+    def times_slower(self) -> float:
+        """Seconds of this computer that one of the probe's takes: 1, or many for an emulated board."""
+        return self._line.times_slower
 
     @property
     def clock(self) -> ClockState | None:
@@ -72,7 +77,8 @@ class Commandable(EventSource):
         values, tail
             Its fields, in order.
         timeout_s : float
-            How long to try before the probe counts as silent, s (time spent unplugged does not count).
+            How long to try before the probe counts as silent, in its seconds (time spent unplugged does not
+            count).
         once : bool
             Do not send it again.
 
@@ -98,7 +104,7 @@ class Commandable(EventSource):
                 # The probe remembers its refusal of this id; the next try has an id of its own.
                 if refusal.status != status.BUSY:
                     raise
-                time.sleep(BUSY_WAIT_S)
+                time.sleep(BUSY_WAIT_S * line.times_slower)
         return line.ask(name, values, tail, timeout_s, once).values
 
     def sync_clock(self, exchanges: int = 8) -> ClockState:

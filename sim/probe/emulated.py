@@ -60,7 +60,9 @@ class EmulatedProbe:
         host that does not read is felt after a tenth of a second
     model: a signed image that is live when it is first switched on; it takes a public key
 
-    Attributes: port (what pyserial takes), complaints (lines the firmware wrote to its error output).
+    Attributes: port (what pyserial takes), complaints (lines the firmware wrote to its error output),
+    times_slower (seconds here that one of its own takes: 1, or, measured while it started, an emulated
+    board's; hosts learn it from the note that `palpate.link.emulated.leave` leaves).
     """
 
     def __init__(
@@ -92,6 +94,7 @@ class EmulatedProbe:
             self._uf2 = interpreter.find()
         self.runtime = runtime
         self.complaints: list[str] = []
+        self.times_slower = 1.0
         self._dir = Path(tempfile.mkdtemp(prefix="palpate-probe-"))
         self._store = store.resolve() if store else self._dir / "store"
         self._store.mkdir(parents=True, exist_ok=True)
@@ -191,6 +194,9 @@ class EmulatedProbe:
             if not select.select([listens], [], [], limit_s)[0]:
                 self.cut_power()
                 raise EmulatorFailed(f"the emulated probe did not come up within {limit_s:g} s; try again")
+            said = os.read(listens, 64)
+            if said and self.runtime == RP2040:
+                self.times_slower = max(1.0, float(said))
         finally:
             os.close(listens)
         return self

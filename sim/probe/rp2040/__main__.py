@@ -83,10 +83,11 @@ def run(config: dict[str, Any]) -> None:
     kept, kept_at = 0, 0.0
     listens = config["listens"]
     orders = b""
+    began = time.monotonic()
     while True:
         chip.step()
         if listens is not None and chip.waiting:
-            os.write(listens, b"!")
+            os.write(listens, b"%.1f" % ((time.monotonic() - began) / (chip.us * 1e-6)))
             os.close(listens)
             listens = None
         try:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 import os
+import socket
+from contextlib import closing
 
 import pytest
 
-from palpate.errors import PalpateError
+from palpate.errors import CommandTimeout, PalpateError
 from palpate.link import emulated
+from palpate.link.line import Line
+from palpate.link.transport import open_transport
 
 NOTE = {"port": "socket://127.0.0.1:9", "pid": os.getpid(), "code": "d10h08e10f10", "runtime": "cpython"}
 
@@ -56,11 +60,22 @@ def test_nor_is_one_that_others_can_write_or_a_link(fallback, tmp_path):
     "words",
     [{"code": "\x1b[2J\x1b]0;owned\x07"}, {"runtime": "a\nb"},
      {"port": "\x9b31m"}, {"pid": "1"}, {"pid": True},
-     {"port": None}, {"code": ["x"]}],
+     {"port": None}, {"code": ["x"]}, {"times_slower": "9"}, {"times_slower": 0}, {"times_slower": 1e9}],
 )  # fmt: skip
-def test_no_note_prints_escape_codes(fallback, words):
+def test_no_note_prints_escape_codes_or_makes_a_host_wait_for_ever(fallback, words):
     plant(fallback, **words)
     assert emulated.running() == []
+
+
+def test_a_probe_that_is_many_times_slower_is_waited_for_so_much_longer(fallback):
+    """Nobody got a word out of an emulated board: each command gave it up after six seconds, a third of one
+    of its own."""
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        port = f"socket://127.0.0.1:{silent.getsockname()[1]}"
+        for slower, waited in ((1, "0.02 s"), (25, "0.5 s")):
+            plant(fallback, port=port, times_slower=slower)
+            with closing(Line(open_transport(port))) as line, pytest.raises(CommandTimeout, match=waited):
+                line.ask("statistics", timeout_s=0.02)
 
 
 def test_notes_that_are_no_notes_are_passed_over(fallback):
