@@ -43,6 +43,7 @@ POLL_S = 0.2
 @click.option(
     "--steady", is_flag=True, help="A hand whose force does not wander (the thesis' runs know only such)."
 )
+@click.option("--still", is_flag=True, help="Nobody touches it, as `palpate doctor --port` wants it.")
 @click.option("--seed", default=1, show_default=True, help="Of the sensors' noise.")
 @click.option("--frames", type=click.IntRange(8, 2000), default=50, show_default=True, help="Per stroke.")
 @click.option("--strokes", type=click.IntRange(1, 1000), default=1, show_default=True,
@@ -58,6 +59,7 @@ def command(
     store: Path | None,
     noise: str,
     steady: bool,
+    still: bool,
     seed: int,
     frames: int,
     strokes: int,
@@ -102,7 +104,7 @@ def command(
         interpreter.find()
     announce()
     streams: Any
-    streams, calibration = strokes_over(code, noise, seed, frames, strokes, steady)
+    streams, calibration = strokes_over(code, noise, seed, frames, strokes, steady, still)
     # over its wire a model would take the board minutes
     model = emulator.image() if own_model and board else None
     probe = EmulatedProbe(
@@ -136,7 +138,13 @@ def command(
 
 
 def strokes_over(
-    code: str, noise: str, seed: int, frames: int, strokes: int, steady: bool = False
+    code: str,
+    noise: str,
+    seed: int,
+    frames: int,
+    strokes: int,
+    steady: bool = False,
+    still: bool = False,
 ) -> tuple[list[FrameStream], Calibration]:
     """What a probe's sensors read of some strokes over one lump, and the calibration it left the bench with.
 
@@ -152,6 +160,8 @@ def strokes_over(
         Frames per stroke, and strokes.
     steady : bool
         The hand's force does not wander.
+    still : bool
+        There is no hand: frames of a probe lying in the air.
     """
     import numpy as np
 
@@ -169,7 +179,7 @@ def strokes_over(
     calibration = probes[0].calibration()
     # One emulated probe stands for all of them: it knows the dead cells of each.
     calibration.set_dead([int(cell) for probe in probes for cell in np.flatnonzero(probe.known_dead)])
-    return [probe.stroke(frames) for probe in probes], calibration
+    return [probe.untouched(frames) if still else probe.stroke(frames) for probe in probes], calibration
 
 
 def check_arguments(code: str, noise: str, listen: str) -> None:

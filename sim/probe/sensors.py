@@ -215,7 +215,19 @@ class SensorModel:
             raise UsageError(f"a stroke of {n_frames} frames: it takes 2 or more")
         x = np.linspace(-self.travel_mm / 2, self.travel_mm / 2, n_frames)
         self._lag = Lag()
-        counts, place, depth = self._read(x, np.linspace(0, 1, n_frames))
+        return self._frames(x, *self.pressures_at(x), frames_per_s, origin_um)
+
+    def untouched(self, n_frames: int = 50, frames_per_s: float = 37.5) -> FrameStream:
+        """Frames of the probe lying in the air: its noise, its zeros, its dead cells."""
+        x = np.zeros(n_frames)
+        return self._frames(x, np.zeros((n_frames, *SHAPE)), x, frames_per_s, 0)
+
+    def _frames(
+        self, x: Floats, pressure_kPa: Floats, displacement_mm: Floats, frames_per_s: float, origin_um: int
+    ) -> FrameStream:
+        """Evenly timed frames of pressures (n, rows, columns) and displacements (n,) at places x (n,)."""
+        n_frames = len(x)
+        counts, place, depth = self.felt(pressure_kPa, displacement_mm, x, np.linspace(0, 1, n_frames))
         whole = np.clip(np.rint(counts), 0, geometry.FULL_COUNT).astype(np.uint16)
         times = np.rint(np.arange(n_frames) * 1e6 / frames_per_s).astype(np.int64)
         return FrameStream(

@@ -8,9 +8,11 @@ import pytest
 
 from firmware_py import geometry
 from palpate import first_light
+from palpate.cli.emulate import strokes_over
 from palpate.link.events import Frame
 from palpate.sim.probe.emulated import EmulatedProbe
 from palpate.sim.probe.packed_frames import pack
+from tests.host.probes import LUMP
 
 FRAMES = 600
 
@@ -68,6 +70,18 @@ def test_a_broken_wire_a_dead_cell_and_a_dirty_one_are_named(palpate):
     assert "all of row 3: look at that wire first" in found["rails"]["todo"]
     assert "row 7 column 9" in found["dead cells"]["found"]
     assert "row 8 column 8" in found["zeros"]["found"]
+
+
+@pytest.mark.timeout(120)
+def test_an_emulated_probe_that_nobody_touches_has_its_sensors_noise_and_its_dead_cells(palpate):
+    """A hand stroked with it whoever looked, and doctor called that noise and odd zeros."""
+    streams, calibration = strokes_over(LUMP, "typical", 2, 50, 1, still=True)
+    with EmulatedProbe("cpython", streams, repeat=True, calibration=calibration) as emulated:
+        found, code, _ = states(palpate, emulated.port)
+    dead = calibration.dead_cells()
+    assert dead and found["rails"]["found"].startswith(f"{dead} cells at a rail")
+    assert {found[name]["state"] for name in ("dead cells", "noise", "zeros")} == {"ok"}, found
+    assert code == 1
 
 
 def frames_apart(*times_us):
