@@ -26,12 +26,10 @@ _TITLES = {
 _TEXTS = {
     "none": "The tactile map shows no bump that stands out of its base. "
     "A small, deep or soft lump can hide from one stroke.",
-    "outside": "This stroke is unlike those the model was fitted to. "
-    "The numbers are extrapolated: do not rely on them.",
+    "outside": "The numbers are extrapolated: do not rely on them.",
     "force_low": "Press harder and stroke again: at this force the tissue hides what is in it.",
     "force_high": "Press more gently and stroke again.",
-    "force": "The mean force lies outside the range the model was fitted to. "
-    "Stroke again with another force.",
+    "force": "Outside the forces that the model was fitted to. Stroke again with another.",
     "unread": "The stroke was too short, too fast or too uneven for an answer. Stroke again.",
     "no_model": "The probe felt the stroke and cannot judge it: nobody has put a model on it.",
     "uncalibrated": "The calibration that the probe had stored is damaged. Calibrate it, then stroke again.",

@@ -46,8 +46,7 @@ function quantity({ key, label, unit, value, low, high, beside }, hero, level) {
   row.append(element("dt", {}, label));
   if (beside) row.firstChild.append(" ", element("span", { class: "beside" }, `${beside.label} ${beside.value.toFixed(2)}`));
   if (hero) {
-    const big = element("dd", { class: "hero" }, element("b", { class: "number" }, number(value, unit)), element("span", {}, unit));
-    row.append(big, element("dd", { class: "wide" }, interval));
+    row.append(element("dd", { class: "hero" }, element("b", { class: "number" }, number(value, unit)), element("span", {}, unit), interval));
   } else row.append(element("dd", {}, element("b", { class: "number" }, `${number(value, unit)} ${unit}`), " ", interval));
   row.append(range({ low: low / span, high: high / span, value: value / span, from: "0", to: `${span} ${unit}` }));
   return row;

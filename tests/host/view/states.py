@@ -76,6 +76,9 @@ def strokes(stage: Stage) -> Iterator[Shown]:
     source.bumps, source.limit = [Bump(kind="outside", d_mm=23.0, base_kPa=3.6, amp_kPa=1.1)], 7
     expect(page.locator("#stroke-7")).to_be_visible()
     yield "outside", page
+    source.bumps, source.limit = [Bump(kind="force", base_kPa=3.6, amp_kPa=1.1)], 8
+    expect(page.locator("#stroke-8")).to_be_visible()
+    yield "force", page
     source.plugged.clear()
     expect(page.locator("#banner")).to_be_visible()
     yield "disconnected", page

@@ -6,6 +6,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.host.view.pages import LUMP, once
+from tests.host.view.synthetic import Bump
 from tests.host.view.waiting import settled
 
 pytestmark = pytest.mark.browser
@@ -43,6 +44,24 @@ def test_everything_fits_the_window(viewer, open_page, name, width, height, sche
     for canvas in ("image", "map", "displacement", "force", "repeat"):
         box = page.locator(f"canvas#{canvas}").bounding_box()
         assert box["width"] > 120 and box["height"] > 80, canvas
+
+
+def test_the_comparison_of_visits_fits_below_the_longest_card(viewer, open_page):
+    """At 1280 x 800 its last line was cut when the stroke was outside what the model knows."""
+    source = once(LUMP, LUMP, LUMP)
+    page = open_page(viewer(source), 1280, 800)
+    expect(page.locator("#stroke-3")).to_be_visible()
+    page.keyboard.press("v")
+    page.locator("#text-value").fill("After six months")
+    page.keyboard.press("Enter")
+    source.bumps, source.limit = [Bump(d_mm=13.0), Bump(d_mm=13.2), Bump(kind="outside", d_mm=23.0)], 6
+    expect(page.locator("#stroke-6")).to_be_visible()
+    expect(page.locator("#card .verdict")).to_have_text("Outside what the model knows")
+    expect(page.locator("#comparison .result")).to_contain_text(
+        "3.1 mm"
+    )  # both strokes of the visit are in it
+    settled(page)
+    assert page.evaluate("(c => c.scrollHeight - c.clientHeight)(document.querySelector('#comparison'))") <= 1
 
 
 @pytest.mark.parametrize("scheme", ["dark", "light"])
