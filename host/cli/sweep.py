@@ -58,7 +58,7 @@ def command(
       sobol:N[:SEED]   N cases that fill the space of d, h, E, F evenly
       any:N[:SEED]     N lumps in random tissue, at three forces each
       any-press:N[:SEED]  the press before each of these strokes, at four forces
-      balls:N[:SEED]   N balls and ellipsoids in random tissue, at two forces each (seconds a stroke)
+      balls:N[:SEED]   N balls and ellipsoids in random tissue, at three forces each (seconds a stroke)
       FILE             one case code per line
 
     \b

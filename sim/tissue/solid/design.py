@@ -8,12 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.any_tissue import FORCE_PARTS
+from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M, Case
 
 Floats = NDArray[np.float64]
-
-FORCE_RATIO = 1.4
-"""Greater over smaller force of each lump's two strokes: room for a hand that wanders."""
 
 _COEFFICIENT_MM = 3.24
 """Displacement at F = 1 in 13 mm of fat over a usual gland; it goes as F^.62 t^.67."""
@@ -21,7 +19,7 @@ _COEFFICIENT_MM = 3.24
 
 @dataclass(frozen=True)
 class SolidRanges:
-    """What a design of solid lumps covers.
+    """What a design of solid lumps covers: by default tissue as random as that of `any_tissue_cases`.
 
     Attributes
     ----------
@@ -30,65 +28,93 @@ class SolidRanges:
     E_ratio : tuple of float
         Even in E^-2/3.
     strain : tuple of float
-        Nominal strain of the fat at the greater of two forces, as usual tissue would have it.
+        Nominal strain of the fat at the greatest of three forces, as usual tissue would have it.
+    reach_mm : tuple of float
+        Middle force per metre of width over the fat's modulus, mm: no strain takes it beyond.
     gland_ratio, gland_mm : tuple of float
         The ratio is even in its logarithm.
+    stiffening : tuple of float
+        b of fat and of gland, each its own.
+    probe_radius_mm : tuple of float
     aspect : tuple of float
         Half-axes across and down over that along, for the lumps that are no balls; even in the logarithm.
     offset_mm : tuple of float
         Beside the stroke's line, for the lumps that are not on it.
     balls, on_line : float
-        Share of lumps that are balls, and of those on the line.
+        Share of lumps that are balls, and of those on the line, which cost a quarter of the others.
     """
 
-    d_mm: tuple[float, float] = (4.0, 22.0)
-    h: tuple[float, float] = (0.15, 2.0)
-    E_ratio: tuple[float, float] = (1.0, 1000.0)
+    d_mm: tuple[float, float] = (5.0, 20.0)
+    h: tuple[float, float] = (0.3, 1.5)
+    E_ratio: tuple[float, float] = (2.0, 1000.0)
     strain: tuple[float, float] = (0.08, 0.22)
+    reach_mm: tuple[float, float] = (2.0, 9.0)
     gland_ratio: tuple[float, float] = (2.0, 10.0)
     gland_mm: tuple[float, float] = (8.0, 30.0)
+    stiffening: tuple[float, float] = (0.0, 3.0)
+    probe_radius_mm: tuple[float, float] = (38.0, 42.0)
     aspect: tuple[float, float] = (0.6, 1.6)
     offset_mm: tuple[float, float] = (0.0, 10.0)
     balls: float = 0.5
-    on_line: float = 0.5
+    on_line: float = 0.75
+
+
+WIDEST = SolidRanges(
+    d_mm=(4.0, 22.0), h=(0.15, 2.0), E_ratio=(1.0, 1000.0), reach_mm=(0.1, 30.0), on_line=0.5
+)
+"""All that the solver is asked to get through."""
 
 
 def ball_cases(n: int, seed: int, ranges: SolidRanges | None = None) -> list[Case]:
-    """`n` lumps of a scrambled Sobol sequence, each at two forces; the same seed gives the same cases.
+    """3 n cases: `n` lumps of a scrambled Sobol sequence at three forces each; the same seed, the same cases.
 
-    The border between fat and gland passes through the lump's middle. A gland that is too thin for its lump
-    is made as deep as it has to be.
+    A longer design begins with the shorter, so that a set can grow, and whatever there is of it is a fair
+    sample. The border between fat and gland passes through the lump's middle. A gland that is too thin for
+    its lump is made as deep as it has to be.
     """
     from scipy.stats import qmc
 
     r = ranges or SolidRanges()
     bits = max(0, (n - 1).bit_length())
-    points = qmc.Sobol(11, seed=np.random.default_rng(seed)).random_base2(bits)[:n]
-    cases = []
-    for point in points:
-        of_d, of_h, of_E, of_shape, of_line, of_across, of_down, of_gland, *rest = point
-        of_ratio, of_offset, of_strain = rest
-        d, h = _even(of_d, r.d_mm), _even(of_h, r.h)
-        low, high = r.E_ratio
-        E = min(max(_even(of_E, (high ** (-2 / 3), low ** (-2 / 3))) ** -1.5, low), high)
-        ball, on_line = of_shape < r.balls, of_line < r.on_line
-        across, down = (_log_even(v, r.aspect) * d / 2 for v in (of_across, of_down))
-        half_down = d / 2 if ball else down
-        gland = max(_even(of_gland, r.gland_mm), 1.1 * half_down + 1.0)
-        case = Case(
-            d_mm=_rounded(d),
-            h=_rounded(h),
-            E_ratio=_rounded(E),
-            gland_ratio=_rounded(_log_even(of_ratio, r.gland_ratio)),
-            gland_mm=_rounded(gland),
-            shape="ball" if ball else "ellipsoid",
-            half_across_mm=None if ball else _rounded(across),
-            half_down_mm=None if ball else _rounded(down),
-            offset_mm=0.0 if on_line else _rounded(_even(of_offset, r.offset_mm)),
-        )
-        force = _force_for(_even(of_strain, r.strain), case.t_mm)
-        cases += [replace(case, F_rel=_rounded(force / FORCE_RATIO)), replace(case, F_rel=_rounded(force))]
-    return cases
+    points = qmc.Sobol(14, seed=np.random.default_rng(seed)).random_base2(bits)[:n]
+    lumps = [_lump(point, r) for point in points]
+    return [replace(lump, F_rel=lump.F_rel * part) for lump in lumps for part in FORCE_PARTS]
+
+
+def _lump(point: Floats, r: SolidRanges) -> Case:
+    """The lump of a point (14,) of the unit cube, at its middle force."""
+    of_d, of_h, of_E, of_shape, of_line, of_across, of_down, of_gland, *rest = point
+    of_ratio, of_offset, of_force, of_fat_b, of_gland_b, of_radius = rest
+    d, h = _even(of_d, r.d_mm), _even(of_h, r.h)
+    low, high = r.E_ratio
+    E = min(max(_even(of_E, (high ** (-2 / 3), low ** (-2 / 3))) ** -1.5, low), high)
+    ball, on_line = of_shape < r.balls, of_line < r.on_line
+    across, down = (_log_even(v, r.aspect) * d / 2 for v in (of_across, of_down))
+    half_down = d / 2 if ball else down
+    gland = max(_even(of_gland, r.gland_mm), 1.1 * half_down + 1.0)
+    case = Case(
+        d_mm=_rounded(d),
+        h=_rounded(h),
+        E_ratio=_rounded(E),
+        gland_ratio=_rounded(_log_even(of_ratio, r.gland_ratio)),
+        gland_mm=_rounded(gland),
+        fat_stiffening=_rounded(_even(of_fat_b, r.stiffening)),
+        gland_stiffening=_rounded(_even(of_gland_b, r.stiffening)),
+        probe_radius_mm=_rounded(_even(of_radius, r.probe_radius_mm)),
+        shape="ball" if ball else "ellipsoid",
+        half_across_mm=None if ball else _rounded(across),
+        half_down_mm=None if ball else _rounded(down),
+        offset_mm=0.0 if on_line else _rounded(_even(of_offset, r.offset_mm)),
+    )
+    return replace(case, F_rel=_rounded(_force(of_force, case, r)))
+
+
+def _force(u: float, case: Case, r: SolidRanges) -> float:
+    """A middle force within both strain and reach, even in its logarithm."""
+    one_mm = case.fat_kPa / FORCE_UNIT_N_PER_M
+    weak, strong = (_force_for(strain, case.t_mm) / FORCE_PARTS[-1] for strain in r.strain)
+    low, high = r.reach_mm[0] * one_mm, r.reach_mm[1] * one_mm
+    return _log_even(u, (min(max(weak, low), high), max(min(strong, high), low)))
 
 
 def _force_for(strain: float, t_mm: float) -> float:
