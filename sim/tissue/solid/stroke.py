@@ -79,7 +79,7 @@ class _Stroking:
         self, case: Case, settings: Settings, geometry: SolidGeometry, run: SolidRun, positions: Floats
     ) -> None:
         self.case, self.run, self.positions = case, run, positions
-        self.plain = PlainPress(case, settings, geometry)
+        self.settings, self.geometry = settings, geometry
         self.nodes = len(geometry.mesh.nodes_mm)
 
     def strokes(
@@ -87,12 +87,12 @@ class _Stroking:
     ) -> list[SolidStroke]:
         """One for each of the rising forces."""
         first = float(self.positions[0])
-        pressed = [self._press(part * forces[0], first) for part in RAMP] if ramp else []
-        tracks, rows, iterations = [], [], []
+        wanted = [*(part * forces[0] for part in RAMP if ramp), *forces]
+        states = self._pressed(wanted, first)
+        pressed = list(zip(wanted, states))[: -len(forces)]
+        tracks = [Track(self.run.force(F), first, state) for F, state in zip(forces, states[-len(forces) :])]
+        rows, iterations = [], []
         before = 0
-        for F_rel in forces:
-            state = self._press(F_rel, first)[1]
-            tracks.append(Track(self.run.force(F_rel), first, state))
         for i, position in enumerate(map(float, self.positions)):
             if i:
                 self.run.slide(tracks, position)
@@ -122,9 +122,15 @@ class _Stroking:
             for k, F_rel in enumerate(forces)
         ]
 
-    def _press(self, F_rel: float, position: float) -> tuple[float, Any]:
-        guess = self.plain.state(F_rel, position)
-        return F_rel, self.run.press(position, self.run.force(F_rel), guess)
+    def _pressed(self, forces: Sequence[float], position: float) -> list[State]:
+        """The states at the first position under rising forces."""
+        # All guesses first: the plain tissue's factor is gone before the lump's takes its memory.
+        plain = PlainPress(self.case, self.settings, self.geometry)
+        guesses = [plain.state(F_rel, position) for F_rel in forces]
+        del plain
+        return [
+            self.run.press(position, self.run.force(F_rel), guess) for F_rel, guess in zip(forces, guesses)
+        ]
 
 
 def _columns(rows: list[dict[str, Any]]) -> dict[str, Floats]:

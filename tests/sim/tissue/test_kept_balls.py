@@ -1,4 +1,4 @@
-"""The kept set of balls is what `palpate sweep --design balls:9:1 --out DIR --keep FILE` gives."""
+"""The kept set of balls is what `palpate sweep --design balls:8:1 --out DIR --keep FILE` gives."""
 
 from pathlib import Path
 
@@ -22,10 +22,9 @@ def test_two_strokes_computed_again_are_the_kept_ones():
     kept = read_kept(SET)
     on_line = [stroke for stroke in kept if stroke.case.offset_mm == 0.0]
     small = min(on_line, key=lambda stroke: stroke.case.t_mm)
-    pair = [stroke for stroke in kept if stroke.case.d_mm == small.case.d_mm]
-    again = simulate_forces(small.case, [stroke.case.F_rel for stroke in pair], ramp=True)
-    assert len(again) == 2
-    for new, old in zip(again, pair):
+    weak, _, strong = (stroke for stroke in kept if stroke.case.d_mm == small.case.d_mm)
+    again = simulate_forces(small.case, [weak.case.F_rel, strong.case.F_rel], ramp=True)
+    for new, old in zip(again, (weak, strong), strict=True):
         assert new.case == old.case
         np.testing.assert_allclose(new.displacement_mm, old.displacement_mm, rtol=1e-4)
         np.testing.assert_allclose(new.images_kPa, old.images_kPa, atol=5e-3)
