@@ -10,7 +10,7 @@ from array import array
 from firmware_py import geometry
 
 BINS = 64
-FLASHING = ("model_image", "model_check", "unpack", "slh_dsa")  # what checks and loads a model
+FLASHING = ("model_image", "model_check", "unpack", "slh_dsa", "sha_thumb")  # what checks and loads a model
 CALIBRATING = ("calibrate",)
 
 _reserved = []  # type: list[array[int]]
@@ -40,5 +40,11 @@ def forget(names):
 
 
 def _block(n):
-    # from a range, the array is the only thing allocated
-    return array("H", range(n)) if n < 65536 else array("H", bytes(2 * n))
+    """n numbers; the array grows where it lies, by doubling, and nothing else is allocated on the way."""
+    first = n
+    while first > 64 and not first & 1:
+        first >>= 1
+    block = array("H", bytes(2 * first))
+    while len(block) < n:
+        block.extend(block)
+    return block

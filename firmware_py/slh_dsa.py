@@ -14,7 +14,12 @@ try:
 except (ImportError, AttributeError):  # a board without it: a build that cannot take models over the wire
     sha256 = None  # type: ignore[assignment,misc]
 
-PIECE = 256
+try:
+    from firmware_py import sha_thumb
+except (ImportError, SyntaxError, AttributeError, ValueError, NotImplementedError, MemoryError):
+    sha_thumb = None  # type: ignore[assignment]
+
+PIECE = 1024
 N = 16  # bytes of a node
 CHAINS = 35  # of a one-time signature: 32 digits of four bits and three of their checksum
 KEY_SIZE = 4 + 2 * N
@@ -34,6 +39,9 @@ _PAIR = 74
 _HEIGHT = 78  # or the chain's number
 _INDEX = 82  # or the step in the chain
 _NODE = 86
+_ONE = _NODE + N  # bytes that become a node: behind the address one node, or two
+_PAIR_OF = _NODE + 2 * N
+_BLOCKS = 128  # SHA-256 works on blocks of 64
 _CHAIN, _ONE_TIME, _NODES, _FEW, _ROOTS = 0, 1, 2, 3, 4
 
 
@@ -76,24 +84,45 @@ def verify(key, read, size, context=MODEL):
     if digest is None:
         return status.BAD_SIGNATURE
     few, high, low, leaf = digest
-    link = bytearray(_NODE + 2 * N)  # seed and zeros, address, one node; room for a digest's other half
+    link = bytearray(_BLOCKS)  # seed and zeros, address, one node; room for a digest's other half
     link[:N] = key[4 : 4 + N]
-    pair = bytearray(_NODE + 2 * N)
-    pair[:N] = link[:N]
+    pair = bytearray(link)
+    nodes = _fast(link, pair) or _plain
     at = body + N
     _place(link, 0, high, low, leaf)
-    node = _few_times(link, pair, read, at, few, trees, depth)
+    node = _few_times(nodes, link, pair, read, at, few, trees, depth)
     at += N * trees * (depth + 1)
     for layer in range(layers):
         if node is None:
             return status.BAD_SIGNATURE
         _place(link, layer, high, low, leaf)
-        node = _one_tree(link, pair, read, at, node, leaf, height)
+        node = _one_tree(nodes, link, pair, read, at, node, leaf, height)
         at += N * (CHAINS + height)
         leaf = low & (1 << height) - 1
         low = low >> height | (high & (1 << height) - 1) << 27 - height
         high >>= height
-    return status.OK if node == bytes(key[4 + N :]) else status.BAD_SIGNATURE
+    return status.OK if node is not None and bytes(node) == bytes(key[4 + N :]) else status.BAD_SIGNATURE
+
+
+def _plain(buffer, size, n):
+    """n times: the node of buffer[:size] into its place behind the address, whose last byte rises by one."""
+    message = memoryview(buffer)[:size]
+    for _ in range(n):
+        buffer[_NODE : _NODE + 2 * N] = sha256(message).digest()
+        buffer[_INDEX + 3] = buffer[_INDEX + 3] + 1 & 255
+
+
+def _fast(link, pair):
+    """The same in machine code, once it has given the same nodes here; None where there is none."""
+    if sha_thumb is None:
+        return None
+    try:
+        made = sha_thumb.Nodes(link[: sha_thumb.BLOCK])
+    except (ValueError, MemoryError):
+        return None
+    sha_thumb.pad(link, _ONE)
+    sha_thumb.pad(pair, _PAIR_OF)
+    return made.nodes
 
 
 def _digest(key, read, body, context, few_bytes, tree_bits, leaf_bits):
@@ -161,7 +190,7 @@ def _all_of(link, kind, pieces):
     return h.digest()[:N]
 
 
-def _climb(pair, node, path, at, index, height):
+def _climb(nodes, pair, node, path, at, index, height):
     """From a leaf's node to the root of its tree, by the neighbours in path[at:]."""
     for level in range(height):
         _put(pair, _HEIGHT, level + 1)
@@ -170,17 +199,17 @@ def _climb(pair, node, path, at, index, height):
         at += N
         if index >> level & 1:
             pair[_NODE : _NODE + N] = other
-            pair[_NODE + N :] = node
+            pair[_NODE + N : _PAIR_OF] = node
         else:
             pair[_NODE : _NODE + N] = node
-            pair[_NODE + N :] = other
-        node = sha256(pair).digest()[:N]
+            pair[_NODE + N : _PAIR_OF] = other
+        nodes(pair, _PAIR_OF, 1)
+        node = pair[_NODE : _NODE + N]
     return node
 
 
-def _few_times(link, pair, read, at, digits, trees, depth):
+def _few_times(nodes, link, pair, read, at, digits, trees, depth):
     """The few-time signature's public key; None where the signature ends early."""
-    one = memoryview(link)[: _NODE + N]
     roots = []
     held = 0
     have = 0
@@ -201,17 +230,17 @@ def _few_times(link, pair, read, at, digits, trees, depth):
         _put(link, _INDEX, index)
         link[_NODE : _NODE + N] = path[:N]
         pair[:_NODE] = link[:_NODE]
-        roots.append(_climb(pair, sha256(one).digest()[:N], path, N, index, depth))
+        nodes(link, _ONE, 1)
+        roots.append(_climb(nodes, pair, link[_NODE : _NODE + N], path, N, index, depth))
     return _all_of(link, _ROOTS, roots)
 
 
-def _one_tree(link, pair, read, at, node, leaf, height):
+def _one_tree(nodes, link, pair, read, at, node, leaf, height):
     """The root of the tree that signs `node` with its leaf; None where the signature ends early."""
     path = read(at, N * (CHAINS + height))
     if len(path) != N * (CHAINS + height):
         return None
     link[_TYPE] = _CHAIN
-    one = memoryview(link)[: _NODE + N]
     ends = []
     total = 480  # 32 digits of 15, less each: the checksum
     for chain in range(CHAINS):
@@ -222,13 +251,12 @@ def _one_tree(link, pair, read, at, node, leaf, height):
             digit = total >> 4 * (34 - chain) & 15
         link[_NODE : _NODE + N] = path[N * chain : N * chain + N]
         _put(link, _HEIGHT, chain)
-        for step in range(digit, 15):  # nine hashes in ten are made here
-            link[_INDEX + 3] = step
-            link[_NODE:] = sha256(one).digest()
+        link[_INDEX + 3] = digit
+        nodes(link, _ONE, 15 - digit)  # nine hashes in ten are made here
         ends.append(link[_NODE : _NODE + N])
     link[_INDEX + 3] = 0
     node = _all_of(link, _ONE_TIME, ends)
     pair[:_NODE] = link[:_NODE]
     pair[_TYPE] = _NODES
     _put(pair, _PAIR, 0)
-    return _climb(pair, node, path, N * CHAINS, leaf, height)
+    return _climb(nodes, pair, node, path, N * CHAINS, leaf, height)

@@ -1,4 +1,4 @@
-"""The link's two hot loops as machine code (viper): CRC-32 and COBS. Same bytes as crc.py and cobs.py.
+"""The link's hot loops as machine code (viper): CRC-32 and COBS. Same bytes as crc.py and cobs.py.
 
 `use()` puts them in the plain ones' place. Ports without a native compiler cannot import this file.
 """
@@ -22,6 +22,21 @@ def _append(buffer: ptr8, n: int, low: ptr16, high: ptr16):  # type: ignore[name
     buffer[n + 1] = (lo ^ 0xFFFF) >> 8
     buffer[n + 2] = (hi ^ 0xFFFF) & 255
     buffer[n + 3] = (hi ^ 0xFFFF) >> 8
+
+
+@micropython.viper
+def _whole(buffer: ptr8, n: int, low: ptr16, high: ptr16) -> int:  # type: ignore[name-defined]  # noqa: F821
+    lo: int = 0xFFFF
+    hi: int = 0xFFFF
+    i: int = 0
+    while i < n:
+        k: int = (lo ^ int(buffer[i])) & 255
+        lo = (lo >> 8 | (hi & 255) << 8) ^ int(low[k])
+        hi = hi >> 8 ^ int(high[k])
+        i += 1
+    if lo == 0x20E3 and hi == 0xDEBB:
+        return 1
+    return 0
 
 
 @micropython.viper
@@ -58,6 +73,11 @@ def append(buffer: bytearray, n: int) -> int:
     return n + 4
 
 
+def check(buffer: bytearray, n: int) -> bool:
+    """crc.check."""
+    return n >= crc.SIZE and _whole(buffer, n, crc._LOW, crc._HIGH) == 1  # type: ignore[arg-type]
+
+
 def encode(source: bytearray, n: int, target: bytearray, at: int) -> int:
     """cobs.encode."""
     return _encode(source, n, target, at)  # type: ignore[arg-type]
@@ -73,9 +93,13 @@ def use() -> None:
     append(mine, 300)
     if trial != mine:
         raise RuntimeError("viper CRC differs")
+    for n in (304, 303, 3):
+        if check(mine, n) != crc.check_plain(trial, n):
+            raise RuntimeError("viper CRC differs")
     a = bytearray(400)
     b = bytearray(400)
     if cobs.encode(trial, 364, a, 0) != encode(trial, 364, b, 0) or a != b:
         raise RuntimeError("viper COBS differs")
     crc.append = append
+    crc.check = check
     cobs.encode = encode

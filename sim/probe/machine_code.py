@@ -1,4 +1,4 @@
-"""The firmware's viper functions as machine code: compiled by mpy-cross, run on an emulated Cortex-M.
+"""The firmware's viper and assembler functions as machine code, on an emulated Cortex-M; mpy-cross compiles.
 
     code = MachineCode(Path("firmware_py/hot_viper.py"), "armv6m")
     code["put_cells"](packed, 0, cells, 0)
@@ -54,6 +54,7 @@ _MODULO = 47
 _INT, _UINT = 2, 3  # types of what a function takes and gives; 4 and more are pointers
 _NONE_OBJECT = 0x1C000000
 _BUFFER_OBJECT = 0x1D000000
+_REGISTERS = (arm.UC_ARM_REG_R0, arm.UC_ARM_REG_R1, arm.UC_ARM_REG_R2, arm.UC_ARM_REG_R3)
 
 
 class BadAccess(Exception):
@@ -99,12 +100,13 @@ class MachineCode:
             uc.mem_map(base, size)
         self._functions = {}
         first = at = _CODE + (2 if frozen else 0)
-        for name, code in module.viper.items():
-            self._functions[name] = self._callable(at)
+        functions = {**module.viper, **module.assembler}
+        for name, code in functions.items():
+            self._functions[name] = self._callable(at, name in module.assembler)
             at += -(-len(code) // 4) * 4
         uc.mem_map(_CODE, -(-(at - _CODE) // 0x1000) * 0x1000)
         at = first
-        for code in module.viper.values():
+        for code in functions.values():
             uc.mem_write(at, code)
             at += -(-len(code) // 4) * 4
         self._words(_SELF, 0, _CONTEXT)
@@ -130,9 +132,9 @@ class MachineCode:
     def _words(self, at: int, *words: int) -> None:
         self._uc.mem_write(at, array("I", words).tobytes())
 
-    def _callable(self, address: int) -> Callable[..., int | None]:
+    def _callable(self, address: int, assembler: bool) -> Callable[..., int | None]:
         def function(*arguments: int | Buffer) -> int | None:
-            return self._call(address, arguments)
+            return self._call(address, arguments, assembler)
 
         return function
 
@@ -144,7 +146,7 @@ class MachineCode:
             self._mapped += 1
         return base + _BUFFER_BYTES
 
-    def _call(self, address: int, arguments: tuple[int | Buffer, ...]) -> int | None:
+    def _call(self, address: int, arguments: tuple[int | Buffer, ...], assembler: bool) -> int | None:
         uc = self._uc
         words, buffers = [], []
         self._objects = []
@@ -164,10 +166,11 @@ class MachineCode:
                 buffers.append((start, size, argument))
         self._words(_ARGUMENTS, *words)
         self._failure = None
-        uc.reg_write(arm.UC_ARM_REG_R0, _SELF)
-        uc.reg_write(arm.UC_ARM_REG_R1, len(words))
-        uc.reg_write(arm.UC_ARM_REG_R2, 0)
-        uc.reg_write(arm.UC_ARM_REG_R3, _ARGUMENTS)
+        in_registers = [_SELF, len(words), 0, _ARGUMENTS]
+        if assembler:  # numbers as they are, buffers as where they lie
+            in_registers = [signed(w) >> 1 if w & 1 else self._objects[w >> 4 & 15][0] for w in words]
+        for register, word in zip(_REGISTERS, in_registers, strict=False):
+            uc.reg_write(register, word & 0xFFFFFFFF)
         uc.reg_write(arm.UC_ARM_REG_SP, _STACK + _STACK_BYTES)
         uc.reg_write(arm.UC_ARM_REG_LR, _RETURN | 1)
         try:
@@ -180,6 +183,8 @@ class MachineCode:
         for start, size, buffer in buffers:
             memoryview(buffer).cast("B")[:] = uc.mem_read(start, size)
         result = uc.reg_read(arm.UC_ARM_REG_R0)
+        if assembler:
+            return signed(result)
         if result == _NONE_OBJECT:
             return None
         if not result & 1:

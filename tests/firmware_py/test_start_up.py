@@ -34,6 +34,7 @@ def loops():
     modules = {module: importlib.import_module(f"firmware_py.{module}") for module, _ in places}
     return [getattr(modules[module], name) for module, name in places] + [
         crc.append,
+        crc.check,
         cobs.encode,
         scan_order.pack,
     ]

@@ -2,10 +2,11 @@
 
 import ast
 import importlib
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 from palpate.sim.probe.machine_code import MachineCode
@@ -15,6 +16,7 @@ HOT = FIRMWARE / "hot_viper.py"
 STROKE = FIRMWARE / "stroke_viper.py"
 EVALUATOR = FIRMWARE / "evaluator_viper.py"
 LINK = FIRMWARE / "boards" / "fast_link.py"
+SHA = FIRMWARE / "sha_thumb.py"
 SCAN = FIRMWARE / "boards" / "fast_scan.py"
 
 
@@ -78,3 +80,13 @@ def installed(source: Path, code: MachineCode) -> Iterator[dict[str, int]]:
     finally:
         for module, attribute, plain in before:
             setattr(module, attribute, plain)
+
+
+def hash_of_nodes(code: Mapping[str, Callable], monkeypatch: Any) -> ModuleType:
+    """The module sha_thumb as a board has it, its function in inline assembler being that of `code`."""
+    micropython = ModuleType("micropython")
+    micropython.asm_thumb = lambda function: code[function.__name__]  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "micropython", micropython)
+    module = ModuleType("sha_thumb")
+    exec(compile(SHA.read_text(), str(SHA), "exec"), module.__dict__)
+    return module

@@ -33,6 +33,7 @@ def borrowed(sources: Mapping[str, str], kept: Iterable[str] = ()) -> dict[str, 
         for node in ast.walk(tree):
             seen |= set(_words(node))
             own.update(name for name in _bound(node) if (id(node), name) not in local)
+        kept = {*kept, *_assembler(tree)}
     known = set(NAMES)
     free = [name for name in NAMES if _may_be_lent(name) and name not in seen]
     wanted = [
@@ -50,6 +51,17 @@ def _may_be_lent(name: str) -> bool:
     if name.startswith("_") or name in _SPECIAL or hasattr(builtins, name):
         return False
     return not keyword.iskeyword(name) and not keyword.issoftkeyword(name)
+
+
+def _assembler(tree: ast.Module) -> set[str]:
+    """Instructions and registers: every name in a function of inline assembler."""
+    found: set[str] = set()
+    for function in ast.walk(tree):
+        if isinstance(function, ast.FunctionDef) and any(
+            "asm_thumb" in _words(decorator) for decorator in function.decorator_list
+        ):
+            found.update(word for node in ast.walk(function) for word in _words(node) if node is not function)
+    return found
 
 
 def _bound(node: ast.AST) -> Iterator[str]:

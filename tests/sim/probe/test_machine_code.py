@@ -11,7 +11,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from firmware_py import cobs, crc, evaluator, features, forcemap, pipeline, status
+from firmware_py import cobs, crc, evaluator, features, forcemap, pipeline, slh_dsa, status
 from palpate.model_export.fixed_point import compiler
 from palpate.sim.probe import mpy_file
 from palpate.sim.probe.machine_code import PROCESSORS, BadAccess, MachineCode
@@ -19,7 +19,7 @@ from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
 from palpate.sim.probe.viper_source import compile_viper
 from tests.firmware_py import stages, twins, vectors
 from tests.firmware_py.strokes import read_strokes
-from tests.model_export import synthetic
+from tests.model_export import small_key, synthetic
 from tests.model_export.test_micropython import rows
 
 VECTORS = {"armv6m": 250, "armv7m": 50, "armv7emsp": 250}
@@ -133,10 +133,56 @@ def test_the_links_loops_on_random_messages(architecture, count):
         crc.append_plain(mine, n)
         code["_append"](theirs, n, crc._LOW, crc._HIGH)
         assert theirs == mine
+        assert code["_whole"](theirs, n + 4, crc._LOW, crc._HIGH) == 1
+        theirs[int(random.integers(0, n + 4))] ^= 1 << int(random.integers(0, 8))
+        assert code["_whole"](theirs, n + 4, crc._LOW, crc._HIGH) == 0
+        theirs[:] = mine
         mine_out, theirs_out = bytearray(n + 20), bytearray(n + 20)
         end = cobs.encode(mine, n + 4, mine_out, 3)
         assert code["_encode"](theirs, n + 4, theirs_out, 3) == end
         assert theirs_out == mine_out
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+def test_the_hash_of_nodes_gives_hashlibs_bytes(architecture, count, monkeypatch, frozen):
+    """Behind any first block, from any place in a chain, for one node or two."""
+    code = MachineCode(twins.SHA, architecture, frozen=frozen)
+    sha = twins.hash_of_nodes(code, monkeypatch)
+    random = np.random.default_rng(5)
+    for k in range(count // 10):
+        size = (102, 118)[k % 2]
+        mine = bytearray(random.bytes(size) + bytes(128 - size))
+        theirs = bytearray(mine)
+        sha.pad(theirs, size)
+        n = int(random.integers(0, 16)) if size == 102 else 1
+        sha.Nodes(bytes(mine[:64])).nodes(theirs, size, n)
+        slh_dsa._plain(mine, size, n)
+        assert theirs[:102] == mine[:102]
+
+
+def test_a_signature_is_checked_in_machine_code_and_a_wrong_one_refused(architecture, monkeypatch):
+    sha = twins.hash_of_nodes(MachineCode(twins.SHA, architecture), monkeypatch)
+    made = []
+    nodes = sha.Nodes.nodes
+    monkeypatch.setattr(sha.Nodes, "nodes", lambda *args: (made.append(args[3]), nodes(*args)))
+    monkeypatch.setattr(slh_dsa, "sha_thumb", sha)
+    key, sign = small_key.signer(1)
+    signed = sign(b"a model")
+    assert slh_dsa.verify(key, lambda at, n: signed[at : at + n], len(signed)) == status.OK
+    assert sum(made) > 100
+    wrong = bytearray(signed)
+    wrong[-100] ^= 4
+    assert slh_dsa.verify(key, lambda at, n: wrong[at : at + n], len(wrong)) == status.BAD_SIGNATURE
+
+
+def test_a_hash_that_gives_other_bytes_is_not_used(monkeypatch):
+    sha = twins.hash_of_nodes({"_nodes": lambda *_: 0}, monkeypatch)
+    monkeypatch.setattr(slh_dsa, "sha_thumb", sha)
+    with pytest.raises(ValueError, match="other bytes"):
+        sha.Nodes(bytes(64))
+    key, sign = small_key.signer(1)
+    signed = sign(b"a model")
+    assert slh_dsa.verify(key, lambda at, n: signed[at : at + n], len(signed)) == status.OK
 
 
 # ---- whole strokes, whole models

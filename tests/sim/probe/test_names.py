@@ -42,6 +42,16 @@ def test_the_program_is_the_same_under_its_borrowed_names():
     assert scope["twice"](3) == 9
 
 
+def test_instructions_of_inline_assembler_keep_their_names():
+    """Elsewhere the firmware has functions of its own that are called `add` and `data`."""
+    assembler = "import micropython\n\n\n@micropython.asm_thumb\ndef sum_of(r0, r1):\n    addl(r0, r1)\n"
+    other = "def addl(one_number):\n    return one_number\n"
+    found = borrowed({"asm.py": assembler, "other.py": other})
+    assert "(r0, r1):\n    addl(r0, r1)" in found["asm.py"]
+    assert "sum_of" not in found["asm.py"]
+    assert "def addl(" in found["other.py"]
+
+
 @pytest.mark.board
 def test_every_name_of_the_list_lies_in_the_ports_flash():
     path = board_bench.uf2()
