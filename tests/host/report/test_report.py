@@ -26,6 +26,10 @@ EVERY = [
     "Table 1", "Appendix A", "Appendix B", "Appendix C",
 ]  # fmt: skip
 
+HANG_S = 1500
+"""Against a hang: half a minute's work, on a machine that does much else."""
+pytestmark = pytest.mark.timeout(HANG_S + 300)
+
 
 class Page(HTMLParser):
     """What a reader sees: sections by name, their text, images and links."""
@@ -77,7 +81,7 @@ def written(strokes, tmp_path_factory):
         [sys.executable, "-m", "palpate.cli", "fit", RUNS, "--kind", "thesis", "--out", folder / "model.json",
          "--report", folder / "out", "--recording", folder / "real.csv",
          "--weights", folder / "soft.csv", "--weights", folder / "hard.csv"],
-        capture_output=True, text=True, timeout=280,
+        capture_output=True, text=True, timeout=HANG_S,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     path = folder / "out" / "index.html"

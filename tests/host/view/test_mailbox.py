@@ -55,7 +55,7 @@ def test_memory_stays_bounded_when_no_page_reads():
     session = Session(mode="live", name="x")
     mailbox = session.join()
     for number in range(400):
-        for event in stroke(Bump(), number * 2.0, number * 60, 30.0, 2.0, number):
+        for event in stroke(Bump(), number * 2.0, number * 15, 30.0, 0.5, number):
             session.on_event(event)
     assert len(mailbox) <= 262
     assert len(session.visits.strokes()) == 400
