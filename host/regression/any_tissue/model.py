@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from palpate.features.map_features import Floats
 from palpate.regression.any_tissue.observed import TRUTH, ObservedInTissue
 from palpate.regression.conformal import Widths, calibrate, fit_sigma, out_of_fold
 from palpate.regression.field.model import even_odds
-from palpate.regression.field.recipe import FIELD_FEATURES
+from palpate.regression.field.recipe import CUBIC, FIELD_FEATURES
 from palpate.regression.observed import NAMES
 from palpate.regression.probe_model import HARD_BELOW, Polynomial, fit_polynomial, standardised
 from palpate.regression.ridge import Term, all_terms, fit_ridge, importance, monomials
@@ -22,10 +23,12 @@ STIFFNESS = OUTPUTS.index("E^-2/3")
 SCALE_FREE = tuple(n for n in FIELD_FEATURES if n not in ("ln_force", "ln_base"))
 """What does not change when all moduli and the force do; ln_base less ln_force is the twentieth."""
 
-PRESS_TERMS, FOLDS, GROUPS = 120, 4, 4
+PRESS_TERMS, STROKE_TERMS, FOLDS, GROUPS = 120, 340, 4, 4
 _PRESS = tuple(f"press_{k}" for k in range(9))
 _STROKE = (*SCALE_FREE, "base_share")
 _ESTIMATES = ("ln_reach", "ln_t", "ln_layers")
+_CUBIC = tuple(n for n in CUBIC if n in SCALE_FREE)
+"""What may be multiplied by two others, with `base_share` and the press's estimates."""
 
 
 @dataclass(frozen=True)
@@ -78,11 +81,12 @@ def tissue_truth(seen: ObservedInTissue) -> Floats:
     return np.column_stack([seen.Y[:, TRUTH.index("ln F/E_fat")], ln_t, np.log(np.exp(ln_t) + gland / ratio)])
 
 
-def best_terms(X: Floats, Y: Floats, groups: NDArray[np.int64], degree: int, most: int) -> tuple[Term, ...]:
-    """The `most` terms worth most, all of degree one among them.
+def best_terms(
+    X: Floats, Y: Floats, groups: NDArray[np.int64], terms: tuple[Term, ...], most: int
+) -> tuple[Term, ...]:
+    """The `most` of these terms worth most, all of degree one among them.
 
     X (n, features), Y (n, outputs), groups (n): which lump."""
-    terms = all_terms(X.shape[1], degree)
     if len(terms) <= most:
         return terms
     A, degrees = monomials(standardised(X), terms), [len(t) for t in terms]
@@ -98,18 +102,21 @@ def _fit(
     return fit_polynomial(names, X, Y, groups, terms, Y.min(0), Y.max(0))
 
 
-def _only(features: int) -> tuple[Term, ...]:
-    """All terms up to degree two of all features but the last, and that alone: ln F.
+def _candidates(names: tuple[str, ...]) -> tuple[Term, ...]:
+    """All terms up to degree two of all features but the last, some of degree three, and that alone: ln F.
 
     Where moduli and forces scale together only F and E_fat change, and both go as the force.
     """
-    return (*all_terms(features - 1, 2), (features - 1,))
+    last = len(names) - 1
+    among = {names.index(name) for name in (*_CUBIC, "base_share", *_ESTIMATES) if name in names}
+    cubic = tuple(t for t in combinations_with_replacement(sorted(among), 3))
+    return (*all_terms(last, 2), *cubic, (last,))
 
 
 def fit_press(train: ObservedInTissue) -> tuple[Polynomial, Floats]:
     """The first stage, and what it says of each stroke where it has not seen its lump (n, 3)."""
     T = tissue_truth(train)
-    terms = best_terms(train.press, T, train.group, 3, PRESS_TERMS)
+    terms = best_terms(train.press, T, train.group, all_terms(train.press.shape[1], 3), PRESS_TERMS)
 
     def fit(x: Floats, y: Floats, g: NDArray[np.int64]) -> Callable[[Floats], Floats]:
         return _fit(_PRESS, x, y, g, terms).predict
@@ -129,7 +136,8 @@ def fit_tissue_model(
     found = train.take(train.found)
     X = _inputs(found, guessed[train.found] if with_press else None)
     names = (*_STROKE, *(_ESTIMATES if with_press else ()), "ln_force")
-    Y, chosen = truth(found), _only(X.shape[1])
+    Y = truth(found)
+    chosen = best_terms(X, Y, found.group, _candidates(names), STROKE_TERMS)
 
     def second(x: Floats, y: Floats, g: NDArray[np.int64]) -> Callable[[Floats], Floats]:
         return _fit(names, x, y, g, chosen).predict
