@@ -87,6 +87,13 @@ def test_a_board_knows_its_flash_chips_number(prompt):
     assert prompt.chip.execute("print(unique_id().hex())").strip() == SERIAL.hex()
 
 
+def test_what_micropython_has_written_is_read_again(prompt):
+    """It makes another version of the file system of it; `emulate --store` found that one empty."""
+    before = flash.read(prompt.chip.files())
+    prompt.chip.execute("with open('kept', 'wb') as file: file.write(b'12345678')\nos.sync()")
+    assert flash.read(prompt.chip.files()) == {**before, "kept": b"12345678"}
+
+
 def test_an_empty_path_is_the_directory_that_mpremote_copies_into(prompt):
     """`mpremote fs cp ... :` asks for it. The prompt of tests/firmware_py/test_install.py had none there."""
     assert prompt.chip.execute("print(os.stat('')[0] == 0x4000, os.getcwd())") == "True /\n"
