@@ -13,11 +13,13 @@ from palpate.errors import UsageError
 @click.command("study")
 @click.argument("name")
 @click.argument("directory", type=click.Path(path_type=Path, file_okay=False))
-@click.option("--lumps", default=600, show_default=True, help="Of any-tissue: how many to simulate.")
+@click.option(
+    "--lumps", default=600, show_default=True, help="Of any-tissue and balls: how many to simulate."
+)
 @click.option("--seed", default=1, show_default=True, help="Of the split and of the sensors' noise.")
 @click.option("--noise", default=None,
               help="Sensors but for what is varied: a level, or a file of palpate characterise; "
-                   "typical by default (any-tissue: typical and real).")  # fmt: skip
+                   "typical by default (any-tissue and balls: typical and real).")  # fmt: skip
 @click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Draw it, as SVG or PNG.")
 @json_option
 def command(
@@ -38,6 +40,8 @@ def command(
     tissue    (simulates other tissues into DIRECTORY first, a few minutes)
     computed  (simulates lumps at seven forces into DIRECTORY first, a few minutes)
     any-tissue  (needs nothing in DIRECTORY: simulates --lumps lumps in random tissue into it first)
+    balls     (reads DIRECTORY/balls.parquet, which palpate sweep --design balls --keep writes; where
+              there is none, simulates --lumps balls and ellipsoids first, half a minute each)
 
     \b
     Example:
@@ -56,9 +60,16 @@ def command(
             raise UsageError("any-tissue has no figure: leave --figure out")
         _any_tissue(directory, lumps, seed, noise, as_json)
         return
+    if name == "balls":
+        if figure is not None:
+            raise UsageError("balls has no figure: leave --figure out")
+        _balls(directory, lumps, seed, noise, as_json)
+        return
     studies = STUDIES | {study.name: study for study in (TISSUE_STUDY, COMPUTED_STUDY)}
     if name not in studies:
-        raise UsageError(f"there is no study {name!r}; there are {', '.join((*studies, 'any-tissue'))}")
+        raise UsageError(
+            f"there is no study {name!r}; there are {', '.join((*studies, 'any-tissue', 'balls'))}"
+        )
     study = studies[name]
     with (
         showing_progress() as progress,
@@ -88,3 +99,18 @@ def _any_tissue(directory: Path, lumps: int, seed: int, noise: str | None, as_js
         return
     heads, rows = text_of(result)
     table(heads, rows, "Tissue that the probe knows nothing about")
+
+
+def _balls(directory: Path, lumps: int, seed: int, noise: str | None, as_json: bool) -> None:
+    from palpate.regression.balls.lumps import prepare
+    from palpate.regression.balls.study import LEVELS, table_of, text_of
+
+    with showing_progress() as progress:
+        levels = LEVELS if noise is None else (noise,)
+        result = table_of(prepare(directory, lumps, progress=progress), levels, seed=seed, step=note)
+    if as_json:
+        rows = [{k: v for k, v in row.items() if v == v} for row in result.to_dict("records")]
+        print_json({"study": "balls", "rows": rows})
+        return
+    heads, rows_of_text = text_of(result)
+    table(heads, rows_of_text, "Balls and ellipsoids, in tissue that the probe knows nothing about")

@@ -1,0 +1,135 @@
+"""Kept strokes over balls and ellipsoids, lump by lump, each with its press. Units: mm, kPa, N/m."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+
+from palpate.errors import UsageError
+from palpate.features.map_features import Floats
+from palpate.model_export.fixed_point import force_map as force_maps
+from palpate.regression.any_tissue.observed import random_scale
+from palpate.regression.field.data import sweep_progress
+from palpate.regression.field.design import LumpStrokes, by_lump
+from palpate.regression.progress import ProgressCallback
+from palpate.sim.tissue import Case, Settings, Stroke, sweep
+from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M
+from palpate.sim.tissue.face_sensors import WIDTH_MM
+from palpate.sim.tissue.solid.design import ball_cases
+from palpate.sim.tissue.solid.kept import KeptStroke, keep, read_kept
+from palpate.sim.tissue.solid.result import SolidStroke
+from palpate.sim.tissue.symmetry import both_sides
+
+SEED = 1
+SET = "balls.parquet"
+
+
+@dataclass(frozen=True)
+class SolidLump:
+    """Strokes over one lump at several forces; its press, images of one position at rising forces."""
+
+    strokes: LumpStrokes
+    press: tuple[Stroke, ...]
+
+    @property
+    def case(self) -> Case:
+        """The lump, at its middle force."""
+        return self.strokes.case
+
+
+def prepare(
+    directory: Path, lumps: int, workers: int | None = None, progress: ProgressCallback | None = None
+) -> list[SolidLump]:
+    """The lumps of DIRECTORY/balls.parquet; where there is none, so many are simulated into it first."""
+    path = directory / SET
+    if not path.exists():
+        report = sweep_progress("stroking", progress)
+        sweep(ball_cases(lumps, SEED), Settings(), directory, workers=workers, progress=report)
+        keep(directory, path, f"balls:{lumps}:{SEED}")
+    return solid_lumps(read_kept(path))
+
+
+def solid_lumps(kept: Sequence[KeptStroke]) -> list[SolidLump]:
+    """Lumps that have all their forces; `UsageError` where no lump has."""
+    out = []
+    for _, partners in groupby(kept, key=lambda k: replace(k.case, F_rel=1.0)):
+        rising = sorted(partners, key=lambda k: k.case.F_rel)
+        lumps, _ = by_lump([felt(k.case, k.positions_mm, k.displacement_mm, k.images_kPa) for k in rising])
+        out += [SolidLump(lump, _press(rising)) for lump in lumps]
+    if not out:
+        raise UsageError("the set holds no lump at three forces")
+    return out
+
+
+def _press(rising: Sequence[KeptStroke]) -> tuple[Stroke, ...]:
+    """The ramp below the least force, and where each stroke begins."""
+    first = rising[0]
+    unit_N = FORCE_UNIT_N_PER_M * WIDTH_MM / 1000
+    at, parts = first.positions_mm[:1], []
+    for force_N, depth, image in zip(first.ramp_N, first.ramp_displacement_mm, first.ramp_images_kPa):
+        case = replace(first.case, F_rel=float(force_N) / unit_N)
+        parts.append(felt(case, at, np.array([depth]), image[None]))
+    for k in rising:
+        parts.append(felt(k.case, at, k.displacement_mm[:1], k.images_kPa[:1]))
+    return tuple(parts)
+
+
+def felt(case: Case, positions_mm: Floats, displacement_mm: Floats, images_kPa: Floats) -> SolidStroke:
+    """A stroke of which only what the probe feels is known; the rest is NaN.
+
+    Images (n, 16, 26), the others (n,).
+    """
+    n = len(positions_mm)
+    unknown, none = np.full(n, np.nan), np.empty(0)
+    return SolidStroke(
+        case=case,
+        positions_mm=positions_mm,
+        displacement_mm=displacement_mm,
+        images_kPa=images_kPa,
+        peak_mm=unknown,
+        peak_kPa=unknown,
+        contact_mm=np.full((n, 2), np.nan),
+        force_error=unknown,
+        smallest_jacobian=unknown,
+        iterations=np.zeros(n, np.int64),
+        factorisations=0,
+        nodes=0,
+        cpu_s=0.0,
+        peak_across_mm=unknown,
+        ramp_N=none,
+        ramp_displacement_mm=none,
+        ramp_images_kPa=np.empty((0, *images_kPa.shape[1:])),
+    )
+
+
+def beside(stroke: Stroke) -> Stroke:
+    """The same stroke with the lump on the other side of the line."""
+    case = replace(stroke.case, offset_mm=-stroke.case.offset_mm)
+    return replace(stroke, case=case, images_kPa=stroke.images_kPa[:, :, ::-1])
+
+
+def scaled(stroke: Stroke, s: float) -> Stroke:
+    """The same stroke with all moduli and the force times s: displacements stay, pressures go times s."""
+    case = replace(stroke.case, fat_kPa=stroke.case.fat_kPa * s, F_rel=stroke.case.F_rel * s)
+    return replace(stroke, case=case, images_kPa=stroke.images_kPa * s)
+
+
+def force_map_of(lumps: Sequence[SolidLump]) -> bytes:
+    """The map that moves a frame to another force, learnt from the rows' means over every fat at once."""
+    ends: list[list[tuple[Floats, Floats]]] = []
+    for k, lump in enumerate(lumps):
+        s = random_scale(lump.case, np.random.default_rng(k))
+        ends.append([_rows(stroke, s) for stroke in (lump.strokes.low, lump.strokes.high)])
+    low, high = ([np.concatenate([e[side][k] for e in ends]) for k in (0, 1)] for side in (0, 1))
+    blob: bytes = force_maps.blob(force_maps.fit(low[0], low[1], high[0], high[1]))
+    return blob
+
+
+def _rows(stroke: Stroke, s: float) -> tuple[Floats, Floats]:
+    """Means over the columns (n, 16) and displacements (n,), to both sides of the lump."""
+    _, images, depth = both_sides(stroke.positions_mm, stroke.images_kPa, stroke.displacement_mm)
+    return s * images.mean(2), depth
