@@ -16,7 +16,7 @@ from palpate.view.events import KNOWN, Estimate, Event, Frame, Interval, MapFit,
 WARNING_S = 1.5
 """How long a warning (press harder, too fast) stays on the page."""
 MAP_PATIENCE_US = 2_000_000
-"""How long an estimate waits for its map, which comes behind it, in the probe's time."""
+"""How long an estimate that has come waits for its map, which comes behind it, in the probe's time."""
 MARK_PREFIX = "mark: "
 _WARNINGS = {"force_low", "force_high", "too_fast"}
 
@@ -30,13 +30,17 @@ class Translator:
         self._warned_s: float | None = None
         self._map_of = (0, 0)
         self._held: link.Estimate | None = None
+        self._held_from_us: int | None = None  # first frame since; a slow probe answers long after its stroke
 
     def feed(self, event: link.Event) -> Iterator[Event]:
         """What one event of the link means for the page."""
         if isinstance(event, link.Frame):
             yield from self._expire(event.time_us * 1e-6)
-            if self._held is not None and event.time_us - self._held.time_us > MAP_PATIENCE_US:
-                yield from self.finish()
+            if self._held is not None:
+                if self._held_from_us is None:
+                    self._held_from_us = event.time_us
+                if event.time_us - self._held_from_us > MAP_PATIENCE_US:
+                    yield from self.finish()
             yield self.frame(event)
         elif isinstance(event, link.StrokeState):
             if event.state == "started":
@@ -51,7 +55,7 @@ class Translator:
                 yield from self.finish()
         elif isinstance(event, link.Estimate):
             yield from self.finish()
-            self._held = event
+            self._held, self._held_from_us = event, None
             if (event.stream, event.stroke) == self._map_of:
                 yield from self.finish()
         elif isinstance(event, link.Log) and event.text.startswith(MARK_PREFIX):
