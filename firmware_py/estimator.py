@@ -126,6 +126,14 @@ class Estimator:
 
     # ---- a stroke
 
+    def begin_press(self):
+        """The probe has touched the skin."""
+        self.pipeline.begin_press()
+
+    def add_press(self, counts, displacement_um):
+        """Add one frame of the press, until the stroke starts. Allocates nothing."""
+        return self.pipeline.add_press(counts, displacement_um)
+
     def begin(self):
         """A stroke starts."""
         self.pipeline.reset()

@@ -73,6 +73,13 @@ class Chain:
         self.place_um = 0
         self.force = 0
 
+    def begin_press(self):
+        """The probe touches the skin: its press begins. A small build passes over it."""
+
+    def add_press(self, packed, displacement_um, at=0):
+        """Add the packed frame at packed[at:] to the press, until the stroke begins. Allocates nothing."""
+        return status.OK
+
     def finish(self, force_map=None):
         """Work out map, fit and features. force_map: what forcemap.load returned, or None.
 
@@ -178,5 +185,10 @@ class Chain:
         profile.measure(self._x, self.n, self._rows, self._depth, middle, self.profile, self._small)
         features.from_fit(self.fit, POINTS, self.features)
         features.from_profile(self.profile, self.features)
-        features.finish(self.force if self.force > 1 else 1, self.calibration.count_mpa, self.features)
+        force = self.force if self.force > 1 else 1
+        features.finish(force, self.calibration.count_mpa, self.features)
+        self._look_at_press(force)
         return middle
+
+    def _look_at_press(self, force):
+        """Fill the features of the press, of a stroke with this force; a small build leaves them absent."""

@@ -12,7 +12,8 @@ _ratio = fixed.ratio
 _mul = fixed.mul
 _window = profile.window
 
-FEATURES_VERSION = 1
+# raised when features are added; what was there keeps its place and its meaning, so older models go on
+FEATURES_VERSION = 2
 NAMES = (
     "ln_base",  # ln(Base / kPa)
     "ln_amp",  # ln(Amp / kPa), Amp at least Base / 512
@@ -44,8 +45,18 @@ NAMES = (
     "ln_peak",  # ln(greatest pressure of the near image / image mean)
     "tilt_15_19",
     "tilt_20_24",
+    "press_d_quarter",  # of the press before the stroke (press.py): ln(D / mm) at a quarter of its force
+    "press_d_half",
+    "press_d_full",
+    "press_width_quarter",  # ln(rms half width of the image / mm)
+    "press_width_half",
+    "press_width_full",
+    "press_share_quarter",  # ln(middle pressure / image mean)
+    "press_share_half",
+    "press_share_full",
+    "base_share",  # ln_base - ln_force: with moduli and forces all times the same it stays
 )
-COUNT = const(30)
+COUNT = const(40)
 # where each stands in the vector: their places in NAMES; a test holds them equal
 _LN_BASE = const(0)
 _LN_AMP = const(1)
@@ -77,6 +88,8 @@ _EDGE_FAR = const(26)
 _LN_PEAK = const(27)
 _TILT_15_19 = const(28)
 _TILT_20_24 = const(29)
+PRESS = const(30)  # the nine of the press; those before it are version 1's
+_BASE_SHARE = const(39)
 # and of the Gaussian's parameters (gauss.py)
 _BASE = const(0)
 _AMP = const(1)
@@ -90,12 +103,13 @@ LN_SUM_TO_N_PER_M = _LN_PITCH - 405824108  # ln(pitch / (2^5 1e9)): sum of Q5 co
 LN_DEPTH_TO_MM = -162409222  # ln(1 / 16e3)
 LN_HALF_PITCH = _LN_PITCH - 127521983  # ln(pitch / 2000)
 LESS_THAN_PITCH = 0x1000000 - ((geometry.PITCH_UM << 16) // 1000 << 7)  # 1 - half a pitch in mm
-_LN_SHARE = _ln(geometry.ROWS) - _ln(profile.MIDDLE)
-_LN_SPREAD = profile.SPREAD_SHIFT * _LN2
+LN_SHARE = _ln(geometry.ROWS) - _ln(profile.MIDDLE)
+LN_SPREAD = profile.SPREAD_SHIFT * _LN2
 _HALF = geometry.HALF_ROWS
 _OUTERMOST = profile.OUTERMOST
 _AT_8_MM, _OUTER, _WEIGHTS = geometry.between(8000)
 TENTH_PERMILLE = 1678  # 1e-4
+ABSENT = -0x1FFFFFFF  # a feature of a press that there was not: outside every model's domain
 FLOOR = 16384  # the least base, Q11: 8 counts
 
 
@@ -143,7 +157,7 @@ def from_profile(q, out):
     far = far if far > 2560 else 2560
     total = _window(q, profile.TOTAL, 24, 33)
     total = total if total > 10240 else 10240
-    out[_LN_CENTRE_SHARE] = _ln(far) - _ln(total) + _LN_SHARE
+    out[_LN_CENTRE_SHARE] = _ln(far) - _ln(total) + LN_SHARE
     out[_ASINH_RISE] = asinh_of(trace(q, far, 0, 2), 32)
     out[_TRACE_3_5] = trace(q, far, 3, 5)
     out[_TRACE_7_9] = trace(q, far, 7, 9)
@@ -203,7 +217,13 @@ def spread(q, low, high, total):
     s = 0
     for j in range(low, high + 1):
         s += q[profile.SPREAD + j] >> 4
-    return ((_ln(s) - _ln((total if total > 1024 else 1024) >> 4) + _LN_SPREAD) >> 1) + LN_HALF_PITCH
+    return ((_ln(s) - _ln((total if total > 1024 else 1024) >> 4) + LN_SPREAD) >> 1) + LN_HALF_PITCH
+
+
+def no_press(out):
+    """Mark the press's features as absent."""
+    for i in range(PRESS, _BASE_SHARE):
+        out[i] = ABSENT
 
 
 def finish(force, count_mpa, out):
@@ -215,6 +235,8 @@ def finish(force, count_mpa, out):
     out[_LN_BASE] += unit
     out[_LN_AMP] += unit
     out[_LN_FORCE] = _ln(force) + LN_SUM_TO_N_PER_M + unit
+    out[_BASE_SHARE] = out[_LN_BASE] - out[_LN_FORCE]
+    no_press(out)
     for i in range(COUNT):
         if out[i] > 0x1FFFFFFF:
             out[i] = 0x1FFFFFFF

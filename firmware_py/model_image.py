@@ -124,7 +124,8 @@ def _load(read, body, features_version, feature_count, probe):
     h = Header(read, body, probe)
     if h.code != status.OK:
         return h.code, None
-    if h.features_version != features_version:
+    # features are only ever added
+    if not 0 < h.features_version <= features_version:
         return status.BAD_VERSION, None
     parts = [b""] + [h.section(read, tag) for tag in range(1, SELF_TEST)]
     code = model_check.check(parts, feature_count)

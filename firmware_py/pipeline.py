@@ -1,6 +1,7 @@
 """From frames to features: the whole chain in integers, the same on the probe and on the host.
 
     p = Pipeline(calibration)
+    p.begin_press(); p.add_press(packed, displacement_um); ...
     p.reset(); p.add_frame(packed, position_um, displacement_um); ...; p.finish(force_map)
     p.features
 
@@ -9,7 +10,7 @@
 
 from array import array
 
-from firmware_py import bins, calib, columns, feature_chain, gauss, geometry, status, stuck, traces
+from firmware_py import bins, calib, columns, feature_chain, gauss, geometry, press, status, stuck, traces
 
 POINTS = feature_chain.POINTS
 HALF_UM = feature_chain.HALF_UM
@@ -68,6 +69,7 @@ class Pipeline(feature_chain.Chain):
 
     def __init__(self, calibration, n_bins=bins.BINS, width_um=bins.WIDTH_UM, fixed_columns=None, once=False):
         feature_chain.Chain.__init__(self, calibration, n_bins)
+        self.press = press.Press()
         self.bins = bins.Bins(n_bins, width_um)
         self.fixed_columns = fixed_columns
         self.columns = array("i", bytes(4 * _COLUMNS))  # how much of the bump each column sees, Q3 counts
@@ -79,7 +81,8 @@ class Pipeline(feature_chain.Chain):
         self.reset()
 
     def reset(self):
-        """Forget the stroke; the last results stay readable until `finish`."""
+        """Forget the stroke; the last results stay readable until `finish`. The press is over."""
+        self.press.open = False
         self.bins.reset()
         self.n = 0
         self.done = False
@@ -91,6 +94,32 @@ class Pipeline(feature_chain.Chain):
         if len(packed) - at < geometry.FRAME_BYTES:
             return status.BAD_LENGTH
         return self.bins.add(packed, at, position_um, displacement_um)
+
+    def begin_press(self):
+        """The probe touches the skin; of a stroke that has ended before only the features are left."""
+        self.press.begin()
+
+    def add_press(self, packed, displacement_um, at=0):
+        """Add the packed frame at packed[at:] to the press, until the stroke begins. Allocates nothing."""
+        if len(packed) - at < geometry.FRAME_BYTES:
+            return status.BAD_LENGTH
+        p = self.press
+        if not p.open or not p.due():
+            return status.OK
+        # no stroke is in the bins as long as the probe is pressed: the first is lent
+        b = self.bins
+        c = self.calibration
+        b.count[0] = 1
+        self._slot[0] = 0
+        bins.put_cells(packed, at, b.cells, 0)
+        calib.calibrate_bins(
+            b.cells, self._slot, 1, b.count, c.offset, c.gain, c.fill, c.fills, self._exact, self._force
+        )
+        p.add(self._exact, displacement_um)
+        return status.OK
+
+    def _look_at_press(self, force):
+        self.press.measure(force, self.calibration.count_mpa, self.features, self._small)
 
     def _origin(self):
         return self.bins.origin_um

@@ -155,10 +155,19 @@ class Probe:
         if stream.watches_strokes():
             events = self.strokes.update(counts, position_um, time_us)
             tells = stream.content & messages.CONTENT_STROKES
-            if self.estimator and tells and self.strokes.state == stroke_state.STROKE:
-                if events & 1 << messages.STATE_STARTED:
-                    self.estimator.begin()
-                self.estimator.add_frame(counts, position_um, take.displacement_um)
+            if self.estimator and tells:
+                state = self.strokes.state
+                paused = events & 1 << messages.STATE_ENDED and state == stroke_state.CONTACT
+                # the frame that ends a stroke by standing still counts as one of it
+                if state == stroke_state.STROKE or paused:
+                    if events & 1 << messages.STATE_STARTED:
+                        self.estimator.begin()
+                    self.estimator.add_frame(counts, position_um, take.displacement_um)
+                elif state == stroke_state.CONTACT:
+                    if events & 1 << messages.STATE_CONTACT:
+                        self.estimator.begin_press()
+                    # after a stroke that has ended by standing still the press is over: no frame is taken
+                    self.estimator.add_press(counts, take.displacement_um)
             if events and tells:
                 self._tell(events, seq)
             if events & 1 << messages.STATE_ENDED:

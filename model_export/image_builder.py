@@ -208,7 +208,7 @@ def inspect(data: bytes, key: bytes | None = None, probe: str | None = None) -> 
         text = header.section(read, fw.INFO).decode("ascii", "replace")
         names = tuple(text.split("\n")[0].split(","))
         adapted = next((line for line in text.split("\n")[2:] if line.startswith("adapted ")), "")
-        if header.features_version != firmware_features.FEATURES_VERSION:
+        if header.features_version > firmware_features.FEATURES_VERSION:
             raise ImageError(
                 f"the model needs version {header.features_version} of the features, "
                 f"this firmware computes version {firmware_features.FEATURES_VERSION}"

@@ -16,11 +16,12 @@ from palpate.dataset.table import DataSet
 from palpate.errors import PalpateError, RecordingError
 from palpate.features.map_features import Floats
 from palpate.firmware_twin.replay_core import Replay
-from palpate.link.events import Estimate, Frame
+from palpate.link.events import Estimate, Frame, StrokeState
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.schema import ModelSpec
 from palpate.recording.channels import CALIBRATION
 from palpate.recording.playback import open_recording
+from palpate.recording.presses import Presses
 from palpate.recording.replay import FRAMES_KEPT
 from palpate.regression.observed import NAMES, OF_THE_DISPLACEMENT
 
@@ -38,6 +39,8 @@ class RecordedStroke:
     packed : list of bytes
     positions_um, displacements_um, times_us : (n,), int
     calibration : calib.Calibration
+    press : (packed frames, displacements_um)
+        Of the press before it; both empty where it is not whole.
     missing : frozenset of str
         "displacement", "position", "time": what the recording was imported without.
     """
@@ -48,6 +51,7 @@ class RecordedStroke:
     displacements_um: NDArray[np.int64]
     times_us: NDArray[np.int64]
     calibration: calib.Calibration
+    press: tuple[list[bytes], list[int]]
     missing: frozenset[str]
 
 
@@ -61,6 +65,7 @@ def read_strokes(path: str | Path) -> dict[int, RecordedStroke]:
     frames: dict[int, Frame] = {}
     found: dict[int, RecordedStroke] = {}
     own = calib.Calibration()
+    presses = Presses()
     with open_recording(path) as session:
         blob = session.recording.attachment(CALIBRATION)
         if blob and own.load(blob) != status.OK:
@@ -68,7 +73,9 @@ def read_strokes(path: str | Path) -> dict[int, RecordedStroke]:
         said = session.recording.metadata().get(IMPORT_NOTE, {}).get("missing", "")
         missing = frozenset(said.split())
         for event in session.events():
-            if isinstance(event, Frame):
+            if isinstance(event, StrokeState):
+                presses.take(event)
+            elif isinstance(event, Frame):
                 frames[event.seq] = event
                 if len(frames) > FRAMES_KEPT:
                     del frames[next(iter(frames))]
@@ -76,12 +83,13 @@ def read_strokes(path: str | Path) -> dict[int, RecordedStroke]:
                 numbers = [(event.first_seq + k) % messages.WRAP for k in range(event.frames)]
                 whole = [frames[k] for k in numbers if k in frames]
                 if len(whole) == event.frames:
-                    found[event.stroke] = _stroke(event.stroke, whole, own, missing)
+                    press = presses.of(event.stream, event.stroke, frames) or []
+                    found[event.stroke] = _stroke(event.stroke, whole, press, own, missing)
     return found
 
 
 def _stroke(
-    number: int, frames: list[Frame], own: calib.Calibration, missing: frozenset[str]
+    number: int, frames: list[Frame], press: list[Frame], own: calib.Calibration, missing: frozenset[str]
 ) -> RecordedStroke:
     return RecordedStroke(
         number,
@@ -90,6 +98,7 @@ def _stroke(
         np.array([frame.displacement_um for frame in frames], np.int64),
         np.array([frame.time_us for frame in frames], np.int64),
         own,
+        ([frame.packed for frame in press], [frame.displacement_um for frame in press]),
         missing,
     )
 
@@ -156,7 +165,13 @@ def observe_data_set(
             there = ", ".join(map(str, recordings[path])) or "none"
             raise fault(row, "stroke", f"{path.name} has no whole stroke {number}; it has {there}")
         _check_needs(row, path, stroke, spec)
-        frames = (stroke.packed, stroke.positions_um, stroke.displacements_um, stroke.calibration)
+        frames = (
+            stroke.packed,
+            stroke.positions_um,
+            stroke.displacements_um,
+            stroke.calibration,
+            stroke.press,
+        )
         codes[k] = replay.stroke(*frames)
         X[k] = replay.features()
         if progress is not None:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from firmware_py import bins, calib, features, geometry, profile
 from palpate.errors import UsageError
 from palpate.features import pipeline_steps as steps
+from palpate.features import press_features
 from palpate.features.pipeline_steps import Gaussian, fit_like_firmware
 from palpate.model_export.fixed_point.force_map import ForceMap
 from palpate.sim.probe.cells import PITCH_MM, ROW_MM
@@ -66,6 +67,7 @@ def compute(
     force_map: ForceMap | None = None,
     fixed_columns: tuple[int, int] | None = None,
     width_mm: float = bins.WIDTH_UM / 1e3,
+    press: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Reference:
     """The whole pipeline in float64.
 
@@ -76,6 +78,8 @@ def compute(
     positions_mm, displacements_mm : array_like (n,)
     calibration, force_map, fixed_columns, width_mm
         As for the firmware's pipeline.
+    press : (counts (m, cells), displacements_mm (m,)), optional
+        The frames between contact and the stroke's first.
 
     Raises
     ------
@@ -124,12 +128,13 @@ def compute(
         if span != (0, geometry.COLUMNS):
             image, depth = moved(p[:, :, span[0] : span[1]].mean(2))
             y, fit = fitted(image)
-    found = _features(x, image, depth, middle + fit.centre, fit, float(force.mean()))
+    pressed = press_features.curves(*press, calibration) if press else np.empty((0, 4))
+    found = _features(x, image, depth, middle + fit.centre, fit, float(force.mean()), pressed)
     return Reference(found, y, fit, float(middle), (int(span[0]), int(span[1])), answer)
 
 
 def _features(
-    x: Floats, image: Floats, depth: Floats, centre: float, fit: Gaussian, force: float
+    x: Floats, image: Floats, depth: Floats, centre: float, fit: Gaussian, force: float, pressed: Floats
 ) -> dict[str, float]:
     w = steps.weights(x, centre + REACH_MM)
     r, d = w @ image, w @ depth
@@ -192,4 +197,7 @@ def _features(
         "tilt_15_19": tilt(15, 19),
         "tilt_20_24": tilt(20, 24),
     }
+    out["base_share"] = out["ln_base"] - out["ln_force"]
+    at_parts = press_features.at_parts(pressed, out["ln_force"])
+    out |= dict(zip(press_features.NAMES, at_parts, strict=True))
     return {name: float(out[name]) for name in features.NAMES}

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py import calib, feature_chain, features, forcemap, gauss, geometry
+from firmware_py import calib, feature_chain, features, forcemap, gauss, geometry, settings, stroke_state
 from palpate.errors import UsageError
 from palpate.firmware_twin import twin
 from palpate.sim.probe.sensors import FrameStream
@@ -113,19 +113,44 @@ class Replay:
         positions_um: Sequence[int] | NDArray[np.int64],
         displacements_um: Sequence[int] | NDArray[np.int64],
         calibration: calib.Calibration | None = None,
+        press: tuple[Iterable[bytes], Iterable[int]] = ((), ()),
     ) -> int:
-        """Push one stroke through; returns the pipeline's status. Results are in `pipeline`."""
+        """Push one stroke through; returns the pipeline's status. Results are in `pipeline`.
+
+        press : packed frames and displacements_um between contact and the stroke's first frame.
+        """
         p = self.pipeline
         if calibration is not None:
             p.calibration = calibration
+        p.begin_press()
+        for frame, d in zip(*press, strict=True):
+            p.add_press(frame, int(d))
         p.reset()
         for frame, x, d in zip(packed, positions_um, displacements_um, strict=True):
             p.add_frame(frame, int(x), int(d))
         return int(p.finish(self.force_map))
 
     def stream(self, frames: FrameStream, calibration: calib.Calibration | None = None) -> int:
-        """The same for a stroke of palpate.sim.probe.sensors."""
-        return self.stroke(frames.packed, frames.positions_um, frames.displacements_um, calibration)
+        """The same for a stroke of palpate.sim.probe.sensors, with the press before it if it has one.
+
+        Of the press the probe sees what comes after it has noticed the contact.
+        """
+        if calibration is not None:
+            self.pipeline.calibration = calibration
+        n = frames.press
+        touched = self._contact(frames.packed[:n])
+        press = (frames.packed[touched:n], frames.displacements_um[touched:n].tolist())
+        return self.stroke(
+            frames.packed[n:], frames.positions_um[n:], frames.displacements_um[n:], calibration, press
+        )
+
+    def _contact(self, packed: Sequence[bytes]) -> int:
+        """Which of these frames is the first that the probe takes for contact."""
+        if not packed:
+            return 0
+        zero = sum(self.pipeline.calibration.offset) >> 3
+        state = stroke_state.StrokeState(settings.Settings().values, zero)
+        return next((k for k, frame in enumerate(packed) if state.in_contact(frame)), len(packed))
 
     def features(self) -> NDArray[np.float64]:
         """The last stroke's features in their own units, in the order of features.NAMES."""

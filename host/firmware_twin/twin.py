@@ -28,6 +28,7 @@ STAGES = (
     "forcemap",
     "profile",
     "features",
+    "press",
     "feature_chain",
     "pipeline",
     "rowpipeline",

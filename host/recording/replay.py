@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from firmware_py import calib, evaluator, forcemap, messages, pipeline, status
+from firmware_py import calib, evaluator, features, forcemap, messages, pipeline, status
 from firmware_py.estimator import answer
 from palpate.errors import RecordingError
-from palpate.link.events import Estimate, Features, Frame
+from palpate.link.events import Estimate, Features, Frame, StrokeState
 from palpate.recording.channels import CALIBRATION, MODEL
 from palpate.recording.playback import open_recording
+from palpate.recording.presses import Presses
 from palpate.recording.reader import Recording
 
 FRAMES_KEPT = 1 << 16
@@ -35,7 +36,8 @@ class ReplayedStroke:
     host : Estimate or None
         Worked out here; None where `missing` says why not.
     features_equal : bool or None
-        Whether the features agree bit for bit; None where the probe sent none.
+        Whether the features agree bit for bit, those of the press where its frames are there; None where the
+        probe sent none.
     missing : str
         Why there is no comparison; "" where there is one.
     """
@@ -92,7 +94,16 @@ class Replayer:
         self._force_map = forcemap.load(self.model.force_map) if self.model.force_map else None
         self._out = array("i", bytes(4 * evaluator.OUT_SIZE))
 
-    def estimate(self, said: Estimate, frames: list[Frame]) -> tuple[Estimate, tuple[int, ...]]:
+    @property
+    def needs_press(self) -> bool:
+        """Whether the model looks at the press before a stroke."""
+        tables = self.model.tables
+        used = {*tables.ids, *tables.limits[::3]}
+        return any(features.NAMES[i].startswith("press_") for i in used)
+
+    def estimate(
+        self, said: Estimate, frames: list[Frame], press: list[Frame] | None = None
+    ) -> tuple[Estimate, tuple[int, ...]]:
         """The estimate and the features of a stroke's frames.
 
         Parameters
@@ -101,8 +112,13 @@ class Replayer:
             The probe's own, for the stroke's number and place.
         frames : list of Frame
             All frames that it rests on, in order.
+        press : list of Frame, optional
+            Those between contact and the stroke's start.
         """
         p = self._pipeline
+        p.begin_press()
+        for frame in press or ():
+            p.add_press(frame.packed, frame.displacement_um)
         p.reset()
         for frame in frames:
             p.add_frame(frame.packed, frame.position_um, frame.displacement_um)
@@ -150,21 +166,29 @@ def replay(path: str | Path, model: bytes | None = None) -> Iterator[ReplayedStr
     image = model or recording.attachment(MODEL)
     replayer = Replayer(image, recording.attachment(CALIBRATION) or b"") if image else None
     frames: dict[int, Frame] = {}
-    features: dict[int, tuple[int, ...]] = {}
+    told: dict[int, tuple[int, ...]] = {}
+    presses = Presses()
     with open_recording(path) as session:
         for event in session.events():
-            if isinstance(event, Frame):
+            if isinstance(event, StrokeState):
+                presses.take(event)
+            elif isinstance(event, Frame):
                 frames[event.seq] = event
                 if len(frames) > FRAMES_KEPT:
                     del frames[next(iter(frames))]
             elif isinstance(event, Features):
-                features[event.stroke] = event.values
+                told[event.stroke] = event.values
             elif isinstance(event, Estimate):
-                yield _compare(event, frames, features.pop(event.stroke, None), replayer)
+                press = presses.of(event.stream, event.stroke, frames)
+                yield _compare(event, frames, press, told.pop(event.stroke, None), replayer)
 
 
 def _compare(
-    said: Estimate, frames: dict[int, Frame], features: tuple[int, ...] | None, replayer: Replayer | None
+    said: Estimate,
+    frames: dict[int, Frame],
+    press: list[Frame] | None,
+    told: tuple[int, ...] | None,
+    replayer: Replayer | None,
 ) -> ReplayedStroke:
     if replayer is None:
         why = "the recording holds no model image; give one with --model"
@@ -178,8 +202,17 @@ def _compare(
         held, used = replayer.model.model_id.hex(), said.model_id.hex()
         why = f"the probe used model {used}, and this image is {held}"
         return ReplayedStroke(said, None, None, why)
-    estimate, values = replayer.estimate(said, own)
-    equal = None if features is None else values == features
+    if press is None and replayer.needs_press:
+        why = "frames of the press before the stroke are missing, and the model needs it"
+        return ReplayedStroke(said, None, None, why)
+    estimate, values = replayer.estimate(said, own, press)
+    equal = None if told is None else _same(told, values, press is not None)
     for seq in numbers:
         del frames[seq]
     return ReplayedStroke(said, estimate, equal)
+
+
+def _same(told: tuple[int, ...], here: tuple[int, ...], with_press: bool) -> bool:
+    """Whether the features are the same: those that the probe knew, which may be older than this program."""
+    pairs = zip(features.NAMES, told, here)
+    return all(a == b for name, a, b in pairs if with_press or not name.startswith("press_"))

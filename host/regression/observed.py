@@ -18,7 +18,7 @@ from palpate.sim.probe.sensors import Noise, SensorModel, StrokeField, pack
 
 NAMES = firmware_features.NAMES
 OF_THE_DISPLACEMENT = tuple(
-    name for name in NAMES if name.startswith(("ln_d28", "ln_d0", "ln_d_far", "dip_", "ln_ramp_d"))
+    name for name in NAMES if name.startswith(("ln_d28", "ln_d0", "ln_d_far", "dip_", "press_d_"))
 )
 """Features that a recording without displacement does not have."""
 Alter = Callable[[NDArray[np.uint16]], NDArray[np.uint16]]

@@ -83,6 +83,12 @@ def columns(names: Sequence[str]) -> list[int]:
     return [firmware_features.NAMES.index(name) for name in names]
 
 
+def features_version(names: Sequence[str]) -> int:
+    """The first version of the firmware's features that has all of these: older probes take such a model."""
+    newest = max(columns(names))
+    return 1 if newest < firmware_features.PRESS else firmware_features.FEATURES_VERSION
+
+
 def fit_polynomial(
     names: Sequence[str],
     X: Floats,
@@ -152,7 +158,7 @@ def spec_of(
     return ModelSpec(
         kind=kind,
         probe=model_image.PROBE.decode(),
-        features_version=firmware_features.FEATURES_VERSION,
+        features_version=features_version(model.names),
         features=model.names,
         centre=_floats(model.centre),
         scale=_floats(model.scale),

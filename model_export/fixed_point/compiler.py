@@ -48,7 +48,7 @@ def compile_model(spec: ModelSpec) -> ev.Tables:
         If a coefficient or an intercept does not fit its word.
     """
     spec.validate()
-    if spec.features_version != firmware_features.FEATURES_VERSION:
+    if spec.features_version > firmware_features.FEATURES_VERSION:
         raise ModelError(
             f"the model was trained on version {spec.features_version} of the features, "
             f"the firmware computes version {firmware_features.FEATURES_VERSION}; fit it again"

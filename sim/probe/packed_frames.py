@@ -52,6 +52,8 @@ class FrameStream:
         The same counts (float64 where Noise.quantise is False, then `packed` holds them rounded).
     positions_um, displacements_um, times_us : ndarray (n,), int
     truth : Truth
+    press : int
+        So many of the first frames are the press: the probe has touched the skin and does not move yet.
     """
 
     packed: list[bytes]
@@ -60,6 +62,7 @@ class FrameStream:
     displacements_um: NDArray[np.int64]
     times_us: NDArray[np.int64]
     truth: Truth
+    press: int = 0
 
     def __len__(self) -> int:
         return len(self.packed)

@@ -35,6 +35,11 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
+PRESS_FRAMES = 24
+"""Of a press, .64 s at the usual rate."""
+
+_PRESS_FROM, _PRESS_MM_PER_S = 0.2, 60.0
+_DEPTH_OVER_FORCE = 0.62
 _AS_STIFFNESS = 0.67 / 0.62
 """The displacement goes as (F / E)^.62 t^.67: how much softer tissue is like how much thicker tissue."""
 
@@ -206,16 +211,57 @@ class SensorModel:
         F = self.field.low.F_N_per_m if self.field.one_force else float(np.mean(self.force_at(stroke_mm)))
         return Truth(c, F, -self.start_mm)
 
-    def stroke(self, n_frames: int = 50, frames_per_s: float = 37.5, origin_um: int = 0) -> FrameStream:
+    def _press(
+        self, frames: int, frames_per_s: float, field: StrokeField | None
+    ) -> tuple[Floats, NDArray[np.int64]]:
+        """Counts (frames, cells) and displacements in um (frames,) while the hand presses to its force."""
+        field = field or self.field
+        start = -self.travel_mm / 2
+        stiffness = float(self.stiffness_at(np.array([start]))[0])
+        force = self.force_at(np.array([start])) * np.linspace(_PRESS_FROM, 1.0, frames) / stiffness
+        least = field.forces_N_per_m[0]
+        image, depth = field.at(
+            np.full(frames, field.reach_mm[0]), None if field.one_force else np.maximum(force, least)
+        )
+        share = np.minimum(force / least, 1.0)
+        image *= stiffness * share.reshape(-1, *np.ones(image.ndim - 1, int))
+        if image.ndim < 3:
+            image = np.repeat(image[:, :, None], geometry.COLUMNS, axis=2)
+        seconds = (np.arange(frames) - frames) / frames_per_s
+        counts, _, depth_um = self.felt(
+            image, depth * share**_DEPTH_OVER_FORCE, start + _PRESS_MM_PER_S * seconds, np.zeros(frames)
+        )
+        return counts, depth_um
+
+    def stroke(
+        self,
+        n_frames: int = 50,
+        frames_per_s: float = 37.5,
+        origin_um: int = 0,
+        *,
+        press: int = 0,
+        pressed: StrokeField | None = None,
+    ) -> FrameStream:
         """A whole stroke of n_frames evenly timed frames.
 
-        Origin_um is what the encoder reads at its middle.
+        Parameters
+        ----------
+        origin_um : int
+            What the encoder reads at its middle.
+        press : int
+            So many frames more before it: the probe stands where it will begin, and the hand's force rises
+            from a fifth to all of what it is there.
+        pressed : StrokeField, optional
+            What is under the probe then: one position at rising forces, the least about a fifth of the
+            greatest. By default the stroke's own begin. Below the least of its forces the image keeps its
+            shape.
         """
         if n_frames < 2:
             raise UsageError(f"a stroke of {n_frames} frames: it takes 2 or more")
         x = np.linspace(-self.travel_mm / 2, self.travel_mm / 2, n_frames)
         self._lag = Lag()
-        return self._frames(x, *self.pressures_at(x), frames_per_s, origin_um)
+        before = self._press(press, frames_per_s, pressed) if press else None
+        return self._frames(x, *self.pressures_at(x), frames_per_s, origin_um, before)
 
     def untouched(self, n_frames: int = 50, frames_per_s: float = 37.5) -> FrameStream:
         """Frames of the probe lying in the air: its noise, its zeros, its dead cells."""
@@ -223,13 +269,26 @@ class SensorModel:
         return self._frames(x, np.zeros((n_frames, *SHAPE)), x, frames_per_s, 0)
 
     def _frames(
-        self, x: Floats, pressure_kPa: Floats, displacement_mm: Floats, frames_per_s: float, origin_um: int
+        self,
+        x: Floats,
+        pressure_kPa: Floats,
+        displacement_mm: Floats,
+        frames_per_s: float,
+        origin_um: int,
+        before: tuple[Floats, NDArray[np.int64]] | None = None,
     ) -> FrameStream:
-        """Evenly timed frames of pressures (n, rows, columns) and displacements (n,) at places x (n,)."""
-        n_frames = len(x)
-        counts, place, depth = self.felt(pressure_kPa, displacement_mm, x, np.linspace(0, 1, n_frames))
+        """Evenly timed frames of pressures (n, rows, columns) and displacements (n,) at places x (n,).
+
+        before : counts (m, cells) and displacements in um (m,) of a press where they begin.
+        """
+        counts, place, depth = self.felt(pressure_kPa, displacement_mm, x, np.linspace(0, 1, len(x)))
+        press = 0
+        if before is not None:
+            press = len(before[0])
+            counts, depth = np.concatenate([before[0], counts]), np.concatenate([before[1], depth])
+            place = np.concatenate([np.full(press, place[0]), place])
         whole = np.clip(np.rint(counts), 0, geometry.FULL_COUNT).astype(np.uint16)
-        times = np.rint(np.arange(n_frames) * 1e6 / frames_per_s).astype(np.int64)
+        times = np.rint(np.arange(len(place)) * 1e6 / frames_per_s).astype(np.int64)
         return FrameStream(
             packed=[pack(c) for c in whole],
             counts=whole if self.noise.quantise else counts,
@@ -237,6 +296,7 @@ class SensorModel:
             displacements_um=depth,
             times_us=times,
             truth=self.truth(x),
+            press=press,
         )
 
 

@@ -13,21 +13,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py import features as firmware_features
 from palpate.errors import UsageError
 from palpate.features.map_features import Floats
+from palpate.features.press_features import ABSENT
 from palpate.firmware_twin.replay_core import Replay
-from palpate.regression.any_tissue.press import at_parts, curves, press_frames
 from palpate.regression.field.data import read_lumps
 from palpate.regression.field.design import LumpStrokes
 from palpate.regression.observed import NAMES, noise_named
 from palpate.regression.probe_model import shows_lump
-from palpate.sim.probe.sensors import Noise, SensorModel, StrokeField
+from palpate.sim.probe.sensors import PRESS_FRAMES, Noise, SensorModel, StrokeField
 from palpate.sim.tissue import Case, Stroke, load_strokes
 
 FAT_KPA = (5.0, 25.0)
 FORCE_N_PER_M = (25.0, 150.0)
 TRUTH = ("ln d", "ln depth", "ln t", "E^-2/3", "ln F/E_fat", "ln F", "ln E_fat", "gland_ratio", "gland_mm")
-_FAR = NAMES.index("ln_force")
+_OF_THE_PRESS = slice(firmware_features.PRESS, firmware_features.PRESS + 9)
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class ObservedInTissue:
     X : (n, features)
         The stroke's, by the firmware's names.
     press : (n, 9)
-        Of `press.at_parts`.
+        Those of X that tell of the press.
     Y : (n, 9)
         By `TRUTH`; lengths in mm, F in N/m, E_fat in kPa.
     found : (n), bool
@@ -111,6 +112,9 @@ def observe(
 ) -> ObservedInTissue:
     """One stroke with its press over each lump, each in a fat and by a probe and a hand of its own.
 
+    A stroke so light that the probe saw too little of its press is left out: it has none to learn from, and
+    is outside every domain.
+
     Parameters
     ----------
     every : int
@@ -126,18 +130,17 @@ def observe(
         strokes = lump.strokes.strokes[::every]
         field = StrokeField(*(scaled(stroke, s) for stroke in strokes))
         sensors = SensorModel(field, level, int(rng.integers(1 << 40)))
-        frames = press_frames(
-            sensors, StrokeField(*(scaled(p, s) for p in lump.press)), sensors.mean_force_N_per_m
-        )
-        stream = sensors.stroke()
+        pressed = StrokeField(*(scaled(p, s) for p in lump.press))
+        stream = sensors.stroke(press=PRESS_FRAMES, pressed=pressed)
         code = replay.stream(stream, sensors.calibration())
         X.append(replay.features())
-        press.append(at_parts(curves(*frames, sensors.known_dead.ravel()), X[-1][_FAR]))
+        press.append(X[-1][_OF_THE_PRESS])
         case = lump.strokes.case
         Y.append(_truth(case, stream.truth.F_N_per_m, s * case.fat_kPa))
         whole.append(code == 0)
     found = np.array(whole) & shows_lump(np.array(X), NAMES)
-    return ObservedInTissue(np.array(X), np.array(press), np.array(Y), found, first + np.arange(len(lumps)))
+    seen = ObservedInTissue(np.array(X), np.array(press), np.array(Y), found, first + np.arange(len(lumps)))
+    return seen.take(seen.press[:, 0] != ABSENT)
 
 
 def _truth(case: Case, F: float, fat_kPa: float) -> list[float]:

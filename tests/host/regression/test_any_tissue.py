@@ -4,10 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from firmware_py import geometry
 from palpate.errors import UsageError
-from palpate.regression.any_tissue import model, observed, press, study
+from palpate.features import press_features
+from palpate.regression.any_tissue import model, observed, study
 from palpate.regression.observed import NAMES
-from palpate.sim.probe.sensors import Noise, SensorModel, StrokeField
+from palpate.sim.probe.sensors import PRESS_FRAMES, Noise, SensorModel, StrokeField
 from palpate.sim.tissue import Case, Settings, simulate_forces
 from palpate.sim.tissue.any_tissue import PRESSES, any_tissue_cases, press_cases
 from palpate.sim.tissue.design import read_design, settings_of
@@ -49,19 +51,30 @@ def test_one_simulation_serves_every_fat():
     assert computed.images_kPa == pytest.approx(other.images_kPa, rel=1e-3, abs=1e-3)
 
 
-def test_a_press_is_read_at_parts_of_the_strokes_force():
+def test_a_press_is_felt_at_parts_of_the_strokes_force():
     forces = [CASE.F_rel * part for part in (0.2, 0.4, 0.65, 1.0)]
     field = StrokeField(*simulate_forces(CASE, forces, PRESSES))
     F = CASE.F_N_per_m
     sensors = SensorModel(field, Noise(quantise=False), 1, mean_force_N_per_m=F)
-    counts, depth_um = press.press_frames(sensors, field, F)
-    frames = press.curves(counts, depth_um, np.zeros(416, bool))
-    found = press.at_parts(frames, np.log(F))
-    images, depths = field.at(np.zeros(3), F * np.array(press.PARTS))
+    stream = sensors.stroke(2, press=PRESS_FRAMES, pressed=field)
+    counts, depths_mm = stream.counts[:PRESS_FRAMES], stream.displacements_um[:PRESS_FRAMES] / 1e3
+    frames = press_features.curves(counts, depths_mm)
+    found = press_features.at_parts(frames, np.log(F))
+    images, depths = field.at(np.zeros(3), F * np.array(press_features.PARTS))
     assert found[:3] == pytest.approx(np.log(depths), abs=0.02)
     share = np.log(images[:, 6:10].mean(1) / images.mean(1))
     assert found[6:] == pytest.approx(share, abs=0.02)
     assert frames[-1, 0] == pytest.approx(np.log(images[-1].sum() * 1.5), abs=0.005)
+
+
+def test_below_the_least_force_that_was_simulated_a_pressed_image_keeps_its_shape():
+    low, high = (CASE.F_rel * part for part in (0.8, 1.0))
+    field = StrokeField(*simulate_forces(CASE, [low, high], PRESSES))
+    sensors = SensorModel(field, Noise(quantise=False), 1, mean_force_N_per_m=CASE.F_N_per_m)
+    stream = sensors.stroke(2, press=20)
+    rows = stream.counts[:20] - geometry.PEDESTAL_COUNTS
+    assert rows.mean(1) == pytest.approx(rows[-1].mean() * np.linspace(0.2, 1, 20), rel=0.01)
+    assert (np.diff(stream.displacements_um[:21]) >= -1).all() and len(set(stream.positions_um[:21])) == 1
 
 
 def test_strokes_are_seen_with_their_press_each_in_a_fat_of_its_own(few):

@@ -1,0 +1,191 @@
+"""The press before a stroke: as exact as its reference, in range whatever comes, the same on MicroPython."""
+
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from firmware_py import calib, features, geometry, press, status
+from palpate.features import pipeline_features, press_features
+from palpate.firmware_twin.replay_core import Replay
+from palpate.sim.probe.scripts import run_micropython
+from palpate.sim.probe.sensors import LEVELS, SensorModel
+from tests.firmware_py import checked_int
+
+OF_THE_PRESS = slice(features.PRESS, features.PRESS + 9)
+LN_COUNTS = np.log(32e9 / (geometry.COUNT_MPA * geometry.PITCH_UM))
+"""ln F in N/m, and this, is ln of an image's sum in Q5 counts."""
+
+
+def pressed(rows, depths_um, force):
+    """The nine features in integers, and how good the press was; rows (n, 16) in Q5 counts."""
+    one = press.Press()
+    one.begin()
+    for row, depth in zip(rows, depths_um, strict=True):
+        if one.due():
+            one.add(checked_int.ints(row), int(depth))
+    out = checked_int.ints([0] * features.COUNT)
+    one.measure(force, geometry.COUNT_MPA, out, checked_int.ints([0] * 64))
+    return np.array(out[OF_THE_PRESS]) / 2**24, one.code
+
+
+@st.composite
+def presses(draw):
+    """Images whose width and peak change with a rising force, well clear of the ends of what counts."""
+    n = draw(st.integers(12, 32))
+    low, high = draw(st.floats(0.14, 0.33)), draw(st.floats(0.8, 1.4))
+    force = np.linspace(low, high, n) if draw(st.booleans()) else np.geomspace(low, high, n)
+    full = draw(st.floats(1500, 30000))
+    narrow, bend = draw(st.floats(1, 3)), draw(st.floats(-0.4, 0.4))
+    place = np.linspace(-1, 1, geometry.ROWS)
+    shape = 1 + np.outer(narrow + bend * np.log(force), 1 - place**2)
+    rows = force[:, None] * full * shape / shape.mean(1, keepdims=True)
+    rows += draw(st.floats(-0.1, 0.1)) * full * place
+    depths = draw(st.floats(500, 9000)) * force ** draw(st.floats(0.4, 0.9))
+    return np.rint(rows), np.rint(depths), round(full * geometry.ROWS)
+
+
+@given(presses())
+@settings(max_examples=300, deadline=None)
+def test_the_integers_say_what_float64_says(one):
+    rows, depths_um, force = one
+    got, code = pressed(rows, depths_um, force)
+    counts = np.repeat(rows / 32, geometry.COLUMNS, axis=1) + geometry.PEDESTAL_COUNTS
+    counts += (calib.PEDESTAL / 8) - geometry.PEDESTAL_COUNTS
+    frames = press_features.curves(counts, depths_um / 1e3)
+    assert frames[:, 0] + LN_COUNTS == pytest.approx(np.log(rows.sum(1)), abs=1e-2)
+    wanted = press_features.at_parts(frames, np.log(force) - LN_COUNTS)
+    assert code == press.GOOD
+    assert got == pytest.approx(wanted, abs=1e-3)
+
+
+@given(presses(), st.data())
+@settings(max_examples=50, deadline=None)
+def test_a_press_that_does_not_reach_from_a_quarter_to_all_of_the_force_counts_as_none(one, data):
+    rows, depths_um, force = one
+    part = rows.sum(1) / force
+    missing = data.draw(st.sampled_from([part > 0.36, part < 0.7, np.arange(len(part)) < 5]))
+    got, code = pressed(rows[missing], depths_um[missing], force)
+    assert code in (press.NARROW, press.FEW)
+    assert (got == press_features.ABSENT).all()
+
+
+@pytest.mark.parametrize("n", [1, 31, 32, 33, 64, 65, 500])
+def test_of_a_long_press_frames_are_kept_evenly_from_its_first_to_its_end(n):
+    one = press.Press()
+    one.begin()
+    for k in range(n):
+        if one.due():
+            one.add(checked_int.ints([1000] * geometry.ROWS), 1000 + k)
+    seen = np.rint(np.exp(np.array(one.kept[1 : 4 * one.n : 4]) / 2**24) * 1e3).astype(int) - 1000
+    step = np.diff(seen)
+    assert seen[0] == 0 and (step == step[:1]).all()
+    assert one.n <= press.MOST and (n < 32 or one.n >= press.MOST // 2)
+    assert n - 1 - seen[-1] < max(1, *step, 0)
+
+
+def test_no_frames_whatever_lead_out_of_range():
+    watched, watch = checked_int.load()
+    rng = np.random.default_rng(3)
+    for k in range(60):
+        one = watched.press.Press()
+        one.begin()
+        size = int(rng.choice([1, 300, 20_000, 131_071]))
+        for _ in range(int(rng.integers(1, 90))):
+            if one.due():
+                shape = (
+                    rng.integers(-size, size + 1, geometry.ROWS) if k % 3 else np.full(geometry.ROWS, size)
+                )
+                one.add(checked_int.ints(shape), int(rng.integers(-131_071, 131_072)))
+        out = checked_int.ints([0] * features.COUNT)
+        force, unit = int(rng.integers(1, 16 * size + 1)), int(rng.choice([1, 6105, (1 << 24) - 1]))
+        one.measure(force, unit, out, checked_int.ints([0] * 64))
+        assert all(abs(v) < 2**29 for v in out)
+    assert watch.most > 2**26
+
+
+def test_a_strokes_press_is_felt_by_the_whole_chain(fields, map_blob, fitted_map):
+    fast, plain = Replay(map_blob), Replay(map_blob, plain=True)
+    watched, _ = checked_int.load()
+    for k, (level, frames) in enumerate((("none", 24), ("typical", 24), ("poor", 32))):
+        model = SensorModel(fields[k], LEVELS[level], k)
+        stream = model.stroke(press=frames)
+        assert fast.stream(stream, model.calibration()) == status.OK
+        counts, depths = stream.counts[:frames], stream.displacements_um[:frames] / 1e3
+        true = pipeline_features.compute(
+            stream.counts[frames:],
+            stream.positions_um[frames:] / 1e3,
+            stream.displacements_um[frames:] / 1e3,
+            model.calibration(),
+            fitted_map,
+            press=(counts, depths),
+        )
+        wanted = [true.features[name] for name in press_features.NAMES]
+        assert fast.features()[OF_THE_PRESS] == pytest.approx(wanted, abs=2e-3)
+        share = fast.features()[features.NAMES.index("base_share")]
+        assert share == pytest.approx(true.features["base_share"], abs=2e-3)
+        assert plain.stream(stream, model.calibration()) == status.OK
+        assert list(plain.pipeline.features) == list(fast.pipeline.features)
+        slow = watched.pipeline.Pipeline(model.calibration(), once=True)
+        slow.begin_press()
+        for packed, depth in zip(stream.packed[:frames], stream.displacements_um):
+            slow.add_press(packed, int(depth))
+        assert list(slow.press.kept) == list(fast.pipeline.press.kept)
+
+
+def test_without_a_press_nothing_else_changes_and_a_later_stroke_has_none(fields, replay):
+    with_it = SensorModel(fields[1], LEVELS["none"], 1).stroke(press=24)
+    replay.stream(with_it)
+    first = replay.features()
+    replay.stream(SensorModel(fields[1], LEVELS["none"], 1).stroke())
+    second = replay.features()
+    assert (second[OF_THE_PRESS] == press_features.ABSENT).all()
+    assert (first[OF_THE_PRESS] > -5).all()
+    others = np.delete(np.arange(features.COUNT), np.arange(features.COUNT)[OF_THE_PRESS])
+    assert np.array_equal(first[others], second[others])
+
+
+SCRIPT = """
+import micropython, struct
+from firmware_py import calib, pipeline
+calibration = calib.Calibration()
+calibration.load(open("calibration", "rb").read())
+p = pipeline.Pipeline(calibration, once=True)
+f = open("strokes", "rb")
+
+def feed(frames):
+    micropython.heap_lock()
+    code = 0
+    for place, packed in frames:
+        code |= p.add_press(packed, place[1])
+    micropython.heap_unlock()
+    return code
+
+for _ in range(3):
+    n, press = struct.unpack("<ii", f.read(8))
+    frames = [(struct.unpack("<ii", f.read(8)), f.read(624)) for _ in range(n)]
+    p.begin_press()
+    assert feed(frames[:press]) == 0
+    p.reset()
+    for (x, d), packed in frames[press:]:
+        p.add_frame(packed, x, d)
+    print(p.finish(), p.press.code, *p.features)
+"""
+
+
+def test_on_micropython_the_same_integers_and_nothing_allocated_while_pressing(fields):
+    replay, calibration = Replay(), calib.Calibration()
+    calibration.set_dead([3, 77, 78, 400])
+    raw, expected = b"", []
+    for k, frames in enumerate((24, 80, 4)):
+        stream = SensorModel(fields[k], LEVELS["typical"], k).stroke(40, press=frames)
+        raw += struct.pack("<ii", len(stream.packed), frames)
+        for packed, x, d in zip(stream.packed, stream.positions_um, stream.displacements_um):
+            raw += struct.pack("<ii", int(x), int(d)) + packed
+        code = replay.stream(stream, calibration)
+        expected.append([code, replay.pipeline.press.code, *replay.pipeline.features])
+    said = run_micropython(SCRIPT, {"strokes": raw, "calibration": calibration.to_bytes()})
+    assert [[int(v) for v in line.split()] for line in said.splitlines()] == expected
+    assert [line[1] for line in expected] == [press.GOOD, press.GOOD, press.FEW]

@@ -1,0 +1,109 @@
+"""A replay feels the press before a stroke as the probe did."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmware_py import calib, features
+from palpate.features import press_features
+from palpate.importing.firmware import Session
+from palpate.link.events import Estimate, Features
+from palpate.model_export.image_builder import inspect
+from palpate.models import emulator
+from palpate.recording import channels
+from palpate.recording.playback import open_recording
+from palpate.recording.replay import Replayer, replay
+from palpate.recording.writer import RecordingWriter
+from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
+from tests.firmware_py.strokes import read_strokes
+
+OF_THE_PRESS = slice(features.PRESS, features.PRESS + 9)
+BEFORE = Path(__file__).with_name("before_the_press.mcap")
+"""Made by the release before the press was looked at: 16 frames of press, 40 of a stroke."""
+
+
+@pytest.fixture(scope="module")
+def stream():
+    model = SensorModel(StrokeField(*read_strokes()[1]), LEVELS["typical"], 4)
+    return model.stroke(60, press=24)
+
+
+def recorded(path, *streams, lift=True):
+    """The firmware's session while these are felt, one after the other."""
+    image = emulator.image()
+    with RecordingWriter(path) as writer:
+        nominal = calib.Calibration().to_bytes()
+        writer.attach(channels.CALIBRATION, "application/octet-stream", nominal)
+        writer.attach(channels.MODEL, "application/octet-stream", image)
+        session = Session(writer, inspect(image), 1_700_000_000_000_000_000)
+        now = 0
+        for k, one in enumerate(streams):
+            if lift or k == 0:
+                session.lifted(now, int(one.positions_um[0]))
+            now += 10_000
+            for packed, x, d in zip(one.packed, one.positions_um, one.displacements_um):
+                now += 26_667
+                session.frame(packed, int(x), int(d), now)
+            if not lift:  # it stands still until the stroke counts as ended
+                for _ in range(2):
+                    now += 1_100_000
+                    session.frame(packed, int(x), int(d), now)
+        session.lifted(now + 10_000, int(one.positions_um[-1]))
+        session.end()
+    return path
+
+
+def told(path):
+    with open_recording(path) as session:
+        return [np.array(e.values) / 2**24 for e in session.events() if isinstance(e, Features)]
+
+
+def test_the_probe_looks_at_the_press_and_the_replay_is_the_same_to_the_bit(stream, tmp_path):
+    path = recorded(tmp_path / "a.mcap", stream)
+    (values,) = told(path)
+    assert values[features.PRESS] == pytest.approx(
+        press_features.at_parts(
+            press_features.curves(stream.counts[:24], stream.displacements_um[:24] / 1e3),
+            values[features.NAMES.index("ln_force")],
+        )[0],
+        abs=0.02,
+    )
+    assert [(s.identical, s.features_equal) for s in replay(path)] == [(True, True)]
+
+
+def test_a_stroke_that_follows_without_lifting_has_the_same_press(stream, tmp_path):
+    """The frame that ended a stroke by standing still was counted, not felt, and the replay was another."""
+    back = SensorModel(StrokeField(*read_strokes()[1]), LEVELS["typical"], 4).stroke(60)
+    path = recorded(tmp_path / "a.mcap", stream, back, lift=False)
+    first, second = told(path)
+    assert (second[OF_THE_PRESS] > press_features.ABSENT).all()
+    assert second[OF_THE_PRESS] == pytest.approx(first[OF_THE_PRESS], abs=0.1)
+    assert [s.identical for s in replay(path)] == [True, True]
+
+
+def test_a_stroke_after_lifting_has_its_own_press_or_none(stream, tmp_path):
+    bare = SensorModel(StrokeField(*read_strokes()[1]), LEVELS["typical"], 4).stroke(60)
+    path = recorded(tmp_path / "a.mcap", stream, bare)
+    first, second = told(path)
+    assert (first[OF_THE_PRESS] > press_features.ABSENT).all()
+    assert (second[OF_THE_PRESS] == press_features.ABSENT).all()
+    assert [s.identical for s in replay(path)] == [True, True]
+
+
+def test_a_recording_of_a_probe_that_did_not_look_at_the_press_replays():
+    (values,) = told(BEFORE)
+    assert len(values) == features.PRESS
+    assert [(s.identical, s.features_equal) for s in replay(BEFORE)] == [(True, True)]
+
+
+def test_where_the_models_press_is_missing_the_replay_says_so(stream, tmp_path, monkeypatch):
+    path = recorded(tmp_path / "a.mcap", stream)
+    monkeypatch.setattr("palpate.recording.replay.Presses.of", lambda *_: None)
+    (other,) = replay(path)
+    assert other.identical, "this model does not look at it"
+    monkeypatch.setattr(Replayer, "needs_press", True)
+    (stroke,) = replay(path)
+    assert "press" in stroke.missing and not stroke.identical
+    with open_recording(path) as session:
+        assert any(isinstance(e, Estimate) for e in session.events())
