@@ -45,7 +45,13 @@ POLL_S = 0.2
 )
 @click.option("--still", is_flag=True, help="Nobody touches it, as `palpate doctor --port` wants it.")
 @click.option("--seed", default=1, show_default=True, help="Of the sensors' noise.")
-@click.option("--frames", type=click.IntRange(8, 2000), default=50, show_default=True, help="Per stroke.")
+@click.option(
+    "--frames",
+    type=click.IntRange(8, 2000),
+    default=50,
+    show_default=True,
+    help="Per stroke, its press not counted.",
+)
 @click.option("--strokes", type=click.IntRange(1, 1000), default=1, show_default=True,
               help="Different strokes (seeds) over the lump, one after the other.")  # fmt: skip
 @json_option
@@ -104,7 +110,7 @@ def command(
         interpreter.find()
     announce()
     streams: Any
-    streams, calibration = strokes_over(code, noise, seed, frames, strokes, steady, still)
+    streams, calibration = strokes_over(code, noise, seed, frames, strokes, steady, still, press=True)
     # over its wire a model would take the board minutes
     model = emulator.image() if own_model and board else None
     probe = EmulatedProbe(
@@ -145,6 +151,7 @@ def strokes_over(
     strokes: int,
     steady: bool = False,
     still: bool = False,
+    press: bool = False,
 ) -> tuple[list[FrameStream], Calibration]:
     """What a probe's sensors read of some strokes over one lump, and the calibration it left the bench with.
 
@@ -162,12 +169,16 @@ def strokes_over(
         The hand's force does not wander.
     still : bool
         There is no hand: frames of a probe lying in the air.
+    press : bool
+        The hand presses before it strokes, in `PRESS_FRAMES` frames more, over tissue simulated at forces
+        from a fifth on.
     """
     import numpy as np
 
     from palpate.sim.probe.noise import level_named
-    from palpate.sim.probe.sensors import FORCE_RATIO, SensorModel, StrokeField
+    from palpate.sim.probe.sensors import FORCE_RATIO, PRESS_FRAMES, SensorModel, StrokeField
     from palpate.sim.tissue import Case, Settings, simulate_forces
+    from palpate.sim.tissue.any_tissue import PRESS_PARTS, PRESSES
 
     case = Case.from_code(code)
     forces = [case.F_rel * FORCE_RATIO**part for part in (-0.5, 0.0, 0.5)]
@@ -179,7 +190,12 @@ def strokes_over(
     calibration = probes[0].calibration()
     # One emulated probe stands for all of them: it knows the dead cells of each.
     calibration.set_dead([int(cell) for probe in probes for cell in np.flatnonzero(probe.known_dead)])
-    return [probe.untouched(frames) if still else probe.stroke(frames) for probe in probes], calibration
+    if still:
+        return [probe.untouched(frames) for probe in probes], calibration
+    if not press:
+        return [probe.stroke(frames) for probe in probes], calibration
+    pressed = StrokeField(*simulate_forces(case, [case.F_rel * part for part in PRESS_PARTS], PRESSES))
+    return [probe.stroke(frames, press=PRESS_FRAMES, pressed=pressed) for probe in probes], calibration
 
 
 def check_arguments(code: str, noise: str, listen: str) -> None:

@@ -108,6 +108,8 @@ class SensorModel:
             self._across = np.exp(-((COLUMN_MM - across_centre_mm) ** 2) / (2 * across_mm**2))
         self._imperfect(np.random.default_rng((seed, 2)))
         self._lag = Lag()
+        # pressing first changes nothing of what a seed gives in the stroke
+        self._press_rng = np.random.default_rng((seed, 3))
 
     def _imperfect(self, rng: np.random.Generator) -> None:
         """Draw what is wrong with probe and tissue as a whole, apart from the numbers drawn above."""
@@ -228,9 +230,11 @@ class SensorModel:
         if image.ndim < 3:
             image = np.repeat(image[:, :, None], geometry.COLUMNS, axis=2)
         seconds = (np.arange(frames) - frames) / frames_per_s
+        strokes_rng, self._rng = self._rng, self._press_rng
         counts, _, depth_um = self.felt(
             image, depth * share**_DEPTH_OVER_FORCE, start + _PRESS_MM_PER_S * seconds, np.zeros(frames)
         )
+        self._rng = strokes_rng
         return counts, depth_um
 
     def stroke(

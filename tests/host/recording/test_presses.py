@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from firmware_py import calib, features
+from palpate.cli.emulate import strokes_over
 from palpate.features import press_features
 from palpate.importing.firmware import Session
 from palpate.link.events import Estimate, Features
@@ -15,8 +16,9 @@ from palpate.recording import channels
 from palpate.recording.playback import open_recording
 from palpate.recording.replay import Replayer, replay
 from palpate.recording.writer import RecordingWriter
-from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
+from palpate.sim.probe.sensors import LEVELS, PRESS_FRAMES, SensorModel, StrokeField
 from tests.firmware_py.strokes import read_strokes
+from tests.host.probes import LUMP
 
 OF_THE_PRESS = slice(features.PRESS, features.PRESS + 9)
 BEFORE = Path(__file__).with_name("before_the_press.mcap")
@@ -107,3 +109,15 @@ def test_where_the_models_press_is_missing_the_replay_says_so(stream, tmp_path, 
     assert "press" in stroke.missing and not stroke.identical
     with open_recording(path) as session:
         assert any(isinstance(e, Estimate) for e in session.events())
+
+
+def test_an_emulated_probe_is_pressed_before_it_strokes_and_its_stroke_is_the_same(tmp_path):
+    (bare,), _ = strokes_over(LUMP, "none", 1, 40, 1)
+    (pressed,), _ = strokes_over(LUMP, "none", 1, 40, 1, press=True)
+    assert pressed.press == PRESS_FRAMES and pressed.packed[PRESS_FRAMES:] == bare.packed
+    path = recorded(tmp_path / "a.mcap", pressed)
+    (values,) = told(path)
+    depths = values[OF_THE_PRESS][:3]
+    assert depths[2] == pytest.approx(np.log(bare.displacements_um[0] / 1e3), abs=0.03)
+    assert (np.diff(depths) > 0.3).all(), "it goes deeper as the force doubles"
+    assert [s.identical for s in replay(path)] == [True]
