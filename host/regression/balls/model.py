@@ -18,7 +18,7 @@ from palpate.regression.conformal import Widths, calibrate, fit_sigma, out_of_fo
 from palpate.regression.field.model import even_odds
 from palpate.regression.observed import NAMES
 from palpate.regression.probe_model import HARD_BELOW, Polynomial, fit_polynomial
-from palpate.regression.ridge import Term
+from palpate.regression.ridge import Term, all_terms
 
 OUTPUTS = TRUTH[:9]
 STIFFNESS = OUTPUTS.index("E^-2/3")
@@ -94,7 +94,8 @@ def fit_ball_model(train: ObservedBalls, with_press: bool = True) -> BallModel:
     """Fit both stages; strokes that show no lump are left out of the second."""
     lumps = len(np.unique(train.group))
     T = tissue_truth(train)
-    press_terms = best_terms(train.press, T, train.group, 2 if lumps < MANY else 3, min(_PRESS_TERMS, lumps))
+    among = all_terms(train.press.shape[1], 2 if lumps < MANY else 3)
+    press_terms = best_terms(train.press, T, train.group, among, min(_PRESS_TERMS, lumps))
     press_names = tuple(f"press_{k}" for k in range(train.press.shape[1]))
 
     def first(x: Floats, y: Floats, g: NDArray[np.int64]) -> Callable[[Floats], Floats]:
@@ -126,8 +127,9 @@ def fit_ball_model(train: ObservedBalls, with_press: bool = True) -> BallModel:
 def _terms(X: Floats, Y: Floats, groups: NDArray[np.int64]) -> tuple[Term, ...]:
     """Squares and products of all inputs but the last, ln F, which stands alone: where moduli and forces
     scale together only F and E_fat change, and both go as the force."""
-    chosen = best_terms(X[:, :-1], Y, groups, 2, max(len(np.unique(groups)), X.shape[1]))
-    return (*chosen, (X.shape[1] - 1,))
+    inputs = X.shape[1] - 1
+    most = max(len(np.unique(groups)), inputs + 1)
+    return (*best_terms(X[:, :-1], Y, groups, all_terms(inputs, 2), most), (inputs,))
 
 
 def _fit(
