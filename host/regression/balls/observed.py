@@ -8,23 +8,24 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py import features as firmware_features
 from firmware_py import geometry, status
 from palpate.features.map_features import Floats
+from palpate.features.press_features import ABSENT
 from palpate.firmware_twin.replay_core import Replay
 from palpate.regression.any_tissue.observed import random_scale
-from palpate.regression.any_tissue.press import FRAMES, at_parts, curves
 from palpate.regression.balls.across import across
 from palpate.regression.balls.lumps import SolidLump, beside, scaled
 from palpate.regression.observed import NAMES, noise_named
 from palpate.regression.probe_model import shows_lump
-from palpate.sim.probe.sensors import Noise, SensorModel, StrokeField
+from palpate.sim.probe.sensors import PRESS_FRAMES, Noise, SensorModel, StrokeField
 from palpate.sim.tissue import Case
 
 TRUTH = (
     "ln d", "ln width", "ln depth", "ln t", "E^-2/3", "ln F/E_fat", "ln F", "ln E_fat", "offset",
     "gland_ratio", "gland_mm",
 )  # fmt: skip
-_FAR = NAMES.index("ln_force")
+_OF_THE_PRESS = slice(firmware_features.PRESS, firmware_features.PRESS + 9)
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class ObservedBalls:
     side : (n, 4)
         Across the stroke: ln width, distance from the line (mm), share, and the share of columns in use.
     press : (n, 9)
-        Of `any_tissue.press.at_parts`.
+        Those of X that tell of the press.
     Y : (n, 11)
         By `TRUTH`; lengths in mm, F in N/m, E_fat in kPa, offset in mm to either side.
     found : (n), bool
@@ -69,50 +70,38 @@ class ObservedBalls:
 def observe(
     lumps: Sequence[SolidLump], noise: Noise | str, seed: int, force_map: bytes | None
 ) -> ObservedBalls:
-    """One stroke with its press over each lump, each in a fat and by a probe and a hand of its own."""
+    """One stroke with its press over each lump, each in a fat and by a probe and a hand of its own.
+
+    A stroke so light that the probe saw too little of its press is left out.
+    """
     level, replay = noise_named(noise), Replay(force_map)
-    rows: list[tuple[Floats, Floats, Floats, list[float], bool, float]] = []
-    for k, lump in enumerate(lumps):
-        rows.append(_one(lump, level, np.random.default_rng([seed, k]), replay))
-    X, side, press, Y, whole, place = (np.array(part) for part in zip(*rows, strict=True))
+    rows = [_one(lump, level, np.random.default_rng([seed, k]), replay) for k, lump in enumerate(lumps)]
+    X, side, Y, whole, place = (np.array(part) for part in zip(*rows, strict=True))
     found = whole & shows_lump(X, NAMES)
-    return ObservedBalls(X, side, press, Y, found, np.arange(len(lumps)), place)
+    seen = ObservedBalls(X, side, X[:, _OF_THE_PRESS], Y, found, np.arange(len(lumps)), place)
+    return seen.take(seen.press[:, 0] != ABSENT)
 
 
 def _one(
     lump: SolidLump, level: Noise, rng: np.random.Generator, replay: Replay
-) -> tuple[Floats, Floats, Floats, list[float], bool, float]:
+) -> tuple[Floats, Floats, list[float], bool, float]:
+    """Features, what lies across, truth, whether the stroke is whole, and its bump's place across."""
     s, turned = random_scale(lump.case, rng), rng.random() < 0.5
-    strokes, press = (
-        [scaled(beside(stroke) if turned else stroke, s) for stroke in some]
+    field, pressed = (
+        StrokeField(*(scaled(beside(stroke) if turned else stroke, s) for stroke in some))
         for some in (lump.strokes.strokes, lump.press)
     )
-    sensors = SensorModel(StrokeField(*strokes), level, int(rng.integers(1 << 40)))
-    frames = press_frames(sensors, StrokeField(*press))
-    stream = sensors.stroke()
+    sensors = SensorModel(field, level, int(rng.integers(1 << 40)))
+    stream = sensors.stroke(press=PRESS_FRAMES, pressed=pressed)
     code = replay.stream(stream, sensors.calibration())
-    X = replay.features()
     pipeline = replay.pipeline
     seen = across(np.array(pipeline.columns))
     used = (pipeline.span[1] - pipeline.span[0]) / geometry.COLUMNS
     side = np.array([np.log(seen.width_mm), abs(seen.place_mm), seen.share, used])
-    curve = at_parts(curves(*frames, sensors.known_dead.ravel()), X[_FAR])
     truth = _truth(lump.case, stream.truth.F_N_per_m, s * lump.case.fat_kPa)
-    # seen from the lump's own side, so that a place on the wrong side is an error
+    # told as if the lump had not been turned, so that a place on the wrong side is an error
     sign = -1.0 if turned else 1.0
-    return X, side, curve, truth, code == status.OK, sign * seen.place_mm
-
-
-def press_frames(
-    sensors: SensorModel, field: StrokeField, frames: int = FRAMES
-) -> tuple[NDArray[np.uint16], NDArray[np.int64]]:
-    """Counts (frames, cells) and displacements in um of a press up to the stroke's mean force."""
-    start = -sensors.travel_mm / 2
-    stiffness = float(sensors.stiffness_at(np.array([start]))[0])
-    forces = sensors.mean_force_N_per_m * np.linspace(0.2, 1.0, frames)
-    image, depth = field.at(np.full(frames, field.reach_mm[0]), forces / stiffness)
-    counts, _, depth_um = sensors.felt(stiffness * image, depth, np.full(frames, start), np.zeros(frames))
-    return np.clip(np.rint(counts), 0, geometry.FULL_COUNT).astype(np.uint16), depth_um
+    return replay.features(), side, truth, code == status.OK, sign * seen.place_mm
 
 
 def _truth(case: Case, F: float, fat_kPa: float) -> list[float]:

@@ -72,7 +72,7 @@ def test_the_plane_strain_model_is_worse_over_balls_than_one_that_has_met_some(k
     result = study.table_of(kept, ("typical",), draws=3).set_index("setting")
     ours, plane = result.loc["typical, with its press"], result.loc["typical, plane-strain model"]
     assert ours.d_error < 0.5 * plane.d_error and ours.t_error < 0.5 * plane.t_error
-    assert ours.reach_r2 > 0.9
+    assert ours.reach_error < 0.15
     assert plane.flagged > 0.5  # and says so itself
     heads, rows = study.text_of(result.reset_index())
     assert all(len(row) == len(heads) for row in rows) and len(rows) == 4
