@@ -44,10 +44,12 @@ def fit_step(strokes: list[Any], path: Path, stderr: bool) -> Any:
     from palpate.regression.runs import features_table
     from palpate.regression.thesis.fit import fit_thesis
     from palpate.regression.thesis.polynomial import fit_thesis_model
+    from palpate.sim.tissue.stroke import one_blas_thread
 
-    fit = fit_thesis(features_table(strokes), permutations=0)
-    _print_table_1(fit, stderr)
-    spec = fit_thesis_model(strokes, noise=NOISE)
+    with one_blas_thread():
+        fit = fit_thesis(features_table(strokes), permutations=0)
+        _print_table_1(fit, stderr)
+        spec = fit_thesis_model(strokes, noise=NOISE)
     spec.save(path)
     return fit
 

@@ -142,10 +142,12 @@ def _thesis(directory: str | PathLike[str], noise: str, seed: int, progress: Pro
     from palpate.regression.runs import features_table, read_strokes
     from palpate.regression.thesis.fit import fit_thesis
     from palpate.regression.thesis.polynomial import fit_thesis_model
+    from palpate.sim.tissue.stroke import one_blas_thread
 
     strokes = read_strokes(directory)
-    result = fit_thesis(features_table(strokes), progress=progress)
-    spec = fit_thesis_model(strokes, seed=seed, noise=noise, progress=progress)
+    with one_blas_thread():  # on a busy machine several threads wait for each other longer than they work
+        result = fit_thesis(features_table(strokes), progress=progress)
+        spec = fit_thesis_model(strokes, seed=seed, noise=noise, progress=progress)
     return Fit("thesis", spec, result, strokes)
 
 

@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
+import palpate
 from palpate.regression.table import PRESSURE, TARGETS, TableError, check_table, r_squared, relative
 from palpate.regression.thesis import forward, inverted, strain, subsets
 from palpate.regression.thesis.direct import permutation_test
@@ -16,6 +18,7 @@ from palpate.regression.thesis.table_1 import NESTED_TARGETS, TABLE_1
 from tests.docs.test_reference import fields_in_the_page
 
 RUNS = Path(__file__).parent / "data" / "thesis_runs.csv"
+STROKES = Path(__file__).parents[1] / "report" / "data"
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +45,22 @@ def test_every_row_of_table_1_is_reached_in_sample(fit, row, displacement):
 def test_runs_left_out_are_predicted_as_well_as_hoped(fit, target, goal):
     entry = fit.entry(target, "all", True)
     assert max(entry.inverted_loo, entry.direct.r2_loo) >= goal
+
+
+def test_small_matrices_keep_to_one_thread():
+    """On a busy machine four threads waited for each other: a fit took 59 s of processor instead of 11."""
+    seen = []
+
+    class SeenEnough(Exception):
+        pass
+
+    def progress(*_):
+        seen.extend(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+        raise SeenEnough
+
+    with threadpool_limits(2, user_api="blas"), pytest.raises(SeenEnough):
+        palpate.fit(STROKES, "thesis", progress=progress)
+    assert seen and set(seen) == {1}
 
 
 def test_the_nonlinear_run_is_in_no_equation(fit):
