@@ -21,7 +21,7 @@ from palpate.features.map_features import Floats
 from palpate.model_export.schema import OUTPUTS, Domain, Interval, Limit, ModelSpec, Output
 from palpate.regression.conformal import Widths
 from palpate.regression.domain import DomainCheck
-from palpate.regression.ridge import Term, fit_ridge, monomials
+from palpate.regression.ridge import STRENGTHS, Term, fit_ridge, monomials
 
 HARD_BELOW = 10.0 ** (-2 / 3)
 LEAST_AMP_SHARE = 0.01
@@ -97,6 +97,7 @@ def fit_polynomial(
     terms: Sequence[Term],
     lo: Floats,
     hi: Floats,
+    strengths: Floats = STRENGTHS,
 ) -> Polynomial:
     """Fit the inverse by ridge regression, its strength cross-validated over whole lumps.
 
@@ -111,10 +112,12 @@ def fit_polynomial(
     terms : monomials to use
     lo, hi : (outputs)
         Range of the outputs, link scale.
+    strengths : (candidates)
+        Of the ridge, to choose from.
     """
     shape = _shape(names, X, terms, lo, hi)
     A = monomials(shape.standard(X), terms)
-    B = fit_ridge(A, Y, [len(t) for t in terms], groups).coefficients
+    B = fit_ridge(A, Y, [len(t) for t in terms], groups, strengths).coefficients
     return replace(shape, coefficients=B)
 
 

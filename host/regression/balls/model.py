@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from palpate.features.map_features import Floats
 from palpate.regression.any_tissue.model import SCALE_FREE, best_terms
 from palpate.regression.balls.observed import TRUTH, ObservedBalls
-from palpate.regression.conformal import Widths, calibrate, fit_sigma, out_of_fold
+from palpate.regression.conformal import LEVEL, Widths, calibrate, fit_sigma, out_of_fold
 from palpate.regression.field.model import even_odds
 from palpate.regression.observed import NAMES
 from palpate.regression.probe_model import HARD_BELOW, Polynomial, fit_polynomial
@@ -22,9 +22,9 @@ from palpate.regression.ridge import Term, all_terms
 
 OUTPUTS = TRUTH[:9]
 STIFFNESS = OUTPUTS.index("E^-2/3")
-FOLDS, GROUPS = 4, 4
-MANY = 300
-"""Lumps from which on every scale-free feature is used."""
+GROUPS = 4
+SOME, MANY = 100, 300
+"""Lumps from which on products of two inputs are used, and every scale-free feature."""
 
 _PRESS_TERMS = 120
 _ROOM = np.where(np.array(OUTPUTS) == "offset", 5.0, 0.0)
@@ -32,10 +32,9 @@ _ROOM = np.where(np.array(OUTPUTS) == "offset", 5.0, 0.0)
 
 _SIDE = ("ln_width_across", "place_across", "share_across", "columns")
 _ESTIMATES = ("ln_reach", "ln_t", "ln_layers")
-_FEW = (
-    "asinh_amp", "ln_stdev", "ln_d_far", "dip_6_10", "ln_centre_share", "trace_7_9", "tilt_6_9",
-    "ln_width_near",
-)  # fmt: skip
+_FEW = ("asinh_amp", "ln_stdev", "dip_6_10", "ln_d_far", "trace_7_9")
+_STRENGTHS = 10.0 ** np.arange(-8.0, 2.1, 0.5)
+"""Few lumps may need a stronger ridge than thousands."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +93,7 @@ def fit_ball_model(train: ObservedBalls, with_press: bool = True) -> BallModel:
     """Fit both stages; strokes that show no lump are left out of the second."""
     lumps = len(np.unique(train.group))
     T = tissue_truth(train)
-    among = all_terms(train.press.shape[1], 2 if lumps < MANY else 3)
+    among = all_terms(train.press.shape[1], _degree(lumps) + 1)
     press_terms = best_terms(train.press, T, train.group, among, min(_PRESS_TERMS, lumps))
     press_names = tuple(f"press_{k}" for k in range(train.press.shape[1]))
 
@@ -102,7 +101,7 @@ def fit_ball_model(train: ObservedBalls, with_press: bool = True) -> BallModel:
         return _fit(press_names, x, y, g, press_terms).predict
 
     # The second stage learns from estimates as good as those it will get: of lumps left out.
-    guessed = out_of_fold(train.press, T, train.group, first, FOLDS)
+    guessed = out_of_fold(train.press, T, train.group, first)
     press = _fit(press_names, train.press, T, train.group, press_terms)
 
     found = train.take(train.found)
@@ -115,21 +114,28 @@ def fit_ball_model(train: ObservedBalls, with_press: bool = True) -> BallModel:
         return _fit(names, x, y, g, terms, _ROOM).predict
 
     stroke = _fit(names, X, Y, found.group, terms, _ROOM)
-    guess = out_of_fold(X, Y, found.group, second, FOLDS)
+    guess = out_of_fold(X, Y, found.group, second)
     z = stroke.standard(X)
-    sigma_terms, sigma = fit_sigma(z, guess, Y - guess, found.group)
+    sigma_terms, sigma = fit_sigma(z, guess, Y - guess, found.group, 0 if lumps < SOME else 1)
     border = even_odds(guess[:, STIFFNESS], Y[:, STIFFNESS] <= HARD_BELOW)
     hard = guess[:, STIFFNESS] < border
-    widths = calibrate(sigma_terms, sigma, z, guess, Y, hard, groups=list(quarters(found).values()))
+    # Strokes over one lump err alike: it is lumps that the quantile has to count.
+    level = min(1.0, LEVEL * (1 + 1 / lumps))
+    widths = calibrate(sigma_terms, sigma, z, guess, Y, hard, level, groups=list(quarters(found).values()))
     return BallModel(features, press, stroke, widths, border, with_press)
 
 
 def _terms(X: Floats, Y: Floats, groups: NDArray[np.int64]) -> tuple[Term, ...]:
-    """Squares and products of all inputs but the last, ln F, which stands alone: where moduli and forces
-    scale together only F and E_fat change, and both go as the force."""
+    """Squares and products, if there are lumps enough, of all inputs but the last, ln F, which stands
+    alone: where moduli and forces scale together only F and E_fat change, and both go as the force."""
     inputs = X.shape[1] - 1
-    most = max(len(np.unique(groups)), inputs + 1)
-    return (*best_terms(X[:, :-1], Y, groups, all_terms(inputs, 2), most), (inputs,))
+    lumps = len(np.unique(groups))
+    most = max(lumps, inputs + 1)
+    return (*best_terms(X[:, :-1], Y, groups, all_terms(inputs, _degree(lumps)), most), (inputs,))
+
+
+def _degree(lumps: int) -> int:
+    return 1 if lumps < SOME else 2
 
 
 def _fit(
@@ -140,7 +146,7 @@ def _fit(
     terms: tuple[Term, ...],
     room: Floats | float = 0.0,
 ) -> Polynomial:
-    return fit_polynomial(names, X, Y, groups, terms, Y.min(0) - room, Y.max(0) + room)
+    return fit_polynomial(names, X, Y, groups, terms, Y.min(0) - room, Y.max(0) + room, _STRENGTHS)
 
 
 def quarters(seen: ObservedBalls) -> dict[str, NDArray[np.bool_]]:

@@ -1,4 +1,4 @@
-"""The kept set of balls is what `palpate sweep --design balls:16:1 --out DIR --keep FILE` gives."""
+"""The kept set of balls is what `palpate sweep --design balls:32:1 --out DIR --keep FILE` gives."""
 
 from pathlib import Path
 
