@@ -63,6 +63,7 @@ class Estimator:
             code = self.calibration.load(stored)
             if code != status.OK:
                 self.calibration_status = code
+        memory.tidy()
         self._fixed = columns is not None
         self.pipeline = _pipeline(self.calibration, columns)
         self.flash = flash

@@ -7,7 +7,7 @@ What checks and loads a model is imported where it is called: a board has no roo
 (memory.forget).
 """
 
-from firmware_py import keyring, safe_record, status
+from firmware_py import keyring, memory, safe_record, status
 
 NAMES = ("model0", "model1")
 TRIAL = "trial"  # there while a model is being tried: its id
@@ -106,6 +106,7 @@ class LiveModel:
         code, key = self.keys.signed(self._reader(slot), size)
         if code != status.OK:
             return code, None
+        memory.tidy()
         code, model = self._load(slot, key)
         if code == status.OK:
             code = self._self_test(model, slot)

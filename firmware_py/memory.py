@@ -4,6 +4,7 @@ A board with little memory reserves the cells' block as its first deed (boards/r
 are loaded, no hole is large enough for it.
 """
 
+import gc
 import sys
 from array import array
 
@@ -15,6 +16,10 @@ CALIBRATING = ("calibrate",)
 
 _reserved = []  # type: list[array[int]]
 _small = []  # type: list[bool]
+
+
+def loaded():
+    """Called when no more modules are to be imported for a while: main.py puts its own in this place."""
 
 
 def reserve():
@@ -37,6 +42,17 @@ def forget(names):
     for name in names:
         if sys.modules.pop("firmware_py." + name, None):
             delattr(sys.modules["firmware_py"], name)
+    loaded()
+    gc.collect()
+
+
+def tidy():
+    """On a small board, before something that stays is made: what was needed for a moment leaves its place.
+
+    Otherwise what stays would lie behind it, and what is free in the end in a hundred pieces.
+    """
+    if _small:
+        gc.collect()
 
 
 def _block(n):

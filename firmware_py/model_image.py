@@ -8,7 +8,7 @@ is checked all the same (model_check.py).
 
 from array import array
 
-from firmware_py import constant, evaluator, geometry, model_check, status, unpack
+from firmware_py import constant, evaluator, geometry, memory, model_check, status, unpack
 
 const = constant.const
 
@@ -156,6 +156,7 @@ def _load(read, body, features_version, feature_count, probe):
     unpack.pieces(numbers.take(outputs * (outputs + n)), low, c, d, outputs * leaves)
     for k, v in enumerate(unpack.Numbers(words, start, (DISTANCE_BITS,)).take(coarse)):
         c[two + k] = v
+    memory.tidy()
     tables = evaluator.Tables(
         parts[IDS],
         unpack.feats(parts[FEATURES]),

@@ -9,6 +9,7 @@ from firmware_py import (
     commands,
     counters,
     handlers,
+    memory,
     messages,
     outbox,
     results,
@@ -250,6 +251,7 @@ class Probe:
                 self.damage(),
             )
             counters.add(self.counts, counters.ESTIMATES, 1)
+            memory.tidy()
             self.acquire.start(self.board.ticks_us())  # the time it took is no overrun
 
     def _count_down(self):

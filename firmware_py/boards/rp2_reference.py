@@ -178,4 +178,5 @@ def main(uart: bool = False) -> None:
         link = links.UsbLink()
     board, estimates = make(link)
     board.watch()
+    gc.collect()
     probe.run(board, estimates, notes(code, estimates))

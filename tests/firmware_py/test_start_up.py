@@ -34,7 +34,9 @@ def loops():
     modules = {module: importlib.import_module(f"firmware_py.{module}") for module, _ in places}
     return [getattr(modules[module], name) for module, name in places] + [
         crc.append,
+        crc.append_plain,
         crc.check,
+        crc.check_plain,
         cobs.encode,
         scan_order.pack,
     ]

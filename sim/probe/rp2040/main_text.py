@@ -31,6 +31,7 @@ class Pack:
     """
 
     def __init__(self, name):
+        self.name = name
         self.file = open(name, "rb")
         said = self.file.read(4)
         piece = memoryview(bytearray(4096))
@@ -41,10 +42,18 @@ class Pack:
             n = self.file.readinto(piece)
         if crc.to_bytes(4, "little") != said:
             raise ValueError(name + " is damaged: copy it onto the probe again")
+        self.look()
+
+    def look(self):
         self.file.seek(4)
         n = int.from_bytes(self.file.read(4), "little")
         self.index = self.file.read(n)
         self.first = 8 + n
+
+    def rest(self):
+        """Give the memory back, 3 kB, until the next import."""
+        self.file.close()
+        self.file = self.index = None
 
     def mount(self, readonly, mkfs):
         pass
@@ -55,6 +64,9 @@ class Pack:
     def find(self, path):
         if path[:12] != "firmware_py/" or path[-4:] != ".mpy":
             return None
+        if not self.index:
+            self.file = open(self.name, "rb")
+            self.look()
         name = b"\\n" + path[12:-4].encode() + b"\\0"  # no more than is needed: to seek it takes time
         at = self.index.find(name)
         return struct.unpack_from("<II", self.index, at + len(name)) if at >= 0 else None
@@ -101,8 +113,12 @@ def prompt():
 
 try:
     if PACK in os.listdir():  # not where the firmware is frozen
-        os.mount(Pack(PACK), "/firmware")
+        pack = Pack(PACK)
+        os.mount(pack, "/firmware")
         sys.path.insert(0, "/firmware")
+        from firmware_py import memory
+
+        memory.loaded = pack.rest
     from firmware_py.boards import rp2_reference
 
     rp2_reference.main(uart={UART})

@@ -4,7 +4,8 @@ import dataclasses
 
 import pytest
 
-from firmware_py import messages, status
+from firmware_py import messages, settings, status
+from palpate.cli.emulate import strokes_over
 from palpate.model_export.exporter import export
 from palpate.model_export.signing import keys
 from tests.model_export import synthetic
@@ -16,6 +17,8 @@ pytestmark = [pytest.mark.board, pytest.mark.long]
 
 READY_US = 2e6
 LEAST_FREE = 40_000
+LUMP, MOMENTS = "d12h07e20f09", 40
+RATE_MHZ = 85_000
 CONTENT = messages.CONTENT_FRAMES | messages.CONTENT_STROKES
 
 
@@ -54,3 +57,21 @@ def test_with_a_live_model_it_is_ready_in_two_seconds_and_streams_with_40_kB_fre
     print(f"{free} bytes free while it streams; {board.logs()}")
     assert free > LEAST_FREE
     assert board.ask("stream_stop").code == status.OK
+
+
+def test_eighty_five_frames_a_second_through_a_whole_stroke_none_late_or_dropped(live, tmp_path):
+    """As many as the converter makes, with pipeline, estimate and USB."""
+    board = live
+    board.stroke(strokes_over(LUMP, "typical", 1, MOMENTS, 1)[0], tmp_path)
+    assert board.ask("set_setting", (settings.FRAME_RATE, RATE_MHZ)).code == status.OK
+    before = board.counters()
+    assert board.ask("stream_start", (CONTENT, 1, 1, 60_000)).code == status.OK
+    board.until(lambda: bool(board.named("estimate")), 10e6)
+    board.until(lambda: bool(board.named("stream_end")), 2e6)
+    after = board.counters()
+    seen = {
+        name: after[name] - before[name] for name in ("frames_acquired", "frames_overrun", "frames_dropped")
+    }
+    print(f"{RATE_MHZ / 1000:g} frames a second: {seen}")
+    assert seen["frames_acquired"] > RATE_MHZ / 1000 * MOMENTS / 37.5 * 0.9
+    assert seen["frames_overrun"] == seen["frames_dropped"] == 0
