@@ -32,8 +32,21 @@ def apply(chip: bytearray, change: Change) -> None:
     chip[change.at : end] = (old | new if change.data is None else old & new).tobytes()
 
 
+def of_command(command: bytes) -> Change:
+    """What a command to the flash chip (code, three bytes of address, data) changes in the file system."""
+    at = int.from_bytes(command[1:4], "big") - flash.START
+    assert 0 <= at < flash.BYTES, "nothing else is ever written"
+    if command[0] == flash.PAGE_PROGRAM:
+        return Change(at, command[4:], len(command) - 4)
+    return Change(at, None, flash.BLOCK if command[0] == flash.SECTOR_ERASE else 16 * flash.BLOCK)
+
+
 def cut_short(chip: bytes, change: Change, random: np.random.Generator) -> bytes:
-    """The chip after the power went in the middle: some bits have changed, others have not."""
+    """The chip after the power went in the middle: some bits have changed, others have not.
+
+    Half of the erasures leave bits that neither were there nor are those of an empty chip: it programs them
+    all to 0 before it erases them.
+    """
     whole = bytearray(chip)
     apply(whole, change)
     old, new = (np.frombuffer(b, np.uint8)[change.at : change.at + change.size] for b in (chip, whole))
@@ -42,7 +55,10 @@ def cut_short(chip: bytes, change: Change, random: np.random.Generator) -> bytes
     if change.data is not None:
         # a page's bytes are shifted in one after the other, and programmed at once; some chips start early
         changed = np.where(np.arange(change.size) < random.integers(change.size), 255, changed)
-    whole[change.at : change.at + change.size] = (old ^ (old ^ new) & changed).tobytes()
+    left = old ^ (old ^ new) & changed
+    if change.data is None and random.random() < 0.5:
+        left = np.packbits(random.random((change.size, 8)) < random.random(), axis=1)[:, 0]
+    whole[change.at : change.at + change.size] = left.tobytes()
     return bytes(whole)
 
 

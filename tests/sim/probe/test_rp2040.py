@@ -195,6 +195,8 @@ def test_a_stroke_goes_from_the_pins_to_an_estimate_and_its_replay_is_identical(
     assert stroke.identical and stroke.features_equal
     assert stroke.probe.as_dict()["lump"] is True
     late_us = end.when_said("estimate")[0] - stroke.probe.time_us
+    counted = started.counters()
+    assert counted["frames_dropped"] == counted["frames_overrun"] == 0
     print(f"{stroke.probe.frames} frames; the estimate came {late_us / 1e6:.2f} s after the last of them")
     assert late_us < LATEST_ESTIMATE_US
 
