@@ -83,6 +83,7 @@ export class Selected {
     range.max = Math.max(this.images.length - 1, 0);
     this.get("scrub").hidden = this.images.length < 2;
     if (this.images.length) this.scrub(this.images.reduce((best, i, n) => (i.peak > this.images[best].peak ? n : best), 0));
+    this.history.keepInSight(); // the button and the slider have taken room from the list
     this.redraw();
   }
 
@@ -105,9 +106,9 @@ export class Selected {
 
   /** In the list, at once; the stroke itself may take a moment. */
   markPicked(number) {
-    this.history.mark(number);
     this.get("back-live").hidden = number === null;
     this.get("back-live").textContent = document.body.dataset.mode === "live" ? "Back to live (Esc)" : "Back (Esc)";
+    this.history.mark(number);
   }
 
   scrub(index) {

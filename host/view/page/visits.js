@@ -59,6 +59,13 @@ export class History {
     this.choices += 1;
   }
 
+  /** Scroll the list so that the picked stroke can be seen. */
+  keepInSight() {
+    const box = this.get("strokes");
+    const line = box.querySelector('[aria-selected="true"]');
+    if (line) reveal(box, line);
+  }
+
   mark(number) {
     if (number === this.picked) return;
     this.picked = number;

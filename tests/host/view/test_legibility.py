@@ -64,6 +64,18 @@ def test_the_comparison_of_visits_fits_below_the_longest_card(viewer, open_page)
     assert page.evaluate("(c => c.scrollHeight - c.clientHeight)(document.querySelector('#comparison'))") <= 1
 
 
+def test_the_line_of_a_picked_stroke_stays_in_sight(viewer, open_page):
+    """The button and the slider that come with a picked stroke took room from the list: its line was cut."""
+    page = open_page(viewer(once(*[LUMP] * 14)), 1280, 800)
+    expect(page.locator("#stroke-14")).to_be_visible()
+    page.locator("#stroke-1").click()
+    expect(page.locator("#scrub")).to_be_visible()
+    expect(page.locator("#image-note")).to_have_text("stroke 1")
+    settled(page)
+    beyond = "document.querySelector('#{}').getBoundingClientRect().bottom"
+    assert page.evaluate(f"{beyond.format('stroke-1')} - {beyond.format('strokes')}") <= 1
+
+
 @pytest.mark.parametrize("scheme", ["dark", "light"])
 def test_text_can_be_read_against_its_ground(viewer, open_page, scheme):
     """WCAG 2 AA: contrast of 4.5 for all text on the page."""
