@@ -77,10 +77,10 @@ class Multifrontal:
         if not good:
             raise NotPositiveDefinite
 
-    def solve(self, sides: Floats) -> Floats:
+    def solve(self, sides: Floats | Singles) -> Floats:
         """Solutions (n, 3N) for right-hand sides (n, 3N); what is held stays as it is."""
         f = self.fronts
-        out = np.asarray(sides, np.float32).copy()
+        out = np.array(sides, np.float32)
         for first in range(0, len(out), MOST_SIDES):
             solve_fronts(
                 f.size, f.pivots, f.panel_start, f.dofs_start, f.dofs, self._panels,

@@ -23,6 +23,7 @@ from palpate.sim.tissue.state import State
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Singles = NDArray[np.float32]
 
 _GAP_TOLERANCE_MM = 2e-4
 _FORCE_TOLERANCE = 1e-7
@@ -206,7 +207,7 @@ class SolidNewton:
             changed, contact.dofs[changed], normals, stiffness, self.body.mesh.fixed.size, self._solved
         )
 
-    def _solved(self, sides: Floats) -> Floats:
+    def _solved(self, sides: Floats | Singles) -> Floats:
         self.counts.solves += len(sides)
         return self.solver.solve(sides)
 

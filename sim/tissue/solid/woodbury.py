@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Singles = NDArray[np.float32]
 
 
 @dataclass
@@ -44,7 +45,7 @@ class Correction:
         normals: Floats,
         stiffness: Floats,
         size: int,
-        solve: Callable[[Floats], Floats],
+        solve: Callable[[Singles], Floats],
     ) -> Correction:
         """Work it out for nodes whose contact adds `stiffness` (n,), less than 0 where they have left.
 
@@ -55,7 +56,7 @@ class Correction:
         solve : callable
             Solutions (n, 3N) of the factored system for right-hand sides (n, 3N).
         """
-        sides = np.zeros((len(changed), size))
+        sides = np.zeros((len(changed), size), np.float32)  # as the solver has them: there may be forty
         sides[np.arange(len(changed))[:, None], dofs] = normals
         columns = solve(sides)
         compliance = (columns[:, dofs] * normals).sum(-1)  # [i, j]: what node j sees of node i's column
