@@ -226,7 +226,7 @@ class Tables:
 class Model:
     """A model ready to evaluate (model_image.load), which needs nothing any more of what has loaded it.
 
-    tested: place and length of the vectors in its image.
+    tested: place and length of the vectors in its image; first: stage.Stage of a model of two stages.
     """
 
     def __init__(self, tables, force_map, header, tested):
@@ -234,6 +234,7 @@ class Model:
         self.force_map = force_map
         self.tested = tested
         self.evaluate = tables.evaluate
+        self.first = None
         self.model_id = header.model_id
         self.kind = header.kind
         self.counter = header.counter

@@ -11,7 +11,8 @@ from array import array
 from firmware_py import geometry
 
 BINS = 64
-FLASHING = ("model_image", "model_check", "unpack", "slh_dsa", "sha_thumb")  # what checks and loads a model
+# what checks and loads a model
+FLASHING = ("model_image", "model_check", "unpack", "stage_image", "slh_dsa", "sha_thumb")
 CALIBRATING = ("calibrate",)
 
 _reserved = []  # type: list[array[int]]

@@ -15,6 +15,7 @@ FEATURES = 24  # no model has more
 INFO_BYTES = 2048
 NUMBERS_BYTES = unpack.NUMBERS_HEAD + 2 * evaluator.OUTPUTS
 DISTANCE_BITS = 12
+FIRST_ID = 240  # of the first value of a first stage (stage.py)
 
 
 def within(values, first, step, low, high):
@@ -33,8 +34,10 @@ def ascending(values, first, second, step):
     return True
 
 
-def check(parts, feature_count):
+def check(parts, feature_count, values=0):
     """OK, or what is wrong with an image's sections (parts: number of a section -> its bytes).
+
+    values: how many more features a first stage gives.
 
     BAD_LENGTH where sections do not fit each other, MISSING_FEATURE, BAD_MODEL where a number is impossible.
     """
@@ -53,9 +56,9 @@ def check(parts, feature_count):
         or len(limits) % 12
     ):
         return status.BAD_LENGTH
-    code = _check_head(head, sizes)
+    code = check_head(head, sizes)
     if code == status.OK:
-        code = _check_features(ids, array("i", feats), array("i", limits), feature_count)
+        code = check_features(ids, array("i", feats), array("i", limits), feature_count, values)
     if code == status.OK:
         code = _check_sums(rows, array("i", outs))
     if code != status.OK:
@@ -78,7 +81,8 @@ def check(parts, feature_count):
     return status.OK
 
 
-def _check_head(head, sizes):
+def check_head(head, sizes):
+    """OK, or BAD_MODEL where a number that evaluator.py has in its head is impossible."""
     low = head[evaluator.LOW_BITS]
     part = head[evaluator.PART_BITS]
     high = head[evaluator.HIGH_BITS]
@@ -102,9 +106,13 @@ def _check_head(head, sizes):
     return status.OK
 
 
-def _check_features(ids, feats, limits, feature_count):
+def check_features(ids, feats, limits, feature_count, values=0):
+    """OK, or what is wrong with features' ids and rows, and with the lump rule's limits."""
     row = len(unpack.FEATURE_KEPT)
-    if not within(ids, 0, 1, 0, feature_count - 1) or not within(limits, 0, 3, 0, feature_count - 1):
+    for i in ids:
+        if i >= feature_count and not FIRST_ID <= i < FIRST_ID + values:
+            return status.MISSING_FEATURE
+    if not within(limits, 0, 3, 0, feature_count - 1):
         return status.MISSING_FEATURE
     if (
         not within(feats, 0, 1, -MOST, MOST)

@@ -32,7 +32,6 @@ _PROBE = const(24)
 _MODEL_ID = const(40)
 _TRAINING = const(48)
 _LENGTHS = const(80)  # of the sections, from the first on
-_END = const(102)  # two zeros
 
 # sections
 NUMBERS = 1  # evaluator's head
@@ -46,7 +45,8 @@ LIMITS = 8
 INFO = 9  # text: names of the features, of the outputs, unit of the integers
 FORCE_MAP = 10
 SELF_TEST = 11
-LAST = 11
+FIRST_STAGE = 12  # of a model of two stages (stage_image.py)
+LAST = 12
 
 TESTED = evaluator.LEVEL  # integers of an estimate that a self-test vector fixes
 DISTANCE_BITS = model_check.DISTANCE_BITS
@@ -87,7 +87,6 @@ class Header:
             self.kind > 1
             or b[_FLAGS] > ROLLBACK
             or u32(b, _RESERVED)
-            or b[_END] | b[_END + 1]
             or self.counter > MAX_COUNTER
             or self.replaces > MAX_COUNTER
             or (self.replaces and not self.rollback)
@@ -128,9 +127,18 @@ def _load(read, body, features_version, feature_count, probe):
     if not 0 < h.features_version <= features_version:
         return status.BAD_VERSION, None
     parts = [b""] + [h.section(read, tag) for tag in range(1, SELF_TEST)]
-    code = model_check.check(parts, feature_count)
+    first = None
+    if h.places[FIRST_STAGE][1]:
+        from firmware_py import stage_image
+
+        code, first = stage_image.load(h.section(read, FIRST_STAGE), feature_count)
+        if code != status.OK:
+            return code, None
+    code = model_check.check(parts, feature_count, first.count if first else 0)
     if code != status.OK:
         return code, None
+    # the first stage's values stand behind the features
+    ids = bytes([i if i < feature_count else i - model_check.FIRST_ID + feature_count for i in parts[IDS]])
     sizes = parts[NUMBERS][unpack.NUMBERS_HEAD :]
     head = unpack.head(parts[NUMBERS])
     limits = array("i", parts[LIMITS])
@@ -158,7 +166,7 @@ def _load(read, body, features_version, feature_count, probe):
         c[two + k] = v
     memory.tidy()
     tables = evaluator.Tables(
-        parts[IDS],
+        ids,
         unpack.feats(parts[FEATURES]),
         steps,
         c,
@@ -169,7 +177,13 @@ def _load(read, body, features_version, feature_count, probe):
         limits,
         head,
     )
-    return status.OK, evaluator.Model(tables, parts[FORCE_MAP] or None, h, h.places[SELF_TEST])
+    model = evaluator.Model(tables, parts[FORCE_MAP] or None, h, h.places[SELF_TEST])
+    if first:
+        from firmware_py import stage
+
+        model.first = first
+        model.evaluate = stage.Staged(first, tables).evaluate
+    return status.OK, model
 
 
 def self_test(model, read, feature_count):
@@ -191,7 +205,8 @@ def self_test(model, read, feature_count):
     stated = inputs + count * n + 3 & -4
     if not count or len(raw) != stated + 4 * count * TESTED:
         return status.SELF_TEST
-    x = array("i", bytearray(4 * feature_count))
+    # the second stage by itself where there are two: the first has a vector of its own
+    x = array("i", bytearray(4 * max(feature_count, max(t.ids) + 1)))
     values = array("i", raw[at:inputs])
     for i in range(extra):
         if raw[2 + i] >= feature_count:
@@ -202,7 +217,7 @@ def self_test(model, read, feature_count):
     for k in range(count):
         for i in range(n):
             x[t.ids[i]] = place(t.feats, i, raw[inputs + k * n + i])
-        model.evaluate(x, out)
+        t.evaluate(x, out)
         for i in range(TESTED):
             if out[i] != values[k * TESTED + i]:
                 return status.SELF_TEST

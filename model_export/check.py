@@ -7,12 +7,13 @@ import sys
 from typing import Any
 
 from palpate.model_export.errors import ModelError
-from palpate.model_export.model_data import ModelData
+from palpate.model_export.model_data import FirstStage, ModelData
 from palpate.model_export.vocabulary import KINDS, LINKS, OUTPUTS
 
 MAX_FEATURES = 24
 MAX_TERMS = 400
 MAX_DEGREE = 3
+MAX_ESTIMATES = 3
 MAX_MARGIN = 4  # half-widths
 
 
@@ -60,6 +61,8 @@ def _terms(terms: Any, n_features: int, where: str) -> None:
 def spec(model: ModelData) -> None:
     """Raise ModelError with the first thing that is wrong with `model`."""
     _head(model)
+    if model.first is not None:
+        _first(model.first)
     n = len(model.features)
     _features(model, n)
     _terms(model.terms, n, "terms")
@@ -99,7 +102,7 @@ def _finite(value: Any, where: str) -> None:
             _finite(item, f"{where}[{i}]")
 
 
-def _features(model: ModelData, n: int) -> None:
+def _features(model: ModelData | FirstStage, n: int) -> None:
     _need(0 < n <= MAX_FEATURES, f"a model has 1 to {MAX_FEATURES} features, not {n}")
     _need(all(isinstance(f, str) for f in model.features), "features must be names")
     _need(len(set(model.features)) == n, "features names a feature twice")
@@ -115,6 +118,24 @@ def _features(model: ModelData, n: int) -> None:
             max(abs(lo[i]), abs(hi[i])) < 32,
             f"{name}: the firmware's features end at +-32, the clip does not",
         )
+
+
+def _first(first: FirstStage) -> None:
+    n = len(first.features)
+    _features(first, n)
+    _terms(first.terms, n, "first.terms")
+    estimates = first.estimates
+    ok = isinstance(estimates, tuple) and 0 < len(estimates) <= MAX_ESTIMATES
+    _need(ok, f"first.estimates must be a list of 1 to {MAX_ESTIMATES}")
+    names = [e.name for e in estimates]
+    ok = all(isinstance(name, str) and name.isidentifier() for name in names) and len(set(names)) == len(
+        names
+    )
+    _need(ok, f"the first stage's estimates must have names of their own, not {names}")
+    for e in estimates:
+        lo, hi = _number(e.lo, f"lo of {e.name}"), _number(e.hi, f"hi of {e.name}")
+        _need(-32 < lo < hi < 32, f"{e.name}: lo must be below hi, both within +-32")
+        _numbers(e.coefficients, len(first.terms), f"coefficients of {e.name}")
 
 
 def _outputs(model: ModelData) -> None:

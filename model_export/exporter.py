@@ -71,6 +71,8 @@ def prepare(spec: ModelSpec) -> tuple[Any, bounds.Proof, bytes | None]:
     """Tables, proof and force map's blob of a model; ModelError or ProofError if it cannot be one."""
     tables = compiler.compile_model(spec)
     proof = bounds.prove(tables)
+    if spec.first is not None:
+        proof = max(proof, bounds.prove_first(compiler.compile_first(spec.first)), key=lambda p: p.largest)
     blob = None
     if spec.force_map is not None:
         try:

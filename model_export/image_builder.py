@@ -6,12 +6,12 @@ import hashlib
 import struct
 from dataclasses import dataclass
 
-from firmware_py import evaluator, slh_dsa, status, unpack
+from firmware_py import evaluator, model_check, slh_dsa, stage, status, unpack
 from firmware_py import features as firmware_features
 from firmware_py import model_image as fw
 from palpate.model_export import self_test
 from palpate.model_export.errors import ImageError, ModelError, ProofError
-from palpate.model_export.fixed_point import nested
+from palpate.model_export.fixed_point import compiler, nested
 from palpate.model_export.schema import KINDS, OUTPUTS, ModelSpec
 
 MAX_COUNTER = fw.MAX_COUNTER
@@ -42,7 +42,7 @@ def packed(words: list[int], sizes: list[int]) -> bytes:
     return whole.to_bytes((at + 7) // 8, "little")
 
 
-def _in_order(tables: evaluator.Tables, leaves: list[int]) -> list[int]:
+def _in_order(tables: evaluator.Tables | stage.Stage, leaves: list[int]) -> list[int]:
     """The outputs' coefficients, of leaves and branches, in the program's order."""
     head = tables.head
     ups = [
@@ -59,6 +59,36 @@ def _in_order(tables: evaluator.Tables, leaves: list[int]) -> list[int]:
     return out
 
 
+def _first_stage(first: stage.Stage) -> bytes:
+    """The section of a model's first stage; `firmware_py.stage_image` reads it."""
+    head, n = first.head, len(first.ids)
+    low = head[evaluator.LOW_BITS]
+    words = _in_order(first, [(c << low) + d for c, d in zip(first.c, first.d)])
+    sizes = _bits(words)
+    feats = [first.feats[evaluator.FEATURE_ROW * i + k] for i in range(n) for k in unpack.FEATURE_KEPT]
+    rows = first.rows.tolist()
+    parts = (
+        struct.pack(
+            f"<5B{evaluator.OUTPUTS}BHI", n, first.count, low, head[evaluator.PART_BITS],
+            head[evaluator.HIGH_BITS], *sizes, len(first.steps), head[evaluator.DOWNS],
+        ),
+        bytes(first.ids),
+        struct.pack(f"<{len(feats)}i", *feats),
+        first.ends.tobytes(),
+        struct.pack(f"<{len(rows) // 2}i{len(rows) // 2}b", *rows[::2], *rows[1::2]),
+        bytes(first.steps),
+        packed(words, sizes),
+        *self_test.of_first_stage(first),
+    )  # fmt: skip
+    return b"".join(map(self_test.padded, parts))
+
+
+def _bits(words: list[int]) -> list[int]:
+    """How many bits each output's words take, the least two."""
+    n = evaluator.OUTPUTS
+    return [max(2, max((w ^ (w >> 31)).bit_length() for w in words[j::n]) + 1) for j in range(n)]
+
+
 def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None) -> dict[int, bytes]:
     n, outputs = tables.head[evaluator.N_FEATURES], evaluator.OUTPUTS
     low = tables.head[evaluator.LOW_BITS]
@@ -66,10 +96,7 @@ def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None
     coarse = tables.c[len(words) :].tolist()
     first = outputs * tables.head[evaluator.LEAVES]
     parts = (_in_order(tables, words[:first]), words[first:])
-    sizes = [
-        [max(2, max((w ^ (w >> 31)).bit_length() for w in part[j::outputs]) + 1) for j in range(outputs)]
-        for part in parts
-    ]
+    sizes = [_bits(part) for part in parts]
     info = ",".join(spec.features) + "\n1e-6 " + ",".join(unit for _, unit in OUTPUTS)
     if (adapted := spec.training.get("adapted")) is not None:
         info += f"\nadapted from {adapted['from'][:16]} with {adapted['lumps']} lumps"
@@ -80,7 +107,10 @@ def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None
         fw.NUMBERS: struct.pack(
             f"<4i2H5B{2 * outputs}B", *(tables.head[k] for k in _NUMBERS), *sizes[0], *sizes[1]
         ),
-        fw.IDS: bytes(tables.ids),
+        fw.IDS: bytes(
+            i if i < firmware_features.COUNT else i - firmware_features.COUNT + model_check.FIRST_ID
+            for i in tables.ids
+        ),
         fw.FEATURES: struct.pack(f"<{len(feats)}i", *feats),
         fw.STEPS: bytes(tables.steps),
         fw.WORDS: packed(parts[0], sizes[0])
@@ -92,6 +122,7 @@ def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None
         fw.INFO: info.encode("ascii"),
         fw.FORCE_MAP: force_map or b"",
         fw.SELF_TEST: self_test.section(tables, *self_test.vectors(spec, tables)),
+        fw.FIRST_STAGE: b"" if spec.first is None else _first_stage(compiler.compile_first(spec.first)),
     }
 
 
@@ -126,7 +157,7 @@ def build(
 
     def head(model_id: bytes) -> bytes:
         return struct.pack(
-            f"<4sBBBBIII4x16s8s32s{fw.LAST}H2x", fw.MAGIC, fw.VERSION, KINDS.index(spec.kind),
+            f"<4sBBBBIII4x16s8s32s{fw.LAST}H", fw.MAGIC, fw.VERSION, KINDS.index(spec.kind),
             spec.features_version, fw.ROLLBACK if replaces else 0, fw.HEAD_SIZE + len(content), counter,
             replaces, spec.probe.encode("ascii"), model_id, bytes.fromhex(spec.training["hash"]), *lengths,
         )  # fmt: skip
@@ -213,7 +244,8 @@ def inspect(data: bytes, key: bytes | None = None, probe: str | None = None) -> 
                 f"the model needs version {header.features_version} of the features, "
                 f"this firmware computes version {firmware_features.FEATURES_VERSION}"
             )
-        unknown = [name for name in names if name not in firmware_features.NAMES]
+        known = firmware_features.NAMES if not header.places[fw.FIRST_STAGE][1] else names
+        unknown = [name for name in names if name not in known]
         if unknown:
             raise ImageError(
                 f"the model needs the feature {unknown[0]!r}, which this firmware does not compute"

@@ -92,6 +92,46 @@ class Limit:
 
 
 @dataclass(frozen=True)
+class Estimate:
+    """A value of the first stage, which the second takes as a feature of that name.
+
+    Attributes
+    ----------
+    name : str
+        None of `firmware_py.features.NAMES`.
+    lo, hi : float
+        What it is held within.
+    coefficients : tuple of float
+        One for each of the stage's terms, over standardised features.
+    """
+
+    name: str
+    lo: float
+    hi: float
+    coefficients: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class FirstStage:
+    """Polynomials that are worked out before the model's own, as those are; their values are held, no more.
+
+    Attributes
+    ----------
+    features, centre, scale, clip_lo, clip_hi, terms : as the model's
+    estimates : tuple of Estimate
+        One to three.
+    """
+
+    features: tuple[str, ...]
+    centre: tuple[float, ...]
+    scale: tuple[float, ...]
+    clip_lo: tuple[float, ...]
+    clip_hi: tuple[float, ...]
+    terms: tuple[Term, ...]
+    estimates: tuple[Estimate, ...]
+
+
+@dataclass(frozen=True)
 class ModelData:
     """A whole fitted model as plain data; `schema.ModelSpec` checks it, reads it and writes it.
 
@@ -104,7 +144,7 @@ class ModelData:
     features_version : int
         `firmware_py.features.FEATURES_VERSION` of the features that the model was trained on.
     features : tuple of str
-        Names out of `firmware_py.features.NAMES`.
+        Names out of `firmware_py.features.NAMES`, and of the first stage's estimates.
     centre, scale, clip_lo, clip_hi : tuple of float
         Per feature, in the feature's unit.
     terms : tuple of Term
@@ -123,6 +163,8 @@ class ModelData:
         Opaque here: `palpate.model_export.fixed_point.force_map` turns it into the firmware's table.
     training : dict
         At least "hash" (64 hex digits) and "n"; noise level, seed and scores are welcome.
+    first : FirstStage or None
+        None: the model has one stage.
     """
 
     kind: str
@@ -143,3 +185,4 @@ class ModelData:
     training: dict[str, Any]
     force_map: dict[str, Any] | None = None
     notes: dict[str, Any] = field(default_factory=dict)
+    first: FirstStage | None = None

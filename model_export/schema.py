@@ -14,10 +14,30 @@ from typing import Any
 from palpate.files import whole_file
 from palpate.model_export import check
 from palpate.model_export.errors import ModelError
-from palpate.model_export.model_data import Domain, Interval, Limit, ModelData, Output
+from palpate.model_export.model_data import (
+    Domain,
+    Estimate,
+    FirstStage,
+    Interval,
+    Limit,
+    ModelData,
+    Output,
+)
 from palpate.model_export.vocabulary import KINDS, LINKS, OUTPUTS, Term
 
-__all__ = ["KINDS", "LINKS", "OUTPUTS", "Domain", "Interval", "Limit", "ModelSpec", "Output", "Term"]
+__all__ = [
+    "KINDS",
+    "LINKS",
+    "OUTPUTS",
+    "Domain",
+    "Estimate",
+    "FirstStage",
+    "Interval",
+    "Limit",
+    "ModelSpec",
+    "Output",
+    "Term",
+]
 
 FORMAT = "palpate-model"
 VERSION = 2
@@ -38,7 +58,10 @@ class ModelSpec(ModelData):
 
     def to_dict(self) -> dict[str, Any]:
         """Plain dict as written to model.json."""
-        return {"format": FORMAT, "version": VERSION, **asdict(self)}
+        body = asdict(self)
+        if self.first is None:  # as it was written before there were two stages
+            del body["first"]
+        return {"format": FORMAT, "version": VERSION, **body}
 
     @staticmethod
     def from_dict(data: Any) -> ModelSpec:
@@ -101,7 +124,8 @@ def _deeper_than(value: Any, levels: int) -> bool:
     )
 
 
-_PARTS: dict[str, Any] = {"outputs": Output, "interval": Interval, "domain": Domain, "lump": Limit}
+_PARTS: dict[str, Any] = {"outputs": Output, "interval": Interval, "domain": Domain, "lump": Limit,
+                           "first": FirstStage, "estimates": Estimate}  # fmt: skip
 
 
 def _build(cls: Any, data: Any, where: str) -> Any:
@@ -109,7 +133,7 @@ def _build(cls: Any, data: Any, where: str) -> Any:
     if not isinstance(data, dict):
         raise ModelError(f"{where} must be an object")
     known = {f.name for f in fields(cls)}
-    optional = {"force_map", "notes"} | ({"lo", "hi"} if cls is Limit else set())
+    optional = {"force_map", "notes", "first"} | ({"lo", "hi"} if cls is Limit else set())
     for key in data:
         if key not in known:
             raise ModelError(f"{where} has the unknown entry {key!r}")
@@ -119,8 +143,8 @@ def _build(cls: Any, data: Any, where: str) -> Any:
     values: dict[str, Any] = {}
     for key, value in data.items():
         part = _PARTS.get(key)
-        if cls is ModelSpec and part is not None and is_dataclass(part):
-            many = key in ("outputs", "lump")
+        if cls in (ModelSpec, FirstStage) and part is not None and is_dataclass(part) and value is not None:
+            many = key in ("outputs", "lump", "estimates")
             if many and not isinstance(value, list | tuple):
                 raise ModelError(f"{key} must be a list")
             values[key] = (

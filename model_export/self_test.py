@@ -7,7 +7,7 @@ from array import array
 
 import numpy as np
 
-from firmware_py import evaluator
+from firmware_py import evaluator, stage
 from firmware_py import features as firmware_features
 from firmware_py import model_image as fw
 from palpate.model_export.errors import ModelError
@@ -51,7 +51,7 @@ def vectors(spec: ModelSpec, tables: evaluator.Tables) -> tuple[dict[int, int], 
 
 def estimate(tables: evaluator.Tables, extra: dict[int, int], vector: list[int]) -> list[int]:
     """What the probe makes of a self-test vector."""
-    x = array("i", [0] * firmware_features.COUNT)
+    x = array("i", [0] * (firmware_features.COUNT + stage.MOST))
     for ident, value in extra.items():
         x[ident] = value
     for i, ident in enumerate(tables.ids):
@@ -59,6 +59,16 @@ def estimate(tables: evaluator.Tables, extra: dict[int, int], vector: list[int])
     out = array("i", [0] * evaluator.OUT_SIZE)
     tables.evaluate(x, out)
     return out.tolist()
+
+
+def of_first_stage(first: stage.Stage) -> tuple[bytes, bytes]:
+    """A vector of the first stage, one byte a feature, and the values that it must give."""
+    vector = bytes(64 + 37 * i % 128 for i in range(len(first.ids)))
+    x = array("i", [0] * first.feature_count)
+    for i, ident in enumerate(first.ids):
+        x[ident] = fw.place(first.feats, i, vector[i])
+    values = first.extend(x)[first.feature_count :][: first.count]
+    return vector, values.tobytes()
 
 
 def padded(raw: bytes) -> bytes:

@@ -19,13 +19,13 @@ from palpate.features.map_features import Floats
 from palpate.model_export.fixed_point.reference import (
     evaluate,
     half_widths,
+    inputs,
     link_ends,
     monomials,
     sigma_of,
     standardised,
 )
 from palpate.model_export.schema import OUTPUTS, ModelSpec
-from palpate.regression.observed import NAMES
 from palpate.regression.probe_model import training_hash
 
 FEWEST_LUMPS = 5
@@ -159,7 +159,7 @@ def basis_of(
 
 def columns(spec: ModelSpec, seen: ObservedDataSet) -> Floats:
     """The model's features of each stroke, (n, features)."""
-    return seen.X[:, [NAMES.index(name) for name in spec.features]]
+    return inputs(spec, seen.X)
 
 
 def _assemble(

@@ -13,7 +13,7 @@ from palpate.dataset.strokes import ObservedDataSet
 from palpate.dataset.table import DataSet
 from palpate.features.map_features import Floats
 from palpate.link import answer
-from palpate.model_export.fixed_point.reference import evaluate
+from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.model_export.schema import ModelSpec
 from palpate.regression.observed import NAMES
 
@@ -88,7 +88,7 @@ def truth_of(seen: ObservedDataSet) -> Floats:
 
 def answers(spec: ModelSpec, seen: ObservedDataSet) -> Answers:
     """The model's answers, in float64 as the probe's integers give them to a part in a thousand or better."""
-    said = evaluate(spec, seen.X[:, [NAMES.index(name) for name in spec.features]])
+    said = evaluate(spec, inputs(spec, seen.X))
     value, low, high = (with_depth(said, part) for part in ("value", "low", "high"))
     truth = truth_of(seen)
     return Answers(

@@ -188,7 +188,8 @@ def _read(row: int, path: Path) -> dict[int, RecordedStroke]:
 
 def _check_needs(row: int, path: Path, stroke: RecordedStroke, spec: ModelSpec) -> None:
     if "displacement" in stroke.missing:
-        needed = [name for name in spec.features if name in OF_THE_DISPLACEMENT]
+        first = spec.first.features if spec.first else ()
+        needed = [name for name in (*spec.features, *first) if name in OF_THE_DISPLACEMENT]
         if not needed and (spec.force_map or {}).get("ln_D") is not None:
             needed = ["it to even out the force"]
         if needed:

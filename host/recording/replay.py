@@ -97,9 +97,9 @@ class Replayer:
     @property
     def needs_press(self) -> bool:
         """Whether the model looks at the press before a stroke."""
-        tables = self.model.tables
-        used = {*tables.ids, *tables.limits[::3]}
-        return any(features.NAMES[i].startswith("press_") for i in used)
+        tables, first = self.model.tables, self.model.first
+        used = {*tables.ids, *tables.limits[::3], *(first.ids if first else ())}
+        return any(i < features.COUNT and features.NAMES[i].startswith("press_") for i in used)
 
     def estimate(
         self, said: Estimate, frames: list[Frame], press: list[Frame] | None = None

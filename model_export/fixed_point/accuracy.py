@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from firmware_py import evaluator
+from firmware_py import evaluator, stage
 from firmware_py import features as firmware_features
 from palpate.model_export.fixed_point import compiler, reference
 from palpate.model_export.schema import OUTPUTS, ModelSpec
@@ -33,7 +33,7 @@ def run(spec: ModelSpec, tables: evaluator.Tables, features: np.ndarray) -> np.n
 
     The lump rule is left out: errors are wanted of strokes without a lump, too.
     """
-    x = array("i", [0] * firmware_features.COUNT)
+    x = array("i", [0] * (firmware_features.COUNT + stage.MOST))
     head = array("i", tables.head)
     head[evaluator.N_LIMITS] = 0
     out = array("i", [0] * evaluator.OUT_SIZE)

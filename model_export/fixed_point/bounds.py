@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from firmware_py import evaluator, fixed, polynomial, scales
+from firmware_py import evaluator, fixed, polynomial, scales, stage
 from palpate.model_export.errors import ProofError
 
 LIMIT = 1 << 30
@@ -189,17 +189,44 @@ class Proof:
         )
 
 
+def _on_intervals() -> dict[str, Any]:
+    """The evaluator's functions, with those that branch on data exchanged."""
+    namespace = vars(scales) | vars(polynomial) | vars(evaluator) | vars(stage)
+    namespace.update(clip=_clip, pick=_pick, exp=_exp)
+    for name, item in namespace.items():
+        if isinstance(item, types.FunctionType) and name not in ("clip", "pick", "exp"):
+            namespace[name] = types.FunctionType(item.__code__, namespace, name)
+    return namespace
+
+
+def prove_first(first: stage.Stage) -> Proof:
+    """The same for a model's first stage; its values are features like any other to the second."""
+    namespace = _on_intervals()
+    if any(abs(v) > 1 << 15 for v in (*first.c, *first.d)):
+        raise ProofError("a coefficient of the first stage does not fit its word")
+    for part in ("feats", "own", "rows", "ends", "head"):
+        if any(not -LIMIT <= v < LIMIT for v in getattr(first, part)):
+            raise ProofError(f"an entry of the first stage's table {part} is beyond 2^30")
+    Interval.operations = 0
+    Interval.largest = 0
+    n = first.head[evaluator.N_FEATURES]
+    x: list[Any] = [Interval(-fixed.LIMIT, fixed.LIMIT)] * (first.feature_count + stage.MOST)
+    bits: list[list[Any]] = [[0] * (n + evaluator.OUTPUTS) for _ in range(2)]
+    namespace["estimates"](
+        x, list(first.ids), list(first.feats), first.steps, list(first.c), list(first.d), list(first.own),
+        list(first.rows), list(first.ends), list(first.head), [0] * n, *bits, [0] * evaluator.WORK,
+        first.feature_count, first.count,
+    )  # fmt: skip
+    return Proof(Interval.largest, Interval.operations)
+
+
 def prove(tables: evaluator.Tables) -> Proof:
     """Prove a compiled model, or raise ProofError.
 
     The features are taken to be anything a Q24 feature can be (+-(2^29 - 1)); the model's own clip
     box narrows them, so the proof covers its declared domain and everything outside it.
     """
-    namespace = vars(scales) | vars(polynomial) | vars(evaluator)
-    namespace.update(clip=_clip, pick=_pick, exp=_exp)
-    for name, item in namespace.items():
-        if isinstance(item, types.FunctionType) and name not in ("clip", "pick", "exp"):
-            namespace[name] = types.FunctionType(item.__code__, namespace, name)
+    namespace = _on_intervals()
     words = {"b": 7, "h": 15, "i": 31}
     for part in ("c", "d"):
         table = getattr(tables, part)

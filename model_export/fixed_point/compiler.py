@@ -14,12 +14,12 @@ import numpy as np
 
 from firmware_py import evaluator as ev
 from firmware_py import features as firmware_features
-from firmware_py import unpack
+from firmware_py import stage, unpack
 from palpate.model_export.errors import ModelError
 from palpate.model_export.fixed_point import nested, quantise, reference, sampling
 from palpate.model_export.fixed_point import word_pairs as words
 from palpate.model_export.fixed_point.word_pairs import Row, to_word
-from palpate.model_export.schema import ModelSpec, Term
+from palpate.model_export.schema import FirstStage, ModelSpec, Term
 
 Q24 = 1 << 24
 LN_MILLION = math.log(1e6)
@@ -28,9 +28,14 @@ NO_LIMIT = 1 << 29
 MARGIN_ONE = 256  # the domain's margin of one half-width
 
 
-def feature_ids(names: tuple[str, ...] | list[str]) -> list[int]:
-    """Index of each name in the firmware's feature list; ModelError names the one it does not know."""
+def feature_ids(names: tuple[str, ...] | list[str], first: FirstStage | None = None) -> list[int]:
+    """Index of each name in the firmware's feature list, behind which a first stage's estimates stand.
+
+    ModelError names the one it does not know.
+    """
     known = list(firmware_features.NAMES)
+    if first is not None:
+        known += [estimate.name for estimate in first.estimates]
     for name in names:
         if name not in known:
             raise ModelError(f"the firmware computes no feature called {name!r}; it knows {', '.join(known)}")
@@ -53,7 +58,7 @@ def compile_model(spec: ModelSpec) -> ev.Tables:
             f"the model was trained on version {spec.features_version} of the features, "
             f"the firmware computes version {firmware_features.FEATURES_VERSION}; fit it again"
         )
-    ids = feature_ids(spec.features)
+    ids = feature_ids(spec.features, spec.first)
     feats, radius = _features(spec)
     steps = nested.program(spec.terms)
     index = {t: k for k, t in enumerate(nested.order(steps))}
@@ -114,6 +119,77 @@ def compile_model(spec: ModelSpec) -> ev.Tables:
     )
 
 
+def compile_first(first: FirstStage) -> stage.Stage:
+    """Integer arrays of a model's first stage; the same errors as `compile_model`.
+
+    The firmware works out as many sums as a model has outputs; those that the stage does not need are 0.
+    """
+    taken = {e.name for e in first.estimates} & set(firmware_features.NAMES)
+    if taken:
+        raise ModelError(
+            f"the firmware has a feature called {min(taken)!r}: the first stage's is to be another"
+        )
+    ids = feature_ids(first.features)
+    feats, radius = _features(first)
+    steps = nested.program(first.terms)
+    index = {t: k for k, t in enumerate(nested.order(steps))}
+    gain = radius / np.array(first.scale)
+    rows = [Row(np.zeros(len(index)), 0.0, 24, f"sum {j}") for j in range(ev.OUTPUTS)]
+    ends = array("i", [0] * (stage.ENDS * stage.MOST))
+    for j, estimate in enumerate(first.estimates):
+        rows[j].name = estimate.name
+        ends[2 * j], ends[2 * j + 1] = math.ceil(estimate.lo * Q24), math.floor(estimate.hi * Q24)
+        for term, value in zip(first.terms, estimate.coefficients):
+            if term:
+                rows[j].coefficients[index[term]] = value * _gain(term, gain)
+            else:
+                rows[j].intercept += value
+    # about the centre, as far as the clip box goes: what the press of any tissue gives
+    random = np.random.default_rng(1)
+    spread = np.clip(random.normal(0, 1.2, (TRIED, len(ids))), *_standard_clip(first))
+    form, words_ = quantise.choose(rows, quantise.Inputs(spread / gain, steps), [0.0] * ev.OUTPUTS)
+    c, d, own, heads = array("h"), array("h"), array("i"), array("i")
+    at = 0
+    for step in form.steps:
+        for _ in step.terms:
+            if isinstance(step, nested.Run):
+                c.extend(int(w.high[at]) for w in words_)
+                d.extend(int(w.low[at]) for w in words_)
+            else:
+                own.extend(form.own(j, w, at) for j, w in enumerate(words_))
+            at += 1
+    for w in words_:
+        heads.extend((w.intercept, w.shift))
+    program = nested.to_bytes(form.steps)
+    head = array("i", [0] * ev.HEAD)
+    head[ev.N_FEATURES] = len(ids)
+    head[ev.LEAVES] = len(index) - len(own) // ev.OUTPUTS
+    head[ev.LOW_BITS] = form.low
+    head[ev.PART_BITS] = form.part
+    head[ev.HIGH_BITS] = form.high
+    head[ev.STEPS] = len(program)
+    head[ev.DOWNS] = sum(down << 4 * j for j, down in enumerate(form.downs))
+    return stage.Stage(
+        bytes(ids),
+        feats,
+        program,
+        c,
+        d,
+        own,
+        heads,
+        ends,
+        head,
+        len(first.estimates),
+        firmware_features.COUNT,
+    )
+
+
+def _standard_clip(first: FirstStage) -> tuple[np.ndarray, np.ndarray]:
+    """The clip box of the first stage's features, standardised."""
+    lo, hi = ((np.array(v) - first.centre) / first.scale for v in (first.clip_lo, first.clip_hi))
+    return lo, hi
+
+
 def _some_features(spec: ModelSpec) -> np.ndarray:
     """Some vectors of the domain."""
     try:
@@ -122,7 +198,7 @@ def _some_features(spec: ModelSpec) -> np.ndarray:
         return np.array([spec.centre] * 2)
 
 
-def _features(spec: ModelSpec) -> tuple[array[int], np.ndarray]:
+def _features(spec: ModelSpec | FirstStage) -> tuple[array[int], np.ndarray]:
     """Feature table, and for each feature how much of its unit makes u = 1."""
     table = array("i")
     radius = []
@@ -131,7 +207,9 @@ def _features(spec: ModelSpec) -> tuple[array[int], np.ndarray]:
         lo, hi = max(lo, 1 - NO_LIMIT), min(hi, NO_LIMIT - 1)
         centre = round(spec.centre[i] * Q24)
         shift, factor = unpack.scaling(lo, hi, centre)
-        box = (math.floor(spec.domain.lo[i] * Q24), math.ceil(spec.domain.hi[i] * Q24))
+        box = (lo, hi)
+        if isinstance(spec, ModelSpec):
+            box = (math.floor(spec.domain.lo[i] * Q24), math.ceil(spec.domain.hi[i] * Q24))
         table.extend((lo, hi, centre, shift, factor, *box))
         radius.append(2.0**42 / factor * 2.0**shift / Q24)
     return table, np.array(radius)

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from firmware_py import features as firmware_features
 from firmware_py import outputs
-from palpate.model_export.schema import ModelSpec, Term
+from palpate.model_export.schema import FirstStage, ModelSpec, Term
 
 
 def monomials(z: np.ndarray, terms: tuple[Term, ...]) -> np.ndarray:
@@ -22,6 +23,23 @@ def monomials(z: np.ndarray, terms: tuple[Term, ...]) -> np.ndarray:
 def standardised(spec: ModelSpec, features: np.ndarray) -> np.ndarray:
     """Features (n x len(spec.features)) as the polynomials take them: clipped, centred, scaled."""
     return (np.clip(features, spec.clip_lo, spec.clip_hi) - np.array(spec.centre)) / np.array(spec.scale)
+
+
+def estimates(first: FirstStage, features: np.ndarray) -> np.ndarray:
+    """The first stage's values (n x estimates) for features (n x len(first.features)), in its order."""
+    z = (np.clip(features, first.clip_lo, first.clip_hi) - np.array(first.centre)) / np.array(first.scale)
+    y = monomials(z, first.terms) @ np.array([e.coefficients for e in first.estimates]).T
+    return np.clip(y, [e.lo for e in first.estimates], [e.hi for e in first.estimates])
+
+
+def inputs(spec: ModelSpec, X: np.ndarray) -> np.ndarray:
+    """What `evaluate` takes, n x len(spec.features), from the firmware's features X, n x features.COUNT."""
+    names = list(firmware_features.NAMES)
+    if spec.first is not None:
+        own = X[:, [names.index(name) for name in spec.first.features]]
+        X = np.column_stack([X, estimates(spec.first, own)])
+        names += [e.name for e in spec.first.estimates]
+    return X[:, [names.index(name) for name in spec.features]]
 
 
 def link_ends(spec: ModelSpec) -> tuple[np.ndarray, np.ndarray]:

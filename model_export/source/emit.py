@@ -82,6 +82,10 @@ def emit_py(spec: ModelSpec, whole: bool = True) -> str:
     ModelError, ProofError
         As `exporter.export`: a model that cannot be an image cannot be a module.
     """
+    if spec.first is not None:
+        raise ModelError(
+            "a model of two stages is exported as an image only: its source would lack the first"
+        )
     tables, proof, _ = prepare(spec)
     outputs = [name for name, _ in OUTPUTS]
     extra = [limit.feature for limit in spec.lump if limit.feature not in spec.features]
