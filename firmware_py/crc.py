@@ -32,6 +32,7 @@ def _halves_of_table():
 
 
 _LOW, _HIGH = _halves_of_table()
+del _halves_of_table  # a board has no room for what is called once
 
 
 def append_plain(buffer, n):

@@ -79,6 +79,7 @@ def _frames():
     if not _packed(hot_viper) or not _bins(hot_viper):
         raise ValueError("other numbers")
     hot_viper.install()
+    del hot_viper.install  # called once
 
 
 def _halves(n, step):
@@ -115,6 +116,7 @@ def _model():
     if not _terms(evaluator_viper):
         raise ValueError("other numbers")
     evaluator_viper.install()
+    del evaluator_viper.install
 
 
 def _image(n):
@@ -198,12 +200,14 @@ def _stroke():
     if not _traced(stroke_viper) or not _moved(stroke_viper) or not _fitted(stroke_viper):
         raise ValueError("other numbers")
     stroke_viper.install()
+    del stroke_viper.install
 
 
 def _link():
     from firmware_py.boards import fast_link
 
     fast_link.use()
+    del fast_link.use
 
 
 def scan_part():
@@ -223,6 +227,7 @@ def scan_part():
     if mine != theirs or a != b:
         raise ValueError("other numbers")
     fast_scan.install()
+    del fast_scan.install
 
 
 PARTS = (("link", _link), ("frames", _frames), ("model", _model), ("stroke", _stroke))

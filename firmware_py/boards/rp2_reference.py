@@ -168,6 +168,7 @@ def main(uart: bool = False) -> None:
     if rp2.bootsel_button():
         micropython.kbd_intr(3)
         return
+    global _machine_code, make, say, notes  # each is called once, and then given back
     code = _machine_code()
     gc.collect()
     gc.threshold(-1)
@@ -178,5 +179,7 @@ def main(uart: bool = False) -> None:
         link = links.UsbLink()
     board, estimates = make(link)
     board.watch()
+    told = notes(code, estimates)
+    del _machine_code, make, say, notes, scan.scan_order.tables
     gc.collect()
-    probe.run(board, estimates, notes(code, estimates))
+    probe.run(board, estimates, told)
