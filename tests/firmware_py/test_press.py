@@ -1,5 +1,6 @@
 """The press before a stroke: as exact as its reference, in range whatever comes, the same on MicroPython."""
 
+import dataclasses
 import struct
 
 import numpy as np
@@ -7,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware_py import calib, features, geometry, press, status
+from firmware_py import calib, features, geometry, press, status, stroke_state
+from firmware_py import settings as probe_settings
 from palpate.features import pipeline_features, press_features
 from palpate.firmware_twin.replay_core import Replay
 from palpate.sim.probe.scripts import run_micropython
@@ -106,12 +108,27 @@ def test_no_frames_whatever_lead_out_of_range():
     assert watch.most > 2**26
 
 
+def touched(stream):
+    """The same stroke from the frame on in which the probe notices the contact."""
+    state = stroke_state.StrokeState(probe_settings.Settings().values)
+    first = next(k for k, packed in enumerate(stream.packed) if state.in_contact(packed))
+    return dataclasses.replace(
+        stream,
+        packed=stream.packed[first:],
+        counts=stream.counts[first:],
+        positions_um=stream.positions_um[first:],
+        displacements_um=stream.displacements_um[first:],
+        press=stream.press - first,
+    )
+
+
 def test_a_strokes_press_is_felt_by_the_whole_chain(fields, map_blob, fitted_map):
     fast, plain = Replay(map_blob), Replay(map_blob, plain=True)
     watched, _ = checked_int.load()
     for k, (level, frames) in enumerate((("none", 24), ("typical", 24), ("poor", 32))):
         model = SensorModel(fields[k], LEVELS[level], k)
-        stream = model.stroke(press=frames)
+        stream = touched(model.stroke(press=frames))
+        frames = stream.press
         assert fast.stream(stream, model.calibration()) == status.OK
         counts, depths = stream.counts[:frames], stream.displacements_um[:frames] / 1e3
         true = pipeline_features.compute(
@@ -132,7 +149,8 @@ def test_a_strokes_press_is_felt_by_the_whole_chain(fields, map_blob, fitted_map
         slow.begin_press()
         for packed, depth in zip(stream.packed[:frames], stream.displacements_um):
             slow.add_press(packed, int(depth))
-        assert list(slow.press.kept) == list(fast.pipeline.press.kept)
+        kept = press.KEPT * frames
+        assert list(slow.press.kept[:kept]) == list(fast.pipeline.press.kept[:kept])
 
 
 def test_without_a_press_nothing_else_changes_and_a_later_stroke_has_none(fields, replay):
@@ -181,6 +199,8 @@ def test_on_micropython_the_same_integers_and_nothing_allocated_while_pressing(f
     raw, expected = b"", []
     for k, frames in enumerate((24, 80, 4)):
         stream = SensorModel(fields[k], LEVELS["typical"], k).stroke(40, press=frames)
+        stream = touched(stream)
+        frames = stream.press
         raw += struct.pack("<ii", len(stream.packed), frames)
         for packed, x, d in zip(stream.packed, stream.positions_um, stream.displacements_um):
             raw += struct.pack("<ii", int(x), int(d)) + packed
