@@ -105,7 +105,8 @@ class EmulatedProbe:
         self._repeat = repeat
         self._serial = serial
         self._public_key = public_key
-        self._source = source.write_source(self._dir / "source-0", strokes)
+        between = source.LIFTED_AS_BY_HAND if runtime == RP2040 else source.LIFTED
+        self._source = source.write_source(self._dir / "source-0", strokes, between)
         self._sources = 1
         self._ours, self._theirs = socket.socketpair()
         for end in (self._ours, self._theirs):
@@ -210,7 +211,7 @@ class EmulatedProbe:
         if self._orders is not None:
             os.write(self._orders, text.encode() + b"\n")
 
-    def set_strokes(self, strokes: Iterable[source.Frames], lifted: int = 3) -> None:
+    def set_strokes(self, strokes: Iterable[source.Frames], lifted: int = source.LIFTED) -> None:
         """What the sensors read from the next stream on; `lifted` frames in the air around each stroke."""
         self._source = source.write_source(self._dir / f"source-{self._sources}", strokes, lifted)
         self._sources += 1

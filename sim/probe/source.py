@@ -13,6 +13,10 @@ import numpy as np
 from firmware_py import geometry
 
 RECORD_BYTES = 8 + geometry.FRAME_BYTES
+LIFTED = 3
+LIFTED_AS_BY_HAND = 24
+"""Frames in the air between two strokes. The second is .6 s of a real hand: while a board works a stroke out,
+half a second, it looks at no frames, and would miss the beginning of the next one."""
 
 
 class Frames(Protocol):
@@ -49,7 +53,7 @@ def records(frames: Frames) -> bytes:
     return bytes(out)
 
 
-def write_source(path: Path, strokes: Iterable[Frames], lifted: int = 3) -> Path:
+def write_source(path: Path, strokes: Iterable[Frames], lifted: int = LIFTED) -> Path:
     """Write strokes one after the other, the probe `lifted` frames in the air before and after each."""
     air = lifted_record() * lifted
     data = air + b"".join(records(stroke) + air for stroke in strokes)

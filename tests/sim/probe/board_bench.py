@@ -116,7 +116,7 @@ class Board:
 
     def stroke(self, strokes: Sequence[source.Frames], folder: Path) -> None:
         """From the next stream on a hand leads the board over these strokes, one after the other."""
-        way = source.write_source(folder / "way", strokes).read_bytes()
+        way = source.write_source(folder / "way", strokes, source.LIFTED_AS_BY_HAND).read_bytes()
         self.hand = self.circuit.hand = Hand(self.matrix, moments(way))
 
     def until(self, reached: Callable[[], bool], limit_us: float = 5e6) -> None:
