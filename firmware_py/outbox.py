@@ -9,6 +9,7 @@ from array import array
 from firmware_py import counters, messages, wire
 
 MESSAGE_BODY = 320  # the longest message that is not a frame
+SHORT = 112  # most are no longer than this, estimates among them
 _CRC = 4
 
 _FRAMES_SENT = counters.FRAMES_SENT
@@ -18,13 +19,14 @@ _BYTES_SENT = counters.BYTES_SENT
 
 
 class Outbox:
-    """Two rings of preallocated bodies and one wire buffer.
+    """Preallocated bodies, a ring of frames and a queue of messages, and one wire buffer.
 
-    Parameters: counts (the probe's counters), frames and messages: how many of each may wait.
+    Parameters: counts (the probe's counters); frames, short, long: how many may wait of frames, of messages
+    up to SHORT bytes, and of any messages.
     `body` is where a message is packed before it is queued.
     """
 
-    def __init__(self, counts, frames=4, messages_=10):
+    def __init__(self, counts, frames=4, short=7, long=3):
         self._counts = counts
         self.body = bytearray(MESSAGE_BODY)
         # one more frame than may wait: the one that the sensors are being read into
@@ -33,8 +35,12 @@ class Outbox:
         self._frame_lengths = array("H", [0] * (frames + 1))
         self._first = 0
         self.frames_waiting = 0
-        self._bodies = [bytearray(MESSAGE_BODY + _CRC) for _ in range(messages_)]
-        self._lengths = array("H", [0] * messages_)
+        self._bodies = [bytearray(SHORT + _CRC) for _ in range(short)]
+        self._bodies += [bytearray(MESSAGE_BODY + _CRC) for _ in range(long)]
+        self._lengths = array("H", [0] * (short + long))  # 0: free
+        self._free_short = short
+        self._free_long = long
+        self._queue = bytearray(short + long)  # which bodies wait, in their order
         self._head = 0
         self.messages_waiting = 0
         self._wire = bytearray(wire.wire_size(max(messages.FRAME_BODY, MESSAGE_BODY)))
@@ -42,9 +48,9 @@ class Outbox:
         self._at = 0
         self._end = 0
 
-    def room(self):
-        """How many more messages fit."""
-        return len(self._bodies) - self.messages_waiting
+    def room(self, length=MESSAGE_BODY):
+        """How many more messages of this length fit."""
+        return self._free_long + (self._free_short if length <= SHORT else 0)
 
     def idle(self):
         """True if nothing waits."""
@@ -76,21 +82,32 @@ class Outbox:
     def post(self, body, length, at=0):
         """Queue a copy of body[at:at + length]; True if there was room."""
         n = len(self._bodies)
-        if self.messages_waiting == n:
-            return False
-        k = (self._head + self.messages_waiting) % n
-        self._bodies[k][:length] = memoryview(body)[at : at + length]
-        self._lengths[k] = length
-        self.messages_waiting += 1
-        return True
+        for k in range(n):
+            if not self._lengths[k] and length + _CRC <= len(self._bodies[k]):
+                self._bodies[k][:length] = memoryview(body)[at : at + length]
+                self._lengths[k] = length
+                self._count(k, -1)
+                self._queue[(self._head + self.messages_waiting) % n] = k
+                self.messages_waiting += 1
+                return True
+        return False
+
+    def _count(self, k, change):
+        """Body k is free again, or no longer."""
+        if len(self._bodies[k]) > SHORT + _CRC:
+            self._free_long += change
+        else:
+            self._free_short += change
 
     def _load(self):
         """Encode what goes next into the wire buffer; False if nothing waits."""
         if self.messages_waiting:
-            k = self._head
-            self._head = (k + 1) % len(self._bodies)
+            k = self._queue[self._head]
+            self._head = (self._head + 1) % len(self._bodies)
             self.messages_waiting -= 1
             self._end = wire.seal(self._bodies[k], self._lengths[k], self._wire, 1)
+            self._lengths[k] = 0
+            self._count(k, 1)
             self._at = 0
             counters.add(self._counts, _MESSAGES_SENT, 1)
         elif self.frames_waiting:

@@ -24,6 +24,8 @@ _CHUNK = 64  # bytes taken from the link at a time
 _IDLE_US = 50000  # longest wait between two looks at what is due
 _BUSY_US = 1000  # the same while the link has not taken everything
 _SCAN_US = 200  # between two looks at a scan under way
+_KEPT_SHORT = 4  # of the outbox's places: for answers and results, however many events there are
+_KEPT_LONG = 1
 _MASK = counters.MASK
 
 
@@ -106,7 +108,7 @@ class Probe:
         """Take commands one by one, as long as there is room for an answer; the rest waits in the link."""
         data = self._input
         receiver = self.receiver
-        while self.box.room() > 1:
+        while self.box.room():
             if self._input_at >= self._input_end:
                 n = self.board.read(data)
                 if n <= 0:
@@ -299,8 +301,8 @@ class Probe:
     def _post(self, kind, values, tail=b""):
         box = self.box
         length = messages.pack(box.body, kind, 0, 0, values, tail)
-        # the last places are for answers and results
-        if box.room() <= 4 or not box.post(box.body, length):
+        kept = _KEPT_SHORT if length <= outbox.SHORT else _KEPT_LONG
+        if box.room(length) <= kept or not box.post(box.body, length):
             counters.add(self.counts, counters.EVENTS_DROPPED, 1)
 
 

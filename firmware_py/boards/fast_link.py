@@ -1,11 +1,18 @@
 """The link's hot loops as machine code (viper): CRC-32 and COBS. Same bytes as crc.py and cobs.py.
 
+The CRC goes by half bytes: 16 entries of the table do, and a board has better use for the other kilobyte.
 `use()` puts them in the plain ones' place. Ports without a native compiler cannot import this file.
 """
+
+from array import array
 
 import micropython
 
 from firmware_py import cobs, crc
+
+# of a half byte, which the table has where it is the upper one
+_LOW = array("H", [crc._LOW[i] for i in range(0, 256, 16)])
+_HIGH = array("H", [crc._HIGH[i] for i in range(0, 256, 16)])
 
 
 @micropython.viper
@@ -14,9 +21,13 @@ def _append(buffer: ptr8, n: int, low: ptr16, high: ptr16):  # type: ignore[name
     hi: int = 0xFFFF
     i: int = 0
     while i < n:
-        k: int = (lo ^ int(buffer[i])) & 255
-        lo = (lo >> 8 | (hi & 255) << 8) ^ int(low[k])
-        hi = hi >> 8 ^ int(high[k])
+        lo ^= int(buffer[i])
+        k: int = lo & 15
+        lo = (lo >> 4 | (hi & 15) << 12) ^ int(low[k])
+        hi = hi >> 4 ^ int(high[k])
+        k = lo & 15
+        lo = (lo >> 4 | (hi & 15) << 12) ^ int(low[k])
+        hi = hi >> 4 ^ int(high[k])
         i += 1
     buffer[n] = (lo ^ 0xFFFF) & 255
     buffer[n + 1] = (lo ^ 0xFFFF) >> 8
@@ -30,9 +41,13 @@ def _whole(buffer: ptr8, n: int, low: ptr16, high: ptr16) -> int:  # type: ignor
     hi: int = 0xFFFF
     i: int = 0
     while i < n:
-        k: int = (lo ^ int(buffer[i])) & 255
-        lo = (lo >> 8 | (hi & 255) << 8) ^ int(low[k])
-        hi = hi >> 8 ^ int(high[k])
+        lo ^= int(buffer[i])
+        k: int = lo & 15
+        lo = (lo >> 4 | (hi & 15) << 12) ^ int(low[k])
+        hi = hi >> 4 ^ int(high[k])
+        k = lo & 15
+        lo = (lo >> 4 | (hi & 15) << 12) ^ int(low[k])
+        hi = hi >> 4 ^ int(high[k])
         i += 1
     if lo == 0x20E3 and hi == 0xDEBB:
         return 1
@@ -69,13 +84,13 @@ def _encode(source: ptr8, n: int, target: ptr8, at: int) -> int:  # type: ignore
 
 def append(buffer: bytearray, n: int) -> int:
     """crc.append."""
-    _append(buffer, n, crc._LOW, crc._HIGH)  # type: ignore[arg-type]
+    _append(buffer, n, _LOW, _HIGH)  # type: ignore[arg-type]
     return n + 4
 
 
 def check(buffer: bytearray, n: int) -> bool:
     """crc.check."""
-    return n >= crc.SIZE and _whole(buffer, n, crc._LOW, crc._HIGH) == 1  # type: ignore[arg-type]
+    return n >= crc.SIZE and _whole(buffer, n, _LOW, _HIGH) == 1  # type: ignore[arg-type]
 
 
 def encode(source: bytearray, n: int, target: bytearray, at: int) -> int:
@@ -103,4 +118,5 @@ def use() -> None:
     # the plain ones are given back
     crc.append = crc.append_plain = append
     crc.check = crc.check_plain = check
+    crc._LOW, crc._HIGH = _LOW, _HIGH
     cobs.encode = encode

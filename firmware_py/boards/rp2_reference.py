@@ -177,6 +177,7 @@ def main(uart: bool = False) -> None:
         link = links.UartLink(UART(0, UART_BAUD, tx=Pin(0), rx=Pin(1), txbuf=2048, rxbuf=256, timeout=0))
     else:
         link = links.UsbLink()
+        del links.UartLink
     board, estimates = make(link)
     board.watch()
     told = notes(code, estimates)

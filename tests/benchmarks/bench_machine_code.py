@@ -14,7 +14,7 @@ from array import array
 from rich.console import Console
 from rich.table import Table
 
-from firmware_py import cobs, crc, evaluator, pipeline, traces
+from firmware_py import cobs, evaluator, pipeline, traces
 from palpate.model_export.fixed_point import compiler
 from palpate.sim.probe.machine_code import MachineCode
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
@@ -65,7 +65,7 @@ def link(architecture: str) -> dict[str, tuple[float, float]]:
     code = MachineCode(twins.LINK, architecture, count=True)
     n = 660
     data = bytearray(i * 37 & 255 for i in range(n + 4))
-    code["_append"](data, n, crc._LOW, crc._HIGH)
+    code["_append"](data, n, *twins.half_byte_tables())
     found = {"a frame: CRC-32 of 660 bytes": (code.instructions, 0.0)}
     code.instructions = 0
     code["_encode"](data, n + 4, bytearray(cobs.worst_case(n + 4)), 0)

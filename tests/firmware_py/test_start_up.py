@@ -47,6 +47,8 @@ def clean(monkeypatch):
     """Afterwards all loops are the plain ones again, and no twin is left imported."""
     for loop in loops():
         monkeypatch.setattr(sys.modules[loop.__module__], loop.__name__, loop)
+    for table in ("_LOW", "_HIGH"):
+        monkeypatch.setattr(crc, table, getattr(crc, table))
     yield
     for name in MODULES:
         if sys.modules.pop(name, None):

@@ -3,12 +3,14 @@
 import ast
 import importlib
 import sys
+from array import array
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
+from firmware_py import crc
 from palpate.sim.probe.machine_code import MachineCode
 from palpate.sim.probe.scripts import FIRMWARE
 
@@ -90,3 +92,9 @@ def hash_of_nodes(code: Mapping[str, Callable], monkeypatch: Any) -> ModuleType:
     module = ModuleType("sha_thumb")
     exec(compile(SHA.read_text(), str(SHA), "exec"), module.__dict__)
     return module
+
+
+def half_byte_tables() -> tuple["array[int]", "array[int]"]:
+    """The tables that the link's checksum goes by."""
+    low, high = (array("H", [table[i] for i in range(0, 256, 16)]) for table in (crc._LOW, crc._HIGH))
+    return low, high

@@ -71,15 +71,15 @@ def test_a_wrong_option_is_refused_in_one_sentence(options):
 
 def test_the_design_of_balls_is_seeded_and_covers_what_it_says():
     cases = read_design("balls:64:3")
-    assert len(cases) == 128
-    assert cases == read_design("balls:64:3") == read_design("balls:100:3")[:128]
+    assert len(cases) == 192
+    assert cases == read_design("balls:64:3") == read_design("balls:100:3")[:192]
     assert cases != read_design("balls:64:4")
-    assert len(read_design("balls")) == 2000
+    assert len(read_design("balls")) == 3000
     assert [Case.from_code(case.code) for case in cases] == cases
-    low, high = cases[::2], cases[1::2]
+    low, high = cases[::3], cases[2::3]
     assert all(b.F_rel == pytest.approx(1.4 * a.F_rel, rel=1e-3) for a, b in zip(low, high))
     assert 0.3 < sum(case.shape == "ball" for case in low) / 64 < 0.7
-    assert 0.3 < sum(case.offset_mm == 0 for case in low) / 64 < 0.7
+    assert 0.6 < sum(case.offset_mm == 0 for case in low) / 64 < 0.9
     assert min(case.gland_ratio for case in low) < 2.5
     assert max(case.gland_ratio for case in low) > 9
 
