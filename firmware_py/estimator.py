@@ -6,7 +6,6 @@ from firmware_py import (
     calib,
     evaluator,
     features,
-    forcemap,
     memory,
     messages,
     outputs,
@@ -79,8 +78,7 @@ class Estimator:
     def take_model(self):
         """Use the live model from here on."""
         self.model, self.model_status = self.flash.live()
-        blob = self.model.force_map if self.model else None
-        self._force_map = forcemap.load(blob) if blob else None
+        self._force_map = self.model.force_map if self.model else None
 
     def model_id(self):
         """The live model's 8 bytes, or zeros."""

@@ -226,7 +226,8 @@ class Tables:
 class Model:
     """A model ready to evaluate (model_image.load), which needs nothing any more of what has loaded it.
 
-    tested: place and length of the vectors in its image; first: stage.Stage of a model of two stages.
+    force_map: what forcemap.load returned, or None; tested: place and length of the vectors in its image;
+    first: stage.Stage of a model of two stages.
     """
 
     def __init__(self, tables, force_map, header, tested):

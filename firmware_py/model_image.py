@@ -8,7 +8,7 @@ is checked all the same (model_check.py).
 
 from array import array
 
-from firmware_py import constant, evaluator, geometry, memory, model_check, status, unpack
+from firmware_py import constant, evaluator, forcemap, geometry, memory, model_check, status, unpack
 
 const = constant.const
 
@@ -177,7 +177,8 @@ def _load(read, body, features_version, feature_count, probe):
         limits,
         head,
     )
-    model = evaluator.Model(tables, parts[FORCE_MAP] or None, h, h.places[SELF_TEST])
+    moves = forcemap.load(parts[FORCE_MAP]) if parts[FORCE_MAP] else None
+    model = evaluator.Model(tables, moves, h, h.places[SELF_TEST])
     if first:
         from firmware_py import stage
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from firmware_py import calib, forcemap, geometry, messages, status
+from firmware_py import calib, geometry, messages, status
 from firmware_py.estimator import Estimator
 from firmware_py.probe import Probe
 from palpate.firmware_twin.replay_core import compiled
@@ -74,8 +74,7 @@ class Session:
         estimator.pipeline = compiled().pipeline.Pipeline(calib.Calibration())
         if model is not None:
             estimator.model, estimator.model_status = model.model, status.OK
-            blob = model.model.force_map
-            estimator._force_map = forcemap.load(blob) if blob else None
+            estimator._force_map = model.model.force_map
         self._probe = Probe(self._board, estimator)
         self._parser = LiveParser(own_only=True)
         self._number = 0

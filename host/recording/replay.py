@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from firmware_py import calib, evaluator, features, forcemap, messages, pipeline, status
+from firmware_py import calib, evaluator, features, messages, pipeline, status
 from firmware_py.estimator import answer
 from palpate.errors import RecordingError
 from palpate.link.events import Estimate, Features, Frame, StrokeState
@@ -91,7 +91,7 @@ class Replayer:
         if calibration and own.load(calibration) != status.OK:
             raise RecordingError("the recording's calibration cannot be read; record the stroke again")
         self._pipeline = pipeline.Pipeline(own)
-        self._force_map = forcemap.load(self.model.force_map) if self.model.force_map else None
+        self._force_map = self.model.force_map
         self._out = array("i", bytes(4 * evaluator.OUT_SIZE))
 
     @property

@@ -11,7 +11,7 @@ from firmware_py import memory
 
 memory.reserve()
 gc.threshold(32768)
-from firmware_py import calib, evaluator, forcemap, model_image, pipeline, stroke_state, wire  # noqa: E402
+from firmware_py import calib, evaluator, model_image, pipeline, stroke_state, wire  # noqa: E402
 from firmware_py.boards import scan_order  # noqa: E402
 
 FAST = False
@@ -114,7 +114,7 @@ def stroke():
     memory.forget(memory.FLASHING)
     gc.collect()
     if FAST:
-        measured("finish", 1, p.finish, forcemap.load(model.force_map))
+        measured("finish", 1, p.finish, model.force_map)
     out = numbers(evaluator.OUT_SIZE)
     measured("evaluator", 1, model.evaluate, p.features, out)
 
