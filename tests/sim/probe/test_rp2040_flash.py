@@ -10,7 +10,7 @@ from tests.host.conftest import bench, images, specs
 from tests.sim.probe.board_bench import Board, kept_files
 
 __all__ = ["bench", "images", "specs"]
-pytestmark = [pytest.mark.board, pytest.mark.long]
+pytestmark = [pytest.mark.board, pytest.mark.timeout(3600)]
 
 
 def test_a_model_is_sent_verified_tried_and_live(images, public_key, tmp_path):

@@ -14,7 +14,8 @@ pytestmark = [pytest.mark.board, pytest.mark.long, pytest.mark.timeout(0)]
 LUMP, MOMENTS = "d12h07e20f09", 40
 VISITS = (1, 1, 3, 5, 10)
 """Strokes in each stream: after each the heap and the counters are looked at."""
-FRAMES = 500
+FRAMES, LATE = 500, 0.01
+"""Frames in all at least, and what share of them may be late by a period."""
 
 
 @pytest.fixture(scope="module")
@@ -66,5 +67,6 @@ def test_every_estimate_comes_its_replay_is_identical_no_frame_is_lost_and_the_h
             )
     assert all(estimate.reason == "ok" for estimate in estimates)
     assert counted["frames_sent"] > FRAMES
-    assert counted["frames_dropped"] == counted["frames_overrun"] == 0
+    assert counted["frames_dropped"] == 0
+    assert counted["frames_overrun"] < LATE * counted["frames_acquired"]
     assert set(free) == {free[0]}
