@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.features.map_features import Floats
-from palpate.regression.any_tissue.model import SCALE_FREE, best_terms
+from palpate.regression.any_tissue.model import SCALE_FREE, TissueAnswers, best_terms
 from palpate.regression.balls.observed import TRUTH, ObservedBalls
 from palpate.regression.conformal import LEVEL, Widths, calibrate, fit_sigma, out_of_fold
 from palpate.regression.field.model import even_odds
@@ -38,16 +38,6 @@ _STRENGTHS = 10.0 ** np.arange(-8.0, 2.1, 0.5)
 
 
 @dataclass(frozen=True)
-class BallAnswers:
-    """y, half : (n, outputs), estimates and half-widths by `OUTPUTS`; hard : (n), whether a lump is called
-    hard."""
-
-    y: Floats
-    half: Floats
-    hard: NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
 class BallModel:
     """`press` estimates ln F/E_fat, ln t and ln(t + gland/ratio); `stroke` takes these three too.
 
@@ -61,13 +51,13 @@ class BallModel:
     border: float
     with_press: bool
 
-    def answer(self, seen: ObservedBalls) -> BallAnswers:
+    def answer(self, seen: ObservedBalls) -> TissueAnswers:
         """Estimates of every stroke."""
         estimates = self.press.predict(seen.press) if self.with_press else None
         X = _inputs(seen, self.features, estimates)
         y = self.stroke.predict(X)
         hard = y[:, STIFFNESS] < self.border
-        return BallAnswers(y, self.widths.half(self.stroke.standard(X), y, hard), hard)
+        return TissueAnswers(y, self.widths.half(self.stroke.standard(X), y, hard), hard)
 
 
 def _inputs(seen: ObservedBalls, features: tuple[str, ...], estimates: Floats | None) -> Floats:
