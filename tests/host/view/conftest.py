@@ -59,7 +59,14 @@ def open_page(browser):
     """
     pages, wrong = [], []
 
-    def open_it(viewer: Viewer, width: int = 1280, height: int = 800, scheme: str = "dark", script: str = ""):
+    def open_it(
+        viewer: Viewer,
+        width: int = 1280,
+        height: int = 800,
+        scheme: str = "dark",
+        script: str = "",
+        before=None,
+    ):
         context = browser.new_context(
             viewport={"width": width, "height": height}, color_scheme=scheme, has_touch=width < 600
         )
@@ -78,6 +85,8 @@ def open_page(browser):
                 else None
             ),
         )
+        if before:
+            before(page)
         page.goto(viewer.url)
         pages.append(page)
         return page

@@ -16,10 +16,10 @@ def told(source: SyntheticSource, wanted: list[str]) -> None:
     assert source.told == wanted
 
 
-def opened(viewer, open_page, source, mode="live", **words):
-    """A page that has been told how things stand."""
+def opened(viewer, open_page, source, mode="live", before=None, **words):
+    """A page that has been told how things stand; `before` has it ahead of its first request."""
     running = viewer(source, mode=mode, **words)
-    page = open_page(running)
+    page = open_page(running, before=before)
     expect(page.locator("body")).to_have_attribute("data-link", "connected")
     return running, page
 

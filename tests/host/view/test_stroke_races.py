@@ -12,21 +12,45 @@ from tests.host.view.waiting import noticed, settled
 pytestmark = pytest.mark.browser
 
 
-def picks(page, count):
-    """Hold the answers with strokes back; returns them by number as they are asked for."""
-    waiting = {}
-    page.route(
-        "**/api/stroke-*.json", lambda route: waiting.update({int(number_of(route.request.url)): route})
-    )
+class Held:
+    """Answers with strokes, held back from `hold` on; `waiting` has them by number.
 
-    def wait() -> dict:
+    It stands between page and viewer from the page's beginning: put there later, it once missed requests.
+    """
+
+    def __init__(self):
+        self.waiting = {}
+        self.holds = False
+
+    def watch(self, page) -> None:
+        """Stand between this page and its viewer."""
+        self.page = page
+        page.route("**/api/stroke-*.json", self.take)
+
+    def take(self, route) -> None:
+        """Keep this request's answer, or let it pass."""
+        if self.holds:
+            self.waiting[int(number_of(route.request.url))] = route
+        else:
+            route.continue_()
+
+    def hold(self) -> None:
+        """Hold back every answer from here on."""
+        self.holds = True
+
+    def wait(self, count: int) -> dict:
+        """The held answers, once there are `count` of them."""
         for _ in range(600):
-            if len(waiting) >= count:
-                return waiting
-            page.wait_for_timeout(100)
-        raise AssertionError(waiting)
+            if len(self.waiting) >= count:
+                return self.waiting
+            self.page.wait_for_timeout(100)
+        raise AssertionError(self.waiting)
 
-    return wait
+    def let_go(self, number: int) -> None:
+        """Let this answer arrive, and wait until it has."""
+        with self.page.expect_response(f"**/api/stroke-{number}.json") as answer:
+            self.waiting[number].continue_()
+        answer.value.finished()
 
 
 def number_of(url: str) -> str:
@@ -35,17 +59,16 @@ def number_of(url: str) -> str:
 
 def test_of_strokes_picked_in_quick_succession_the_last_is_shown_whatever_comes_first(viewer, open_page):
     source = SyntheticSource([LUMP, Bump(d_mm=20.0), Bump(d_mm=15.0)], seconds=0.3, rest=0.0, limit=3)
-    _, page = opened(viewer, open_page, source)
+    held = Held()
+    _, page = opened(viewer, open_page, source, before=held.watch)
     expect(page.locator("#stroke-3")).to_be_visible()
-    wait = picks(page, 3)
+    held.hold()
     for _ in range(3):
         page.keyboard.press("ArrowDown")
     expect(page.locator("#stroke-1")).to_have_attribute("aria-selected", "true")
-    routes = wait()
+    held.wait(3)
     for number in (1, 3, 2):
-        with page.expect_response(f"**/api/stroke-{number}.json") as answer:
-            routes[number].continue_()
-        answer.value.finished()
+        held.let_go(number)
     expect(page.locator("#estimate-which")).to_contain_text("stroke 1,")
     settled(page)
     expect(page.locator("#estimate-which")).to_contain_text("stroke 1,")
@@ -54,16 +77,15 @@ def test_of_strokes_picked_in_quick_succession_the_last_is_shown_whatever_comes_
 
 def test_escape_also_takes_back_a_stroke_that_is_still_on_its_way(viewer, open_page):
     source = SyntheticSource([LUMP, Bump(d_mm=20.0)], seconds=0.3, rest=0.0, limit=2)
-    _, page = opened(viewer, open_page, source)
+    held = Held()
+    _, page = opened(viewer, open_page, source, before=held.watch)
     expect(page.locator("#estimate-which")).to_contain_text("stroke 2,")
-    wait = picks(page, 1)
+    held.hold()
     page.locator("#stroke-1").click()
-    routes = wait()
+    held.wait(1)
     expect(page.locator("#back-live")).to_be_visible()
     page.keyboard.press("Escape")
-    with page.expect_response("**/api/stroke-1.json") as answer:
-        routes[1].continue_()
-    answer.value.finished()
+    held.let_go(1)
     settled(page)
     expect(page.locator("#back-live")).to_be_hidden()
     expect(page.locator("#estimate-which")).to_contain_text("stroke 2,")
@@ -72,16 +94,15 @@ def test_escape_also_takes_back_a_stroke_that_is_still_on_its_way(viewer, open_p
 
 def test_a_stroke_that_ends_while_the_last_one_is_fetched_is_not_replaced_by_it(viewer, open_page):
     source = SyntheticSource([LUMP, Bump(d_mm=20.0)], seconds=0.3, rest=0.0, limit=1)
-    _, page = opened(viewer, open_page, source)
+    held = Held()
+    _, page = opened(viewer, open_page, source, before=held.watch)
     expect(page.locator("#estimate-which")).to_contain_text("stroke 1,")
-    wait = picks(page, 1)
+    held.hold()
     page.reload()
-    routes = wait()
+    held.wait(1)
     source.limit = 2
     expect(page.locator("#estimate-which")).to_contain_text("stroke 2,")
-    with page.expect_response("**/api/stroke-1.json") as answer:
-        routes[1].continue_()
-    answer.value.finished()
+    held.let_go(1)
     settled(page)
     expect(page.locator("#estimate-which")).to_contain_text("stroke 2,")
 
