@@ -34,6 +34,11 @@ def ascending(values, first, second, step):
     return True
 
 
+def places(ids, feature_count):
+    """Where features of these ids stand: the values of a first stage are behind the firmware's own."""
+    return bytes([i if i < feature_count else i - FIRST_ID + feature_count for i in ids])
+
+
 def check(parts, feature_count, values=0):
     """OK, or what is wrong with an image's sections (parts: number of a section -> its bytes).
 

@@ -27,7 +27,7 @@ _FLAGS = const(7)
 _LENGTH = const(8)
 _COUNTER = const(12)
 _REPLACES = const(16)
-_RESERVED = const(20)
+_CHECKS = const(20)  # length of the checks' section
 _PROBE = const(24)
 _MODEL_ID = const(40)
 _TRAINING = const(48)
@@ -47,6 +47,7 @@ FORCE_MAP = 10
 SELF_TEST = 11
 FIRST_STAGE = 12  # of a model of two stages (stage_image.py)
 LAST = 12
+CHECKS = 13  # laid out as a first stage; a firmware that does not know of it refuses the image
 
 TESTED = evaluator.LEVEL  # integers of an estimate that a self-test vector fixes
 DISTANCE_BITS = model_check.DISTANCE_BITS
@@ -86,7 +87,7 @@ class Header:
         if (
             self.kind > 1
             or b[_FLAGS] > ROLLBACK
-            or u32(b, _RESERVED)
+            or u32(b, _CHECKS) > 0xFFFF
             or self.counter > MAX_COUNTER
             or self.replaces > MAX_COUNTER
             or (self.replaces and not self.rollback)
@@ -99,6 +100,9 @@ class Header:
             n = b[_LENGTHS + 2 * tag - 2] | b[_LENGTHS + 2 * tag - 1] << 8
             self.places[tag] = (at, n)
             at += n + 3 & -4
+        n = u32(b, _CHECKS)
+        self.places[CHECKS] = (at, n)
+        at += n + 3 & -4
         if at != body:
             self.code = status.BAD_LENGTH
 
@@ -127,18 +131,22 @@ def _load(read, body, features_version, feature_count, probe):
     if not 0 < h.features_version <= features_version:
         return status.BAD_VERSION, None
     parts = [b""] + [h.section(read, tag) for tag in range(1, SELF_TEST)]
-    first = None
-    if h.places[FIRST_STAGE][1]:
+    first = checks = None
+    if h.places[FIRST_STAGE][1] or h.places[CHECKS][1]:
         from firmware_py import stage_image
 
-        code, first = stage_image.load(h.section(read, FIRST_STAGE), feature_count)
+        code = status.OK
+        if h.places[FIRST_STAGE][1]:
+            code, first = stage_image.load(h.section(read, FIRST_STAGE), feature_count)
+        if code == status.OK and h.places[CHECKS][1]:
+            values = first.count if first else 0
+            code, checks = stage_image.load(h.section(read, CHECKS), feature_count, values)
         if code != status.OK:
             return code, None
     code = model_check.check(parts, feature_count, first.count if first else 0)
     if code != status.OK:
         return code, None
-    # the first stage's values stand behind the features
-    ids = bytes([i if i < feature_count else i - model_check.FIRST_ID + feature_count for i in parts[IDS]])
+    ids = model_check.places(parts[IDS], feature_count)
     sizes = parts[NUMBERS][unpack.NUMBERS_HEAD :]
     head = unpack.head(parts[NUMBERS])
     limits = array("i", parts[LIMITS])
@@ -184,6 +192,10 @@ def _load(read, body, features_version, feature_count, probe):
 
         model.first = first
         model.evaluate = stage.Staged(first, tables).evaluate
+    if checks:
+        from firmware_py import stage
+
+        model.evaluate = stage.Checked(checks, first, tables).evaluate
     return status.OK, model
 
 

@@ -1,13 +1,13 @@
 """A model's first stage: polynomials of some features whose values its second takes as features.
 
-What the press tells of the tissue is worked out so, before the stroke is looked at. The arithmetic is the
-second stage's (evaluator.py, polynomial.py); docs/model-image.md has the formulas. Loaded only where the live
-model has two stages (stage_image.py).
+What the press tells of the tissue is worked out so, before the stroke is looked at; a model's checks are such
+polynomials too. The arithmetic is the second stage's (evaluator.py, polynomial.py); docs/model-image.md has
+the formulas. Loaded only where the live model has two stages, or checks (stage_image.py).
 """
 
 from array import array
 
-from firmware_py import constant, evaluator, polynomial, scales
+from firmware_py import constant, evaluator, outputs, polynomial, scales
 
 const = constant.const
 
@@ -74,3 +74,27 @@ class Staged:
     def evaluate(self, x, out):
         """Estimate from the features x into out; see evaluator.Tables.evaluate."""
         return self.tables.evaluate(self.first.extend(x), out)
+
+
+class Checked:
+    """A model with checks: a stroke where one of them is above zero is outside the domain.
+
+    first: the first stage, or None; what it and `checks` extend lies behind each other.
+    """
+
+    def __init__(self, checks, first, tables):
+        self.checks = checks
+        self.first = first
+        self.tables = tables
+
+    def evaluate(self, x, out):
+        """Estimate from the features x into out; see evaluator.Tables.evaluate."""
+        if self.first:
+            x = self.first.extend(x)
+        code = self.tables.evaluate(x, out)
+        checks = self.checks
+        x = checks.extend(x)
+        for i in range(checks.count):
+            if x[checks.feature_count + i] > 0:
+                out[evaluator.FLAGS] &= ~outputs.IN_DOMAIN
+        return code

@@ -1,4 +1,4 @@
-"""How a model's first stage lies in its image, and every number of it looked at; docs/model-image.md.
+"""How a first stage, or checks, lie in a model's image, every number looked at; docs/model-image.md.
 
 A board has no room for this at other times than a model's loading (memory.forget).
 """
@@ -34,8 +34,11 @@ def places(raw):
     return at
 
 
-def load(raw, feature_count):
-    """(status, stage) of the section's bytes; the stage is None unless OK."""
+def load(raw, feature_count, values=0):
+    """(status, stage) of the section's bytes; the stage is None unless OK.
+
+    values: of a stage before this one, which may be asked for like features.
+    """
     at = places(raw)
     if at is None or len(raw) < at[-1]:
         return status.BAD_LENGTH, None
@@ -56,7 +59,7 @@ def load(raw, feature_count):
     ends = array("i", raw[at[2] : at[3]])
     code = model_check.check_head(head, sizes)
     if code == status.OK:
-        code = model_check.check_features(ids, array("i", feats), array("i"), feature_count)
+        code = model_check.check_features(ids, array("i", feats), array("i"), feature_count, values)
     if code == status.OK:
         code = _check_sums(raw[at[3] : at[4]], ends)
     if code != status.OK:
@@ -79,6 +82,8 @@ def load(raw, feature_count):
     own = array("i", bytearray(4 * outputs * branches))
     unpack.share(steps, len(steps), unpack.Numbers(raw, at[5], sizes), head, c, d, own)
     rows = unpack.rows(raw[at[3] : at[3] + unpack.ROW_BYTES * outputs])
+    ids = model_check.places(ids, feature_count)
+    feature_count += values
     found = stage.Stage(ids, unpack.feats(feats), steps, c, d, own, rows, ends, head, count, feature_count)
     return (status.OK if _same(found, raw, test) else status.SELF_TEST), found
 

@@ -62,9 +62,15 @@ def spec(model: ModelData) -> None:
     """Raise ModelError with the first thing that is wrong with `model`."""
     _head(model)
     if model.first is not None:
-        _first(model.first)
+        _stage(model.first, "first")
     n = len(model.features)
     _features(model, n)
+    if model.checks is not None:
+        _stage(model.checks, "checks")
+        strange = [name for name in model.checks.features if name not in model.features]
+        _need(not strange, f"the checks take {strange[:1]}, which is none of the model's features")
+        ends = all(e.lo < 0 < e.hi for e in model.checks.estimates)
+        _need(ends, "a check must be held within ends on both sides of 0")
     _terms(model.terms, n, "terms")
     _outputs(model)
     _interval(model, n)
@@ -120,18 +126,18 @@ def _features(model: ModelData | FirstStage, n: int) -> None:
         )
 
 
-def _first(first: FirstStage) -> None:
+def _stage(first: FirstStage, where: str) -> None:
     n = len(first.features)
     _features(first, n)
-    _terms(first.terms, n, "first.terms")
+    _terms(first.terms, n, f"{where}.terms")
     estimates = first.estimates
     ok = isinstance(estimates, tuple) and 0 < len(estimates) <= MAX_ESTIMATES
-    _need(ok, f"first.estimates must be a list of 1 to {MAX_ESTIMATES}")
+    _need(ok, f"{where}.estimates must be a list of 1 to {MAX_ESTIMATES}")
     names = [e.name for e in estimates]
     ok = all(isinstance(name, str) and name.isidentifier() for name in names) and len(set(names)) == len(
         names
     )
-    _need(ok, f"the first stage's estimates must have names of their own, not {names}")
+    _need(ok, f"{where}.estimates must have names of their own, not {names}")
     for e in estimates:
         lo, hi = _number(e.lo, f"lo of {e.name}"), _number(e.hi, f"hi of {e.name}")
         _need(-32 < lo < hi < 32, f"{e.name}: lo must be below hi, both within +-32")

@@ -71,8 +71,10 @@ def prepare(spec: ModelSpec) -> tuple[Any, bounds.Proof, bytes | None]:
     """Tables, proof and force map's blob of a model; ModelError or ProofError if it cannot be one."""
     tables = compiler.compile_model(spec)
     proof = bounds.prove(tables)
-    if spec.first is not None:
-        proof = max(proof, bounds.prove_first(compiler.compile_first(spec.first)), key=lambda p: p.largest)
+    stages = [] if spec.first is None else [compiler.compile_first(spec.first)]
+    checks = compiler.compile_checks(spec)
+    for part in stages if checks is None else [*stages, checks]:
+        proof = max(proof, bounds.prove_first(part), key=lambda p: p.largest)
     blob = None
     if spec.force_map is not None:
         try:

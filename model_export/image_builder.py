@@ -59,8 +59,16 @@ def _in_order(tables: evaluator.Tables | stage.Stage, leaves: list[int]) -> list
     return out
 
 
-def _first_stage(first: stage.Stage) -> bytes:
-    """The section of a model's first stage; `firmware_py.stage_image` reads it."""
+def _ids(ids: bytes) -> bytes:
+    """Places of features as the image names them."""
+    count = firmware_features.COUNT
+    return bytes(i if i < count else i - count + model_check.FIRST_ID for i in ids)
+
+
+def _stage(first: stage.Stage | None) -> bytes:
+    """The section of a first stage, or of checks; `firmware_py.stage_image` reads it."""
+    if first is None:
+        return b""
     head, n = first.head, len(first.ids)
     low = head[evaluator.LOW_BITS]
     words = _in_order(first, [(c << low) + d for c, d in zip(first.c, first.d)])
@@ -72,7 +80,7 @@ def _first_stage(first: stage.Stage) -> bytes:
             f"<5B{evaluator.OUTPUTS}BHI", n, first.count, low, head[evaluator.PART_BITS],
             head[evaluator.HIGH_BITS], *sizes, len(first.steps), head[evaluator.DOWNS],
         ),
-        bytes(first.ids),
+        _ids(first.ids),
         struct.pack(f"<{len(feats)}i", *feats),
         first.ends.tobytes(),
         struct.pack(f"<{len(rows) // 2}i{len(rows) // 2}b", *rows[::2], *rows[1::2]),
@@ -107,10 +115,7 @@ def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None
         fw.NUMBERS: struct.pack(
             f"<4i2H5B{2 * outputs}B", *(tables.head[k] for k in _NUMBERS), *sizes[0], *sizes[1]
         ),
-        fw.IDS: bytes(
-            i if i < firmware_features.COUNT else i - firmware_features.COUNT + model_check.FIRST_ID
-            for i in tables.ids
-        ),
+        fw.IDS: _ids(tables.ids),
         fw.FEATURES: struct.pack(f"<{len(feats)}i", *feats),
         fw.STEPS: bytes(tables.steps),
         fw.WORDS: packed(parts[0], sizes[0])
@@ -122,7 +127,8 @@ def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None
         fw.INFO: info.encode("ascii"),
         fw.FORCE_MAP: force_map or b"",
         fw.SELF_TEST: self_test.section(tables, *self_test.vectors(spec, tables)),
-        fw.FIRST_STAGE: b"" if spec.first is None else _first_stage(compiler.compile_first(spec.first)),
+        fw.FIRST_STAGE: b"" if spec.first is None else _stage(compiler.compile_first(spec.first)),
+        fw.CHECKS: _stage(compiler.compile_checks(spec)),
     }
 
 
@@ -150,16 +156,18 @@ def build(
     if replaces and replaces < counter:
         raise ModelError("a rollback replaces newer images: its limit must not be below its own counter")
     sections = _sections(spec, tables, force_map)
-    content = b"".join(self_test.padded(sections[tag]) for tag in range(1, fw.LAST + 1))
+    content = b"".join(self_test.padded(sections[tag]) for tag in (*range(1, fw.LAST + 1), fw.CHECKS))
     lengths = [len(sections[tag]) for tag in range(1, fw.LAST + 1)]
-    if max(lengths) > 0xFFFF:
-        raise ModelError(f"a section of the image would have {max(lengths)} bytes; 65535 fit")
+    longest = max(*lengths, len(sections[fw.CHECKS]))
+    if longest > 0xFFFF:
+        raise ModelError(f"a section of the image would have {longest} bytes; 65535 fit")
 
     def head(model_id: bytes) -> bytes:
         return struct.pack(
-            f"<4sBBBBIII4x16s8s32s{fw.LAST}H", fw.MAGIC, fw.VERSION, KINDS.index(spec.kind),
+            f"<4sBBBBIIII16s8s32s{fw.LAST}H", fw.MAGIC, fw.VERSION, KINDS.index(spec.kind),
             spec.features_version, fw.ROLLBACK if replaces else 0, fw.HEAD_SIZE + len(content), counter,
-            replaces, spec.probe.encode("ascii"), model_id, bytes.fromhex(spec.training["hash"]), *lengths,
+            replaces, len(sections[fw.CHECKS]), spec.probe.encode("ascii"), model_id,
+            bytes.fromhex(spec.training["hash"]), *lengths,
         )  # fmt: skip
 
     # the id is the hash of everything else in the image

@@ -113,7 +113,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class FirstStage:
-    """Polynomials that are worked out before the model's own, as those are; their values are held, no more.
+    """Polynomials that are worked out beside the model's own, as those are; their values are held, no more.
 
     Attributes
     ----------
@@ -165,6 +165,9 @@ class ModelData:
         At least "hash" (64 hex digits) and "n"; noise level, seed and scores are welcome.
     first : FirstStage or None
         None: the model has one stage.
+    checks : FirstStage or None
+        Its estimates say what a stroke is unlike: where one of them is above 0 it is outside the domain. Of
+        features among the model's own.
     """
 
     kind: str
@@ -186,3 +189,4 @@ class ModelData:
     force_map: dict[str, Any] | None = None
     notes: dict[str, Any] = field(default_factory=dict)
     first: FirstStage | None = None
+    checks: FirstStage | None = None

@@ -59,8 +59,9 @@ class ModelSpec(ModelData):
     def to_dict(self) -> dict[str, Any]:
         """Plain dict as written to model.json."""
         body = asdict(self)
-        if self.first is None:  # as it was written before there were two stages
-            del body["first"]
+        for part in ("first", "checks"):  # without them as it was written before there were any
+            if body[part] is None:
+                del body[part]
         return {"format": FORMAT, "version": VERSION, **body}
 
     @staticmethod
@@ -125,7 +126,7 @@ def _deeper_than(value: Any, levels: int) -> bool:
 
 
 _PARTS: dict[str, Any] = {"outputs": Output, "interval": Interval, "domain": Domain, "lump": Limit,
-                           "first": FirstStage, "estimates": Estimate}  # fmt: skip
+                           "first": FirstStage, "checks": FirstStage, "estimates": Estimate}  # fmt: skip
 
 
 def _build(cls: Any, data: Any, where: str) -> Any:
@@ -133,7 +134,7 @@ def _build(cls: Any, data: Any, where: str) -> Any:
     if not isinstance(data, dict):
         raise ModelError(f"{where} must be an object")
     known = {f.name for f in fields(cls)}
-    optional = {"force_map", "notes", "first"} | ({"lo", "hi"} if cls is Limit else set())
+    optional = {"force_map", "notes", "first", "checks"} | ({"lo", "hi"} if cls is Limit else set())
     for key in data:
         if key not in known:
             raise ModelError(f"{where} has the unknown entry {key!r}")

@@ -200,10 +200,10 @@ def _on_intervals() -> dict[str, Any]:
 
 
 def prove_first(first: stage.Stage) -> Proof:
-    """The same for a model's first stage; its values are features like any other to the second."""
+    """The same for a first stage, whose values are features like any other to the second, or for checks."""
     namespace = _on_intervals()
     if any(abs(v) > 1 << 15 for v in (*first.c, *first.d)):
-        raise ProofError("a coefficient of the first stage does not fit its word")
+        raise ProofError("a coefficient of the first stage, or of a check, does not fit its word")
     for part in ("feats", "own", "rows", "ends", "head"):
         if any(not -LIMIT <= v < LIMIT for v in getattr(first, part)):
             raise ProofError(f"an entry of the first stage's table {part} is beyond 2^30")

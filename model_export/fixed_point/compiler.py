@@ -120,16 +120,26 @@ def compile_model(spec: ModelSpec) -> ev.Tables:
 
 
 def compile_first(first: FirstStage) -> stage.Stage:
-    """Integer arrays of a model's first stage; the same errors as `compile_model`.
-
-    The firmware works out as many sums as a model has outputs; those that the stage does not need are 0.
-    """
+    """Integer arrays of a model's first stage; the same errors as `compile_model`."""
     taken = {e.name for e in first.estimates} & set(firmware_features.NAMES)
     if taken:
         raise ModelError(
             f"the firmware has a feature called {min(taken)!r}: the first stage's is to be another"
         )
-    ids = feature_ids(first.features)
+    return _compile_stage(first, feature_ids(first.features), firmware_features.COUNT)
+
+
+def compile_checks(spec: ModelSpec) -> stage.Stage | None:
+    """Integer arrays of a model's checks, if it has any; the same errors as `compile_model`."""
+    if spec.checks is None:
+        return None
+    ids = feature_ids(spec.checks.features, spec.first)
+    before = 0 if spec.first is None else len(spec.first.estimates)
+    return _compile_stage(spec.checks, ids, firmware_features.COUNT + before)
+
+
+def _compile_stage(first: FirstStage, ids: list[int], feature_count: int) -> stage.Stage:
+    """The firmware works out as many sums as a model has outputs; those that a stage does not need are 0."""
     feats, radius = _features(first)
     steps = nested.program(first.terms)
     index = {t: k for k, t in enumerate(nested.order(steps))}
@@ -180,7 +190,7 @@ def compile_first(first: FirstStage) -> stage.Stage:
         ends,
         head,
         len(first.estimates),
-        firmware_features.COUNT,
+        feature_count,
     )
 
 

@@ -32,6 +32,13 @@ def estimates(first: FirstStage, features: np.ndarray) -> np.ndarray:
     return np.clip(y, [e.lo for e in first.estimates], [e.hi for e in first.estimates])
 
 
+def checks_of(spec: ModelSpec, features: np.ndarray) -> np.ndarray:
+    """The model's checks, n x as many as it has, of features n x len(spec.features)."""
+    if spec.checks is None:
+        return np.zeros((len(features), 0))
+    return estimates(spec.checks, features[:, [spec.features.index(name) for name in spec.checks.features]])
+
+
 def inputs(spec: ModelSpec, X: np.ndarray) -> np.ndarray:
     """What `evaluate` takes, n x len(spec.features), from the firmware's features X, n x features.COUNT."""
     names = list(firmware_features.NAMES)
@@ -80,7 +87,7 @@ def evaluate(spec: ModelSpec, features: np.ndarray) -> dict[str, Any]:
     dict
         value, low, high (n x 5, units of `schema.OUTPUTS`), y (n x 5, link scale, clipped), sigma (n x 5),
         distance (n, squared, 1 at the threshold), beyond (n: an estimate is out of its range and margin),
-        in_domain (n), hardness (n strings), force_out (n).
+        unlike (n: a check is above 0), in_domain (n), hardness (n strings), force_out (n).
         The lump rule is not applied: it may need features that the model does not use.
     """
     raw = np.atleast_2d(np.asarray(features, float))
@@ -97,6 +104,7 @@ def evaluate(spec: ModelSpec, features: np.ndarray) -> dict[str, Any]:
     boxed = np.all((raw >= spec.domain.lo) & (raw <= spec.domain.hi), axis=1)
     sure_hard, sure_soft = high[:, 4] < spec.hard_below, low[:, 4] >= spec.hard_below
     beyond = _beyond(spec, y, width, is_ln)
+    unlike = (checks_of(spec, raw) > 0).any(axis=1)
     force = value[:, 0]
     return {
         "value": value,
@@ -105,8 +113,9 @@ def evaluate(spec: ModelSpec, features: np.ndarray) -> dict[str, Any]:
         "y": y,
         "sigma": sigma,
         "distance": distance,
-        "in_domain": boxed & (distance <= 1) & ~beyond,
+        "in_domain": boxed & (distance <= 1) & ~beyond & ~unlike,
         "beyond": beyond,
+        "unlike": unlike,
         "hardness": np.where(sure_hard, "hard", np.where(sure_soft, "soft", "unsure")),
         "force_out": (force < spec.force_range[0]) | (force > spec.force_range[1]),
     }

@@ -86,6 +86,8 @@ def emit_py(spec: ModelSpec, whole: bool = True) -> str:
         raise ModelError(
             "a model of two stages is exported as an image only: its source would lack the first"
         )
+    if spec.checks is not None:
+        raise ModelError("a model with checks is exported as an image only: its source would lack them")
     tables, proof, _ = prepare(spec)
     outputs = [name for name, _ in OUTPUTS]
     extra = [limit.feature for limit in spec.lump if limit.feature not in spec.features]

@@ -120,11 +120,12 @@ def test_each_kind_of_nonsense_has_a_name(body, places, section, at, form, value
 
 @pytest.mark.parametrize(
     ("at", "value", "wanted"),
-    [(12, 1 << 30, status.BAD_MODEL), (16, 5, status.BAD_MODEL), (20, 1, status.BAD_MODEL),
-     (5, 2, status.BAD_MODEL), (7, 2, status.BAD_MODEL), (102, 1, status.BAD_LENGTH)],
+    [(12, 1 << 30, status.BAD_MODEL), (16, 5, status.BAD_MODEL), (20, 1, status.BAD_LENGTH),
+     (20, 1 << 16, status.BAD_MODEL), (5, 2, status.BAD_MODEL), (7, 2, status.BAD_MODEL),
+     (102, 1, status.BAD_LENGTH)],
 )  # fmt: skip
 def test_so_has_each_of_the_heads(body, at, value, wanted):
-    """Counters of 2^30 and more, a rollback that is none, reserved bytes, unknown kinds, a section more."""
+    """Counters of 2^30 and more, a rollback that is none, checks that are not there, unknown kinds."""
     data = bytearray(body)
     data[at : at + (4 if value > 255 else 1)] = value.to_bytes(4 if value > 255 else 1, "little")
     assert opened(bytes(data)) == wanted
