@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     "--design",
     required=True,
     help="thesis | one-factor | sobol:N[:SEED] | balls[:N[:SEED]] | any:N[:SEED] | any-press:N[:SEED] | "
-    "a file with one code per line.",
+    "anywhere:N[:SEED] | anywhere-press:N[:SEED] | a file with one code per line.",
 )
 @click.option(
     "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Directory of the strokes."
@@ -58,6 +58,8 @@ def command(
       sobol:N[:SEED]   N cases that fill the space of d, h, E, F evenly
       any:N[:SEED]     N lumps in random tissue, at three forces each
       any-press:N[:SEED]  the press before each of these strokes, at four forces
+      anywhere:N[:SEED]  N lumps in the fat, on its border or in the gland, in random tissue, at three forces
+      anywhere-press:N[:SEED]  the press before each of these
       balls:N[:SEED]   N balls and ellipsoids in random tissue, at three forces each (seconds a stroke)
       FILE             one case code per line
 

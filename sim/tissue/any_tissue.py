@@ -70,22 +70,22 @@ def press_cases(n: int, seed: int, ranges: TissueRanges | None = None) -> list[C
 def _lumps(n: int, seed: int, r: TissueRanges) -> list[Case]:
     found: list[Case] = []
     for of_d, of_h, of_E, of_force, of_ratio, of_gland, of_fat_b, of_gland_b, of_radius in _points(n, seed):
-        d, gland = _even(of_d, r.d_mm), _even(of_gland, r.gland_mm)
+        d, gland = even(of_d, r.d_mm), even(of_gland, r.gland_mm)
         if d / 2 > 0.9 * gland:
             continue
         low, high = r.E_ratio
         fat_kPa = Case(d, 1.0, 1.0).fat_kPa
         found.append(
             Case(
-                d_mm=_rounded(d),
-                h=_rounded(_even(of_h, r.h)),
-                E_ratio=_rounded(_even(of_E, (high ** (-2 / 3), low ** (-2 / 3))) ** -1.5),
-                F_rel=_rounded(_log_even(of_force, r.reach_mm) * fat_kPa / FORCE_UNIT_N_PER_M),
-                gland_ratio=_rounded(_log_even(of_ratio, r.gland_ratio)),
-                gland_mm=_rounded(gland),
-                fat_stiffening=_rounded(_even(of_fat_b, r.stiffening)),
-                gland_stiffening=_rounded(_even(of_gland_b, r.stiffening)),
-                probe_radius_mm=_rounded(_even(of_radius, r.probe_radius_mm)),
+                d_mm=rounded(d),
+                h=rounded(even(of_h, r.h)),
+                E_ratio=rounded(even(of_E, (high ** (-2 / 3), low ** (-2 / 3))) ** -1.5),
+                F_rel=rounded(log_even(of_force, r.reach_mm) * fat_kPa / FORCE_UNIT_N_PER_M),
+                gland_ratio=rounded(log_even(of_ratio, r.gland_ratio)),
+                gland_mm=rounded(gland),
+                fat_stiffening=rounded(even(of_fat_b, r.stiffening)),
+                gland_stiffening=rounded(even(of_gland_b, r.stiffening)),
+                probe_radius_mm=rounded(even(of_radius, r.probe_radius_mm)),
             )
         )
         if len(found) == n:
@@ -100,14 +100,16 @@ def _points(n: int, seed: int) -> Iterator[np.ndarray]:
     yield from qmc.Sobol(9, seed=np.random.default_rng(seed)).random_base2(max(1, n.bit_length()) + 1)
 
 
-def _even(u: float, limits: tuple[float, float]) -> float:
+def even(u: float, limits: tuple[float, float]) -> float:
+    """The value a share `u` of the way between the limits."""
     return float(limits[0] + (limits[1] - limits[0]) * u)
 
 
-def _log_even(u: float, limits: tuple[float, float]) -> float:
-    return float(np.exp(_even(u, (np.log(limits[0]), np.log(limits[1])))))
+def log_even(u: float, limits: tuple[float, float]) -> float:
+    """The same by logarithms."""
+    return float(np.exp(even(u, (np.log(limits[0]), np.log(limits[1])))))
 
 
-def _rounded(value: float) -> float:
+def rounded(value: float) -> float:
     """Four digits, so that codes stay readable."""
     return float(f"{value:.4g}")

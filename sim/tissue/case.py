@@ -71,7 +71,7 @@ class Case:
     offset_mm : float
         How far the solid lump's middle lies beside the stroke's line, across the stroke.
     fat_mm : float, optional
-        Thickness of the fat where the border to the gland need not pass through a solid lump's middle.
+        Thickness of the fat where the border to the gland need not pass through the lump's middle.
     across_radius_mm, across_half_mm, across_fillet_per_mm2 : float
         The face's radius across the stroke and its rounding off, as along it. Only for solid lumps.
 
@@ -131,9 +131,11 @@ class Case:
                 raise CaseError(f"a cylinder has no {extra[0]}: that takes a ball or an ellipsoid")
         elif self.friction:
             raise CaseError(f"friction is for cylinders only: a {self.shape} is stroked without")
-        elif self.solid and self.depth_mm + 2 * self.half_down > self.t_mm + 0.97 * self.gland_mm:
+        below = self.depth_mm + 2 * self.half_down
+        placed = self.solid or (self.fat_mm is not None and self.has_lump)  # others: where they are meshed
+        if placed and below > self.t_mm + 0.97 * self.gland_mm:
             raise CaseError(
-                f"a lump that reaches {self.depth_mm + 2 * self.half_down:g} mm down does not fit over "
+                f"a lump that reaches {below:g} mm down does not fit over "
                 f"a chest wall at {self.t_mm + self.gland_mm:g} mm"
             )
 
@@ -170,6 +172,11 @@ class Case:
     def centre_mm(self) -> float:
         """Depth of the lump's middle under the skin, mm."""
         return self.t_mm if self.fat_mm is None else self.depth_mm + self.half_down
+
+    @property
+    def border_mm(self) -> float:
+        """Height of the border between fat and gland over the lump's middle, mm."""
+        return self.centre_mm - self.t_mm
 
     @property
     def depth_mm(self) -> float:
@@ -212,6 +219,7 @@ class Case:
         if not 0.3 <= t_mm <= 200.0:
             raise CaseError(f"t_mm must lie between 0.3 and 200, not {t_mm:g}")
         d = min(20.0, max(min(5.0, t_mm / 0.7), t_mm / 1.3))
+        d = min(d, 1.9 * options.get("gland_mm", d))  # the gland must hold half of it
         return cls(d_mm=d, h=t_mm / d - 0.5, E_ratio=1.0, F_rel=F_rel, **options)
 
     @classmethod
@@ -239,7 +247,7 @@ class Case:
         """The fields; of a cylinder those only which it can have."""
         out = asdict(self)
         if not self.solid:
-            for name in SOLID_FIELDS:
+            for name in (*SOLID_FIELDS, *(["fat_mm"] if self.fat_mm is None else [])):
                 del out[name]
         return out
 

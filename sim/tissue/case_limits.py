@@ -20,12 +20,12 @@ _OPTIONS: dict[str, tuple[float, float]] = {
     "fat_stiffening": (0.0, 2000.0),
     "gland_stiffening": (0.0, 2000.0),
     "lump_stiffening": (0.0, 2000.0),
+    "fat_mm": (0.3, 200.0),
 }
 ONLY_SOLID: dict[str, tuple[float, float]] = {
     "half_across_mm": (0.25, 1000.0),
     "half_down_mm": (0.25, 50.0),
     "offset_mm": (-30.0, 30.0),
-    "fat_mm": (0.3, 200.0),
     "across_radius_mm": (20.0, math.inf),
     "across_half_mm": (0.0, 100.0),
     "across_fillet_per_mm2": (0.005, 10.0),

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 
 from palpate.sim.tissue.any_tissue import PRESSES, STROKES, any_tissue_cases, press_cases
+from palpate.sim.tissue.anywhere import anywhere_cases, anywhere_press_cases
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.errors import CaseError
 from palpate.sim.tissue.settings import Settings
@@ -30,9 +32,17 @@ USUAL = Ranges()
 WIDEST = Ranges((4.0, 25.0), (0.2, 2.0), (1.0, 1000.0), (0.1, 1.2), (25.0, 100.0))
 
 
+_DRAWN: dict[str, Callable[[int, int], list[Case]]] = {
+    "any": any_tissue_cases,
+    "any-press": press_cases,
+    "anywhere": anywhere_cases,
+    "anywhere-press": anywhere_press_cases,
+}
+
+
 def read_design(text: str) -> list[Case]:
     """Cases of `thesis`, `one-factor`, `sobol:N[:SEED]`, `balls[:N[:SEED]]`, `any:N[:SEED]`,
-    `any-press:N[:SEED]` or a file (CSV of fields, or codes).
+    `any-press:N[:SEED]`, `anywhere:N[:SEED]`, `anywhere-press:N[:SEED]` or a file (CSV of fields, or codes).
 
     Raises
     ------
@@ -44,7 +54,7 @@ def read_design(text: str) -> list[Case]:
     if text == "one-factor":
         return one_factor_cases()
     name, *numbers = text.split(":")
-    if name in ("sobol", "any", "any-press") or (name == "balls" and not Path(text).exists()):
+    if name in ("sobol", *_DRAWN) or (name == "balls" and not Path(text).exists()):
         usual = [1000] if name == "balls" else []
         try:
             given = [int(number) for number in numbers] or usual
@@ -57,22 +67,20 @@ def read_design(text: str) -> list[Case]:
             from palpate.sim.tissue.solid.design import ball_cases
 
             return ball_cases(n, seed)
-        if name == "any":
-            return any_tissue_cases(n, seed)
-        return press_cases(n, seed) if name == "any-press" else sobol_cases(n, seed)
+        return sobol_cases(n, seed) if name == "sobol" else _DRAWN[name](n, seed)
     path = Path(text)
     if not path.is_file():
         raise CaseError(
             f"{text!r} is not a design (thesis, one-factor, sobol:N:SEED, balls:N:SEED, any:N:SEED, "
-            "any-press:N:SEED) "
-            "and not a file of cases"
+            "any-press:N:SEED, anywhere:N:SEED, anywhere-press:N:SEED) and not a file of cases"
         )
     return _read_file(path)
 
 
 def settings_of(text: str, hx_mm: float) -> Settings:
     """How a design's cases are to be simulated: those of unknown tissue start further off, or press only."""
-    usual = {"any": STROKES, "any-press": PRESSES}.get(text.split(":")[0], Settings())
+    name = text.split(":")[0]
+    usual = STROKES if name in ("any", "anywhere") else PRESSES if name in _DRAWN else Settings()
     return replace(usual, hx_mm=hx_mm)
 
 

@@ -15,6 +15,17 @@ from palpate.sim.tissue.settings import Settings
 LEAST_ROOM_MM = 20.0
 """Between the probe's reach at its outermost positions and the rollers at the sides."""
 
+_HIGHEST_CUT = 0.992
+"""How far off its middle, in radii, a border may cut the lump and be followed exactly.
+
+Above, its wedge beside the lump is too thin for elements: from there until it has left the lump by `_CLEAR`
+it bends down to this height within the box that holds the lump, a strip of at most .011 of the radius.
+"""
+
+_CLEAR = 0.003
+_CORNER_SHARE = 0.3
+_NEAR_MM = 1.0
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -27,11 +38,19 @@ class Grid:
     box_x, box_y : tuple of int
         First and last border of the box.
     above, below : int
-        Element rows of the box over and under the border between fat and gland (y = 0).
+        Element rows of the box over and under the line in it: the border between fat and gland where that
+        meets the lump, or else y = 0.
+    in_gland : int
+        Element rows of the box that lie in the gland.
     inner, outer : int
         Element rings in the lump, round its core, and in the tissue round it.
     radius : float
         The lump's radius.
+    border : float
+        Height of the border between fat and gland.
+    turns : tuple of float
+        By which angles the lines from the core to the circle turn upwards: from its lower corner, from the
+        middle of its side, where the box's inner line goes on, and from its upper corner.
     """
 
     x: NDArray[np.float64]
@@ -40,9 +59,12 @@ class Grid:
     box_y: tuple[int, int]
     above: int
     below: int
+    in_gland: int
     inner: int
     outer: int
     radius: float
+    border: float
+    turns: tuple[float, float, float]
 
 
 def lay_grid(case: Case, settings: Settings, first_mm: float, last_mm: float) -> Grid:
@@ -62,29 +84,38 @@ def lay_grid(case: Case, settings: Settings, first_mm: float, last_mm: float) ->
             f"{settings.left_mm:g} and {settings.right_mm:g} mm; "
             "move them (left_mm, right_mm) or stroke less far"
         )
-    r, t, gland, hx = case.d_mm / 2, case.t_mm, case.gland_mm, settings.hx_mm
-    if r > 0.95 * gland:
-        raise CaseError(f"a lump of {case.d_mm:g} mm does not fit into {gland:g} mm of gland")
+    r, top_mm, border, hx = case.d_mm / 2, case.centre_mm, case.border_mm, settings.hx_mm
+    room = case.gland_mm - border
+    if r > 0.95 * room:
+        raise CaseError(f"a lump of {case.d_mm:g} mm does not fit into {room:g} mm over the chest wall")
     half = r + max(min(0.5 * r, 3.0), 1.2)
     columns = 2 * math.ceil(half / hx)
     half = columns / 2 * hx
     if half + 2 * hx > min(-settings.left_mm, settings.right_mm) / 2:
         raise CaseError(f"a lump of {case.d_mm:g} mm is too wide for the tissue around it")
 
-    # The skin's thin rows make room where little fat is left over the lump.
-    skin = np.array(settings.skin_mm) * min(1.0, 0.5 * case.depth_mm / sum(settings.skin_mm))
-    skin_bottom = t - float(skin.sum())
+    # The skin's thin rows make room where little tissue is left over the lump, or little fat.
+    least = min(case.depth_mm, case.t_mm)
+    skin = np.array(settings.skin_mm) * min(1.0, 0.5 * least / sum(settings.skin_mm))
+    skin_bottom = top_mm - float(skin.sum())
     clear = skin_bottom - r
     top = r + (min(max(0.35 * clear, 0.5), half - r) if clear >= 0.6 else 0.5 * clear)
-    bottom = r + min(half - r, 0.5 * (gland - r))
+    bottom = r + min(half - r, 0.5 * (room - r))
+    if (1 + _CLEAR) * r < border < top + _NEAR_MM:
+        top = border  # the box ends where the fat begins
+    if (1 + _CLEAR) * r < -border < bottom + _NEAR_MM:
+        bottom = -border
+    meets = abs(border) <= (1 + _CLEAR) * r
+    line = border if meets else 0.0
     row = settings.row_mm
-    above = max(2, math.ceil(top / min(row, max(1.0, case.d_mm / 5))))
-    below = max(2, math.ceil(bottom / min(1.2 * row, max(1.2, case.d_mm / 4))))
+    above = max(2, math.ceil((top - line) / min(row, max(1.0, case.d_mm / 5))))
+    below = max(2, math.ceil((bottom + line) / min(1.2 * row, max(1.2, case.d_mm / 4))))
 
-    under = np.linspace(-gland, -bottom, max(1, math.ceil((gland - bottom) / settings.gland_row_mm)) + 1)
-    over = _rows_over_box(top, skin_bottom, float(skin[-1]), row)
-    rows = [under, np.linspace(-bottom, 0.0, below + 1)[1:], np.linspace(0.0, top, above + 1)[1:], over[1:]]
-    y = np.concatenate([*rows, t - np.cumsum(skin)[-2::-1], [t]])
+    under = np.linspace(-room, -bottom, max(1, math.ceil((room - bottom) / settings.gland_row_mm)) + 1)
+    under = _with_line(under, border)
+    over = _with_line(_rows_over_box(top, skin_bottom, float(skin[-1]), row), border)
+    rows = [under, np.linspace(-bottom, line, below + 1)[1:], np.linspace(line, top, above + 1)[1:], over[1:]]
+    y = np.concatenate([*rows, top_mm - np.cumsum(skin)[-2::-1], [top_mm]])
 
     left = -half - hx * np.arange(max(0, round((-first_mm + margin - half) / hx)) + 1)
     right = half + hx * np.arange(max(0, math.ceil((last_mm + margin - half) / hx)) + 1)
@@ -102,10 +133,35 @@ def lay_grid(case: Case, settings: Settings, first_mm: float, last_mm: float) ->
         box_y=(k * first_row, k * (first_row + below + above)),
         above=k * above,
         below=k * below,
+        in_gland=k * (below if meets else below + above if border > 0 else 0),
         inner=k * max(1, math.ceil(0.36 * r / max(1.8, case.d_mm / 6))),
         outer=k * max(1, round((half - r) / 2.0)),
         radius=r,
+        border=border,
+        turns=_turns(line / r),
     )
+
+
+def _turns(height: float) -> tuple[float, float, float]:
+    """`Grid.turns` for a line that meets the circle at `height`, in radii.
+
+    The corners, at 45 degrees, give way to a line that comes near.
+    """
+    meeting = math.asin(min(max(height, -_HIGHEST_CUT), _HIGHEST_CUT))
+    lower = meeting - _CORNER_SHARE * (math.pi / 2 + meeting)
+    upper = meeting + _CORNER_SHARE * (math.pi / 2 - meeting)
+    return min(0.0, lower + math.pi / 4), meeting, max(0.0, upper - math.pi / 4)
+
+
+def _with_line(rows: NDArray[np.float64], line: float) -> NDArray[np.float64]:
+    """Rows with a border at `line` if it lies among them, in place of an inner one that is near."""
+    if not rows[0] + 1e-9 < line < rows[-1] - 1e-9:
+        return rows
+    if len(rows) > 2:
+        k = 1 + int(np.abs(rows[1:-1] - line).argmin())
+        if abs(rows[k] - line) < 0.25 * (rows[k + 1] - rows[k - 1]):
+            rows = np.delete(rows, k)
+    return np.sort(np.append(rows, line))
 
 
 def _rows_over_box(bottom: float, top: float, first: float, largest: float) -> NDArray[np.float64]:

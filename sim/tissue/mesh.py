@@ -6,7 +6,7 @@ so that no two can be mistaken. Mid-sides, middles, boundary and numbering are s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,8 @@ class TissueMesh:
         Held degrees of freedom: the chest wall, and sideways the rollers at both ends.
     lump_radius_mm : float
         Radius of the round lump; 0 where there is none.
+    border_mm : float
+        Height of the border between fat and gland over the lump's middle.
     """
 
     quads: MeshQuad2
@@ -64,6 +66,7 @@ class TissueMesh:
     element_rows: Ints
     fixed: NDArray[np.bool_]
     lump_radius_mm: float
+    border_mm: float = 0.0
 
 
 def build_mesh(case: Case, settings: Settings, first_mm: float, last_mm: float) -> TissueMesh:
@@ -74,6 +77,8 @@ def build_mesh(case: Case, settings: Settings, first_mm: float, last_mm: float) 
     CaseError
         The lump does not fit.
     """
+    if case.fat_mm is not None and not case.has_lump:
+        case = _plain(case)
     grid = lay_grid(case, settings, first_mm, last_mm)
     x, y = grid.x, grid.y
     nx, ny = len(x) - 1, len(y) - 1
@@ -103,7 +108,7 @@ def build_mesh(case: Case, settings: Settings, first_mm: float, last_mm: float) 
     keep = np.ones((nx, ny), bool)
     keep[i0:i1, j0:j1] = False
     column = np.arange(nx) + np.where(np.arange(nx) >= i1, 2, np.where(np.arange(nx) >= i0, 1, 0)) * rings
-    outer_fat = np.where(y[:-1] >= -1e-9, FAT, GLAND)
+    outer_fat = np.where(y[:-1] >= grid.border - 1e-9, FAT, GLAND)
     element_id = np.full((nx, ny), -1)
     element_id[keep] = np.arange(keep.sum())
     ring_column, ring_material = _ring_columns(grid, m, n)
@@ -128,7 +133,14 @@ def build_mesh(case: Case, settings: Settings, first_mm: float, last_mm: float) 
         element_rows=element_id[:, j1:].T.copy(),
         lump_radius_mm=grid.radius,
         round_layers=(loop[grid.inner - 1], loop[grid.inner]),
+        border_mm=grid.border,
     )
+
+
+def _plain(case: Case) -> Case:
+    """The same tissue without a lump, where the mesh is straight: on the border."""
+    plain = Case.without_lump(case.t_mm, gland_mm=case.gland_mm)
+    return replace(case, d_mm=plain.d_mm, h=plain.h, fat_mm=None)
 
 
 def mesh_of(
@@ -139,6 +151,7 @@ def mesh_of(
     element_rows: Ints,
     lump_radius_mm: float = 0.0,
     round_layers: tuple[Ints, Ints] | None = None,
+    border_mm: float = 0.0,
 ) -> TissueMesh:
     """Nine-node elements on `corners` (K, 2) and `cells` (M, 4), anticlockwise, between four straight sides.
 
@@ -175,6 +188,7 @@ def mesh_of(
         element_rows=element_rows,
         fixed=fixed,
         lump_radius_mm=lump_radius_mm,
+        border_mm=border_mm,
     )
 
 
@@ -204,7 +218,39 @@ def _core(grid: Grid, m: int) -> Floats:
     """Corners of the core's cells, (m+1, n+1, 2): a square with bulging sides."""
     s, q = np.meshgrid(*_core_parameters(grid, m), indexing="ij")
     size, bulge = 0.58 * grid.radius, 0.14
-    return np.stack([size * s * (1 + bulge * (1 - q * q)), size * q * (1 + bulge * (1 - s * s))], -1)
+    square = np.stack([size * s * (1 + bulge * (1 - q * q)), size * q * (1 + bulge * (1 - s * s))], -1)
+    return square + _yielded(grid, square, s, q)
+
+
+def _yielded(grid: Grid, square: Floats, s: Floats, q: Floats) -> Floats:
+    """How far the core's corners move where the border cuts the lump off its middle.
+
+    Its rim turns with the circle and grows rounder where its corners draw near each other; what lies inside
+    follows by transfinite interpolation. square : (m+1, n+1, 2), at s, q (m+1, n+1) from -1 to 1.
+    """
+    eighth, sides = np.pi / 4, np.hypot(*square[-1, grid.below])
+
+    def moved(xy: Floats, by: Floats, rounder: Floats | float) -> Floats:
+        size = 1 + rounder * (sides / np.hypot(xy[:, 0], xy[:, 1]) - 1)
+        cos, sin, x, y = size * np.cos(by), size * np.sin(by), xy[:, 0], xy[:, 1]
+        return np.stack([cos * x - sin * y - x, sin * x + cos * y - y], -1)
+
+    at_lower, at_upper = -grid.turns[0] / eighth, grid.turns[2] / eighth
+    rounder = np.where(q[0] < 0, at_lower, at_upper)
+    by = _turn_of_side(grid, np.arctan2(square[-1, :, 1], square[-1, :, 0]) / eighth)
+    right, left = moved(square[-1], by, rounder)[None], moved(square[0], -by, rounder)[None]
+    along = np.arctan2(square[:, 0, 0], -square[:, 0, 1]) / eighth
+    lower = moved(square[:, 0], grid.turns[0] * along, at_lower)[:, None]
+    upper = moved(square[:, -1], grid.turns[2] * along, at_upper)[:, None]
+    u, v = ((1 + s) / 2)[..., None], ((1 + q) / 2)[..., None]
+    corners = (1 - u) * ((1 - v) * left[:, :1] + v * left[:, -1:])
+    corners = corners + u * ((1 - v) * right[:, :1] + v * right[:, -1:])
+    return (1 - u) * left + u * right + (1 - v) * lower + v * upper - corners
+
+
+def _turn_of_side(grid: Grid, q: Floats) -> Floats:
+    """By which angle the lines from the core's right side turn upwards, at `q` eighths of a turn."""
+    return np.interp(q, (-1.0, 0.0, 1.0), grid.turns)
 
 
 def _perimeter(m: int, n: int) -> tuple[Ints, Ints]:
@@ -217,14 +263,11 @@ def _perimeter(m: int, n: int) -> tuple[Ints, Ints]:
 def _rings(grid: Grid, m: int, core_border: Floats, box_border: Floats) -> Floats:
     """Corners of the rings, (rings + 1, loop, 2), from the core's border over the circle to the box."""
     s, q = _core_parameters(grid, m)
-    # On the circle the corners of the core keep 45 degrees; each side's nodes are spread by angle.
+    # On the circle each side's nodes are spread by angle.
+    side = np.pi / 4 * q + _turn_of_side(grid, q)
+    lower, upper = (np.pi / 4 + grid.turns[0]) * s, (np.pi / 4 - grid.turns[2]) * s
     angle = np.concatenate(
-        [
-            -np.pi / 2 + np.pi / 4 * s[:-1],
-            np.pi / 4 * q[:-1],
-            np.pi / 2 - np.pi / 4 * s[:0:-1],
-            np.pi - np.pi / 4 * q[:0:-1],
-        ]
+        [-np.pi / 2 + lower[:-1], side[:-1], np.pi / 2 - upper[:0:-1], np.pi - side[:0:-1]]
     )
     circle = grid.radius * np.stack([np.cos(angle), np.sin(angle)], -1)
     inner = np.arange(grid.inner)[:, None, None] / grid.inner
@@ -243,6 +286,7 @@ def _ring_columns(grid: Grid, m: int, n: int) -> tuple[Ints, Ints]:
     right = np.broadcast_to(first + rings + m + ring, (rings, n))
     left = np.broadcast_to(first + rings - 1 - ring, (rings, n))
     column = np.concatenate([middle, right, middle[:, ::-1], left], 1)
-    fat_side = np.arange(n) >= grid.below
-    fat = np.concatenate([np.zeros(m, bool), fat_side, np.ones(m, bool), fat_side[::-1]])
+    fat_side = np.arange(n) >= grid.in_gland
+    lower, upper = np.full(m, grid.in_gland == 0), np.full(m, grid.in_gland < n)
+    fat = np.concatenate([lower, fat_side, upper, fat_side[::-1]])
     return column, np.where(ring < grid.inner, LUMP, np.where(fat, FAT, GLAND))

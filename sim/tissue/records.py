@@ -69,6 +69,7 @@ def stroke_of(record: Record) -> Stroke:
     """The stroke of a row whose status is `ok`; `CaseError` if another version of us wrote it."""
     try:
         solid = record.get("shape") is not None
+        record = {"fat_mm": None, **record}  # which a cylinder has not always had
         case = {name: record[name] for name in (*_PLANE_FIELDS, *(SOLID_FIELDS if solid else ()))}
         whole = {**record, "case": case, "cpu_s": record.get("cpu_s", 0.0)}
         if solid:

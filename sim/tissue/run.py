@@ -37,6 +37,7 @@ class Run:
 
     def __init__(self, case: Case, settings: Settings, geometry: Geometry) -> None:
         self.case, self.mesh = case, geometry.mesh
+        self.surface_mm = geometry.mesh.border_mm + case.t_mm
         self.areas = geometry.integrals.dx.sum(1)
         self.tissue = Tissue(geometry.mesh, geometry.integrals, elasticity(case, geometry.mesh))
         shape = ProbeShape(case.probe_radius_mm, case.face_half_mm, case.fillet_per_mm2)
@@ -68,7 +69,7 @@ class Run:
     def _unloaded(self, depth: float) -> State:
         """Undeformed tissue, the probe `depth` below its surface."""
         rest, pressure = np.zeros(2 * len(self.mesh.nodes_mm)), np.zeros((len(self.areas), 3))
-        return State(rest, self.case.t_mm - depth, np.zeros(len(self.mesh.surface)), pressure)
+        return State(rest, self.surface_mm - depth, np.zeros(len(self.mesh.surface)), pressure)
 
     def _expected_depth(self) -> float:
         """Displacement far from the lump as the regressions of the thesis' runs have it, F^.62 t^.67."""
@@ -163,7 +164,7 @@ class Run:
         touching = np.nonzero(pressure > 0)[0]
         peak = int(pressure.argmax())
         row = {
-            "displacement_mm": self.case.t_mm - state.height,
+            "displacement_mm": self.surface_mm - state.height,
             "images_kPa": read_sensors(s, pressure),
             "peak_mm": s[peak],
             "peak_kPa": pressure[peak],
@@ -171,6 +172,8 @@ class Run:
             "force_error": force / self.case.F_N_per_m - 1.0,
             "smallest_jacobian": state.smallest_jacobian,
         }
-        if trouble := fault(row, state, self.case.t_mm, "fat"):
+        own_fat = self.case.fat_mm is not None  # which may be thin, over a gland that yields
+        deepest = (self.case.t_mm + self.case.gland_mm, "tissue") if own_fat else (self.case.t_mm, "fat")
+        if trouble := fault(row, state, *deepest):
             raise StrokeError(self.case.code, position, trouble)
         return row

@@ -134,7 +134,8 @@ def _same_task(case: Case, other: Case) -> bool:
     """Whether two cases share so much that one task had better do both."""
     if case.solid or other.solid:
         return replace(case, F_rel=other.F_rel) == other
-    return (case.d_mm, case.h, case.gland_mm) == (other.d_mm, other.h, other.gland_mm)
+    one, two = ((c.d_mm, c.h, c.gland_mm, c.fat_mm) for c in (case, other))
+    return one == two
 
 
 def _groups(todo: dict[str, Case]) -> Iterator[list[tuple[str, Case]]]:

@@ -60,7 +60,7 @@ ORIGINAL = {
 @pytest.mark.parametrize(
     "options",
     ["ball5", "ball_ball", "ball_ellipsoid8x4", "ellipsoid8", "ellipsoid8x4x2", "ellipsoid8x", "ellipsoid",
-     "y5", "t18", "ball_y--5", "ball_yinf", "ball_t0", "ball_mu0.2", "ball_g1", "ball_R-40", "Ra100",
+     "y5", "t0.2", "ball_y--5", "ball_yinf", "ball_t0", "ball_mu0.2", "ball_g1", "ball_R-40", "Ra100",
      "ball_y5_y5", "ball_y\u0665", "ellipsoid\u0668x4", "Ball", "ball_", "cylinder"],
 )  # fmt: skip
 def test_a_wrong_option_is_refused_in_one_sentence(options):

@@ -1,0 +1,81 @@
+"""A design of lumps that lie anywhere: wholly in the fat, on the border, or deep in the gland.
+
+As `any_tissue`, whose tissue, forces and settings these are, but the fat's thickness is drawn for itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from palpate.sim.tissue.any_tissue import FORCE_PARTS, PRESS_PARTS, TissueRanges, even, log_even, rounded
+from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M, Case
+from palpate.sim.tissue.errors import CaseError
+
+
+@dataclass(frozen=True)
+class PlaceRanges:
+    """Where the lump lies; both even in their logarithms.
+
+    Attributes
+    ----------
+    depth_mm : tuple of float
+        Tissue over the lump; at most what is there, less the lump.
+    fat_mm : tuple of float
+    """
+
+    depth_mm: tuple[float, float] = (2.0, 30.0)
+    fat_mm: tuple[float, float] = (4.0, 30.0)
+
+
+def anywhere_cases(n: int, seed: int) -> list[Case]:
+    """3 n cases: `n` lumps of a scrambled Sobol sequence at three forces each; the same seed, the same cases.
+
+    A lump that does not fit over the chest wall is passed over.
+    """
+    return [replace(case, F_rel=case.F_rel * part) for case in _lumps(n, seed) for part in FORCE_PARTS]
+
+
+def anywhere_press_cases(n: int, seed: int) -> list[Case]:
+    """The same lumps at the forces of the press before the stroke, for `any_tissue.PRESSES`."""
+    return [replace(case, F_rel=case.F_rel * part) for case in _lumps(n, seed) for part in PRESS_PARTS]
+
+
+def _lumps(n: int, seed: int) -> list[Case]:
+    found: list[Case] = []
+    points = _points(n, seed)
+    while len(found) < n:
+        try:
+            found.append(_lump(next(points), TissueRanges(), PlaceRanges()))
+        except CaseError:
+            continue
+    return found
+
+
+def _lump(point: np.ndarray, r: TissueRanges, place: PlaceRanges) -> Case:
+    of_d, of_depth, of_fat, of_E, of_force, of_ratio, of_gland, of_fat_b, of_gland_b, of_radius = point
+    d = rounded(even(of_d, r.d_mm))
+    low, high = r.E_ratio
+    reach = log_even(of_force, r.reach_mm)
+    return Case(
+        d_mm=d,
+        h=rounded(log_even(of_depth, place.depth_mm) / d),
+        E_ratio=rounded(even(of_E, (high ** (-2 / 3), low ** (-2 / 3))) ** -1.5),
+        F_rel=rounded(reach * 10.0 / FORCE_UNIT_N_PER_M),
+        gland_ratio=rounded(log_even(of_ratio, r.gland_ratio)),
+        gland_mm=rounded(even(of_gland, r.gland_mm)),
+        fat_stiffening=rounded(even(of_fat_b, r.stiffening)),
+        gland_stiffening=rounded(even(of_gland_b, r.stiffening)),
+        probe_radius_mm=rounded(even(of_radius, r.probe_radius_mm)),
+        fat_mm=rounded(log_even(of_fat, place.fat_mm)),
+        fat_kPa=10.0,
+    )
+
+
+def _points(n: int, seed: int) -> Iterator[np.ndarray]:
+    """Points of one sequence, eight times as many as are asked for: a quarter of the lumps do not fit."""
+    from scipy.stats import qmc
+
+    yield from qmc.Sobol(10, seed=np.random.default_rng(seed)).random_base2(max(1, n.bit_length()) + 3)
