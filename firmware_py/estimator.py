@@ -103,6 +103,8 @@ class Estimator:
         can = messages.CAN_CALIBRATE | (messages.CAN_FLASH if self.flash else 0)
         if self._fixed:
             can |= messages.FIXED_COLUMNS
+        elif self.model and self.model.first and self.model.first.refers:
+            can |= messages.TAKES_REFERENCE | (messages.HOLDS_REFERENCE if self.model.first.held else 0)
         return can, features.FEATURES_VERSION, self.model_status, self.model_id()
 
     def calibration_lost(self):
@@ -171,6 +173,8 @@ class Estimator:
         self._begin_measuring = begin_measuring
         table[messages.TYPE["calibrate"]] = self._calibrate
         table[messages.TYPE["read_back"]] = self._read_back
+        if not self._fixed:
+            table[messages.TYPE["reference"]] = self._reference
         if self.flash:
             self.flash.add_handlers(table, self.take_model)
 
@@ -191,14 +195,38 @@ class Estimator:
         self._calibrator = calibrate.Calibrator(fresh, kind, frames, pressure_pa)
         return None
 
-    def measure(self, counts, in_contact):
-        """Take a frame for the calibration that is under way; the zero is taken in the air only.
+    def _reference(self, fields):
+        """The reference press of a visit (reference.py): until another, or the power goes."""
+        from firmware_py import reference
+
+        first = self.model.first if self.model else None
+        kind = fields[0]
+        answer = status.BAD_VALUE, (), b""
+        if kind == messages.REFERENCE_TAKE:
+            if not reference.takes(self.model):
+                answer = status.NO_STAGE, (), b""
+            elif self._begin_measuring():
+                self._calibrator = reference.Taking(self.pipeline, first)
+                return None
+            else:
+                answer = status.BUSY, (), b""
+        elif kind <= messages.REFERENCE_TELL:
+            if first and kind == messages.REFERENCE_CLEAR:
+                first.held = False
+            answer = reference.answer(kind, first)
+        memory.forget(memory.CALIBRATING)
+        return answer
+
+    def measure(self, counts, in_contact, position_um=0, displacement_um=0):
+        """Take a frame for the calibration, or the reference, that is under way; the zero is of the air only.
 
         The command's answer when it is done, or None.
         """
         c = self._calibrator
         if c is None:
             return None
+        if hasattr(c, "take_reference"):
+            return self._press(c, c.take_reference(counts, in_contact, position_um, displacement_um))
         if in_contact and c.kind == messages.CALIBRATE_ZERO:
             self._calibrator = None
             code = status.IN_CONTACT
@@ -212,6 +240,15 @@ class Estimator:
             return code, (), b""
         return self._keep(c.calibration, c.kind, c.taken, c.noise_millicounts())
 
+    def _press(self, taking, code):
+        """What to answer when a reference press is at this status; None while it is on."""
+        if code is None:
+            return None
+        self._calibrator = None
+        answer = taking.answer(code)
+        memory.forget(memory.CALIBRATING)
+        return answer
+
     def _keep(self, calibration, kind, frames, noise):
         blob = calibration.to_bytes()
         code = self._record.save(blob)
@@ -219,6 +256,8 @@ class Estimator:
             return code, (), b""
         self.calibration.load(blob)
         self.calibration_status = status.OK
+        if self.model and self.model.first:
+            self.model.first.held = False  # it was felt with other zeros and gains
         return status.OK, (kind, frames, calibration.dead_cells(), noise), b""
 
     def _read_back(self, fields):

@@ -13,7 +13,7 @@ from firmware_py import geometry
 BINS = 64
 # what checks and loads a model
 FLASHING = ("model_image", "model_check", "unpack", "stage_image", "slh_dsa", "sha_thumb")
-CALIBRATING = ("calibrate",)
+CALIBRATING = ("calibrate", "reference")
 
 _reserved = []  # type: list[array[int]]
 _small = []  # type: list[bool]

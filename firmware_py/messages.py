@@ -54,10 +54,16 @@ DAMAGE_TRIAL_HUNG = 16  # the probe restarted while it tried a model; the one th
 CAN_FLASH = 1
 CAN_CALIBRATE = 2
 FIXED_COLUMNS = 4  # a small build, which does not look for the lump across the stroke
+TAKES_REFERENCE = 8  # the live model does
+HOLDS_REFERENCE = 16  # a reference press of this visit
 
 CALIBRATE_ZERO = 0
 CALIBRATE_GAIN = 1
 CALIBRATE_CLEAR = 2
+
+REFERENCE_TAKE = 0  # reference.kind: wait for a press; answered when it is over
+REFERENCE_CLEAR = 1
+REFERENCE_TELL = 2
 
 # stroke_state.state; value is the image's sum (Pa, mean over the cells) unless said otherwise
 STATE_CONTACT = 1

@@ -36,3 +36,5 @@ SOFT = 4  # neither soft nor hard: unsure
 HARD = 8
 FORCE_OUT = 16
 INVALID = 32
+REFERENCE = 64  # the reference press of the visit is in it
+REFERENCE_OFF = 128  # there is one, and it does not fit this place: it is not in it

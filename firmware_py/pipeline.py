@@ -106,7 +106,14 @@ class Pipeline(feature_chain.Chain):
         p = self.press
         if not p.open or not p.due():
             return status.OK
-        # no stroke is in the bins as long as the probe is pressed: the first is lent
+        p.add(self.look(packed, at), displacement_um)
+        return status.OK
+
+    def look(self, packed, at=0):
+        """The rows of the packed frame at packed[at:], Q5 counts, in memory that the next look writes over.
+
+        Before a stroke only: no stroke is in the bins as long as the probe is pressed, so the first is lent.
+        """
         b = self.bins
         c = self.calibration
         b.count[0] = 1
@@ -115,8 +122,7 @@ class Pipeline(feature_chain.Chain):
         calib.calibrate_bins(
             b.cells, self._slot, 1, b.count, c.offset, c.gain, c.fill, c.fills, self._exact, self._force
         )
-        p.add(self._exact, displacement_um)
-        return status.OK
+        return self._exact
 
     def _look_at_press(self, force):
         self.press.measure(force, self.calibration.count_mpa, self.features, self._small)

@@ -177,7 +177,7 @@ class Probe:
                 self._count_down()
 
     def begin_measuring(self):
-        """Acquire frames for `estimator.measure` (a calibration).
+        """Acquire frames for `estimator.measure` (a calibration, a reference press).
 
         False while a stream runs or it is at it.
         """
@@ -190,7 +190,10 @@ class Probe:
         return True
 
     def _measure(self, counts):
-        answer = self.estimator.measure(counts, self.strokes.in_contact(counts))
+        take = self.acquire
+        answer = self.estimator.measure(
+            counts, self.strokes.in_contact(counts), take.position_um, take.displacement_um
+        )
         if answer:
             self._end_measuring(answer)
 

@@ -7,7 +7,7 @@ the formulas. Loaded only where the live model has two stages, or checks (stage_
 
 from array import array
 
-from firmware_py import constant, evaluator, outputs, polynomial, scales
+from firmware_py import constant, evaluator, features, outputs, polynomial, scales
 
 const = constant.const
 
@@ -17,6 +17,18 @@ standardise = evaluator.standardise
 
 MOST = const(3)  # values
 ENDS = const(2)  # least and greatest of each
+LN_FORCE = const(6)  # its place in features.NAMES: a test holds them equal
+_PRESS = const(30)  # features.PRESS, likewise
+_ABSENT = features.ABSENT
+
+# how a reference press (reference.py) joins a stroke's own: the weight of each of its values, Q14; the rows
+# of the lower triangle that turns differences into independent ones of spread 1, Q6; the greatest square, Q20
+WEIGHTS = const(0)
+TRIANGLE = const(3)
+LIMIT = const(9)
+REFERS = const(10)
+_HALF = const(8388607)  # .5: of a difference
+_FARTHEST = const(16384)  # 16: of an independent difference, Q10
 
 
 def estimates(x, ids, feats, steps, c, d, own, rows, ends, head, u, part, high, work, to, count):
@@ -30,10 +42,38 @@ def estimates(x, ids, feats, steps, c, d, own, rows, ends, head, u, part, high, 
         x[to + j] = clip(v, ends[ENDS * j], ends[ENDS * j + 1])
 
 
-class Stage:
-    """The stage as arrays, like evaluator.Tables; `count` values of `feature_count` features."""
+def join(x, at, reference, refers, ends):
+    """Move the values at x[at..] towards those of the reference; False, and they stay, where they do not fit.
 
-    def __init__(self, ids, feats, steps, c, d, own, rows, ends, head, count, feature_count):
+    reference: ln reach less ln force, so that any force may be added again; the other two as they are.
+    """
+    limit = refers[LIMIT]
+    square = 0
+    k = TRIANGLE
+    for i in range(MOST):
+        z = 0
+        for j in range(i + 1):
+            d = reference[j] - x[at + j] + (0 if j else x[LN_FORCE])
+            z += (clip(d, -_HALF, _HALF) >> 10) * refers[k]
+            k += 1
+        z = clip(z >> 10, -_FARTHEST, _FARTHEST)
+        square += z * z
+    if square > limit:
+        return False
+    for j in range(MOST):
+        d = reference[j] - x[at + j] + (0 if j else x[LN_FORCE])
+        v = x[at + j] + ((clip(d, -_HALF, _HALF) >> 8) * refers[WEIGHTS + j] >> 6)
+        x[at + j] = clip(v, ends[ENDS * j], ends[ENDS * j + 1])
+    return True
+
+
+class Stage:
+    """The stage as arrays, like evaluator.Tables; `count` values of `feature_count` features.
+
+    refers: as above, or empty where the model takes no reference; `held`: whether there is one.
+    """
+
+    def __init__(self, ids, feats, steps, c, d, own, rows, ends, head, count, feature_count, refers=()):
         self.ids = ids
         self.feats = feats
         self.steps = steps
@@ -51,6 +91,9 @@ class Stage:
         self.high = array("i", bytearray(4 * (n + evaluator.OUTPUTS)))
         self.work = array("i", bytearray(4 * evaluator.WORK))
         self.x = array("i", bytearray(4 * (feature_count + MOST)))
+        self.refers = refers
+        self.reference = array("i", bytearray(4 * MOST if refers else 0))
+        self.held = False
 
     def extend(self, x):
         """The features x, and behind them the stage's values, in the stage's own array. Allocates nothing."""
@@ -63,6 +106,23 @@ class Stage:
         )  # fmt: skip
         return self.x
 
+    def keep(self, x):
+        """What `extend` has made of a reference press is the reference from here on."""
+        self.set(x[self.feature_count] - x[LN_FORCE], x[self.feature_count + 1], x[self.feature_count + 2])
+
+    def set(self, *values):
+        """The reference: ln reach less ln force, ln t, ln layers."""
+        for j in range(MOST):
+            self.reference[j] = values[j]
+        self.held = True
+
+    def refer(self, x):
+        """Join the reference to what `extend` gave; the flags that tell so. Allocates nothing."""
+        if not self.held or x[_PRESS] == _ABSENT:
+            return 0
+        fits = join(x, self.feature_count, self.reference, self.refers, self.ends)
+        return outputs.REFERENCE if fits else outputs.REFERENCE_OFF
+
 
 class Staged:
     """Both stages as one: `evaluate` is what evaluator.Tables has."""
@@ -73,7 +133,11 @@ class Staged:
 
     def evaluate(self, x, out):
         """Estimate from the features x into out; see evaluator.Tables.evaluate."""
-        return self.tables.evaluate(self.first.extend(x), out)
+        x = self.first.extend(x)
+        flags = self.first.refer(x)
+        code = self.tables.evaluate(x, out)
+        out[evaluator.FLAGS] |= flags
+        return code
 
 
 class Checked:
@@ -89,9 +153,12 @@ class Checked:
 
     def evaluate(self, x, out):
         """Estimate from the features x into out; see evaluator.Tables.evaluate."""
+        flags = 0
         if self.first:
             x = self.first.extend(x)
+            flags = self.first.refer(x)
         code = self.tables.evaluate(x, out)
+        out[evaluator.FLAGS] |= flags
         checks = self.checks
         x = checks.extend(x)
         for i in range(checks.count):

@@ -73,8 +73,12 @@ def load(raw, feature_count, values=0):
     leaves, branches, _ = counts
     size = ((leaves + branches) * sum(sizes) + 7) // 8
     test = at[5] + (size + 3 & -4)
-    if len(raw) != test + (n + 3 & -4) + 4 * count:
+    end = test + (n + 3 & -4) + 4 * count
+    if len(raw) != end and len(raw) != end + 4 * stage.REFERS:
         return status.BAD_LENGTH, None
+    refers = array("i", raw[end:])
+    if refers and not (count == stage.MOST and _referring(refers)):
+        return status.BAD_MODEL, None
     head[evaluator.LEAVES] = leaves
     head[evaluator.STEPS] = len(steps)
     c = array("h", bytearray(2 * outputs * leaves))
@@ -84,7 +88,9 @@ def load(raw, feature_count, values=0):
     rows = unpack.rows(raw[at[3] : at[3] + unpack.ROW_BYTES * outputs])
     ids = model_check.places(ids, feature_count)
     feature_count += values
-    found = stage.Stage(ids, unpack.feats(feats), steps, c, d, own, rows, ends, head, count, feature_count)
+    found = stage.Stage(
+        ids, unpack.feats(feats), steps, c, d, own, rows, ends, head, count, feature_count, refers
+    )
     return (status.OK if _same(found, raw, test) else status.SELF_TEST), found
 
 
@@ -100,6 +106,15 @@ def _check_sums(rows, ends):
     return status.OK
 
 
+def _referring(refers):
+    """Whether these numbers can say how a reference joins: nothing leaves +-2^30 with them."""
+    return (
+        model_check.within(refers[: stage.TRIANGLE], 0, 1, 0, 1 << 14)
+        and model_check.within(refers[stage.TRIANGLE : stage.LIMIT], 0, 1, -32767, 32767)
+        and 0 < refers[stage.LIMIT] <= 1 << 29
+    )
+
+
 def _same(found, raw, at):
     """Whether the vector that travels in the section gives the values that stand beside it."""
     from firmware_py import model_image
@@ -108,7 +123,8 @@ def _same(found, raw, at):
     n = len(found.ids)
     for i in range(n):
         x[found.ids[i]] = model_image.place(found.feats, i, raw[at + i])
-    stated = array("i", raw[at + (n + 3 & -4) :])
+    at += n + 3 & -4
+    stated = array("i", raw[at : at + 4 * found.count])
     got = found.extend(x)
     for j in range(found.count):
         if got[found.feature_count + j] != stated[j]:

@@ -34,6 +34,10 @@ TRIAL_HUNG = -30  # the probe restarted while it tried a model
 NO_KEY = -31  # the probe was given no public key: there is no model that it would believe
 UNEVEN = -32  # the hand's force changed so much that frames cannot be moved to one force
 TOO_SPARSE = -33  # the frames of a stroke lie too far apart
+NO_PRESS = -34  # a reference was asked for, and nobody pressed
+BAD_PRESS = -35  # too light, too quick or never let up: its frames do not tell how depth goes with force
+MOVED = -36  # along the skin, where it should have been pressed alone
+NO_STAGE = -37  # the model takes no reference: it is for one tissue, which it was told
 
 # One clear sentence for each, for the host's errors and the probe's log; kept beside the numbers.
 TEXT = {
@@ -70,5 +74,9 @@ TEXT = {
     TRIAL_HUNG: "the probe restarted while it tried a model; the one it had stays",
     NO_KEY: "no public key: the probe holds no key.pub, so it takes no model",
     UNEVEN: "the force changed by more than 30 % to either side: press evenly",
+    NO_PRESS: "nobody pressed: press the probe straight down beside the lump, then lift it",
+    BAD_PRESS: "the press was too light or quick: press for a second, then hold the probe in the air for one",
+    MOVED: "the probe moved along the skin: press it straight down, then lift it",
+    NO_STAGE: "the model takes no reference press: it was told its tissue",
     TOO_SPARSE: "frames lie more than 4.5 mm apart: stroke more slowly",
 }

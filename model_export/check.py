@@ -7,7 +7,7 @@ import sys
 from typing import Any
 
 from palpate.model_export.errors import ModelError
-from palpate.model_export.model_data import FirstStage, ModelData
+from palpate.model_export.model_data import FirstStage, Joining, ModelData
 from palpate.model_export.vocabulary import KINDS, LINKS, OUTPUTS
 
 MAX_FEATURES = 24
@@ -15,6 +15,9 @@ MAX_TERMS = 400
 MAX_DEGREE = 3
 MAX_ESTIMATES = 3
 MAX_MARGIN = 4  # half-widths
+JOINED = ("ln_reach", "ln_t", "ln_layers")
+MAX_STEEPNESS = 500
+MAX_SQUARE = 500
 
 
 def _short(value: Any) -> str:
@@ -67,6 +70,7 @@ def spec(model: ModelData) -> None:
     _features(model, n)
     if model.checks is not None:
         _stage(model.checks, "checks")
+        _need(model.checks.joining is None, "a reference joins the first stage, not the checks")
         strange = [name for name in model.checks.features if name not in model.features]
         _need(not strange, f"the checks take {strange[:1]}, which is none of the model's features")
         ends = all(e.lo < 0 < e.hi for e in model.checks.estimates)
@@ -142,6 +146,24 @@ def _stage(first: FirstStage, where: str) -> None:
         lo, hi = _number(e.lo, f"lo of {e.name}"), _number(e.hi, f"hi of {e.name}")
         _need(-32 < lo < hi < 32, f"{e.name}: lo must be below hi, both within +-32")
         _numbers(e.coefficients, len(first.terms), f"coefficients of {e.name}")
+
+    if first.joining is not None:
+        _joining(first.joining, tuple(names))
+
+
+def _joining(joining: Joining, names: tuple[str, ...]) -> None:
+    _need(names == JOINED, f"a reference joins the estimates {', '.join(JOINED)}, not {', '.join(names)}")
+    estimates = len(names)
+    weights = _numbers(joining.weights, estimates, "joining.weights")
+    _need(all(0 <= w <= 1 for w in weights), "joining.weights must lie between 0 and 1")
+    rows = joining.triangle
+    _need(isinstance(rows, tuple) and len(rows) == estimates, "joining.triangle must have three rows")
+    for i, row in enumerate(rows):
+        entries = _numbers(row, i + 1, f"joining.triangle[{i}]")
+        _need(all(abs(v) < MAX_STEEPNESS for v in entries), f"joining.triangle[{i}] must lie within +-500")
+    _need(
+        0 < _number(joining.limit, "joining.limit") <= MAX_SQUARE, "joining.limit must lie within 0 and 500"
+    )
 
 
 def _outputs(model: ModelData) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
+from array import array
 from dataclasses import dataclass
 
 from firmware_py import evaluator, model_check, slh_dsa, stage, status, unpack
@@ -87,6 +88,7 @@ def _stage(first: stage.Stage | None) -> bytes:
         bytes(first.steps),
         packed(words, sizes),
         *self_test.of_first_stage(first),
+        array("i", first.refers).tobytes(),
     )  # fmt: skip
     return b"".join(map(self_test.padded, parts))
 

@@ -112,6 +112,27 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class Joining:
+    """How a reference press joins the stroke's own: with d = the reference's estimates less the press's,
+
+    they become press + weights d, unless |triangle d|^2 > limit: then it is of another place.
+
+    Attributes
+    ----------
+    weights : tuple of float
+        One for each estimate, 0 to 1.
+    triangle : tuple of tuple of float
+        Three rows of one, two and three numbers, within +-500.
+    limit : float
+        At most 500.
+    """
+
+    weights: tuple[float, ...]
+    triangle: tuple[tuple[float, ...], ...]
+    limit: float
+
+
+@dataclass(frozen=True)
 class FirstStage:
     """Polynomials that are worked out beside the model's own, as those are; their values are held, no more.
 
@@ -120,6 +141,8 @@ class FirstStage:
     features, centre, scale, clip_lo, clip_hi, terms : as the model's
     estimates : tuple of Estimate
         One to three.
+    joining : Joining or None
+        Where the three are ln F/E_fat, ln t and one more, and a reference press may join them.
     """
 
     features: tuple[str, ...]
@@ -129,6 +152,7 @@ class FirstStage:
     clip_hi: tuple[float, ...]
     terms: tuple[Term, ...]
     estimates: tuple[Estimate, ...]
+    joining: Joining | None = None
 
 
 @dataclass(frozen=True)

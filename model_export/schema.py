@@ -19,6 +19,7 @@ from palpate.model_export.model_data import (
     Estimate,
     FirstStage,
     Interval,
+    Joining,
     Limit,
     ModelData,
     Output,
@@ -33,6 +34,7 @@ __all__ = [
     "Estimate",
     "FirstStage",
     "Interval",
+    "Joining",
     "Limit",
     "ModelSpec",
     "Output",
@@ -62,6 +64,8 @@ class ModelSpec(ModelData):
         for part in ("first", "checks"):  # without them as it was written before there were any
             if body[part] is None:
                 del body[part]
+            elif body[part]["joining"] is None:
+                del body[part]["joining"]
         return {"format": FORMAT, "version": VERSION, **body}
 
     @staticmethod
@@ -126,7 +130,8 @@ def _deeper_than(value: Any, levels: int) -> bool:
 
 
 _PARTS: dict[str, Any] = {"outputs": Output, "interval": Interval, "domain": Domain, "lump": Limit,
-                           "first": FirstStage, "checks": FirstStage, "estimates": Estimate}  # fmt: skip
+                           "first": FirstStage, "checks": FirstStage, "estimates": Estimate,
+                           "joining": Joining}  # fmt: skip
 
 
 def _build(cls: Any, data: Any, where: str) -> Any:
@@ -134,7 +139,9 @@ def _build(cls: Any, data: Any, where: str) -> Any:
     if not isinstance(data, dict):
         raise ModelError(f"{where} must be an object")
     known = {f.name for f in fields(cls)}
-    optional = {"force_map", "notes", "first", "checks"} | ({"lo", "hi"} if cls is Limit else set())
+    optional = {"force_map", "notes", "first", "checks", "joining"} | (
+        {"lo", "hi"} if cls is Limit else set()
+    )
     for key in data:
         if key not in known:
             raise ModelError(f"{where} has the unknown entry {key!r}")

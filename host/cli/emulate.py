@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 PUBLIC_KEY = "public.key"
 POLL_S = 0.2
+BESIDE_MM = 35.0
+"""From the lump to the reference press."""
 
 
 @click.command("emulate")
@@ -43,6 +45,8 @@ POLL_S = 0.2
 @click.option(
     "--steady", is_flag=True, help="A hand whose force does not wander (the thesis' runs know only such)."
 )
+@click.option("--reference", is_flag=True,
+              help="The hand first presses beside the lump, as `palpate reference` wants it.")  # fmt: skip
 @click.option("--still", is_flag=True, help="Nobody touches it, as `palpate doctor --port` wants it.")
 @click.option("--seed", default=1, show_default=True, help="Of the sensors' noise.")
 @click.option(
@@ -65,6 +69,7 @@ def command(
     store: Path | None,
     noise: str,
     steady: bool,
+    reference: bool,
     still: bool,
     seed: int,
     frames: int,
@@ -111,6 +116,8 @@ def command(
     announce()
     streams: Any
     streams, calibration = strokes_over(code, noise, seed, frames, strokes, steady, still, press=True)
+    if reference and not still:
+        streams = [reference_beside(code, noise, seed, steady), *streams]
     # over its wire a model would take the board minutes
     model = emulator.image() if own_model and board else None
     probe = EmulatedProbe(
@@ -196,6 +203,20 @@ def strokes_over(
         return [probe.stroke(frames) for probe in probes], calibration
     pressed = StrokeField(*simulate_forces(case, [case.F_rel * part for part in PRESS_PARTS], PRESSES))
     return [probe.stroke(frames, press=PRESS_FRAMES, pressed=pressed) for probe in probes], calibration
+
+
+def reference_beside(code: str, noise: str, seed: int, steady: bool = False) -> FrameStream:
+    """A press 35 mm beside the lump, by the probe and the hand of `strokes_over`."""
+    from palpate.sim.probe.noise import level_named
+    from palpate.sim.probe.sensors import SensorModel, StrokeField
+    from palpate.sim.tissue import Case, simulate_forces
+    from palpate.sim.tissue.any_tissue import PRESSES, REFERENCE_PARTS, without_its_lump
+
+    case = without_its_lump(Case.from_code(code))
+    level = level_named(noise)
+    pressed = StrokeField(*simulate_forces(case, [case.F_rel * part for part in REFERENCE_PARTS], PRESSES))
+    hand = SensorModel(pressed, level.without("force") if steady else level, seed)
+    return hand.reference(pressed, case.F_N_per_m, place_mm=BESIDE_MM)
 
 
 def check_arguments(code: str, noise: str, listen: str) -> None:

@@ -36,6 +36,7 @@ CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("devices", "palpate.cli.devices", "ports, and the probes behind them"),
         ("flash", "palpate.cli.flash", "put a model onto a probe"),
         ("calibrate", "palpate.cli.calibrate", "zero and gain of the cells, stored on the probe"),
+        ("reference", "palpate.cli.reference", "one press beside the lump, which the strokes lean on"),
         ("settings", "palpate.cli.settings", "show or change what the probe can be set to"),
         ("stream", "palpate.cli.stream", "strokes and estimates from a probe, recorded"),
         ("view", "palpate.cli.view", "watch a probe, or a recording, in the browser"),

@@ -13,6 +13,8 @@ CAPABILITIES = {
     messages.CAN_FLASH: "flash",
     messages.CAN_CALIBRATE: "calibrate",
     messages.FIXED_COLUMNS: "fixed_columns",
+    messages.TAKES_REFERENCE: "takes_reference",
+    messages.HOLDS_REFERENCE: "holds_reference",
 }
 
 
@@ -31,7 +33,7 @@ class Identity:
     rows, columns, pitch_mm, bits : int, int, float, int
         The sensors: along the stroke, across it, their pitch and the ADC's bits.
     capabilities : tuple of str
-        Of flash, calibrate.
+        Of flash, calibrate, fixed_columns, takes_reference (its model does), holds_reference (there is one).
     features_version : int
         Version of the feature list.
     model_status : int

@@ -24,6 +24,7 @@ from palpate.link.events import (
     StrokeState,
     TactileMap,
 )
+from palpate.link.reference import kept
 from palpate.link.scale import NOMINAL, CalibrationPieces, CellScale
 
 STREAMS_KEPT = 64
@@ -42,6 +43,8 @@ _STREAM_RENEWED = messages.TYPE["stream_renew"] | messages.ANSWER
 _STREAM_STOPPED = messages.TYPE["stream_stop"] | messages.ANSWER
 _READ_BACK = messages.TYPE["read_back"] | messages.ANSWER
 _CALIBRATED = messages.TYPE["calibrate"] | messages.ANSWER
+_FLASHED = messages.TYPE["flash_confirm"] | messages.ANSWER
+_REFERENCE = messages.TYPE["reference"] | messages.ANSWER
 _IDENTITY = messages.TABLE[_IDENTIFIED][3].split()
 _BOOTS_AT, _FEATURES_AT = _IDENTITY.index("boots"), _IDENTITY.index("features_version")
 
@@ -60,6 +63,8 @@ class Interpreter:
         self.frames = Sequence()
         self.scale: CellScale = NOMINAL
         """What frames are decoded with: the probe's calibration, once it was read back on this wire."""
+        self.reference: tuple[int, int, int] | None = None
+        """The reference press that the probe keeps, as far as this wire told (`palpate.link.reference`)."""
         self.streams: dict[int, None] = {}
         """The streams begun, or renewed, on this wire: what belongs to another is no result of ours."""
         self.strokes = Strokes()
@@ -111,6 +116,7 @@ class Interpreter:
         self.frames.restart()
         self.frames.counts.restarts += 1
         self._clock = Unwrapper()
+        self.reference = None
         self._event_seq = None
         self._results.clear()
         self.streaming = False
@@ -146,6 +152,11 @@ class Interpreter:
             self.scale = self._pieces.add(*answer.values) or self.scale
         elif answer.kind == _CALIBRATED:
             self._pieces.forget()
+            self.reference = None
+        elif answer.kind == _FLASHED:
+            self.reference = None
+        elif answer.kind == _REFERENCE:
+            self.reference = kept(answer.values)
         elif answer.kind in (_STREAM_STARTED, _STREAM_RENEWED):
             number, next_seq, next_stroke = answer.values[:3]
             if answer.kind == _STREAM_STARTED and not self.streaming:

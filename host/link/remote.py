@@ -14,12 +14,15 @@ from palpate.link.clock import ClockState, ClockSync
 from palpate.link.commands import setting_key
 from palpate.link.identity import Identity
 from palpate.link.line import GIVE_UP_S, Line
+from palpate.link.reference import Reference
 from palpate.link.source import EventSource
 
 BUSY_TRIES, BUSY_WAIT_S = 20, 0.1
 READ_BACK_S = 30.0
 """For a piece read back: its answer is four times as long as others, so a bad line loses it more often."""
 CALIBRATE_S = 30.0
+REFERENCE_FRAMES = 3000
+"""The probe itself gives up after so many (firmware_py.reference)."""
 OF_THIS_MOMENT = ("uptime_ms", "free_bytes", "estimates_waiting")
 """Of `statistics`, what is no count."""
 
@@ -198,6 +201,36 @@ class Commandable(EventSource):
         _, taken, dead, noise = self.command("calibrate", *words, timeout_s=patience_s)
         self.read_back(messages.READ_CALIBRATION)  # from here on frames are decoded with it
         return Calibrated(taken, dead, noise / 1000)
+
+    def take_reference(self) -> Reference:
+        """Wait for one press beside the lump, from the air straight down and up again; it is kept.
+
+        Until another is taken, `clear_reference`, another model or calibration, or the power goes.
+
+        Raises
+        ------
+        CommandRefused
+            The model takes none, a stream runs, or the press will not do; the sentence says which.
+        """
+        rate_Hz = self.get_setting("frame_rate") / 1000
+        patience_s = CALIBRATE_S + 1.5 * REFERENCE_FRAMES / rate_Hz
+        found = self.command("reference", messages.REFERENCE_TAKE, timeout_s=patience_s)
+        reference = Reference.from_answer(found)
+        assert reference is not None
+        return reference
+
+    def clear_reference(self) -> None:
+        """Forget the reference press: strokes count alone."""
+        self.command("reference", messages.REFERENCE_CLEAR)
+
+    def reference(self) -> Reference | None:
+        """The reference press that the probe keeps; None where it has none, or never heard of any."""
+        try:
+            return Reference.from_answer(self.command("reference", messages.REFERENCE_TELL))
+        except CommandRefused as refusal:
+            if refusal.status in (status.NOT_SUPPORTED, status.BAD_TYPE):
+                return None
+            raise
 
     def learn_calibration(self) -> None:
         """Read the probe's calibration unless it is known; a probe without one leaves the nominal scale."""

@@ -143,6 +143,13 @@ class Estimate(Event):
         return bool(self.flags & outputs.IN_DOMAIN)
 
     @property
+    def reference(self) -> str:
+        """used: the visit's reference press is in it; unlike: it does not fit, and is not; or ""."""
+        if self.flags & outputs.REFERENCE_OFF:
+            return "unlike"
+        return "used" if self.flags & outputs.REFERENCE else ""
+
+    @property
     def valid(self) -> bool:
         """False where the numbers mean nothing (then `reason` says why)."""
         return self.status == status.OK and not self.flags & outputs.INVALID
@@ -212,6 +219,7 @@ class Estimate(Event):
             level=self.level_permille / 1000,
             model_id=self.model_id.hex(),
             valid=self.valid,
+            reference=self.reference,
             force_in_range=not self.flags & outputs.FORCE_OUT,
             status=self.status,
             reason=self.reason,

@@ -57,6 +57,11 @@ class EventSource(ABC):
         """What frames are decoded with: the probe's calibration, or the nominal one (not `calibrated`)."""
         return self._parser.scale
 
+    @property
+    def kept_reference(self) -> tuple[int, int, int] | None:
+        """The reference press that joins the strokes now, as far as this wire told: `Stage.set` takes it."""
+        return self._parser.reference
+
     @abstractmethod
     def events(self, timeout_s: float | None = None) -> Iterator[Event]:
         """Events as they come, until `timeout_s` passes without one, or a recording ends."""

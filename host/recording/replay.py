@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from firmware_py import calib, evaluator, features, messages, pipeline, status
+from firmware_py import calib, evaluator, features, messages, outputs, pipeline, status
 from firmware_py.estimator import answer
 from palpate.errors import RecordingError
 from palpate.link.events import Estimate, Features, Frame, StrokeState
@@ -102,7 +102,11 @@ class Replayer:
         return any(i < features.COUNT and features.NAMES[i].startswith("press_") for i in used)
 
     def estimate(
-        self, said: Estimate, frames: list[Frame], press: list[Frame] | None = None
+        self,
+        said: Estimate,
+        frames: list[Frame],
+        press: list[Frame] | None = None,
+        reference: tuple[int, int, int] | None = None,
     ) -> tuple[Estimate, tuple[int, ...]]:
         """The estimate and the features of a stroke's frames.
 
@@ -114,7 +118,13 @@ class Replayer:
             All frames that it rests on, in order.
         press : list of Frame, optional
             Those between contact and the stroke's start.
+        reference : (int, int, int), optional
+            What the probe kept of a reference press.
         """
+        if (first := self.model.first) is not None:
+            first.held = False
+            if reference is not None and first.refers and _met_reference(said):
+                first.set(*reference)
         p = self._pipeline
         p.begin_press()
         for frame in press or ():
@@ -180,7 +190,8 @@ def replay(path: str | Path, model: bytes | None = None) -> Iterator[ReplayedStr
                 told[event.stroke] = event.values
             elif isinstance(event, Estimate):
                 press = presses.of(event.stream, event.stroke, frames)
-                yield _compare(event, frames, press, told.pop(event.stroke, None), replayer)
+                known = told.pop(event.stroke, None)
+                yield _compare(event, frames, press, known, replayer, session.kept_reference)
 
 
 def _compare(
@@ -189,6 +200,7 @@ def _compare(
     press: list[Frame] | None,
     told: tuple[int, ...] | None,
     replayer: Replayer | None,
+    reference: tuple[int, int, int] | None,
 ) -> ReplayedStroke:
     if replayer is None:
         why = "the recording holds no model image; give one with --model"
@@ -205,11 +217,19 @@ def _compare(
     if press is None and replayer.needs_press:
         why = "frames of the press before the stroke are missing, and the model needs it"
         return ReplayedStroke(said, None, None, why)
-    estimate, values = replayer.estimate(said, own, press)
+    if reference is None and _met_reference(said):
+        why = "the recording does not hold the reference press that the probe kept"
+        return ReplayedStroke(said, None, None, why)
+    estimate, values = replayer.estimate(said, own, press, reference)
     equal = None if told is None else _same(told, values, press is not None)
     for seq in numbers:
         del frames[seq]
     return ReplayedStroke(said, estimate, equal)
+
+
+def _met_reference(said: Estimate) -> bool:
+    """Whether the probe held a reference when it worked this out."""
+    return bool(said.flags & (outputs.REFERENCE | outputs.REFERENCE_OFF))
 
 
 def _same(told: tuple[int, ...], here: tuple[int, ...], with_press: bool) -> bool:

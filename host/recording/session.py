@@ -87,6 +87,7 @@ def _introduce(probe: Probe, writer: RecordingWriter) -> None:
             data = b""  # a probe that only streams
         if data:
             writer.attach(name, "application/octet-stream", data)
+    probe.reference()  # its answer goes into the recording: a replay needs what joins the strokes
     _compare_clocks(probe, writer)
 
 

@@ -65,6 +65,7 @@ class LiveSource:
             try:
                 probe.refresh_identity()  # its answer goes into the file: a recording needs a handshake
                 probe.renew_stream()  # and so does this one: it says which stream the file is of
+                probe.reference()  # and this one: what joins the strokes
                 for name, what in ((MODEL, messages.READ_MODEL), (CALIBRATION, messages.READ_CALIBRATION)):
                     if blob := probe.read_back(what):
                         writer.attach(name, "application/octet-stream", blob)

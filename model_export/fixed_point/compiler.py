@@ -191,7 +191,19 @@ def _compile_stage(first: FirstStage, ids: list[int], feature_count: int) -> sta
         head,
         len(first.estimates),
         feature_count,
+        _joining(first),
     )
+
+
+def _joining(first: FirstStage) -> array[int]:
+    """How a reference joins, as `firmware_py.stage` has it."""
+    if first.joining is None:
+        return array("i")
+    weights, rows, limit = first.joining.weights, first.joining.triangle, first.joining.limit
+    steep = [v for row in rows for v in row]
+    return array("i", [
+        *(round(w * 2**14) for w in weights), *(round(v * 2**6) for v in steep), round(limit * 2**20)
+    ])  # fmt: skip
 
 
 def _standard_clip(first: FirstStage) -> tuple[np.ndarray, np.ndarray]:

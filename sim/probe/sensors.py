@@ -6,6 +6,7 @@ each of these; `SensorModel` is one physical probe in one hand; `stroke_frames` 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,12 @@ Floats = NDArray[np.float64]
 
 PRESS_FRAMES = 24
 """Of a press, .64 s at the usual rate."""
+
+AIR_FRAMES = 40
+"""Of the probe in the air before a reference press."""
+
+_LIFTED_FRAMES = 48
+"""And after it: what the cells go on reading dies away, and the zero is seen again."""
 
 _PRESS_FROM, _PRESS_MM_PER_S = 0.2, 60.0
 _DEPTH_OVER_FORCE = 0.62
@@ -110,6 +117,7 @@ class SensorModel:
         self._lag = Lag()
         # pressing first changes nothing of what a seed gives in the stroke
         self._press_rng = np.random.default_rng((seed, 3))
+        self._reference_rng = np.random.default_rng((seed, 4))
 
     def _imperfect(self, rng: np.random.Generator) -> None:
         """Draw what is wrong with probe and tissue as a whole, apart from the numbers drawn above."""
@@ -219,23 +227,66 @@ class SensorModel:
         """Counts (frames, cells) and displacements in um (frames,) while the hand presses to its force."""
         field = field or self.field
         start = -self.travel_mm / 2
-        stiffness = float(self.stiffness_at(np.array([start]))[0])
-        force = self.force_at(np.array([start])) * np.linspace(_PRESS_FROM, 1.0, frames) / stiffness
+        force = float(self.force_at(np.array([start]))[0]) * np.linspace(_PRESS_FROM, 1.0, frames)
+        image, depth = self._pressed(field, force, start)
+        seconds = (np.arange(frames) - frames) / frames_per_s
+        strokes_rng, self._rng = self._rng, self._press_rng
+        counts, _, depth_um = self.felt(image, depth, start + _PRESS_MM_PER_S * seconds, np.zeros(frames))
+        self._rng = strokes_rng
+        return counts, depth_um
+
+    def _pressed(self, field: StrokeField, force_N_per_m: Floats, place_mm: float) -> tuple[Floats, Floats]:
+        """Pressures (n, rows, columns) and displacements (n,) where `field` begins, under forces (n,)."""
+        stiffness = float(self.stiffness_at(np.array([place_mm]))[0])
+        force = np.asarray(force_N_per_m, float) / stiffness
         least = field.forces_N_per_m[0]
         image, depth = field.at(
-            np.full(frames, field.reach_mm[0]), None if field.one_force else np.maximum(force, least)
+            np.full(len(force), field.reach_mm[0]), None if field.one_force else np.maximum(force, least)
         )
         share = np.minimum(force / least, 1.0)
         image *= stiffness * share.reshape(-1, *np.ones(image.ndim - 1, int))
         if image.ndim < 3:
             image = np.repeat(image[:, :, None], geometry.COLUMNS, axis=2)
-        seconds = (np.arange(frames) - frames) / frames_per_s
-        strokes_rng, self._rng = self._rng, self._press_rng
-        counts, _, depth_um = self.felt(
-            image, depth * share**_DEPTH_OVER_FORCE, start + _PRESS_MM_PER_S * seconds, np.zeros(frames)
+        return image, depth * share**_DEPTH_OVER_FORCE
+
+    def reference(
+        self,
+        pressed: StrokeField,
+        force_N_per_m: float,
+        *,
+        place_mm: float = 0.0,
+        air: int = AIR_FRAMES,
+        frames: int = PRESS_FRAMES,
+        frames_per_s: float = 37.5,
+    ) -> FrameStream:
+        """A press beside the lump: from the air straight down to this force, held, and lifted again.
+
+        Parameters
+        ----------
+        pressed : StrokeField
+            What is under the probe: one position at rising forces.
+        place_mm : float
+            Where that is along the stroke's line: the tissue's thickness and stiffness there are its own.
+        air, frames : int
+            In the air before it, and until it has its force.
+        """
+        held = frames // 6
+        force = force_N_per_m * np.concatenate([np.linspace(_PRESS_FROM, 1.0, frames), np.ones(held)])
+        image, depth = self._pressed(pressed, force, place_mm)
+        image = np.concatenate([image, np.zeros((_LIFTED_FRAMES, *image.shape[1:]))])
+        depth = np.concatenate([depth, np.zeros(_LIFTED_FRAMES)])
+        strokes_rng, self._rng = self._rng, self._reference_rng
+        moves_mm = _PRESS_MM_PER_S / frames_per_s
+        nothing = np.zeros((air, *image.shape[1:]))
+        share: Floats = (np.arange(-air, 0) / len(depth)).astype(np.float64)
+        along: Floats = place_mm + moves_mm * np.arange(air, dtype=np.float64)
+        counts, _, depth_um = self.felt(nothing, np.zeros(air), along, share)
+        self._lag = Lag()  # begins at the first force, as in `_press`
+        stream = self._frames(
+            np.full(len(depth), place_mm), image, depth, frames_per_s, 0, (counts, depth_um), moves_mm
         )
         self._rng = strokes_rng
-        return counts, depth_um
+        return replace(stream, press=0, truth=replace(stream.truth, F_N_per_m=force_N_per_m))
 
     def stroke(
         self,
@@ -280,12 +331,17 @@ class SensorModel:
         frames_per_s: float,
         origin_um: int,
         before: tuple[Floats, NDArray[np.int64]] | None = None,
+        moves_mm: float = 0.0,
     ) -> FrameStream:
         """Evenly timed frames of pressures (n, rows, columns) and displacements (n,) at places x (n,).
 
         before : counts (m, cells) and displacements in um (m,) of a press where they begin.
+        moves_mm : what stands for the time of a frame where the probe stands still, see `felt`
         """
-        counts, place, depth = self.felt(pressure_kPa, displacement_mm, x, np.linspace(0, 1, len(x)))
+        along = x + moves_mm * np.arange(len(x))
+        counts, place, depth = self.felt(pressure_kPa, displacement_mm, along, np.linspace(0, 1, len(x)))
+        if moves_mm:
+            place = np.full_like(place, place[0])
         press = 0
         if before is not None:
             press = len(before[0])

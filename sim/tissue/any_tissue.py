@@ -21,6 +21,9 @@ FORCE_PARTS = (1.4**-0.5, 1.0, 1.4**0.5)
 PRESS_PARTS = (0.2, 0.4, 0.65, 1.0)
 """Forces at which the press before the stroke is looked at, over the middle one."""
 
+REFERENCE_PARTS = (0.2, 0.4, 0.65, 1.0, 1.4)
+"""Forces of a reference press beside the lump, over the stroke's middle one."""
+
 STROKES = Settings(far_start_mm=-44.0)
 PRESSES = Settings(start_mm=-40.0, press_only=True)
 
@@ -65,6 +68,20 @@ def press_cases(n: int, seed: int, ranges: TissueRanges | None = None) -> list[C
     """The same lumps at the forces of the press before the stroke, to be simulated with `PRESSES`."""
     lumps = _lumps(n, seed, ranges or TissueRanges())
     return [replace(case, F_rel=case.F_rel * part) for case in lumps for part in PRESS_PARTS]
+
+
+def reference_cases(n: int, seed: int, ranges: TissueRanges | None = None) -> list[Case]:
+    """The tissues of the same lumps without them, at the forces of a reference press; with `PRESSES`."""
+    return [
+        replace(plain, F_rel=plain.F_rel * part)
+        for plain in map(without_its_lump, _lumps(n, seed, ranges or TissueRanges()))
+        for part in REFERENCE_PARTS
+    ]
+
+
+def without_its_lump(case: Case) -> Case:
+    """The same layers under the same probe and force, and no lump in them."""
+    return replace(case, E_ratio=1.0, lump_stiffening=0.0)
 
 
 def _lumps(n: int, seed: int, r: TissueRanges) -> list[Case]:

@@ -32,7 +32,11 @@ FIELDS: dict[str, tuple[str, str]] = {
     "identify.columns": ("", "sensors across it"),
     "identify.pitch_um": ("um", "from one sensor to the next"),
     "identify.bits": ("", "of a count"),
-    "identify.capabilities": ("", "bits: 1 flash, 2 calibrate, 4 fixed columns (a small build)"),
+    "identify.capabilities": (
+        "",
+        "bits: 1 flash, 2 calibrate, 4 fixed columns (a small build), 8 the live model takes a "
+        "reference, 16 there is one",
+    ),
     "identify.features_version": ("", "of the feature list; 0: a probe that makes no estimates"),
     "identify.model_status": ("", "0: a model is live; else why none is (Status)"),
     "identify.model_id": MODEL_ID,
@@ -92,6 +96,11 @@ FIELDS: dict[str, tuple[str, str]] = {
     "results.stream": ("", "whose results are to be sent again; 0: none, only list"),
     "results.waiting": ("", "estimates that nobody has acknowledged"),
     "results.tail": ("", "for each stream with such results: its number, its oldest stroke, its newest"),
+    "reference.kind": ("", "0 take one: answered when the press is over; 1 forget it; 2 tell"),
+    "reference.held": ("", "1 where there is one"),
+    "reference.ln_fat_q24": ("2^-24", "ln of the fat's modulus, kPa"),
+    "reference.ln_t_q24": ("2^-24", "ln of the fat's thickness, mm"),
+    "reference.ln_layers_q24": ("2^-24", "ln of fat and gland together, as mm of fat that give as much"),
     "frame.seq": ("", SEQ),
     "frame.time_us": ("us", "the probe's clock at the scan, modulo 2^30"),
     "frame.position_um": ("um", "along the stroke, by the encoder; grows in the direction of row 15"),
@@ -121,7 +130,11 @@ FIELDS: dict[str, tuple[str, str]] = {
     "estimate.stream": STREAM,
     "estimate.stroke": STROKE,
     "estimate.status": STATUS,
-    "estimate.flags": ("", "bits: 1 lump, 2 in the domain, 4 and 8 hardness, 16 force out, 32 invalid"),
+    "estimate.flags": (
+        "",
+        "bits: 1 lump, 2 in the domain, 4 and 8 hardness, 16 force out, 32 invalid, 64 the reference "
+        "is in it, 128 it does not fit and is not",
+    ),
     "estimate.damage": ("", "as in identify: what this estimate may rest on"),
     "estimate.level_permille": ("1/1000", "coverage of the intervals"),
     "estimate.distance_permille": ("1/1000", "from the domain's centre; over 1000: outside"),

@@ -23,7 +23,7 @@ static inline uint16_t palpate_id(const uint8_t *body) { return palpate_u16(body
 static inline int8_t palpate_status(const uint8_t *body) { return (int8_t)body[3]; }
 
 #define PALPATE_PROTOCOL 2
-#define PALPATE_SCHEMA 0x263964E2u
+#define PALPATE_SCHEMA 0x28494A09u
 #define PALPATE_CONTENT_FRAMES 1
 #define PALPATE_CONTENT_STROKES 2
 #define PALPATE_CAN_FLASH 1
@@ -103,6 +103,10 @@ static inline int8_t palpate_status(const uint8_t *body) { return (int8_t)body[3
 #define PALPATE_NO_KEY (-31) /* no public key: the probe holds no key.pub, so it takes no model */
 #define PALPATE_UNEVEN (-32) /* the force changed by more than 30 % to either side: press evenly */
 #define PALPATE_TOO_SPARSE (-33) /* frames lie more than 4.5 mm apart: stroke more slowly */
+#define PALPATE_NO_PRESS (-34) /* nobody pressed: press the probe straight down beside the lump, then lift it */
+#define PALPATE_BAD_PRESS (-35) /* the press was too light or quick: press for a second, then hold the probe in the air for one */
+#define PALPATE_MOVED (-36) /* the probe moved along the skin: press it straight down, then lift it */
+#define PALPATE_NO_STAGE (-37) /* the model takes no reference press: it was told its tissue */
 
 #define PALPATE_SETTING_FRAME_RATE 0 /* mHz, 100 to 10000000, usually 50000 */
 #define PALPATE_SETTING_CONTACT_THRESHOLD 1 /* Pa, 10 to 20000, usually 300 */
@@ -155,6 +159,7 @@ static inline int8_t palpate_status(const uint8_t *body) { return (int8_t)body[3
 #define PALPATE_COMMAND_READ_BACK 0x0F
 #define PALPATE_COMMAND_STREAM_RENEW 0x10
 #define PALPATE_COMMAND_RESULTS 0x11
+#define PALPATE_COMMAND_REFERENCE 0x12
 #define PALPATE_ANSWER_IDENTIFY 0x81
 #define PALPATE_ANSWER_GET_SETTING 0x82
 #define PALPATE_ANSWER_SET_SETTING 0x83
@@ -172,6 +177,7 @@ static inline int8_t palpate_status(const uint8_t *body) { return (int8_t)body[3
 #define PALPATE_ANSWER_READ_BACK 0x8F
 #define PALPATE_ANSWER_STREAM_RENEW 0x90
 #define PALPATE_ANSWER_RESULTS 0x91
+#define PALPATE_ANSWER_REFERENCE 0x92
 #define PALPATE_ANSWER_UNKNOWN 0xFF
 #define PALPATE_FRAME 0x40
 #define PALPATE_STROKE_STATE 0x42
@@ -359,6 +365,16 @@ static inline size_t palpate_put_results(uint8_t *body, uint16_t id, const struc
     return 7;
 }
 
+struct palpate_reference {
+    uint8_t kind; /* 0 take one: answered when the press is over; 1 forget it; 2 tell */
+};
+static inline size_t palpate_put_reference(uint8_t *body, uint16_t id, const struct palpate_reference *m) {
+    body[0] = 0x12;
+    palpate_put(body + 1, id, 2);
+    palpate_put(body + 3, (uint32_t)m->kind, 1);
+    return 4;
+}
+
 struct palpate_identify_answer {
     uint32_t nonce; /* any number; comes back in the answer */
     uint8_t protocol; /* version of the protocol: 2; another one is not spoken to */
@@ -369,7 +385,7 @@ struct palpate_identify_answer {
     uint8_t columns; /* sensors across it */
     uint16_t pitch_um; /* um: from one sensor to the next */
     uint8_t bits; /* of a count */
-    uint16_t capabilities; /* bits: 1 flash, 2 calibrate, 4 fixed columns (a small build) */
+    uint16_t capabilities; /* bits: 1 flash, 2 calibrate, 4 fixed columns (a small build), 8 the live model takes a reference, 16 there is one */
     uint8_t features_version; /* of the feature list; 0: a probe that makes no estimates */
     int8_t model_status; /* 0: a model is live; else why none is (Status) */
     uint8_t model_id[8]; /* first 8 bytes of the SHA-256 of the model image's signed part; zeros: none */
@@ -600,6 +616,23 @@ static inline int palpate_get_results_answer(const uint8_t *body, size_t n, stru
     return 1;
 }
 
+struct palpate_reference_answer {
+    uint8_t kind; /* 0 take one: answered when the press is over; 1 forget it; 2 tell */
+    uint8_t held; /* 1 where there is one */
+    int32_t ln_fat_q24; /* 2^-24: ln of the fat's modulus, kPa */
+    int32_t ln_t_q24; /* 2^-24: ln of the fat's thickness, mm */
+    int32_t ln_layers_q24; /* 2^-24: ln of fat and gland together, as mm of fat that give as much */
+};
+static inline int palpate_get_reference_answer(const uint8_t *body, size_t n, struct palpate_reference_answer *m) {
+    if (n < 18 || body[0] != 0x92) return 0;
+    m->kind = (uint8_t)body[4];
+    m->held = (uint8_t)body[5];
+    m->ln_fat_q24 = (int32_t)palpate_u32(body + 6);
+    m->ln_t_q24 = (int32_t)palpate_u32(body + 10);
+    m->ln_layers_q24 = (int32_t)palpate_u32(body + 14);
+    return 1;
+}
+
 struct palpate_frame {
     uint32_t seq; /* number of the frame, counts every frame acquired, modulo 2^30 */
     uint32_t time_us; /* us: the probe's clock at the scan, modulo 2^30 */
@@ -681,7 +714,7 @@ struct palpate_estimate {
     uint32_t stream; /* number of the stream */
     uint32_t stroke; /* number of the stroke, counts since the probe started */
     int8_t status; /* 0, or why there is no result (Status) */
-    uint8_t flags; /* bits: 1 lump, 2 in the domain, 4 and 8 hardness, 16 force out, 32 invalid */
+    uint8_t flags; /* bits: 1 lump, 2 in the domain, 4 and 8 hardness, 16 force out, 32 invalid, 64 the reference is in it, 128 it does not fit and is not */
     uint8_t damage; /* as in identify: what this estimate may rest on */
     uint16_t level_permille; /* 1/1000: coverage of the intervals */
     uint16_t distance_permille; /* 1/1000: from the domain's centre; over 1000: outside */

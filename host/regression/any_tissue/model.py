@@ -54,9 +54,11 @@ class TissueModel:
     border: float
     with_press: bool
 
-    def answer(self, seen: ObservedInTissue) -> TissueAnswers:
-        """Estimates of every stroke."""
-        X = _inputs(seen, self.press.predict(seen.press) if self.with_press else None)
+    def answer(self, seen: ObservedInTissue, tissue: Floats | None = None) -> TissueAnswers:
+        """Estimates of every stroke; tissue (n, 3): what stands in the first stage's place."""
+        if tissue is None and self.with_press:
+            tissue = self.press.predict(seen.press)
+        X = _inputs(seen, tissue)
         y = self.stroke.predict(X)
         hard = y[:, STIFFNESS] < self.border
         return TissueAnswers(y, self.widths.half(self.stroke.standard(X), y, hard), hard)
