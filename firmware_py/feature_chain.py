@@ -85,7 +85,8 @@ class Chain:
 
         Returns OK; NO_FIT where nothing rises (features are there, Amp is 0); TOO_SHORT where the stroke
         does not reach COVER_UM to both sides of the lump; TOO_SPARSE where its frames lie too far apart;
-        UNEVEN where its force wandered too far. May be called again with another map.
+        UNEVEN where its force wandered too far; SATURATED where cells read full scale.
+        May be called again with another map.
         """
         self._take()
         if self.n < FEWEST:
@@ -101,6 +102,8 @@ class Chain:
             return status.TOO_SPARSE
         if self._uneven():
             return status.UNEVEN
+        if self._saturated():
+            return status.SATURATED
         code = self._fit()
         if code == status.OK and self._choose():
             self._move(force_map)
@@ -114,6 +117,10 @@ class Chain:
 
     def _take(self):
         """Fill n, _x, _raw_depth, _rows and _force from the frames; what every build does its own way."""
+
+    def _saturated(self):
+        """Whether cells read full scale; a small build does not look."""
+        return False
 
     def _choose(self):
         """Find the columns that see the lump and fill _rows from them alone; True if they are not all."""

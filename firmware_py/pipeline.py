@@ -74,6 +74,7 @@ class Pipeline(feature_chain.Chain):
         self.fixed_columns = fixed_columns
         self.columns = array("i", bytes(4 * _COLUMNS))  # how much of the bump each column sees, Q3 counts
         self.stuck = 0  # how many cells stood at a rail all along, and were mended
+        self.full = 0  # how many cells, at most, read full scale in one bin
         self._found = bytearray(geometry.MASK_BYTES)
         self._slot = bytearray(n_bins)
         # rows over all columns, before cells were rounded
@@ -145,6 +146,7 @@ class Pipeline(feature_chain.Chain):
             self.stuck = 0
             if self.n >= feature_chain.FEWEST:
                 self.stuck = stuck.mend(b.cells, self._slot, self.n, b.count, c.offset, c.dead, self._found)
+            self._count_full()
             calib.calibrate_bins(
                 b.cells,
                 self._slot,
@@ -162,6 +164,20 @@ class Pipeline(feature_chain.Chain):
         elif self._exact is not self._rows:
             for i in range(_ROWS * self.n):
                 self._rows[i] = self._exact[i]
+
+    def _count_full(self):
+        """Fill `full` from the raw sums; the greatest of a bin is soon found, and seldom at full scale."""
+        b = self.bins
+        cells = memoryview(b.cells)
+        self.full = 0
+        for k in range(self.n):
+            base = self._slot[k] * _CELLS
+            most = geometry.FULL_COUNT * b.count[self._slot[k]]
+            if max(cells[base : base + _CELLS]) >= most:
+                self.full = max(self.full, stuck.full(b.cells, base, most, self.calibration.dead))
+
+    def _saturated(self):
+        return self.full >= stuck.FULL
 
     def _choose(self):
         """Find the columns that see the lump and sum the rows over them; True if they are not all."""

@@ -38,6 +38,7 @@ NO_PRESS = -34  # a reference was asked for, and nobody pressed
 BAD_PRESS = -35  # too light, too quick or never let up: its frames do not tell how depth goes with force
 MOVED = -36  # along the skin, where it should have been pressed alone
 NO_STAGE = -37  # the model takes no reference: it is for one tissue, which it was told
+SATURATED = -38  # cells over the lump read full scale: how high the bump is cannot be known
 
 # One clear sentence for each, for the host's errors and the probe's log; kept beside the numbers.
 TEXT = {
@@ -79,4 +80,5 @@ TEXT = {
     MOVED: "the probe moved along the skin: press it straight down, then lift it",
     NO_STAGE: "the model takes no reference press: it was told its tissue",
     TOO_SPARSE: "frames lie more than 4.5 mm apart: stroke more slowly",
+    SATURATED: "cells read full scale: press more lightly",
 }

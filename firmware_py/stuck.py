@@ -1,7 +1,7 @@
-"""Cells that died after the calibration: they stand at a rail wherever the probe is; mended for the stroke.
+"""Cells at a rail. Those that died after the calibration stand there wherever the probe is, and are mended.
 
 A live cell never reads 0, since its unloaded reading is some counts above it, and does not read full scale
-both beside the lump and over it.
+both beside the lump and over it. Several at full scale in one place are pressed harder than they can say.
 """
 
 from firmware_py import geometry
@@ -9,6 +9,7 @@ from firmware_py import geometry
 LOOKS = 5  # bins looked at, evenly spread over the stroke
 _CELLS = geometry.CELLS
 _COLUMNS = geometry.COLUMNS
+FULL = 4  # live cells at full scale in one bin: the top of a bump is cut off
 CLEAR = 64  # a cell whose zero lies under 8 counts may well read 0
 
 
@@ -63,4 +64,13 @@ def mend(cells, slot, n, counts, offset, dead, found):
             for k in range(n):
                 base = slot[k] * _CELLS
                 cells[base + i] = (cells[base + a] + cells[base + b]) >> 1
+    return total
+
+
+def full(cells, base, most, dead):
+    """How many live cells of the bin at cells[base:] have the sum `most`, which nothing exceeds."""
+    total = 0
+    for i in range(_CELLS):
+        if cells[base + i] >= most and not (dead[i >> 3] >> (i & 7)) & 1:
+            total += 1
     return total

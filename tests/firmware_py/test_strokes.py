@@ -1,13 +1,15 @@
 """A stroke is a stroke however it is made: direction, speed, force, columns, dead cells; or it is refused."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from firmware_py import bins, calib, features, forcemap, pipeline, status
+from firmware_py import bins, calib, features, forcemap, geometry, pipeline, status
 from palpate.features import pipeline_features as field_features
 from palpate.firmware_twin.replay_core import Replay
+from palpate.sim.probe.cells import FULL_SCALE_KPA
 from palpate.sim.probe.sensors import LEVELS, Noise, SensorModel, pack
 from tests.benchmarks.bench_refused import RisingForce
 
@@ -208,6 +210,26 @@ def test_a_stroke_of_uneven_force_is_refused(fields, map_blob, rise, code):
         model = RisingForce(field, LEVELS["typical"].with_(start_mm=0.0), seed)
         model.rise = rise
         assert replay.stream(model.stroke()) == code
+
+
+@pytest.mark.parametrize(("top", "code"), [(0.9, status.OK), (1.25, status.SATURATED)])
+def test_a_stroke_whose_bump_reaches_beyond_full_scale_is_refused(fields, map_blob, top, code):
+    """Its top was cut off, the lump came out wider, deeper and softer, and no flag was set."""
+    replay = Replay(map_blob)
+    for seed, field in enumerate(fields[:4]):
+        model = SensorModel(field, LEVELS["typical"], seed)
+        highest = model.pressures_at(np.linspace(-40, 40, 81))[0].max()
+        model.gain *= top * FULL_SCALE_KPA / highest
+        assert replay.stream(model.stroke()) == code
+
+
+def test_a_few_cells_that_hang_at_full_scale_do_not_refuse_a_stroke(fields, map_blob):
+    replay = Replay(map_blob)
+    model = SensorModel(fields[0], LEVELS["typical"], 3)
+    frames = model.stroke()
+    frames.counts[:, [17, 200, 201, 390]] = geometry.FULL_COUNT
+    frames = replace(frames, packed=[pack(c) for c in frames.counts])
+    assert replay.stream(frames, model.calibration()) == status.OK
 
 
 def test_frames_that_cannot_be_used_say_so(fields):

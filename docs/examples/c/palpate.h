@@ -107,6 +107,7 @@ static inline int8_t palpate_status(const uint8_t *body) { return (int8_t)body[3
 #define PALPATE_BAD_PRESS (-35) /* the press was too light or quick: press for a second, then hold the probe in the air for one */
 #define PALPATE_MOVED (-36) /* the probe moved along the skin: press it straight down, then lift it */
 #define PALPATE_NO_STAGE (-37) /* the model takes no reference press: it was told its tissue */
+#define PALPATE_SATURATED (-38) /* cells read full scale: press more lightly */
 
 #define PALPATE_SETTING_FRAME_RATE 0 /* mHz, 100 to 10000000, usually 50000 */
 #define PALPATE_SETTING_CONTACT_THRESHOLD 1 /* Pa, 10 to 20000, usually 300 */

@@ -23,6 +23,7 @@ from palpate.regression.field.design import LumpStrokes
 from palpate.regression.observed import NAMES, noise_named
 from palpate.regression.probe_model import shows_lump
 from palpate.sim.probe.sensors import PRESS_FRAMES, Noise, SensorModel, StrokeField
+from palpate.sim.probe.two_lumps import random_pair
 from palpate.sim.tissue import Case, Stroke, load_strokes
 
 FAT_KPA = (5.0, 25.0)
@@ -109,6 +110,7 @@ def observe(
     force_map: bytes | None,
     every: int = 1,
     first: int = 0,
+    two_apart_mm: tuple[float, float] | None = None,
 ) -> ObservedInTissue:
     """One stroke with its press over each lump, each in a fat and by a probe and a hand of its own.
 
@@ -121,6 +123,8 @@ def observe(
         Use each `every`-th of the lump's forces only.
     first : int
         The number of the first lump, if these are part of a longer set.
+    two_apart_mm : (float, float), optional
+        Two lumps of a kind instead of one, so far apart (`sim.probe.two_lumps.random_pair`).
     """
     level, replay = noise_named(noise), Replay(force_map)
     X, press, Y, whole = [], [], [], []
@@ -128,7 +132,7 @@ def observe(
         rng = np.random.default_rng([seed, first + k])
         s = random_scale(lump.strokes.case, rng)
         strokes = lump.strokes.strokes[::every]
-        field = StrokeField(*(scaled(stroke, s) for stroke in strokes))
+        field = _field([scaled(stroke, s) for stroke in strokes], two_apart_mm, (seed, first + k, 1))
         sensors = SensorModel(field, level, int(rng.integers(1 << 40)))
         pressed = StrokeField(*(scaled(p, s) for p in lump.press))
         stream = sensors.stroke(press=PRESS_FRAMES, pressed=pressed)
@@ -141,6 +145,14 @@ def observe(
     found = np.array(whole) & shows_lump(np.array(X), NAMES)
     seen = ObservedInTissue(np.array(X), np.array(press), np.array(Y), found, first + np.arange(len(lumps)))
     return seen.take(seen.press[:, 0] != ABSENT)
+
+
+def _field(
+    strokes: Sequence[Stroke], two_apart_mm: tuple[float, float] | None, seed: tuple[int, ...]
+) -> StrokeField:
+    if two_apart_mm is None:
+        return StrokeField(*strokes)
+    return random_pair(strokes, two_apart_mm, np.random.default_rng(seed))
 
 
 def _truth(case: Case, F: float, fat_kPa: float) -> list[float]:

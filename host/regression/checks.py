@@ -1,0 +1,128 @@
+"""What a stroke is unlike: polynomials of a model's features that tell strange strokes from its own.
+
+The box, the distance and the ranges (`domain`) ask whether features are like those of training, one by one
+and all together; they do not know which combinations lead astray. Two lumps side by side look like one that
+is wider and softer, and pass. A check is fitted to such strokes as well: least squares of 1 against 0 over
+monomials, its border where a stated share of the model's own strokes is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.features.map_features import Floats
+from palpate.model_export.schema import Estimate, FirstStage
+from palpate.regression.conformal import out_of_fold
+from palpate.regression.probe_model import Polynomial, fit_polynomial, standardised
+from palpate.regression.ridge import Term, all_terms, fit_ridge, importance, monomials
+
+Groups = NDArray[np.int64]
+Strange = Mapping[str, tuple[Floats, Groups]]
+
+FALSE_ALARMS = 0.01
+"""Share of the model's own strokes, lumps not met, that each check may leave out."""
+
+MOST_FEATURES, DEGREE, FOLDS = 12, 2, 4
+STRENGTHS = 10.0 ** np.arange(-7.0, -1.9, 1.0)
+_SIZE = 1 / 64
+"""Only a check's sign counts: so small, its coefficients take fewer bits."""
+
+
+def fit_checks(
+    names: Sequence[str],
+    X: Floats,
+    groups: Groups,
+    strange: Strange,
+    false_alarms: float = FALSE_ALARMS,
+    most_features: int = MOST_FEATURES,
+) -> FirstStage:
+    """A check for each kind of strange strokes, all of the same few features.
+
+    Parameters
+    ----------
+    names : the model's features
+    X : (n, features)
+        The model's own strokes, as its polynomial takes them.
+    groups : (n)
+        Which lump.
+    strange : kind -> ((m, features), (m)), one to three
+        Strokes that are to be told apart, and their lumps by the same numbers.
+    false_alarms : float
+        Share of strokes like X, over lumps that were not met, where a check may be above 0.
+    most_features : int
+    """
+    chosen = _chosen(X, groups, strange, most_features)
+    part = tuple(names[i] for i in chosen)
+    terms = all_terms(len(chosen), DEGREE)
+    known = _fit(part, X[:, chosen], np.zeros(len(X)), groups, terms)
+    estimates = []
+    for kind, (other, their_groups) in strange.items():
+        A, y, g = _together(X[:, chosen], groups, other[:, chosen], their_groups)
+
+        def fit(x: Floats, target: Floats, of: Groups) -> Polynomial:
+            return _fit(part, x, target[:, 0], of, terms, known)
+
+        unseen = out_of_fold(A, y[:, None], g, lambda x, t, of: fit(x, t, of).predict, FOLDS)
+        border = np.quantile(unseen[: len(X), 0], 1 - false_alarms)
+        coefficients = fit(A, y[:, None], g).coefficients[:, 0] * _SIZE
+        coefficients[terms.index(())] -= border * _SIZE
+        estimates.append(Estimate(kind, -1.0, 1.0, _floats(coefficients)))
+    return FirstStage(
+        features=part,
+        centre=_floats(known.centre),
+        scale=_floats(known.scale),
+        clip_lo=_floats(known.clip_lo),
+        clip_hi=_floats(known.clip_hi),
+        terms=terms,
+        estimates=tuple(estimates),
+    )
+
+
+def _floats(values: Floats) -> tuple[float, ...]:
+    return tuple(map(float, values))
+
+
+def _together(X: Floats, groups: Groups, other: Floats, their: Groups) -> tuple[Floats, Floats, Groups]:
+    """Both kinds of strokes, 0 for the model's own and 1 for the others, and their lumps."""
+    y = np.r_[np.zeros(len(X)), np.ones(len(other))]
+    return np.concatenate([X, other]), y, np.concatenate([groups, their])
+
+
+def _fit(
+    names: Sequence[str],
+    X: Floats,
+    y: Floats,
+    groups: Groups,
+    terms: Sequence[Term],
+    known: Polynomial | None = None,
+) -> Polynomial:
+    """The polynomial of y (n); features are standardised as in `known`, or by X."""
+    ends = np.array([-8.0]), np.array([8.0])
+    if known is None:
+        return fit_polynomial(names, X, y[:, None], groups, terms, *ends, STRENGTHS)
+    A = monomials(known.standard(X), terms)
+    B = fit_ridge(A, y[:, None], [len(t) for t in terms], groups, STRENGTHS).coefficients
+    return Polynomial(
+        known.names, known.centre, known.scale, known.clip_lo, known.clip_hi, tuple(terms), B, *ends
+    )
+
+
+def _chosen(X: Floats, groups: Groups, strange: Strange, most: int) -> list[int]:
+    """The features worth most to all checks together: half of the others are dropped at a time."""
+    left = list(range(X.shape[1]))
+    while len(left) > most:
+        terms = all_terms(len(left), DEGREE)
+        degrees = [len(t) for t in terms]
+        worth = np.zeros(len(left))
+        for other, their in strange.values():
+            A, y, g = _together(X[:, left], groups, other[:, left], their)
+            A = monomials(standardised(A), terms)
+            of_terms = importance(A, degrees, fit_ridge(A, y[:, None], degrees, g, STRENGTHS))
+            own = np.array([sum(w for w, t in zip(of_terms, terms) if i in t) for i in range(len(left))])
+            worth += own / own.sum()
+        keep = len(left) - (len(left) - most + 1) // 2
+        left = [left[i] for i in np.sort(np.argsort(-worth, kind="stable")[:keep])]
+    return left
