@@ -32,6 +32,12 @@ class Reference:
         _, held, *logarithms = values
         return cls(*(math.exp(v / _Q24) for v in logarithms)) if held else None
 
+    @classmethod
+    def of_kept(cls, numbers: tuple[int, int, int]) -> Reference:
+        """From what `kept` gives."""
+        less_fat, *rest = numbers
+        return cls(*(math.exp(v / _Q24) for v in (-less_fat, *rest)))
+
 
 def kept(values: tuple[int, ...]) -> tuple[int, int, int] | None:
     """The same fields as the probe keeps them (`firmware_py.stage.Stage.set`), for a replay."""

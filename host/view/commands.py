@@ -18,7 +18,7 @@ from typing import Any
 
 from palpate.errors import PalpateError, RecordingError, UsageError
 from palpate.view.session import Session
-from palpate.view.source import Flashable, Playable, Recordable, Source
+from palpate.view.source import Flashable, Playable, Recordable, Referable, Source
 from palpate.view.stroke import Stroke
 
 LoadStrokes = Callable[[Path], Sequence[Stroke]]
@@ -46,6 +46,7 @@ class Commands:
         self._recordings = recordings
         self._load_strokes = load_strokes
         self._turning = threading.Lock()  # pages have threads of their own; one recording runs at a time
+        self._pressing = threading.Lock()
         self._closed = False
         self.table: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
             "record": self._record,
@@ -56,6 +57,8 @@ class Commands:
             "load-visit": self._load_visit,
             "repeatability": self._repeatability,
             "compare": self._compare,
+            "reference": self._reference,
+            "forget-reference": self._forget_reference,
             "play": self._play,
             "pause": self._pause,
             "seek": self._seek,
@@ -157,6 +160,26 @@ class Commands:
         except (CommandError, PalpateError) as error:
             text = str(error).rstrip(".")
             return {"ok": False, "text": f"{text[:1].upper()}{text[1:]}."}
+
+    # ---- the reference press
+
+    def _reference(self, message: dict[str, Any]) -> dict[str, Any]:
+        source = self._referable()
+        if not self._pressing.acquire(blocking=False):
+            raise CommandError("The probe waits for a reference press already.")
+        try:
+            return {"text": source.take_reference()}
+        finally:
+            self._pressing.release()
+
+    def _forget_reference(self, message: dict[str, Any]) -> dict[str, Any]:
+        self._referable().forget_reference()
+        return {}
+
+    def _referable(self) -> Referable:
+        if not isinstance(self._source, Referable):
+            raise CommandError("A recording has no probe to press.")
+        return self._source
 
     # ---- visits
 

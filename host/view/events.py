@@ -33,6 +33,8 @@ class Device:
     model_id: str = ""
     full_scale_kPa: float = FULL_SCALE_KPA
     damaged: tuple[str, ...] = ()
+    reference: str | None = None
+    """What the visit's reference press said, "" where there is none; None where the model takes none."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,8 @@ class Interval:
 class Estimate:
     """The probe's answer after a stroke.
 
-    `status_text` is empty, or says why there are no numbers; `further` holds outputs that have no field here.
+    `reference` is used, unlike (it does not fit, and was left out) or ""; `status_text` is empty, or says why
+    there are no numbers; `further` holds outputs that have no field here.
     """
 
     time_s: float
@@ -125,6 +128,7 @@ class Estimate:
     level: float = 0.0
     model_id: str = ""
     no_model: bool = False
+    reference: str = ""
     status_text: str = ""
 
 

@@ -14,6 +14,7 @@ from palpate.link.events import Frame as LinkFrame
 from palpate.link.events import Gap, Log
 from palpate.link.flash import check_image, flash
 from palpate.link.probe import Probe
+from palpate.link.reference import Reference
 from palpate.link.scale import CellScale
 from palpate.link.source import EventSource
 from palpate.recording.replay import CALIBRATION, MODEL
@@ -115,6 +116,30 @@ class LiveSource:
         self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", describe(probe, probe.scale)))
         return done.model_id
 
+    # ---- the reference press
+
+    def take_reference(self) -> str:
+        """Wait for a press beside the lump, in a pause of the stream; what it says, in words."""
+        probe = self._connected("press")
+        probe.stop_stream()
+        try:
+            return words_of(probe.take_reference())
+        finally:
+            probe.start_stream()
+            self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", describe(probe, probe.scale)))
+
+    def forget_reference(self) -> None:
+        """The strokes to come go without it."""
+        probe = self._connected("forget a reference press on")
+        probe.clear_reference()
+        self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", describe(probe, probe.scale)))
+
+    def _connected(self, what: str) -> Probe:
+        probe = self._probe
+        if probe is None or not probe.connected:
+            raise PortMissing(self._port, f"there is no probe to {what}; plug it in first")
+        return probe
+
     # ---- the thread
 
     def run(self, emit: Emit, stop: threading.Event) -> None:
@@ -139,6 +164,7 @@ class LiveSource:
     def _follow(self, probe: Probe, emit: Emit, stop: threading.Event) -> None:
         translator = Translator(CellScale())
         translator.scale.load(probe.read_back(messages.READ_CALIBRATION))
+        probe.reference()  # it may have been taken before this page was opened
         device = describe(probe, translator.scale)
         self.name = device.serial or self._port
         emit(LinkChanged(LinkState.CONNECTED, "Connected.", device))
@@ -164,6 +190,7 @@ class LiveSource:
                     gone_at = None if event.ended else time.monotonic()
                     if event.ended:
                         translator.scale.load(probe.read_back(messages.READ_CALIBRATION))
+                        probe.reference()
                         emit(
                             LinkChanged(LinkState.CONNECTED, "Connected.", describe(probe, translator.scale))
                         )
@@ -222,7 +249,20 @@ def describe(source: EventSource, scale: CellScale) -> Device:
         model_id=identity.model_id if identity.model_status == 0 else "",
         full_scale_kPa=scale.full_scale_kPa,
         damaged=identity.damaged,
+        reference=_reference_of(source),
     )
+
+
+def _reference_of(source: EventSource) -> str | None:
+    if not source.live or "takes_reference" not in source.identity.capabilities:
+        return None
+    kept = source.kept_reference
+    return "" if kept is None else words_of(Reference.of_kept(kept))
+
+
+def words_of(reference: Reference) -> str:
+    """What a reference press says, for people."""
+    return f"fat of {reference.E_fat_kPa:.1f} kPa, {reference.t_mm:.1f} mm thick"
 
 
 def readable(serial: str) -> str:

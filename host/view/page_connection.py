@@ -26,8 +26,8 @@ AGE_EVERY_S = 0.25
 MAX_COMMAND_BYTES = 4096
 MAX_ASKED = 64
 """Commands that wait for the one before them; a page that asks more is not read until there is room."""
-SLOW = {"load-visit"}
-"""Commands that read a whole file; they wait for one another only."""
+SLOW = {"load-visit", "reference"}
+"""Commands that read a whole file, or wait for a hand; they wait for one another only."""
 
 
 class PageConnection:

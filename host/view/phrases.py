@@ -35,6 +35,10 @@ _TEXTS = {
     "uncalibrated": "The calibration that the probe had stored is damaged. Calibrate it, then stroke again.",
     "missing": "The stroke ended and no estimate came: the link broke, or the probe was reset.",
 }
+_REFERENCE = {
+    "used": "With the reference press.",
+    "unlike": "The reference press is of another place: it was left out. Take one beside this place.",
+}
 
 
 def depth_mm(t_mm: Interval, d_mm: Interval, h: Interval) -> Interval:
@@ -77,7 +81,7 @@ def card(
     dict
         kind, title, text; `rows` with key, label, unit, value, low, high and, for the depth, h `beside` it
         (only what may be said for this kind); hardness and its words; E_ratio (value, low, high; null means
-        unbounded) and its words; level; model_id; notice.
+        unbounded) and its words; level; model_id; what became of the reference press; notice.
     """
     kind = verdict(estimate, force_low=force_low, force_high=force_high)
     out: dict[str, Any] = {
@@ -91,11 +95,14 @@ def card(
         "E_ratio": None,
         "level": None,
         "model_id": "",
+        "reference": "",
         "notice": NOT_A_DIAGNOSIS,
     }
     if estimate is None:
         return out
     out["level"], out["model_id"] = estimate.level, estimate.model_id
+    if kind in ("lump", "outside"):
+        out["reference"] = _REFERENCE.get(estimate.reference, "")
     if kind == "unread" and estimate.status_text:
         out["text"] = f"{estimate.status_text[:1].upper()}{estimate.status_text[1:]}. Stroke again."
 

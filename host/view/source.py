@@ -1,7 +1,8 @@
 """Where the viewer's events come from: a live probe and a recording look the same from here.
 
-The one thing that a page can change on a probe is its model, and only to one that the probe itself accepts:
-signed by a key that it trusts, and never an older one. No source offers a way to settings or calibration.
+What a page can change on a probe is its model, and only to one that the probe itself accepts: signed by a key
+that it trusts, and never an older one; and the visit's reference press. No source offers a way to settings or
+calibration.
 """
 
 from __future__ import annotations
@@ -51,6 +52,17 @@ class Flashable(Protocol):
 
     def flash(self, image: bytes) -> str:
         """Put a signed model image onto the probe; the id of the model that is live then."""
+
+
+@runtime_checkable
+class Referable(Protocol):
+    """A source whose probe can be pressed beside the lump, for what that says of the tissue."""
+
+    def take_reference(self) -> str:
+        """Wait for the press, in a pause of the stream; what it says, in words."""
+
+    def forget_reference(self) -> None:
+        """The strokes to come go without it."""
 
 
 @runtime_checkable

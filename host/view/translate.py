@@ -139,6 +139,7 @@ def estimate(event: link.Estimate) -> Estimate:
         invalid=not event.valid and event.status not in (status.NO_LUMP, status.NO_FIT, status.FORCE_RANGE),
         no_model=event.status == status.NO_MODEL,
         uncalibrated=not event.calibrated,
+        reference=event.reference,
         level=event.level_permille / 1000,
         model_id=event.model_id.hex() if any(event.model_id) else "",
         status_text="" if event.status == status.OK else event.reason,

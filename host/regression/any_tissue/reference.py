@@ -39,7 +39,7 @@ from palpate.sim.tissue import Case, Stroke
 BESIDE_MM = (30.0, 40.0)
 """Where the reference is pressed, from the lump."""
 
-FORCE_PARTS = (0.8, 1.25)
+FORCE_PARTS = (0.9, 1.1)
 """Its force over the strokes': a hand does not press twice alike."""
 
 FALSE_ALARMS = 0.02

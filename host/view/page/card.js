@@ -97,6 +97,7 @@ export function drawCard(box, card, { gone = false, mode = "live", model = null 
   box.append(element("p", { class: "verdict" }, card.title));
   if (card.text) box.append(element("p", { class: "say" }, ...sentence(card.text)));
   if (card.kind === "no_model" && mode === "live" && !gone) box.append(noModel()[1]);
+  if (card.reference) box.append(element("p", { class: "say" }, card.reference));
   const sure = card.kind === "lump" || card.kind === "none"; // of other strokes nobody knows how often it holds
   const level = sure && card.level ? `${Math.round(card.level * 100)} % interval` : "interval";
   const rows = card.rows.map((row) => quantity(row, row.key === "d_mm", level));

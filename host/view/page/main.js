@@ -6,6 +6,7 @@ import { Connection, unpackFrame } from "./connection.js";
 import { startFlash } from "./flash.js";
 import { startKeys } from "./keys.js";
 import { TactileImage } from "./tactile_image.js";
+import { startReference } from "./reference.js";
 import { Replay } from "./replay.js";
 import { Selected } from "./selected.js";
 import { startTheme } from "./theme.js";
@@ -27,6 +28,7 @@ const toggleTheme = startTheme(redraw);
 const connection = new Connection({ message: receive, frame: receiveFrame, closed: offline });
 const tools = startTools(get, { ask, greeted: () => connection.greeted, image, page });
 startFlash(get, { toast: (text) => tools.toast(text) });
+const showReference = startReference(get, { ask, toast: (text) => tools.toast(text) });
 startKeys({ get, history, page, replay, selected, toggleTheme, tools });
 get("theme").addEventListener("click", toggleTheme);
 new ResizeObserver(redraw).observe(document.querySelector("main"));
@@ -132,6 +134,7 @@ function showLink({ state, text, device }) {
   page.model = device ? device.model_id : null;
   if (device) {
     image.full = device.full_scale_kPa;
+    showReference(device.reference);
     const parts = [device.name, device.serial, device.firmware && `firmware ${device.firmware}`, device.runtime];
     parts.push(device.model_id && `model ${device.model_id}`);
     get("device").textContent = parts.filter(Boolean).join(" · ");
