@@ -14,7 +14,7 @@ from palpate.errors import UsageError
 @click.argument("name")
 @click.argument("directory", type=click.Path(path_type=Path, file_okay=False))
 @click.option(
-    "--lumps", default=600, show_default=True, help="Of any-tissue and balls: how many to simulate."
+    "--lumps", default=600, show_default=True, help="Of any-tissue, anywhere, balls: how many to simulate."
 )
 @click.option("--seed", default=1, show_default=True, help="Of the split and of the sensors' noise.")
 @click.option("--noise", default=None,
@@ -40,6 +40,7 @@ def command(
     tissue    (simulates other tissues into DIRECTORY first, a few minutes)
     computed  (simulates lumps at seven forces into DIRECTORY first, a few minutes)
     any-tissue  (needs nothing in DIRECTORY: simulates --lumps lumps in random tissue into it first)
+    anywhere  (the same of lumps in the fat, on its border or in the gland; half an hour)
     balls     (reads DIRECTORY/balls.parquet, which palpate sweep --design balls --keep writes; where
               there is none, simulates --lumps balls and ellipsoids first, half a minute each)
 
@@ -60,6 +61,11 @@ def command(
             raise UsageError("any-tissue has no figure: leave --figure out")
         _any_tissue(directory, lumps, seed, noise, as_json)
         return
+    if name == "anywhere":
+        if figure is not None:
+            raise UsageError("anywhere has no figure: leave --figure out")
+        _anywhere(directory, lumps, seed, noise or "typical", as_json)
+        return
     if name == "balls":
         if figure is not None:
             raise UsageError("balls has no figure: leave --figure out")
@@ -68,7 +74,8 @@ def command(
     studies = STUDIES | {study.name: study for study in (TISSUE_STUDY, COMPUTED_STUDY)}
     if name not in studies:
         raise UsageError(
-            f"there is no study {name!r}; there are {', '.join((*studies, 'any-tissue', 'balls'))}"
+            f"there is no study {name!r}; there are "
+            f"{', '.join((*studies, 'any-tissue', 'anywhere', 'balls'))}"
         )
     study = studies[name]
     with (
@@ -99,6 +106,20 @@ def _any_tissue(directory: Path, lumps: int, seed: int, noise: str | None, as_js
         return
     heads, rows = text_of(result)
     table(heads, rows, "Tissue that the probe knows nothing about")
+
+
+def _anywhere(directory: Path, lumps: int, seed: int, noise: str, as_json: bool) -> None:
+    from palpate.regression.anywhere.study import bounds, prepare, study
+
+    with showing_progress() as progress:
+        anywhere, tied = prepare(directory, lumps, progress=progress)
+        known = bounds(anywhere, directory, noise, progress=progress)
+        result = study(anywhere, tied, known, noise, seed, step=note)
+    if as_json:
+        print_json({"study": "anywhere", "tables": result.to_dict()})
+        return
+    for title, heads, rows in result.tables:
+        table(heads, rows, title)
 
 
 def _balls(directory: Path, lumps: int, seed: int, noise: str | None, as_json: bool) -> None:

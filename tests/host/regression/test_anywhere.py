@@ -1,0 +1,134 @@
+"""Lumps that lie anywhere: place and intervals of those left out, and the bound of the map itself."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from palpate.regression.any_tissue.observed import ObservedInTissue
+from palpate.regression.anywhere import study
+from palpate.regression.anywhere.information import NAMES as PARAMETERS
+from palpate.regression.anywhere.information import PRESS_SHARES, Information, information, neighbours
+from palpate.regression.anywhere.model import (
+    BORDER,
+    FAT,
+    GLAND,
+    OUTPUTS,
+    UNSURE,
+    AnywhereAnswers,
+    share_in_fat,
+    true_place,
+)
+from palpate.regression.observed import NAMES
+from palpate.sim.probe.noise import LEVELS
+from palpate.sim.tissue import Case, Stroke
+from palpate.sim.tissue.any_tissue import STROKES
+from palpate.sim.tissue.face_sensors import SENSORS_MM
+
+CASE = Case(10.0, 0.6, 10.0, 0.6, fat_mm=12.0, gland_mm=20.0, fat_stiffening=1.0, gland_stiffening=1.0)
+
+
+def made_up(lumps, rng):
+    """Strokes, two a lump, whose features are smooth in a truth that the press tells in part."""
+    g = np.repeat(np.arange(lumps), 2)
+    u = rng.uniform(-1, 1, (lumps, 7))[g]
+    ln_F, reach = rng.uniform(3.2, 5, len(g)), 1.5 + 0.6 * u[:, 4]
+    Y = np.column_stack((2.4 + 0.6 * u[:, 0], 1.9 + 0.9 * u[:, 1], 2.4 + 0.9 * u[:, 2], 0.32 + 0.3 * u[:, 3],
+                         reach, ln_F, ln_F - reach, 5 + 3 * u[:, 5], 19 + 10 * u[:, 5]))  # fmt: skip
+    X = 0.01 * rng.standard_normal((len(g), len(NAMES)))
+    for k in range(len(NAMES)):
+        X[:, k] += u[:, :5] @ np.random.default_rng(k).standard_normal(5) * (1 + 0.1 * u[:, 0])
+    X[:, NAMES.index("ln_force")] = ln_F
+    X[:, NAMES.index("ln_base")] = ln_F + 0.3 * u[:, 2]
+    press = np.column_stack([u[:, 4] + 0.1 * k * u[:, 2] + 0.05 * u[:, 5] for k in range(9)])
+    press += 0.005 * rng.standard_normal(press.shape)
+    return ObservedInTissue(X, press, Y, np.ones(len(g), bool), g)
+
+
+def test_lumps_left_out_are_covered_and_their_place_is_told():
+    seen = made_up(130, np.random.default_rng(3))
+    found = study.held_out(seen, folds=3)
+    true, said = true_place(found.seen), found.said.place
+    told = said != UNSURE
+    assert told.mean() > 0.5
+    assert (said == true)[told].mean() > 0.85
+    inside = np.abs(found.said.y - study.truth(found.seen)) <= found.said.half
+    assert 0.8 < inside.mean() < 0.98
+    cells = found.row("all", np.ones(len(true), bool))
+    assert len(cells) == len(OUTPUTS) + 3 and cells[-1] == "130"
+
+
+def test_the_place_follows_from_how_much_lies_in_the_fat():
+    seen = made_up(40, np.random.default_rng(1))
+    d, depth, t = np.exp(seen.Y[:, :3].T)
+    assert share_in_fat(seen) == pytest.approx((t - depth) / d)
+    assert (true_place(seen)[t > depth + d] == FAT).all()
+    assert (true_place(seen)[t < depth] == GLAND).all()
+    y = np.zeros((5, len(OUTPUTS)))
+    y[:, -1] = [1.5, 0.5, -0.5, 1.02, 0.5]
+    half = np.full_like(y, 0.3)
+    half[-1] = 2.0
+    assert list(AnywhereAnswers(y, half, np.zeros(5, bool)).place) == [FAT, BORDER, GLAND, UNSURE, UNSURE]
+
+
+def test_errors_that_cancel_in_a_combination_are_found():
+    seen = made_up(60, np.random.default_rng(2))
+    Y = study.truth(seen)
+    e = 0.1 * np.random.default_rng(5).standard_normal(len(Y))
+    y = Y.copy()
+    y[:, OUTPUTS.index("ln d")] += 0.8 * e
+    y[:, OUTPUTS.index("E^-2/3")] += e
+    said = AnywhereAnswers(y, np.ones_like(y), np.zeros(len(y), bool))
+    c, alone, both = study.AnywhereStudy(seen, said, 0.0).combined(np.ones(len(y), bool))
+    assert c == pytest.approx(-0.8)
+    assert both < 1e-9 < alone
+
+
+def felt(case, positions):
+    """A made-up stroke: a bump on a base, each a smooth function of everything, the border's among them."""
+    F, fat, ratio = case.F_N_per_m, case.fat_kPa, case.gland_ratio
+    reach = F / fat
+    x = positions[:, None] + SENSORS_MM
+    base = (
+        F / (30 + 3 * reach**0.6 + case.fat_mm / 9 + 0.1 * case.fat_stiffening) * (1 - (SENSORS_MM / 16) ** 2)
+    )
+    wide = 0.3 * case.d_mm + 0.4 * case.depth_mm + 0.2 * case.gland_stiffening
+    bump = case.d_mm / case.depth_mm * (1.1 - case.E_inv23) * np.exp(-((x / wide) ** 2) / 2)
+    image = base * (1 + 0.2 * bump + 0.02 * case.probe_radius_mm / 40)
+    depth = reach**0.6 * (case.fat_mm + case.gland_mm / ratio) ** 0.7 / 5 * (1 - 0.1 * bump[:, 8])
+    n = len(positions)
+    nothing = np.zeros(n)
+    return Stroke(case, positions, depth, image, nothing, nothing, np.zeros((n, 2)), nothing, nothing + 1,
+                  np.zeros(n, int), 0, 0, 0.0)  # fmt: skip
+
+
+def everything_felt():
+    found = {}
+    for near in neighbours(CASE):
+        found[near] = felt(near, STROKES.positions_mm())
+        for share in PRESS_SHARES:
+            press = replace(near, F_rel=near.F_rel * share)
+            found[press] = felt(press, np.array([-40.0]))
+    return found
+
+
+def test_the_maps_bound_grows_with_the_noise_and_shrinks_with_what_is_told():
+    found = everything_felt()
+    typical, good = (information(CASE, found, level) for level in ("typical", "good"))
+    assert isinstance(typical, Information)
+    for name in PARAMETERS:
+        assert good.sd(name) <= typical.sd(name) * (1 + 1e-9)
+        assert typical.told("E^-2/3").sd(name) <= typical.sd(name) * (1 + 1e-9)
+    assert typical.told("ln d").sd("ln d") == pytest.approx(0, abs=1e-6)
+    sd = typical.combined()[1]
+    assert sd <= typical.sd("ln d")
+    assert sd == pytest.approx(typical.told("E^-2/3").sd("ln d"), rel=1e-3)
+    # Whatever the map says, nobody knows less than the design's spread tells.
+    deaf = information(CASE, found, LEVELS["typical"].with_(white=100.0, displacement_noise_mm=900.0))
+    assert deaf.sd("ln d") == pytest.approx(0.40, rel=0.01)
+
+
+def test_a_lump_with_a_neighbour_that_could_not_be_computed_has_no_bound():
+    found = everything_felt()
+    del found[neighbours(CASE)[5]]
+    assert information(CASE, found, "typical") is None
