@@ -14,7 +14,10 @@ from palpate.errors import UsageError
 @click.argument("name")
 @click.argument("directory", type=click.Path(path_type=Path, file_okay=False))
 @click.option(
-    "--lumps", default=600, show_default=True, help="Of any-tissue, anywhere, balls: how many to simulate."
+    "--lumps",
+    default=600,
+    show_default=True,
+    help="Of any-tissue, anywhere, reference, balls: how many to simulate.",
 )
 @click.option("--seed", default=1, show_default=True, help="Of the split and of the sensors' noise.")
 @click.option("--noise", default=None,
@@ -41,6 +44,7 @@ def command(
     computed  (simulates lumps at seven forces into DIRECTORY first, a few minutes)
     any-tissue  (needs nothing in DIRECTORY: simulates --lumps lumps in random tissue into it first)
     anywhere  (the same of lumps in the fat, on its border or in the gland; half an hour)
+    reference   (the same lumps and a press beside each, the right one or one of another place or person)
     balls     (reads DIRECTORY/balls.parquet, which palpate sweep --design balls --keep writes; where
               there is none, simulates --lumps balls and ellipsoids first, half a minute each)
 
@@ -66,6 +70,11 @@ def command(
             raise UsageError("anywhere has no figure: leave --figure out")
         _anywhere(directory, lumps, seed, noise or "typical", as_json)
         return
+    if name == "reference":
+        if figure is not None:
+            raise UsageError("reference has no figure: leave --figure out")
+        _reference(directory, lumps, seed, noise, as_json)
+        return
     if name == "balls":
         if figure is not None:
             raise UsageError("balls has no figure: leave --figure out")
@@ -73,10 +82,8 @@ def command(
         return
     studies = STUDIES | {study.name: study for study in (TISSUE_STUDY, COMPUTED_STUDY)}
     if name not in studies:
-        raise UsageError(
-            f"there is no study {name!r}; there are "
-            f"{', '.join((*studies, 'any-tissue', 'anywhere', 'balls'))}"
-        )
+        known = ", ".join((*studies, "any-tissue", "anywhere", "reference", "balls"))
+        raise UsageError(f"there is no study {name!r}; there are {known}")
     study = studies[name]
     with (
         showing_progress() as progress,
@@ -120,6 +127,19 @@ def _anywhere(directory: Path, lumps: int, seed: int, noise: str, as_json: bool)
         return
     for title, heads, rows in result.tables:
         table(heads, rows, title)
+
+
+def _reference(directory: Path, lumps: int, seed: int, noise: str | None, as_json: bool) -> None:
+    from palpate.regression.any_tissue.reference_study import prepare, table_of, text_of
+
+    with showing_progress() as progress:
+        found = prepare(directory, lumps, progress=progress)
+        result = table_of(directory, found, (noise or "typical",), seed=seed, step=note)
+    if as_json:
+        print_json({"study": "reference", "rows": result.to_dict("records")})
+        return
+    heads, rows = text_of(result)
+    table(heads, rows, "A reference press beside the lump")
 
 
 def _balls(directory: Path, lumps: int, seed: int, noise: str | None, as_json: bool) -> None:

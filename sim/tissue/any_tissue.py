@@ -79,9 +79,31 @@ def reference_cases(n: int, seed: int, ranges: TissueRanges | None = None) -> li
     ]
 
 
-def without_its_lump(case: Case) -> Case:
-    """The same layers under the same probe and force, and no lump in them."""
-    return replace(case, E_ratio=1.0, lump_stiffening=0.0)
+def elsewhere_cases(n: int, seed: int, share: float, ranges: TissueRanges | None = None) -> list[Case]:
+    """Reference presses at other places: the fat is thicker or, at every other lump, thinner so."""
+    return [
+        replace(plain, F_rel=plain.F_rel * part)
+        for k, case in enumerate(_lumps(n, seed, ranges or TissueRanges()))
+        for plain in [without_its_lump(case, thicker(k, share))]
+        for part in REFERENCE_PARTS
+    ]
+
+
+def thicker(k: int, share: float) -> float:
+    """What the fat's thickness beside the k-th lump is times, in `elsewhere_cases`."""
+    return (1.0 + share) ** (1 if k % 2 else -1)
+
+
+def without_its_lump(case: Case, thickness: float = 1.0) -> Case:
+    """The same layers under the same probe and force, and no lump in them; the fat's thickness times this."""
+    same = replace(case, E_ratio=1.0, lump_stiffening=0.0)
+    if case.solid or case.fat_mm is not None:
+        return same
+    # the mesh is made about a lump of middling size, where the gland has room for it
+    plain = Case.without_lump(case.t_mm * thickness)
+    if thickness == 1.0 and plain.d_mm / 2 > 0.9 * case.gland_mm:
+        return same
+    return replace(same, d_mm=plain.d_mm, h=plain.h)
 
 
 def _lumps(n: int, seed: int, r: TissueRanges) -> list[Case]:

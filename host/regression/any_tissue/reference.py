@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from firmware_py import features as firmware_features
 from firmware_py import reference as firmware_reference
 from firmware_py import settings, status, stroke_state
-from palpate.errors import UsageError
 from palpate.features.map_features import Floats
 from palpate.features.press_features import ABSENT
 from palpate.firmware_twin.replay_core import Replay
@@ -35,6 +34,7 @@ from palpate.regression.probe_model import Polynomial
 from palpate.sim.probe.packed_frames import FrameStream
 from palpate.sim.probe.sensors import Noise, SensorModel, StrokeField
 from palpate.sim.tissue import Case, Stroke
+from palpate.sim.tissue.any_tissue import thicker
 
 BESIDE_MM = (30.0, 40.0)
 """Where the reference is pressed, from the lump."""
@@ -68,6 +68,20 @@ class References:
         """Some of them: a mask (n), or indices."""
         return References(self.press[rows], self.ln_force[rows])
 
+    def up_to(self, n: int) -> References:
+        """The same and behind them none, n in all."""
+        more = n - len(self.press)
+        return References(
+            np.vstack([self.press, np.full((more, 9), ABSENT)]), np.append(self.ln_force, np.zeros(more))
+        )
+
+    @staticmethod
+    def joined(parts: Sequence[References]) -> References:
+        """Several as one."""
+        return References(
+            np.concatenate([p.press for p in parts]), np.concatenate([p.ln_force for p in parts])
+        )
+
 
 Tissue = tuple[object, ...]
 """What tells one tissue from another: its layers and the probe's face."""
@@ -76,6 +90,17 @@ Tissue = tuple[object, ...]
 def read_references(home: Path) -> dict[Tissue, tuple[Stroke, ...]]:
     """The presses of `reference_cases`, or of `press_cases`, which lie nearly as far from the lump."""
     return {tissue_of(press[0].case): press for press in read_presses(home)}
+
+
+def read_elsewhere(lumps: Sequence[TissueLump], home: Path, share: float) -> dict[Tissue, tuple[Stroke, ...]]:
+    """The presses of `elsewhere_cases`, by the tissue of the lump that they are not beside."""
+    found, presses = {}, read_references(home)
+    for k, lump in enumerate(lumps):
+        own = tissue_of(lump.strokes.case)
+        there = round(lump.strokes.case.t_mm * thicker(k, share), 6), *own[1:]
+        if there in presses:
+            found[own] = presses[there]
+    return found
 
 
 def tissue_of(case: Case) -> Tissue:
@@ -102,13 +127,16 @@ def observe_references(
     seed: int,
     first: int = 0,
 ) -> References:
-    """A reference beside each lump: the probe, the hand and the fat of `observed.observe` with this seed."""
+    """A reference beside each lump: the probe, the hand and the fat of `observed.observe` with this seed.
+
+    None is taken where `references` has none of the lump's tissue.
+    """
     level, replay = noise_named(noise), Replay()
     press, ln_force = np.full((len(lumps), 9), ABSENT), np.zeros(len(lumps))
     for k, lump in enumerate(lumps):
         pressed = references.get(tissue_of(lump.strokes.case))
         if pressed is None:
-            raise UsageError(f"there is no reference press for {lump.strokes.case.code}")
+            continue
         rng = np.random.default_rng([seed, first + k])
         s = random_scale(lump.strokes.case, rng)
         sensors = SensorModel(
