@@ -20,6 +20,7 @@ from firmware_py import settings, status, stroke_state
 from palpate.features.map_features import Floats
 from palpate.features.press_features import ABSENT
 from palpate.firmware_twin.replay_core import Replay
+from palpate.model_export.schema import Joining as JoiningData
 from palpate.regression.any_tissue.model import FOLDS, tissue_truth
 from palpate.regression.any_tissue.observed import (
     ObservedInTissue,
@@ -185,6 +186,11 @@ class Joining:
         """(n, 3): the average, or the press alone where the reference does not fit (unless `always`)."""
         average = own + self.weights * (reference - own)
         return average if always else np.where(self.fits(own, reference)[:, None], average, own)
+
+    def data(self) -> JoiningData:
+        """As a model carries it."""
+        rows = tuple(tuple(row[: i + 1].tolist()) for i, row in enumerate(self.triangle))
+        return JoiningData(tuple(self.weights.tolist()), rows, self.limit)
 
 
 def said_by(press: Polynomial, references: References, seen: ObservedInTissue) -> Floats:

@@ -1,15 +1,21 @@
 """A press beside the lump joins what the stroke's own press says, unless it is of another place."""
 
+from array import array
+
 import numpy as np
 import pytest
 
+from firmware_py import features, outputs
+from palpate.model_export.fixed_point import compiler
 from palpate.regression.any_tissue import reference, reference_study
 from palpate.regression.any_tissue.observed import observe
 from palpate.regression.any_tissue.reference import fit_joining
 from palpate.sim.tissue import Case
 from palpate.sim.tissue.any_tissue import elsewhere_cases, press_cases, reference_cases, without_its_lump
+from tests import reference_model
 
-N = 400
+N, Q24 = 400, 1 << 24
+ENDS = np.array([*reference_model.ENDS.values()]).T
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +52,22 @@ def test_so_many_good_references_as_was_said_are_left_out_and_others_are_found()
     assert joining.fits(own, off).mean() < 0.05
     kept = joining.joined(own, off)[~joining.fits(own, off)]
     assert np.array_equal(kept, own[~joining.fits(own, off)])
+
+
+def test_the_probe_joins_them_as_the_fit_does():
+    own, other, truth = pairs()
+    joining = fit_joining(own, other, truth)
+    first = compiler.compile_first(reference_model.model(joining.data()).first)
+    at = features.COUNT
+    for mine, theirs in zip(own[:50], other[:50]):
+        x = array("i", [0] * at + [round(v * Q24) for v in mine])
+        first.set(*(round(v * Q24) for v in theirs))
+        flag = first.refer(x)
+        (wanted,), (fits,) = joining.joined(mine[None], theirs[None]), joining.fits(mine[None], theirs[None])
+        distance = joining.distance(mine[None], theirs[None])[0]
+        if abs(distance / joining.limit - 1) > 0.05:  # the probe has fewer bits
+            assert flag == (outputs.REFERENCE if fits else outputs.REFERENCE_OFF)
+            assert np.array(x[at:]) / Q24 == pytest.approx(np.clip(wanted, *ENDS), abs=2e-4)
 
 
 def test_the_tissue_beside_a_lump_is_the_same_without_it():
