@@ -25,7 +25,7 @@ Strange = Mapping[str, tuple[Floats, Groups]]
 FALSE_ALARMS = 0.01
 """Share of the model's own strokes, lumps not met, that each check may leave out."""
 
-MOST_FEATURES, DEGREE, FOLDS = 12, 2, 4
+MOST_FEATURES, DEGREE, FOLDS = 14, 2, 4
 STRENGTHS = 10.0 ** np.arange(-7.0, -1.9, 1.0)
 _SIZE = 1 / 64
 """Only a check's sign counts: so small, its coefficients take fewer bits."""

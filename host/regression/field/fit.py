@@ -25,6 +25,7 @@ from palpate.regression.field.score import (
     scores,
     visits,
 )
+from palpate.regression.field.strange import strange_strokes
 from palpate.regression.observed import ObservedStrokes, noise_named
 from palpate.regression.probe_model import from_link
 from palpate.regression.progress import ProgressCallback
@@ -76,10 +77,12 @@ def fit_field(
                 if moved not in observed:
                     observed[moved] = bench.parts(level, tried)
                 train, calibration, test, rim = observed[moved]
-                model = fit_field_model(tried, train, calibration, rim, step=count)
+                kept_one = level == noise and tried == recipe
+                strange = strange_strokes(bench, level, tried) if kept_one else None
+                model = fit_field_model(tried, train, calibration, rim, step=count, strange=strange)
                 rows += held_out(level, model, test, averages=tried == recipe)
                 count("models scored")
-                if level == noise and tried == recipe:
+                if kept_one:
                     kept, parts = model, observed[moved]
         return _result(bench, kept, parts, noise, rows)
 

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from firmware_py import outputs
 from palpate.features.map_features import Floats
 from palpate.model_export.fixed_point import force_map as force_maps
-from palpate.model_export.schema import ModelSpec
+from palpate.model_export.fixed_point.reference import estimates
+from palpate.model_export.schema import FirstStage, ModelSpec
+from palpate.regression.checks import Strange, fit_checks
 from palpate.regression.conformal import Widths, calibrate, fit_sigma, out_of_fold
 from palpate.regression.domain import DomainCheck, fit_domain, with_ranges
 from palpate.regression.field.design import LumpStrokes
@@ -76,6 +78,7 @@ class FieldModel:
     domain: DomainCheck
     least_amp_share: float
     border: float = HARD_BELOW
+    checks: FirstStage | None = None
 
     def answer(self, observed: ObservedStrokes) -> Answers:
         """Estimates of every stroke, those without a lump too (their numbers mean nothing)."""
@@ -91,7 +94,15 @@ class FieldModel:
         low, high = (from_link(np.clip(y + s * half, lo, hi)) for s in (-1, 1))
         sure_hard, sure_soft = high[:, E_INV23] < self.border, low[:, E_INV23] >= self.border
         hardness = np.where(sure_hard, "hard", np.where(sure_soft, "soft", "unsure"))
-        return Answers(from_link(y), low, high, y, half, lump, self.domain.inside(X, z, y, half), hardness)
+        inside = self.domain.inside(X, z, y, half) & ~self.unlike(X)
+        return Answers(from_link(y), low, high, y, half, lump, inside, hardness)
+
+    def unlike(self, X: Floats) -> NDArray[np.bool_]:
+        """Whether a check is above 0 for features X (n, features), (n)."""
+        if self.checks is None:
+            return np.zeros(len(X), bool)
+        own = X[:, [self.recipe.features.index(name) for name in self.checks.features]]
+        return np.asarray((estimates(self.checks, own) > 0).any(axis=1))
 
     def lump(self, observed: ObservedStrokes) -> NDArray[np.bool_]:
         """The lump rule."""
@@ -100,7 +111,7 @@ class FieldModel:
     def spec(self, training: dict[str, Any], force_map: dict[str, Any] | None, **notes: Any) -> ModelSpec:
         """The document that `palpate export` compiles."""
         F = RANGE_LO[0], RANGE_HI[0]
-        return spec_of(
+        spec = spec_of(
             "field",
             self.polynomial,
             self.widths,
@@ -112,6 +123,7 @@ class FieldModel:
             self.least_amp_share,
             self.border,
         )
+        return replace(spec, checks=self.checks).validate()
 
 
 def learn_force_map(lumps: Sequence[LumpStrokes], displacement: bool = True) -> force_maps.ForceMap:
@@ -134,6 +146,7 @@ def fit_field_model(
     rim: ObservedStrokes | None = None,
     least_amp_share: float = LEAST_AMP_SHARE,
     step: Callable[[str], None] | None = None,
+    strange: Strange | None = None,
 ) -> FieldModel:
     """Fit one recipe.
 
@@ -149,6 +162,8 @@ def fit_field_model(
         Amp over Base from which a bump counts as a lump.
     step : callable, optional
         Called with what has just been done.
+    strange : kind -> strokes, optional
+        What the model is to have checks for (`checks.fit_checks`); without, it has none.
     """
     step = step or (lambda what: None)
     rule = (least_amp_share,)
@@ -181,8 +196,9 @@ def fit_field_model(
     groups = np.concatenate([train.group[:within], calibration.group])
     familiar = familiar_unseen(model, both, groups)
     domain = with_ranges(domain, *_links(RANGE_LO, RANGE_HI), familiar, guesses, half, FLAGGED_INSIDE)
+    checks = fit_checks(recipe.features, both, groups, strange) if strange else None
     step("models fitted")
-    return FieldModel(recipe, model, widths, domain, least_amp_share, border)
+    return FieldModel(recipe, model, widths, domain, least_amp_share, border, checks)
 
 
 def familiar_unseen(model: Polynomial, X: Floats, groups: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -238,6 +238,7 @@ def study_table(study: Study, result: pd.DataFrame) -> tuple[list[str], list[lis
             "h bias": lambda r: f"{100 * r.h_bias:+.1f}",
             "d covered": lambda r: f"{100 * r.covered_d:.0f}",
             "flagged": lambda r: f"{100 * r.flagged:.0f}",
+            "d missed, no flag": lambda r: f"{100 * r.silent:.0f}",
         }
     if "covered_F" in result:
         columns |= {f"{t} covered": partial(_percent, name=f"covered_{t}") for t in TARGETS}

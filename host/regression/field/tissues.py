@@ -13,14 +13,17 @@ from palpate.regression.field.design import FIELD_SETTINGS, LumpStrokes, lump_ca
 from palpate.regression.field.model import FieldModel, fit_field_model
 from palpate.regression.field.recipe import FIELD
 from palpate.regression.field.score import coverage
+from palpate.regression.field.strange import strange_strokes
 from palpate.regression.field.study import DRAWS, Row, Study, row_of
 from palpate.regression.observed import ObservedStrokes, observe
 from palpate.regression.progress import ProgressCallback
 from palpate.regression.table import TARGETS
+from palpate.sim.probe.two_lumps import TwoLumps
 from palpate.sim.tissue import sweep
 
 LUMPS = 32
 _SEED = 7
+TWO_APART_MM = (8.0, 12.0, 16.0, 20.0, 30.0)
 TISSUES: dict[str, dict[str, float]] = {
     "gland 4 times the fat, not 6": {"gland_ratio": 4.0},
     "gland 8 times the fat": {"gland_ratio": 8.0},
@@ -50,8 +53,18 @@ def other_tissue(
 
 def _run(bench: Bench) -> Iterator[Row]:
     train, calibration, test, rim = bench.parts(bench.noise, draws=DRAWS)
-    model = fit_field_model(FIELD, train, calibration, rim)
+    strange = strange_strokes(bench, bench.noise, FIELD)
+    model = fit_field_model(FIELD, train, calibration, rim, strange=strange)
     yield tissue_row("as trained", model, test)
+    for apart in TWO_APART_MM:
+        fields = list(bench.lumps)
+        for k in bench.split.test:
+            fields[k] = TwoLumps(*bench.strokes.lumps[k].strokes, apart_mm=apart)
+        yield tissue_row(
+            f"two lumps {apart:g} mm apart",
+            model,
+            bench.observe(fields, bench.split.test, bench.noise, 1, 900),
+        )
     for words, changes in TISSUES.items():
         lumps = other_tissue(bench.directory, changes, workers=bench.workers, progress=bench.progress)
         fields = stroke_fields(lumps)
@@ -60,7 +73,10 @@ def _run(bench: Bench) -> Iterator[Row]:
 
 
 def tissue_row(words: str, model: FieldModel, observed: ObservedStrokes) -> Row:
-    """Scores of a model on strokes over some tissue, with the bias of its estimates and the share flagged."""
+    """Scores of a model on strokes over some tissue, with the bias of its estimates and the share flagged.
+
+    `silent`: the share whose interval of d misses the truth with no flag to say so.
+    """
     answers = model.answer(observed)
     row = row_of(words, model, observed, answers)
     found = answers.lump
@@ -68,6 +84,9 @@ def tissue_row(words: str, model: FieldModel, observed: ObservedStrokes) -> Row:
     row |= {f"{t}_bias": float(r - 1) for t, r in zip(TARGETS, ratio)}
     row["covered_d"] = float(coverage(observed, answers, found)["d"]["all"])
     row["flagged"] = float((~answers.in_domain[found]).mean())
+    d = TARGETS.index("d")
+    wrong = (observed.Y[:, d] < answers.low[:, d]) | (observed.Y[:, d] > answers.high[:, d])
+    row["silent"] = float((wrong & answers.in_domain)[found].mean())
     return row
 
 
