@@ -15,7 +15,8 @@ from pathlib import Path
 
 from rich.table import Table
 
-from palpate.regression.any_tissue import study as any_tissue
+from palpate.regression.any_tissue.data import prepare_strokes
+from palpate.regression.any_tissue.fit import fit_in_any_tissue
 from palpate.regression.field.bench import Bench
 from palpate.regression.field.data import of_the_command, prepare
 from palpate.regression.field.fit import fit_field
@@ -104,9 +105,9 @@ class Numbers:
         return of_rich(fit_field(strokes, levels=(), recipes=(), progress=tell).tables()[0])
 
     def _any_tissue(self) -> str:
-        lumps = any_tissue.prepare(self.field_dir / "any", ANY_TISSUE_LUMPS, progress=tell)
-        heads, rows = any_tissue.text_of(any_tissue.table_of(lumps))
-        return markdown(heads, rows)
+        strokes = prepare_strokes(self.field_dir / "any", ANY_TISSUE_LUMPS, progress=tell)
+        held_out, cover, flags, pairs, _ = fit_in_any_tissue(strokes, progress=tell).tables()
+        return "\n\n".join(of_rich(table) for table in (held_out, flags, pairs, cover))
 
     def _study(self, name: str) -> str:
         study = STUDIES.get(name, TISSUE_STUDY)

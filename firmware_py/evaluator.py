@@ -23,14 +23,14 @@ verdict = _verdict.verdict
 
 # Numbers of this module stand in its loops as they are (constant.py); those that outputs.py and verdict.py
 # have as well are held equal by a test, and `python -m tests.firmware_py.output_numbers` writes them.
-OUTPUTS = const(5)
+OUTPUTS = const(6)
 NO_LUMP = _verdict.NO_LUMP
-WORK = const(20)  # sums of three depths, then the predictions
-PREDICTED = const(15)
-OUT_SIZE = const(18)  # value, low, high of each output; then FLAGS, DISTANCE, LEVEL
-FLAGS = const(15)
-DISTANCE = const(16)
-LEVEL = const(17)
+WORK = const(24)  # sums of three depths, then the predictions
+PREDICTED = const(18)
+OUT_SIZE = const(21)  # value, low, high of each output; then FLAGS, DISTANCE, LEVEL
+FLAGS = const(18)
+DISTANCE = const(19)
+LEVEL = const(20)
 
 LUMP = outputs.LUMP
 IN_DOMAIN = outputs.IN_DOMAIN
@@ -42,8 +42,8 @@ FORCE_OUT = outputs.FORCE_OUT
 N_FEATURES = const(0)
 LEAVES = const(1)  # terms that go no further
 DOWNS = const(2)  # what each output's runs are shifted down by, four bits each, and ln sigma's
-SIGMA_DOWN = const(20)  # the place of ln sigma's, behind the outputs'
-ALIKE = const(0x11111)  # times four bits: the same for each output
+SIGMA_DOWN = const(24)  # the place of ln sigma's, behind the outputs'
+ALIKE = const(0x111111)  # times four bits: the same for each output
 LOW_BITS = const(3)  # of a coefficient's low word
 N_LIMITS = const(4)
 HARD_BELOW = const(5)  # millionths of E_inv23

@@ -14,7 +14,7 @@ from firmware_py import constant, polynomial
 
 const = constant.const
 
-_OUTPUTS = const(5)  # polynomial.OUTPUTS
+_OUTPUTS = const(6)  # polynomial.OUTPUTS
 
 
 @micropython.viper

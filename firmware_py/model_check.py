@@ -12,6 +12,7 @@ from firmware_py import evaluator, forcemap, status, unpack
 MOST = (1 << 30) - 1  # of any number that is only compared
 WIDEST = 1 << 29  # of a feature or a prediction, Q24: 32
 FEATURES = 24  # no model has more
+MOST_VALUES = 3  # of a first stage, as stage.MOST
 INFO_BYTES = 2048
 NUMBERS_BYTES = unpack.NUMBERS_HEAD + 2 * evaluator.OUTPUTS
 DISTANCE_BITS = 12
@@ -39,14 +40,22 @@ def places(ids, feature_count):
     return bytes([i if i < feature_count else i - FIRST_ID + feature_count for i in ids])
 
 
-def check(parts, feature_count, values=0):
+def features(numbers):
+    """How many features an image's first section says that it has; 0 where that is impossible."""
+    if len(numbers) != NUMBERS_BYTES:
+        return 0
+    n = unpack.head(numbers)[evaluator.N_FEATURES]
+    return n if n <= FEATURES else 0
+
+
+def check(parts, counts, feature_count, values=0):
     """OK, or what is wrong with an image's sections (parts: number of a section -> its bytes).
 
-    values: how many more features a first stage gives.
+    counts: of its program (`unpack.program`); values: how many more features a first stage gives.
 
     BAD_LENGTH where sections do not fit each other, MISSING_FEATURE, BAD_MODEL where a number is impossible.
     """
-    numbers, ids, feats, steps, words, rows, outs, limits, info, force_map = parts[1:11]
+    numbers, ids, feats, _, words, rows, outs, limits, info, force_map = parts[1:11]
     if len(numbers) != NUMBERS_BYTES:
         return status.BAD_LENGTH
     head = unpack.head(numbers)
@@ -68,9 +77,6 @@ def check(parts, feature_count, values=0):
         code = _check_sums(rows, array("i", outs))
     if code != status.OK:
         return code
-    counts = unpack.program(steps, n)
-    if counts is None:
-        return status.BAD_LENGTH
     leaves, branches, _ = counts
     outputs = evaluator.OUTPUTS
     size = ((leaves + branches) * sum(sizes[:outputs]) + 7) // 8 + (

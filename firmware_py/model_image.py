@@ -14,7 +14,7 @@ const = constant.const
 
 PROBE = geometry.NAME
 MAGIC = b"PALP"
-VERSION = 4
+VERSION = 5
 HEAD_SIZE = 104
 ROLLBACK = 1
 MAX_COUNTER = (1 << 30) - 1
@@ -121,6 +121,8 @@ def load(read, body, features_version, feature_count, probe=PROBE):
         return _load(read, body, features_version, feature_count, probe)
     except (ValueError, OverflowError, IndexError):  # a word that does not fit its place
         return status.BAD_MODEL, None
+    except MemoryError:
+        return status.NO_SPACE, None
 
 
 def _load(read, body, features_version, feature_count, probe):
@@ -130,48 +132,45 @@ def _load(read, body, features_version, feature_count, probe):
     # features are only ever added
     if not 0 < h.features_version <= features_version:
         return status.BAD_VERSION, None
-    parts = [b""] + [h.section(read, tag) for tag in range(1, SELF_TEST)]
-    first = checks = None
-    if h.places[FIRST_STAGE][1] or h.places[CHECKS][1]:
-        from firmware_py import stage_image
-
-        code = status.OK
-        if h.places[FIRST_STAGE][1]:
-            code, first = stage_image.load(h.section(read, FIRST_STAGE), feature_count)
-        if code == status.OK and h.places[CHECKS][1]:
-            values = first.count if first else 0
-            code, checks = stage_image.load(h.section(read, CHECKS), feature_count, values)
-        if code != status.OK:
-            return code, None
-    code = model_check.check(parts, feature_count, first.count if first else 0)
-    if code != status.OK:
-        return code, None
-    ids = model_check.places(parts[IDS], feature_count)
-    sizes = parts[NUMBERS][unpack.NUMBERS_HEAD :]
-    head = unpack.head(parts[NUMBERS])
-    limits = array("i", parts[LIMITS])
-    head[evaluator.N_LIMITS] = len(limits) // 3
-    n = head[evaluator.N_FEATURES]
+    numbers = h.section(read, NUMBERS)
+    steps = h.section(read, STEPS)
+    sizes = numbers[unpack.NUMBERS_HEAD :]
+    n = model_check.features(numbers)
+    counts = unpack.program(steps, n) if n else None
+    if counts is None:
+        return status.BAD_LENGTH, None
+    # the large arrays first: what is read for a moment would leave no such piece on a small board
+    leaves, branches, outer = counts
     outputs = evaluator.OUTPUTS
-    steps = parts[STEPS]
-    head[evaluator.LEAVES], branches, head[evaluator.STEPS] = unpack.program(steps, n)
-    leaves = head[evaluator.LEAVES]
-    low = head[evaluator.LOW_BITS]
-    words = parts[WORDS]
-    terms = leaves + branches
     two = outputs * (leaves + outputs + n)
     coarse = n * (n + 1) // 2
-    sigma = (terms * sum(sizes[:outputs]) + 7) // 8
-    start = sigma + ((outputs + n) * sum(sizes[outputs:]) + 7) // 8
     c = array("h", bytearray(2 * (two + coarse)))
     d = array("h", bytearray(2 * two))
     own = array("i", bytearray(4 * outputs * branches))
-    numbers = unpack.Numbers(words, 0, sizes[:outputs])
-    unpack.share(steps, head[evaluator.STEPS], numbers, head, c, d, own)
-    numbers = unpack.Numbers(words, sigma, sizes[outputs:])
-    unpack.pieces(numbers.take(outputs * (outputs + n)), low, c, d, outputs * leaves)
+    parts = [b""] + [b"" if tag in (NUMBERS, STEPS) else h.section(read, tag) for tag in range(1, SELF_TEST)]
+    parts[NUMBERS] = numbers
+    parts[STEPS] = steps
+    staged = h.places[FIRST_STAGE][1] > 0
+    code = model_check.check(parts, counts, feature_count, model_check.MOST_VALUES if staged else 0)
+    if code != status.OK:
+        return code, None
+    ids = model_check.places(parts[IDS], feature_count)
+    head = unpack.head(numbers)
+    limits = array("i", parts[LIMITS])
+    head[evaluator.N_LIMITS] = len(limits) // 3
+    head[evaluator.LEAVES] = leaves
+    head[evaluator.STEPS] = outer
+    low = head[evaluator.LOW_BITS]
+    words = parts[WORDS]
+    parts[WORDS] = b""
+    sigma = ((leaves + branches) * sum(sizes[:outputs]) + 7) // 8
+    start = sigma + ((outputs + n) * sum(sizes[outputs:]) + 7) // 8
+    unpack.share(steps, outer, unpack.Numbers(words, 0, sizes[:outputs]), head, c, d, own)
+    more = unpack.Numbers(words, sigma, sizes[outputs:])
+    unpack.pieces(more.take(outputs * (outputs + n)), low, c, d, outputs * leaves)
     for k, v in enumerate(unpack.Numbers(words, start, (DISTANCE_BITS,)).take(coarse)):
         c[two + k] = v
+    words = b""
     memory.tidy()
     tables = evaluator.Tables(
         ids,
@@ -187,6 +186,12 @@ def _load(read, body, features_version, feature_count, probe):
     )
     moves = forcemap.load(parts[FORCE_MAP]) if parts[FORCE_MAP] else None
     model = evaluator.Model(tables, moves, h, h.places[SELF_TEST])
+    parts = []
+    code, first, checks = _stages(h, read, feature_count)
+    if code != status.OK:
+        return code, None
+    if first and max(ids) >= feature_count + first.count:
+        return status.MISSING_FEATURE, None
     if first:
         from firmware_py import stage
 
@@ -197,6 +202,22 @@ def _load(read, body, features_version, feature_count, probe):
 
         model.evaluate = stage.Checked(checks, first, tables).evaluate
     return status.OK, model
+
+
+def _stages(h, read, feature_count):
+    """(status, first stage, checks), either of the last two None where the image has none."""
+    first = checks = None
+    code = status.OK
+    if h.places[FIRST_STAGE][1] or h.places[CHECKS][1]:
+        from firmware_py import stage_image
+
+        memory.tidy()
+        if h.places[FIRST_STAGE][1]:
+            code, first = stage_image.load(h.section(read, FIRST_STAGE), feature_count)
+        if code == status.OK and h.places[CHECKS][1]:
+            values = first.count if first else 0
+            code, checks = stage_image.load(h.section(read, CHECKS), feature_count, values)
+    return code, first, checks
 
 
 def self_test(model, read, feature_count):

@@ -19,12 +19,15 @@ TABLE = (
     ("h", "1", True, "relative depth h", 0.3, 1.5, 0.15, 2.4),
     # (stiffness over the fat's)^(-2/3)
     ("E_inv23", "1", False, "stiffness E^-2/3", 0.0, 2.0 ** (-2 / 3), 1000.0 ** (-2 / 3), 0.9),
+    # the fat's modulus at rest; a model that was told its tissue repeats what it was told
+    ("E_fat_kPa", "kPa", True, "stiffness of the fat", 5.0, 25.0, 3.5, 36.0),
 )
 NAMES = tuple([row[0] for row in TABLE])
 UNITS = tuple([row[1] for row in TABLE])
 LOGARITHMIC = tuple([row[2] for row in TABLE])
 COUNT = len(TABLE)
 E_INV23 = NAMES.index("E_inv23")  # decides what is hard
+E_FAT = NAMES.index("E_fat_kPa")
 SCALE = 1000000
 PARTS = ("value", "low", "high")  # of each, one after the other
 VALUES = len(PARTS) * COUNT  # integers

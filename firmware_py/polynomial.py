@@ -20,8 +20,8 @@ from firmware_py import constant
 
 const = constant.const
 
-OUTPUTS = const(5)  # outputs.COUNT; `sums` takes them one by one
-ALL_DOWNS = const(0xFFFFF)  # four bits for each of them
+OUTPUTS = const(6)  # outputs.COUNT; `sums` takes them one by one
+ALL_DOWNS = const(0xFFFFFF)  # four bits for each of them
 # entries of the head
 DOWNS = const(2)
 LOW_BITS = const(3)
@@ -37,8 +37,8 @@ def sums(c, d, at, part, high, steps, first, last, low_sum_shift, downs, work, t
 
     All at once: an input is read once, and a look-up costs as much as a product.
     """
-    a0 = a1 = a2 = a3 = a4 = 0
-    b0 = b1 = b2 = b3 = b4 = 0
+    a0 = a1 = a2 = a3 = a4 = a5 = 0
+    b0 = b1 = b2 = b3 = b4 = b5 = 0
     i = at
     for k in range(first, last):
         h = steps[k]
@@ -59,22 +59,28 @@ def sums(c, d, at, part, high, steps, first, last, low_sum_shift, downs, work, t
         a4 += c[i] * v
         b4 += d[i] * h
         i += 1
+        a5 += c[i] * v
+        b5 += d[i] * h
+        i += 1
     a0 += b0 >> low_sum_shift
     a1 += b1 >> low_sum_shift
     a2 += b2 >> low_sum_shift
     a3 += b3 >> low_sum_shift
     a4 += b4 >> low_sum_shift
+    a5 += b5 >> low_sum_shift
     if downs:
         a0 >>= downs & 15
         a1 >>= downs >> 4 & 15
         a2 >>= downs >> 8 & 15
         a3 >>= downs >> 12 & 15
         a4 >>= downs >> 16 & 15
+        a5 >>= downs >> 20 & 15
     work[to] += a0
     work[to + 1] += a1
     work[to + 2] += a2
     work[to + 3] += a3
     work[to + 4] += a4
+    work[to + 5] += a5
 
 
 def carry(own, at, u, base, work):

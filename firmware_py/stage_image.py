@@ -16,11 +16,10 @@ _LOW_BITS = const(2)
 _PART_BITS = const(3)
 _HIGH_BITS = const(4)
 _SIZES = const(5)  # of the words, one for each sum
-_STEPS = const(10)  # bytes of the program
-_DOWNS = const(12)
-_HEAD = const(16)
+_STEPS = const(12)  # bytes of the program
+_DOWNS = const(16)
+_HEAD = const(20)
 _KEPT = const(20)  # bytes of a feature's row
-_ROWS = const(28)  # of the intercepts and, padded, their shifts
 
 
 def places(raw):
@@ -29,7 +28,8 @@ def places(raw):
         return None
     n = raw[_FEATURES]
     at = [_HEAD]
-    for size in (n, _KEPT * n, 4 * stage.ENDS * stage.MOST, _ROWS, raw[_STEPS] | raw[_STEPS + 1] << 8):
+    rows = unpack.ROW_BYTES * evaluator.OUTPUTS  # the intercepts and their shifts
+    for size in (n, _KEPT * n, 4 * stage.ENDS * stage.MOST, rows, raw[_STEPS] | raw[_STEPS + 1] << 8):
         at.append(at[-1] + (size + 3 & -4))
     return at
 

@@ -4,13 +4,13 @@ from firmware_py import constant, outputs
 
 const = constant.const
 
-_VALUES = const(15)  # outputs.VALUES, here and in the next ones as plain numbers: a test holds them equal
-OUTPUTS = const(5)
+_VALUES = const(18)  # outputs.VALUES, here and in the next ones as plain numbers: a test holds them equal
+OUTPUTS = const(6)
 # places in `out`, behind the value, low and high of each output
-FLAGS = const(15)
-DISTANCE = const(16)
-LEVEL = const(17)
-OUT_SIZE = const(18)
+FLAGS = const(18)
+DISTANCE = const(19)
+LEVEL = const(20)
+OUT_SIZE = const(21)
 FORCE = const(0)
 E_LOW = const(13)
 E_HIGH = const(14)

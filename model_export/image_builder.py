@@ -78,7 +78,7 @@ def _stage(first: stage.Stage | None) -> bytes:
     rows = first.rows.tolist()
     parts = (
         struct.pack(
-            f"<5B{evaluator.OUTPUTS}BHI", n, first.count, low, head[evaluator.PART_BITS],
+            f"<5B{evaluator.OUTPUTS}BxH2xI", n, first.count, low, head[evaluator.PART_BITS],
             head[evaluator.HIGH_BITS], *sizes, len(first.steps), head[evaluator.DOWNS],
         ),
         _ids(first.ids),

@@ -105,7 +105,7 @@ def trained(fields, learned):
         "field",
         model,
         replace(unit, quantiles=quantiles),
-        fit_domain(X, model.standard(X)),
+        fit_domain(X, model.standard(X), Y.shape[1]),
         (0.8 * float(force.min()), 1.2 * float(force.max())),
         {"hash": training_hash(X, Y), "n": len(X)},
         force_map=learned.as_dict(),

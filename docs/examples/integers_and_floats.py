@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from firmware_py import features
+from firmware_py import evaluator, features, outputs
 from palpate.model_export.exporter import prepare
 from palpate.model_export.fixed_point.reference import evaluate
 from palpate.regression.observed import observe
@@ -20,7 +20,6 @@ from palpate.sim.probe.sensors import LEVELS, StrokeField
 from palpate.sim.tissue import load_strokes, read_design, sweep
 
 SEED = 3
-OUTPUTS = ("F_N_per_m", "t_mm", "d_mm", "h", "E_inv23")
 directory = Path(sys.argv[1] if len(sys.argv) > 1 else "out/thesis")
 
 if __name__ == "__main__":  # the sweep's worker processes import this file
@@ -37,17 +36,19 @@ if __name__ == "__main__":  # the sweep's worker processes import this file
     observed = observed.take(observed.whole)
     exact = evaluate(spec, observed.columns(spec.features))["value"]
 
-    out = array("i", [0] * 18)
+    out = array("i", bytes(4 * evaluator.OUT_SIZE))
     integers = np.zeros_like(exact)
     for row, vector in enumerate(observed.X):
         q24 = array("i", [int(v) for v in np.rint(vector * 2**24)])
         assert len(q24) == features.COUNT
         tables.evaluate(q24, out)
-        integers[row] = np.array(out[0:15:3]) / 1e6  # value, low, high of each output, in millionths
+        integers[row] = (
+            np.array(out[0 : outputs.VALUES : 3]) / 1e6
+        )  # value, low, high of each output, in millionths
 
     difference = np.abs(integers / exact - 1)
     found = integers[:, 0] > 0  # strokes in which the lump rule sees no lump have no numbers
     print(f"{found.sum()} of {len(found)} strokes with a lump found; relative difference to float64:")
-    for j, name in enumerate(OUTPUTS):
+    for j, name in enumerate(outputs.NAMES):
         column = difference[found, j]
         print(f"  {name:10} median {np.median(column):.1e}, worst {column.max():.1e}")

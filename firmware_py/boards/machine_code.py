@@ -91,22 +91,23 @@ def _halves(n, step):
 
 
 def _terms(fast):
-    c = _halves(40, 1009)
-    d = _halves(40, 37)
+    n = polynomial.OUTPUTS
+    c = _halves(8 * n, 1009)
+    d = _halves(8 * n, 37)
     small = array("i", _halves(16, 2741))
     part = array("i", (-30000, 29999, -1234, 7, -1, 0, 23456, 1))
-    mine = _numbers(15)
-    theirs = _numbers(15)
+    mine = _numbers(3 * n)
+    theirs = _numbers(3 * n)
     steps = bytes((6, 5, 0, 2, 1, 4, 3))
     downs = 74565
-    polynomial.sums(c, d, 5, part, small, steps, 1, 7, 5, downs, mine, 10)
-    fast.sums(c, d, 5, part, small, steps, 1, 7, 5, downs, theirs, 10)
+    polynomial.sums(c, d, 5, part, small, steps, 1, 7, 5, downs, mine, 2 * n)
+    fast.sums(c, d, 5, part, small, steps, 1, 7, 5, downs, theirs, 2 * n)
     if mine != theirs or fast.dot_high(c, 1, small, 2, 12) != polynomial.dot_high(c, 1, small, 2, 12):
         return False
-    own = array("i", (5, -123456789, 98765432, 0, 4711, -77))
+    own = array("i", (5, -123456789, 98765432, 0, 4711, -77, 31415926))
     for u in (-200000000, 123456789):
-        polynomial.carry(own, 1, u, 10, mine)
-        fast.carry(own, 1, u, 10, theirs)
+        polynomial.carry(own, 1, u, 2 * n, mine)
+        fast.carry(own, 1, u, 2 * n, theirs)
     return mine == theirs
 
 

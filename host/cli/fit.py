@@ -23,11 +23,11 @@ from palpate.sim.probe.noise import LEVELS
 @click.option("--lumps", default=None, type=click.IntRange(64),
               help="field: lumps to simulate where DIRECTORY holds none.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1), help="field: processes for that; all cores by default.")
-@click.option("--tissue", multiple=True, metavar="NAME=VALUE",
-              help="field: another tissue or probe, as gland_ratio=8; may be repeated.")  # fmt: skip
+@click.option("--tissue", multiple=True, metavar="thesis|NAME=VALUE",
+              help="field: tell it its tissue: thesis, or as gland_ratio=8; may be repeated.")  # fmt: skip
 @click.option("--without", type=click.Choice(["displacement"]),
-              help="field: a model of the pressure alone, for recordings without it.")  # fmt: skip
-@click.option("--studies", is_flag=True, help="field: all of palpate study too (an hour).")
+              help="field, told its tissue: the pressure alone, for recordings without it.")  # fmt: skip
+@click.option("--studies", is_flag=True, help="field, told its tissue: all of palpate study too (an hour).")
 @click.option("--report", type=click.Path(path_type=Path, file_okay=False), help="Draw the figures there.")
 @click.option("--recording", type=click.Path(path_type=Path, dir_okay=False),
               help="A real stroke beside it: .mcap, or .csv of place in mm and kPa.")  # fmt: skip
@@ -59,12 +59,15 @@ def command(
     thesis  Table 1 beside the thesis' numbers, in sample and left out
     field   the held-out table; what DIRECTORY lacks is simulated into it first
 
+    A field model is for tissue of all kinds, unless --tissue tells it one.
+
     \b
     Example:
       palpate sweep --design thesis --out out/thesis
       palpate fit out/thesis --kind thesis --out out/model.json
       palpate fit out/field --kind field --out out/field.json --report out/report
-      palpate fit out/field --kind field --without displacement --out out/pressure.json
+      palpate fit out/told --kind field --tissue thesis --out out/told.json
+      palpate fit out/told --kind field --tissue thesis --without displacement --out out/pressure.json
     """
     from palpate.regression.field.data import check_begun
     from palpate.regression.fit import check_kind, fit
@@ -74,8 +77,8 @@ def command(
 
     # Read before the work: what is wrong with arguments and files is said at once.
     noise_named(noise)
-    check_kind(kind, without is None)
     changed = _tissue(tissue)
+    check_kind(kind, without is None, changed is not None, studies)
     if kind == "field":
         check_begun(directory, lumps)
     else:
@@ -108,12 +111,16 @@ def command(
     note(f"wrote {out}" + (f" and {page}" if page else ""))
 
 
-def _tissue(pairs: tuple[str, ...]) -> dict[str, float]:
-    """NAME=VALUE pairs as fields of a case; `UsageError` names what is wrong with one."""
+def _tissue(pairs: tuple[str, ...]) -> dict[str, float] | None:
+    """NAME=VALUE pairs as fields of a case; `UsageError` names what is wrong. None: nothing is told."""
     from palpate.regression.field.data import check_tissue_names
 
+    if not pairs:
+        return None
     tissue = {}
     for pair in pairs:
+        if pair == "thesis":
+            continue
         name, _, value = pair.partition("=")
         try:
             tissue[name] = float(value)

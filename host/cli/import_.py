@@ -19,7 +19,7 @@ from palpate.first_time import announce
 @click.option("--out", required=True, type=click.Path(path_type=Path, file_okay=False),
               help="Directory for the recordings, one a file.")  # fmt: skip
 @click.option("--model", type=click.Path(path_type=Path, dir_okay=False),
-              help="Model image that makes the estimates; else the one that comes with Palpate.")  # fmt: skip
+              help="Model image for the estimates; else `thesis-tissue`, without a press.")  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace recordings that are there.")
 @json_option
 def command(
@@ -55,7 +55,7 @@ def command(
     if image is None and models.suits_array():
         from palpate.models import emulator
 
-        image = emulator.image()
+        image = emulator.image(models.TOLD)
     done = []
     for file, target in zip(files, targets):
         found = importer.import_file(file, target, said, image, overwrite)

@@ -49,10 +49,11 @@ def fat_option(function: F) -> F:
 
 
 def estimate_dict(estimate: Estimate, fat_kPa: float | None = None) -> dict[str, Any]:
-    """An estimate for programs, with `E_kPa` where the fat is known."""
+    """An estimate for programs, with `E_kPa` where the fat is known, or estimated."""
     out = estimate.as_dict()
-    if fat_kPa is not None and "E_inv23" in estimate.outputs:
-        out["E_kPa"] = dict(zip(outputs.PARTS, stiffness_kPa(estimate.span("E_inv23"), fat_kPa)))
+    fat = estimate.fat_kPa(fat_kPa)
+    if fat is not None and "E_inv23" in estimate.outputs:
+        out["E_kPa"] = dict(zip(outputs.PARTS, stiffness_kPa(estimate.span("E_inv23"), fat)))
     return out
 
 
@@ -69,7 +70,7 @@ def estimate_lines(estimate: Estimate, fat_kPa: float | None = None) -> list[str
         lines.append(_number(WORDS[name], SHOWN_UNITS[name], estimate.span(name), level))
         if name == "h" and (depth := estimate.depth_mm) is not None:
             lines.append(_number("lump depth", "mm", depth, level))
-    factor = stiffness_words(estimate.span("E_inv23"), fat_kPa)
+    factor = stiffness_words(estimate.span("E_inv23"), estimate.fat_kPa(fat_kPa))
     lines.append(f"  {'stiffness':20} {factor}")
     lines.append(f"  {HARDNESS[estimate.hardness]}")
     if not estimate.calibrated:

@@ -21,11 +21,11 @@ leave_out_option = click.option(
 
 
 def load_model(path: Path) -> ModelSpec:
-    """The model of a file, or the one that comes with Palpate for the word `field`."""
+    """The model of a file, or one that comes with Palpate by its name: `field`, `thesis-tissue`."""
     from palpate import models
     from palpate.model_export.schema import ModelSpec
 
-    return models.load() if str(path) == "field" and not path.exists() else ModelSpec.load(path)
+    return models.load(str(path)) if str(path) in models.NAMES and not path.exists() else ModelSpec.load(path)
 
 
 def load_data(path: Path, spec: ModelSpec, leave_out: bool) -> DataSet:

@@ -22,6 +22,7 @@ ROWS = (
     ("h", "depth h", "diameters"),
     ("E_inv23", "stiffness E^-2/3", ""),
     ("t_mm", "fat thickness t", "mm"),
+    ("E_fat_kPa", "fat's stiffness", "kPa"),
     ("F_N_per_m", "force F", "N/m"),
 )
 

@@ -18,7 +18,7 @@ def emulate_step(runtime: str, out: Path) -> Any:
     from palpate.cli.emulate import strokes_over
     from palpate.sim.probe.emulated import EmulatedProbe
 
-    strokes, calibration = strokes_over(LUMP, NOISE, SEED, 50, 1)
+    strokes, calibration = strokes_over(LUMP, NOISE, SEED, 50, 1, press=True)
     store = out / "probe"
     shutil.rmtree(store, ignore_errors=True)  # a probe fresh from the factory
     public_key = (out / "key" / "public.key").read_bytes()

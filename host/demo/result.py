@@ -58,7 +58,7 @@ def truth() -> dict[str, float]:
         "h": case.h,
         "E_inv23": case.E_ratio ** (-2 / 3),
         "E_ratio": case.E_ratio,
-        "fat_kPa": case.fat_kPa,
+        "E_fat_kPa": case.fat_kPa,
     }
 
 
@@ -88,7 +88,7 @@ def verdict(estimate: Estimate, true: dict[str, float]) -> str:
         return f"No estimate: {estimate.reason}"
     size, factor = (
         estimate.outputs["d_mm"]["value"],
-        stiffness_words(estimate.span("E_inv23"), true["fat_kPa"]),
+        stiffness_words(estimate.span("E_inv23"), estimate.fat_kPa()),
     )
     caveat = "" if estimate.in_domain else " (outside what the model knows)"
     return f"A lump of {size:.1f} mm, {depth[0]:.1f} mm deep, {estimate.hardness}: {factor}{caveat}"
@@ -105,6 +105,7 @@ def rows_of(estimate: Estimate, true: dict[str, float]) -> list[tuple[str, str, 
         "h": "depth h, diameters",
         "t_mm": "fat thickness t, mm",
         "E_inv23": "stiffness E^(-2/3)",
+        "E_fat_kPa": "stiffness of the fat, kPa",
         "F_N_per_m": "force F, N/m",
     }
     rows = []
@@ -113,8 +114,8 @@ def rows_of(estimate: Estimate, true: dict[str, float]) -> list[tuple[str, str, 
             value, low, high = (max(x, 0.0) for x in spans[name])
             rows.append((words, f"{value:.3g}", f"{low:.3g} to {high:.3g}", f"{true[name]:.3g}"))
     if "E_inv23" in spans:
-        factor = stiffness_words(spans["E_inv23"], true["fat_kPa"])
-        really = f"{true['E_ratio']:g} × fat, {true['E_ratio'] * true['fat_kPa']:g} kPa"
+        factor = stiffness_words(spans["E_inv23"], spans.get("E_fat_kPa"))
+        really = f"{true['E_ratio']:g} × fat, {true['E_ratio'] * true['E_fat_kPa']:g} kPa"
         rows.append(("stiffness", estimate.hardness, factor, really))
     return rows
 

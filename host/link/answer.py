@@ -6,7 +6,7 @@ An interval here is (value, low, high).
 
 from __future__ import annotations
 
-from math import exp, log, sqrt
+from math import exp, hypot, log, sqrt
 
 Span = tuple[float, float, float]
 
@@ -64,17 +64,26 @@ def stiffness(E_inv23: Span) -> tuple[float | None, float | None, float | None]:
     return ratio(value), ratio(high), None if most is None or most > BOUND_TO else most
 
 
-def stiffness_kPa(E_inv23: Span, fat_kPa: float) -> tuple[float | None, float | None, float | None]:
-    """The lump's modulus where the fat's is known, kPa: value, low, high; None stands for no bound."""
-    value, low, high = (None if factor is None else factor * fat_kPa for factor in stiffness(E_inv23))
+def stiffness_kPa(E_inv23: Span, fat_kPa: Span) -> tuple[float | None, float | None, float | None]:
+    """The lump's modulus, kPa: value, low, high; None stands for no bound.
+
+    What is not sure of the fat widens the interval as an error of its own: widths add as squares.
+    """
+    factor, least, most = stiffness(E_inv23)
+    fat, fat_low, fat_high = fat_kPa
+    if factor is None:
+        return None, None if least is None else least * fat_low, None
+    value = factor * fat
+    low = None if least is None else value * exp(-hypot(log(factor / least), log(fat / fat_low)))
+    high = None if most is None else value * exp(hypot(log(most / factor), log(fat_high / fat)))
     return value, low, high
 
 
-def stiffness_words(E_inv23: Span, fat_kPa: float | None = None) -> str:
+def stiffness_words(E_inv23: Span, fat_kPa: Span | None = None) -> str:
     """The interval as a factor, `over 14 × fat` or `3.1 to 12 × fat`; in kPa too where the fat is known."""
     words = f"{_between(stiffness(E_inv23), 1.0)} × fat"
     if fat_kPa is not None:
-        words += f", {_between(stiffness_kPa(E_inv23, fat_kPa), fat_kPa)} kPa"
+        words += f", {_between(stiffness_kPa(E_inv23, fat_kPa), fat_kPa[0])} kPa"
     return words
 
 

@@ -191,6 +191,14 @@ class Estimate(Event):
             return None
         return answer.depth_mm(self.span("t_mm"), self.span("d_mm"), self.span("h"))
 
+    def fat_kPa(self, told: float | None = None) -> answer.Span | None:
+        """The fat's modulus as value, low, high: what was told, or else estimated; None where neither is."""
+        if told is not None:
+            return told, told, told
+        if "E_fat_kPa" not in self.outputs or not self.outputs["E_fat_kPa"]["low"] > 0:
+            return None
+        return self.span("E_fat_kPa")
+
     @property
     def numbers(self) -> tuple[Any, ...]:
         """Everything that a replay must reproduce bit for bit."""

@@ -1,11 +1,12 @@
-"""The bundled model: a fitted field model that comes with Palpate, with its recipe, hash and scores.
+"""The models that come with Palpate, fitted, with their recipes, hashes and scores.
 
     from palpate import models
 
-    spec = models.load()          # what `palpate.export` compiles and signs
-    models.recipe()["scores"]     # how good it is on lumps that it never saw
+    spec = models.load()                   # for tissue of all kinds: what `palpate.export` compiles
+    told = models.load("thesis-tissue")    # told that the tissue is the thesis'; does without the press
+    models.recipe()["scores"]              # how good it is on lumps that it never saw
 
-`python -m palpate.models DIRECTORY` rebuilds both files.
+`python -m palpate.models NAME DIRECTORY` rebuilds one's two files.
 """
 
 from __future__ import annotations
@@ -18,27 +19,37 @@ from typing import Any
 from firmware_py import geometry
 from palpate.model_export.schema import ModelSpec
 
-FIELD = Path(__file__).with_name("field.json")
-RECIPE = Path(__file__).with_name("field.recipe.json")
+FIELD, TOLD = "field", "thesis-tissue"
+NAMES = (FIELD, TOLD)
 
 
-def load() -> ModelSpec:
-    """The field model as it ships."""
-    return ModelSpec.load(FIELD)
+def path(name: str = FIELD) -> Path:
+    """Where the model of this name lies."""
+    return Path(__file__).with_name(f"{name.replace('-', '_')}.json")
+
+
+def recipe_path(name: str = FIELD) -> Path:
+    """Where its recipe lies."""
+    return path(name).with_suffix(".recipe.json")
+
+
+def load(name: str = FIELD) -> ModelSpec:
+    """A model as it ships: `field` is for tissue of all kinds, `thesis-tissue` was told the thesis'."""
+    return ModelSpec.load(path(name))
 
 
 def suits_array() -> bool:
-    """Is it for the sensor array in use?"""
+    """Are they for the sensor array in use?"""
     return load().probe == geometry.NAME.decode()
 
 
-def recipe() -> dict[str, Any]:
+def recipe(name: str = FIELD) -> dict[str, Any]:
     """How it was made (`made`), its file's hash (`sha256`), held-out `scores`, and a `sample` to check it
     on."""
-    found: dict[str, Any] = json.loads(RECIPE.read_text(encoding="utf-8"))
+    found: dict[str, Any] = json.loads(recipe_path(name).read_text(encoding="utf-8"))
     return found
 
 
-def file_hash(path: Path = FIELD) -> str:
-    """SHA-256 of a model's file, in hexadecimal."""
-    return sha256(path.read_bytes()).hexdigest()
+def file_hash(of: Path | None = None) -> str:
+    """SHA-256 of a model's file, in hexadecimal; by default the field model's."""
+    return sha256((of or path()).read_bytes()).hexdigest()

@@ -1,4 +1,4 @@
-"""`python -m palpate.models DIRECTORY`: make the bundled model again."""
+"""`python -m palpate.models NAME DIRECTORY`: make a model that comes with Palpate again."""
 
 from __future__ import annotations
 
@@ -6,20 +6,24 @@ import sys
 from pathlib import Path
 
 from palpate.cli.output import console, note, showing_progress
-from palpate.models import FIELD, RECIPE
+from palpate.models import NAMES, path, recipe_path
 from palpate.models.build import build
 
 
 def main() -> None:
     """Simulate, fit, write; prints the held-out tables."""
-    if len(sys.argv) != 2:
-        note("palpate: name the directory of the strokes, as in: python -m palpate.models out/field")
+    if len(sys.argv) != 3 or sys.argv[1] not in NAMES:
+        note(
+            f"palpate: name the model ({', '.join(NAMES)}) and the directory of its strokes, as in: "
+            "python -m palpate.models field out/field"
+        )
         raise SystemExit(2)
+    name = sys.argv[1]
     with showing_progress() as progress:
-        fit = build(Path(sys.argv[1]), progress)
+        fit = build(name, Path(sys.argv[2]), progress)
     for table in fit.tables():
         console().print(table)
-    note(f"wrote {FIELD} and {RECIPE}")
+    note(f"wrote {path(name)} and {recipe_path(name)}")
 
 
 if __name__ == "__main__":

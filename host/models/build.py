@@ -1,96 +1,151 @@
-"""How the bundled model is made, and a sample that shows whether it still is what it was."""
+"""How the models that come with Palpate are made, and samples that show whether they are what they were."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from palpate.features.map_features import Floats
 from palpate.files import whole_file
 from palpate.link.events import OUTPUTS
 from palpate.model_export.fixed_point import force_map as force_maps
-from palpate.model_export.fixed_point.reference import evaluate
+from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.model_export.schema import ModelSpec
-from palpate.models import FIELD, RECIPE, file_hash
+from palpate.models import FIELD, TOLD, file_hash, path, recipe_path
+from palpate.regression.any_tissue.data import prepare_strokes
+from palpate.regression.any_tissue.fit import fit_in_any_tissue
+from palpate.regression.any_tissue.observed import TissueLump, observe_at
+from palpate.regression.any_tissue.result import TissueFit
 from palpate.regression.field.data import prepare
-from palpate.regression.field.design import FIELD_SETTINGS, at_forces
+from palpate.regression.field.design import FIELD_SETTINGS, LumpStrokes
+from palpate.regression.field.design import at_forces as at_three_forces
 from palpate.regression.field.fit import fit_field
 from palpate.regression.field.result import FieldFit
 from palpate.regression.observed import observe
 from palpate.sim.probe.sensors import StrokeField
 from palpate.sim.tissue import Case, simulate
+from palpate.sim.tissue.any_tissue import FORCE_PARTS, PRESS_PARTS, PRESSES, STROKES, at_forces
 
-MADE: dict[str, Any] = {"lumps": 1024, "rim": 64, "plain": 64, "wide": 32, "noise": "typical", "seed": 1}
-"""Arguments of `prepare` and `fit_field`."""
+MADE: dict[str, dict[str, Any]] = {
+    FIELD: {"lumps": 1300, "noise": "typical", "seed": 1},
+    TOLD: {
+        "lumps": 1024,
+        "rim": 64,
+        "plain": 64,
+        "wide": 32,
+        "noise": "typical",
+        "seed": 1,
+        "tissue": "thesis",
+    },
+}
+"""Arguments of what prepares the strokes and fits, by model."""
 
-SAMPLE = ("d12h07e20f09", "d08h06e50f08", "d18h05e05f07", "d10h08e02f06")
-"""Lumps that the model was not fitted to: one on each side of its ranges' middle."""
+SAMPLES: dict[str, Sequence[tuple[Case, float]]] = {
+    FIELD: (
+        (Case(12.0, 0.7, 20.0, 0.6, gland_ratio=6.0), 10.0),
+        (Case(8.0, 0.6, 50.0, 0.5, gland_ratio=3.0, gland_mm=22.0, fat_stiffening=1.0), 18.0),
+        (Case(17.0, 0.5, 5.0, 0.5, gland_ratio=8.0, gland_mm=12.0, gland_stiffening=2.0), 7.0),
+        (Case(10.0, 0.8, 2.5, 0.45, gland_ratio=4.0, gland_mm=18.0, probe_radius_mm=41.0), 14.0),
+    ),
+    TOLD: tuple(
+        (Case.from_code(code), 10.0)
+        for code in ("d12h07e20f09", "d08h06e50f08", "d18h05e05f07", "d10h08e02f06")
+    ),
+}
+"""Lumps that the models were not fitted to, on each side of their ranges' middle, and the fat's modulus."""
+
 SAMPLE_SEED = 7
 
+Progress = Callable[[str, int, int], None]
 
-def build(directory: Path, progress: Callable[[str, int, int], None] | None = None) -> FieldFit:
+
+def build(name: str, directory: Path, progress: Progress | None = None) -> FieldFit | TissueFit:
     """Simulate into `directory` what it lacks, fit, and write model and recipe into this package.
 
     Parameters
     ----------
+    name : str
+        Of `palpate.models.NAMES`.
     directory : Path
         Strokes that are there already are used.
     progress : callable, optional
         See `palpate.regression.progress.ProgressCallback`.
     """
-    counts = {name: MADE[name] for name in ("lumps", "rim", "plain", "wide")}
-    strokes = prepare(directory, **counts, progress=progress)
-    noise, seed = MADE["noise"], MADE["seed"]
-    fit = fit_field(strokes, noise, seed, levels=(noise,), recipes=(), progress=progress)
-    with whole_file(FIELD) as part:
+    made = MADE[name]
+    fit: FieldFit | TissueFit
+    if name == FIELD:
+        tissues = prepare_strokes(directory, made["lumps"], progress=progress)
+        fit = fit_in_any_tissue(tissues, made["noise"], made["seed"], progress=progress)
+    else:
+        counts = {part: made[part] for part in ("lumps", "rim", "plain", "wide")}
+        strokes = prepare(directory, **counts, progress=progress)
+        noise = made["noise"]
+        fit = fit_field(strokes, noise, made["seed"], levels=(noise,), recipes=(), progress=progress)
+    with whole_file(path(name)) as part:
         fit.spec.save(part)
-    write_recipe(fit.spec, fit.to_dict())
+    write_recipe(name, fit.spec, fit.to_dict())
     return fit
 
 
-def write_recipe(spec: ModelSpec, scores: dict[str, Any]) -> None:
+def write_recipe(name: str, spec: ModelSpec, scores: dict[str, Any]) -> None:
     """Write the recipe that belongs to the model file as it stands."""
     record = {
-        "command": "python -m palpate.models out/field",
-        "made": MADE,
-        "sha256": file_hash(),
+        "command": f"python -m palpate.models {name} out/{name}",
+        "made": MADE[name],
+        "sha256": file_hash(path(name)),
         "training": spec.training,
         "scores": scores,
-        "sample": sample(spec),
+        "sample": sample(name, spec),
     }
-    with whole_file(RECIPE) as part:
+    with whole_file(recipe_path(name)) as part:
         part.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n", encoding="utf-8")
 
 
-def sample(spec: ModelSpec) -> list[dict[str, Any]]:
-    """What the model says of the `SAMPLE` strokes, simulated and observed anew.
+def sample(name: str, spec: ModelSpec) -> list[dict[str, Any]]:
+    """What the model says of its `SAMPLES`, simulated and observed anew.
 
     Returns
     -------
     list of dict
         code; `features` by name; for every output value, low, high and truth.
     """
-    fields = []
-    for code in SAMPLE:
-        strokes = (simulate(case, FIELD_SETTINGS) for case in at_forces(Case.from_code(code)))
-        fields.append(StrokeField(*strokes))
-    blob = None if spec.force_map is None else force_maps.blob(spec.force_map)
-    seen = observe(fields, MADE["noise"], SAMPLE_SEED, force_map=blob)
-    said = evaluate(spec, seen.columns(spec.features))
-    return [
-        {
-            "code": code,
-            "features": dict(zip(spec.features, np.round(seen.columns(spec.features)[k], 6).tolist())),
-            **{
-                name: {
-                    **{part: round(float(said[part][k, j]), 6) for part in ("value", "low", "high")},
-                    "truth": round(float(seen.Y[k, j]), 6),
-                }
-                for j, name in enumerate(OUTPUTS)
-            },
-        }
-        for k, code in enumerate(SAMPLE)
-    ]
+    blob = b"" if spec.force_map is None else force_maps.blob(spec.force_map)
+    found = []
+    for k, (case, fat_kPa) in enumerate(SAMPLES[name]):
+        features, true = (_with_press if name == FIELD else _without)(case, fat_kPa, blob, k)
+        columns = inputs(spec, features[None])
+        said = evaluate(spec, columns)
+        found.append(
+            {
+                "code": case.code,
+                "fat_kPa": fat_kPa,
+                "features": dict(zip(spec.features, np.round(columns[0], 6).tolist())),
+                **{
+                    output: {
+                        **{part: round(float(said[part][0, j]), 6) for part in ("value", "low", "high")},
+                        "truth": round(float(true[j]), 6),
+                    }
+                    for j, output in enumerate(OUTPUTS)
+                },
+            }
+        )
+    return found
+
+
+def _with_press(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
+    """The firmware's features of one stroke in that fat, and its truth by `OUTPUTS`."""
+    strokes = LumpStrokes(tuple(simulate(c, STROKES) for c in at_forces([case], FORCE_PARTS)))
+    press = tuple(simulate(c, PRESSES) for c in at_forces([case], PRESS_PARTS))
+    seen = observe_at([TissueLump(strokes, press)], [fat_kPa], MADE[FIELD]["noise"], SAMPLE_SEED + k, blob)
+    ln_d, ln_depth, ln_t, E_inv23, _, ln_F, ln_fat = seen.Y[0, :7]
+    return seen.X[0], np.array([*np.exp([ln_F, ln_t, ln_d, ln_depth - ln_d]), E_inv23, np.exp(ln_fat)])
+
+
+def _without(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
+    strokes = StrokeField(*(simulate(c, FIELD_SETTINGS) for c in at_three_forces(case)))
+    seen = observe([strokes], MADE[TOLD]["noise"], SAMPLE_SEED, force_map=blob or None, first=k)
+    return seen.X[0], np.append(seen.Y[0], fat_kPa)

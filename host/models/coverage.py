@@ -1,4 +1,5 @@
-"""How often the intervals of the bundled model hold the truth, on lumps that it has never met.
+"""How often the intervals of the model that was told the thesis' tissue hold, on
+lumps that it has never met.
 
     python -m palpate.models.coverage [LUMPS]
 
@@ -35,7 +36,10 @@ SEED = 31
 """Of the lumps and their noise. 1, 5, 11, 13, 21, 23 and 77 were used to choose, to fit or to score."""
 LUMPS = 512
 
-T, D, H = (OUTPUTS.index(name) for name in ("t_mm", "d_mm", "h"))
+NAMES = OUTPUTS[: len(TARGETS)]
+"""What it estimates; it repeats the fat that it was told."""
+
+T, D, H = (NAMES.index(name) for name in ("t_mm", "d_mm", "h"))
 
 
 def coverage(lumps: int = LUMPS, progress: ProgressCallback | None = None) -> tuple[pd.DataFrame, int]:
@@ -49,7 +53,7 @@ def coverage(lumps: int = LUMPS, progress: ProgressCallback | None = None) -> tu
     int
         How many lumps were not found.
     """
-    spec = models.load()
+    spec = models.load(models.TOLD)
     with tempfile.TemporaryDirectory() as folder:
         report = sweep_progress("simulating lumps", progress)
         sweep(lump_cases(lumps, SEED), FIELD_SETTINGS, Path(folder), progress=report)
@@ -75,7 +79,7 @@ def held(spec: ModelSpec, seen: ObservedStrokes) -> dict[str, NDArray[np.bool_]]
     """Whether each stroke's intervals hold the truth: of the outputs, of `depth` and of `independent`."""
     said = evaluate(spec, seen.columns(spec.features))
     spans = np.stack([said[part] for part in ("value", "low", "high")], axis=2)
-    inside = {name: _holds(spans[:, j], seen.Y[:, j]) for j, name in enumerate(OUTPUTS)}
+    inside = {name: _holds(spans[:, j], seen.Y[:, j]) for j, name in enumerate(NAMES)}
     true = seen.Y[:, T] - seen.Y[:, D] / 2
     depth = np.array([answer.depth_mm(*map(tuple, stroke[[T, D, H]])) for stroke in spans])
     inside["depth"] = _holds(depth, true)
@@ -119,7 +123,7 @@ def main() -> None:
     lumps = int(sys.argv[1]) if len(sys.argv) > 1 else LUMPS
     with showing_progress() as progress:
         shares, lost = coverage(lumps, progress)
-    names = {name: SHOWN[symbol] for name, symbol in zip(OUTPUTS, TARGETS)}
+    names = {name: SHOWN[symbol] for name, symbol in zip(NAMES, TARGETS)}
     names |= {"depth": "depth", "independent": "depth, t and d independent"}
     rows = [
         [str(group), *(f"{100 * row[key]:.1f}" for key in names), f"{row['n']:.0f}"]

@@ -1,5 +1,5 @@
-"""The bundled model, signed for emulated probes: with a key of this machine's, which no real probe
-trusts."""
+"""The models that come with Palpate, signed for emulated probes: with a key of this machine's, which no real
+probe trusts."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def public_key() -> bytes:
 
 
 def give_model(port: str) -> str:
-    """Put the bundled model onto an emulated probe that has none; the id of its model then.
+    """Put the field model onto an emulated probe that has none; the id of its model then.
 
     Parameters
     ----------
@@ -36,16 +36,16 @@ def give_model(port: str) -> str:
         return flash(probe, image()).model_id
 
 
-def image() -> bytes:
-    """Signed once, and kept."""
-    path = _folder() / f"field-{models.file_hash()[:16]}-{public_key().hex()[-8:]}.palp"
+def image(name: str = models.FIELD) -> bytes:
+    """Of `models.NAMES`; signed once, and kept."""
+    path = _folder() / f"{name}-{models.file_hash(models.path(name))[:16]}-{public_key().hex()[-8:]}.palp"
     if path.exists():
         return path.read_bytes()
     try:
-        image, _ = export(models.load(), _key())
+        image, _ = export(models.load(name), _key())
     except SigningError:  # of an older kind, or damaged
         shutil.rmtree(_key())
-        image, _ = export(models.load(), _key())
+        image, _ = export(models.load(name), _key())
     with whole_file(path) as part:
         part.write_bytes(image)
     return image

@@ -38,6 +38,7 @@ def fit_checks(
     strange: Strange,
     false_alarms: float = FALSE_ALARMS,
     most_features: int = MOST_FEATURES,
+    most_terms: int | None = None,
 ) -> FirstStage:
     """A check for each kind of strange strokes, all of the same few features.
 
@@ -53,10 +54,16 @@ def fit_checks(
     false_alarms : float
         Share of strokes like X, over lumps that were not met, where a check may be above 0.
     most_features : int
+    most_terms : int, optional
+        Only those worth most to the checks together; a small board has no room for all.
     """
     chosen = _chosen(X, groups, strange, most_features)
     part = tuple(names[i] for i in chosen)
     terms = all_terms(len(chosen), DEGREE)
+    if most_terms is not None:
+        worth = _worth(X, groups, strange, chosen, terms)
+        worth[[len(term) < 2 for term in terms]] = np.inf
+        terms = tuple(terms[k] for k in np.sort(np.argsort(-worth, kind="stable")[:most_terms]))
     known = _fit(part, X[:, chosen], np.zeros(len(X)), groups, terms)
     estimates = []
     for kind, (other, their_groups) in strange.items():
@@ -110,19 +117,25 @@ def _fit(
     )
 
 
+def _worth(X: Floats, groups: Groups, strange: Strange, features: list[int], terms: Sequence[Term]) -> Floats:
+    """What each term of these features is worth to all checks together, (terms)."""
+    worth = np.zeros(len(terms))
+    degrees = [len(t) for t in terms]
+    for other, their in strange.values():
+        A, y, g = _together(X[:, features], groups, other[:, features], their)
+        A = monomials(standardised(A), terms)
+        of_terms = importance(A, degrees, fit_ridge(A, y[:, None], degrees, g, STRENGTHS))
+        worth += of_terms / of_terms.sum()
+    return worth
+
+
 def _chosen(X: Floats, groups: Groups, strange: Strange, most: int) -> list[int]:
     """The features worth most to all checks together: half of the others are dropped at a time."""
     left = list(range(X.shape[1]))
     while len(left) > most:
         terms = all_terms(len(left), DEGREE)
-        degrees = [len(t) for t in terms]
-        worth = np.zeros(len(left))
-        for other, their in strange.values():
-            A, y, g = _together(X[:, left], groups, other[:, left], their)
-            A = monomials(standardised(A), terms)
-            of_terms = importance(A, degrees, fit_ridge(A, y[:, None], degrees, g, STRENGTHS))
-            own = np.array([sum(w for w, t in zip(of_terms, terms) if i in t) for i in range(len(left))])
-            worth += own / own.sum()
+        of_terms = _worth(X, groups, strange, left, terms)
+        worth = np.array([sum(w for w, t in zip(of_terms, terms) if i in t) for i in range(len(left))])
         keep = len(left) - (len(left) - most + 1) // 2
         left = [left[i] for i in np.sort(np.argsort(-worth, kind="stable")[:keep])]
     return left

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.outputs import COUNT
+from firmware_py import outputs as firmware_outputs
 from palpate.features.map_features import Floats
 
 SHRINKAGE = 1e-3
@@ -62,7 +62,9 @@ class DomainCheck:
         return self.familiar(features, z) & (self.beyond(y, half) <= self.margin)
 
 
-def fit_domain(features: Floats, z: Floats, outputs: int = COUNT, share_out: float = 0.025) -> DomainCheck:
+def fit_domain(
+    features: Floats, z: Floats, outputs: int = firmware_outputs.E_FAT, share_out: float = 0.025
+) -> DomainCheck:
     """Box and distance that leave out at most about `share_out` of strokes like these; ranges without ends.
 
     Parameters
@@ -70,6 +72,7 @@ def fit_domain(features: Floats, z: Floats, outputs: int = COUNT, share_out: flo
     features, z : (n, features)
         As they come, and standardised (both of calibration strokes).
     outputs : int
+        By default those of a model that was told its tissue.
     share_out : float
         Half of it goes to the box, split over its sides, half to the distance.
     """

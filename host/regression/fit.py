@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from palpate.errors import UsageError
 from palpate.files import whole_file
 from palpate.model_export.schema import ModelSpec
+from palpate.regression.any_tissue.result import TissueFit
 from palpate.regression.field.result import FieldFit
 from palpate.regression.observed import noise_named
 from palpate.regression.progress import ProgressCallback
@@ -36,7 +37,7 @@ class Fit:
         "thesis" or "field".
     spec : ModelSpec
         The model itself: what `save` writes and `palpate.export` compiles and signs.
-    result : ThesisFit or FieldFit
+    result : ThesisFit, FieldFit (of a model that was told its tissue) or TissueFit
         Every number behind the tables.
     strokes : list of Stroke
         The thesis' runs; empty for the field kind, which has thousands.
@@ -44,7 +45,7 @@ class Fit:
 
     kind: str
     spec: ModelSpec
-    result: ThesisFit | FieldFit
+    result: ThesisFit | FieldFit | TissueFit
     strokes: list[Stroke] = field(default_factory=list, repr=False)
 
     def tables(self) -> list[Table]:
@@ -65,7 +66,7 @@ class Fit:
         from palpate.report import write_report
 
         thesis = self.result if isinstance(self.result, ThesisFit) else None
-        of_field = self.result if isinstance(self.result, FieldFit) else None
+        of_field = None if isinstance(self.result, ThesisFit) else self.result
         return write_report(directory, strokes=self.strokes, thesis=thesis, field=of_field, **measured)
 
 
@@ -104,11 +105,13 @@ def fit(
     workers : int, optional
         field: processes; by default one for each core.
     tissue : mapping, optional
-        field: fields of `Case` that differ from the usual tissue or probe, as {"gland_ratio": 8}.
+        field: None makes a model for tissue of all kinds. Otherwise it is told that the tissue is the
+        thesis' but for these fields of `Case`, as {} or {"gland_ratio": 8}.
     studies : bool
-        field: all of `palpate study` too (an hour).
+        field, told its tissue: all of `palpate study` too (an hour).
     displacement : bool
-        field: False makes a model of the pressure alone, for recordings without displacement.
+        field, told its tissue: False makes a model of the pressure alone, for recordings without
+        displacement.
     progress : callable, optional
         See `progress.ProgressCallback`.
     note : callable, optional
@@ -124,18 +127,22 @@ def fit(
         The directory holds no strokes, or strokes over another tissue.
     """
     noise_named(noise)
+    check_kind(kind, displacement, tissue is not None, studies)
     if kind == "thesis":
-        check_kind(kind, displacement)
         return _thesis(directory, noise, seed, progress)
     if kind == "field":
         return _field(directory, noise, seed, lumps, workers, tissue, studies, displacement, progress, note)
     raise UsageError(f"there is no kind of model {kind!r}; there are {', '.join(KINDS)}")
 
 
-def check_kind(kind: str, displacement: bool) -> None:
-    """`UsageError` where the kind cannot do without displacement."""
+def check_kind(kind: str, displacement: bool, told: bool, studies: bool) -> None:
+    """`UsageError` where the kind cannot do what is asked of it."""
     if kind == "thesis" and not displacement:
         raise UsageError("the thesis' equations need the displacement: only --kind field does without")
+    if kind == "field" and not told:
+        what = "--without displacement" if not displacement else "--studies" if studies else ""
+        if what:
+            raise UsageError(f"{what} is for a model that is told its tissue: add --tissue thesis")
 
 
 def _thesis(directory: str | PathLike[str], noise: str, seed: int, progress: ProgressCallback | None) -> Fit:
@@ -168,11 +175,31 @@ def _field(
     from palpate.regression.field.recipe import FIELD, PRESSURE_ONLY
 
     check_begun(directory, lumps)
+    if tissue is None:
+        return _any_tissue(directory, noise, seed, lumps, workers, progress)
     strokes = prepare(directory, lumps or LUMPS, workers=workers, tissue=tissue, progress=progress)
     recipe = FIELD if displacement else PRESSURE_ONLY
     result = fit_field(strokes, noise=noise, seed=seed, recipe=recipe, workers=workers, progress=progress)
     if studies:
         result = replace(result, studies=_studies(Path(directory), seed, workers, progress, note))
+    return Fit("field", result.spec, result)
+
+
+def _any_tissue(
+    directory: str | PathLike[str],
+    noise: str,
+    seed: int,
+    lumps: int | None,
+    workers: int | None,
+    progress: ProgressCallback | None,
+) -> Fit:
+    from palpate.regression.any_tissue.data import LUMPS, prepare_strokes
+    from palpate.regression.any_tissue.fit import fit_in_any_tissue
+    from palpate.sim.tissue.stroke import one_blas_thread
+
+    strokes = prepare_strokes(directory, lumps or LUMPS, workers, progress)
+    with one_blas_thread():
+        result = fit_in_any_tissue(strokes, noise, seed, progress=progress)
     return Fit("field", result.spec, result)
 
 

@@ -34,8 +34,8 @@ class ObservedStrokes:
         Every feature of the firmware, by `firmware_features.NAMES`.
     status : (n), int
         The pipeline's status: OK, NO_FIT (no bump; features are valid), TOO_SHORT (they are not).
-    Y : (n, outputs)
-        True F (N/m, of the force that the hand kept), t, d (mm), h, E^-2/3.
+    Y : (n, 5)
+        True F (N/m, of the force that the hand kept), t, d (mm), h, E^-2/3: `regression.table.TARGETS`.
     lump : (n), bool
     group : (n), int
         Which lump: strokes of one lump share it.
@@ -111,7 +111,7 @@ def observe(
     replay = Replay(force_map)
     X = np.empty((len(fields), len(NAMES)))
     codes = np.empty(len(fields), int)
-    Y = np.empty((len(fields), outputs.COUNT))
+    Y = np.empty((len(fields), outputs.E_FAT))
     lump = np.empty(len(fields), bool)
     for k, field in enumerate(fields):
         mean = None if mean_forces_N_per_m is None else mean_forces_N_per_m[k]
@@ -121,7 +121,7 @@ def observe(
             stream = replace(stream, packed=[pack(c) for c in alter(stream.counts)])
         codes[k] = replay.stream(stream, model.calibration())
         X[k] = replay.features()
-        Y[k], lump[k] = list(stream.truth.outputs().values()), stream.truth.lump
+        Y[k], lump[k] = list(stream.truth.outputs().values())[: outputs.E_FAT], stream.truth.lump
     group = np.arange(len(fields)) if groups is None else np.asarray(groups, int)
     return ObservedStrokes(X, codes, Y, lump, group)
 

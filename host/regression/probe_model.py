@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from firmware_py import features as firmware_features
 from firmware_py import model_image, outputs
 from palpate.features.map_features import Floats
-from palpate.model_export.schema import OUTPUTS, Domain, Interval, Limit, ModelSpec, Output
+from palpate.model_export.schema import OUTPUTS, Domain, FirstStage, Interval, Limit, ModelSpec, Output
 from palpate.regression.conformal import Widths
 from palpate.regression.domain import DomainCheck
 from palpate.regression.ridge import STRENGTHS, Term, fit_ridge, monomials
@@ -32,16 +32,18 @@ E_INV23 = outputs.E_INV23
 
 
 def to_link(values: Floats) -> Floats:
-    """Outputs `values` (n, outputs) in the units of the wire, on the scale that the polynomials predict."""
+    """Outputs `values` (n, all or the first) in the units of the wire, on the polynomials' scale."""
     out = np.array(values, float)
-    out[:, _LINK_LN] = np.log(out[:, _LINK_LN])
+    logarithmic = _LINK_LN[: out.shape[1]]
+    out[:, logarithmic] = np.log(out[:, logarithmic])
     return out
 
 
 def from_link(y: Floats) -> Floats:
     """Outputs (n, outputs) in the units of the wire, from y (n, outputs) on the link scale."""
     out = np.array(y, float)
-    out[:, _LINK_LN] = np.exp(out[:, _LINK_LN])
+    logarithmic = _LINK_LN[: out.shape[1]]
+    out[:, logarithmic] = np.exp(out[:, logarithmic])
     return out
 
 
@@ -145,8 +147,16 @@ def spec_of(
     notes: dict[str, Any] | None = None,
     least_amp_share: float = LEAST_AMP_SHARE,
     hard_below: float = HARD_BELOW,
+    fat_kPa: float | None = None,
+    first: FirstStage | None = None,
 ) -> ModelSpec:
-    """A fitted model as the document that `palpate export` compiles."""
+    """A fitted model as the document that `palpate export` compiles.
+
+    A model that does not estimate E_fat was told `fat_kPa`, and repeats it. `first` is the stage whose
+    estimates are among the model's features.
+    """
+    if fat_kPa is not None:
+        model, widths, domain = _told(fat_kPa, model, widths, domain)
     lo, hi = from_link(model.lo[None])[0], from_link(model.hi[None])[0]
     outputs = tuple(
         Output(
@@ -158,10 +168,11 @@ def spec_of(
         )
         for j, (name, _) in enumerate(OUTPUTS)
     )
+    names = [*model.names, *(() if first is None else first.features)]
     return ModelSpec(
         kind=kind,
         probe=model_image.PROBE.decode(),
-        features_version=features_version(model.names),
+        features_version=features_version([n for n in names if n in firmware_features.NAMES]),
         features=model.names,
         centre=_floats(model.centre),
         scale=_floats(model.scale),
@@ -193,7 +204,33 @@ def spec_of(
         training=training,
         force_map=force_map,
         notes=notes or {},
+        first=first,
     ).validate()
+
+
+def _told(
+    fat_kPa: float, model: Polynomial, widths: Widths, domain: DomainCheck
+) -> tuple[Polynomial, Widths, DomainCheck]:
+    """The same with one more output, ln `fat_kPa` whatever the features are, without an interval."""
+    constant = np.array([[math.log(fat_kPa) if not term else 0.0] for term in model.terms])
+    room = math.log(2.0)
+    of_sigma = np.vstack([widths.coefficients, np.zeros((1, widths.coefficients.shape[1]))])
+    return (
+        replace(
+            model,
+            coefficients=np.hstack([model.coefficients, constant]),
+            lo=np.append(model.lo, math.log(fat_kPa) - room),
+            hi=np.append(model.hi, math.log(fat_kPa) + room),
+        ),
+        replace(
+            widths,
+            coefficients=np.hstack([of_sigma, np.zeros((len(of_sigma), 1))]),
+            quantiles=np.vstack([widths.quantiles, np.zeros((1, 2))]),
+        ),
+        replace(
+            domain, range_lo=np.append(domain.range_lo, -np.inf), range_hi=np.append(domain.range_hi, np.inf)
+        ),
+    )
 
 
 def _ranges(model: Polynomial, domain: DomainCheck) -> tuple[tuple[float | None, float | None], ...]:

@@ -33,7 +33,8 @@ NAMES = {
     "D28": "ln D28",
     "dip": "1 - D0/D28",
 }
-TARGETS = SYMBOLS
+TARGETS = SYMBOLS[: SYMBOLS.index("E_fat")]
+"""What a model estimates that is told its tissue; it repeats E_fat, the last output."""
 SHOWN = {target: {"E_inv23": "E^-2/3"}.get(target, target) for target in TARGETS}
 _STIFFEST = 1000.0 ** (-2 / 3)
 INPUT_COLUMN = {"F": "F_rel", "t": "t_mm", "d": "d_mm", "h": "h"}

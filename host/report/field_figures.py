@@ -21,7 +21,7 @@ _UNITS = {s: f"({u})" if u else "" for s, u in zip(TARGETS, SHOWN_UNITS.values()
 
 def items(fit: FieldFit) -> list[Item]:
     """Held-out table with estimates against truth, coverage, detectability; studies if the fit has them."""
-    held_out, cover, flags, distance, left_out, found, visits = (_frame(t) for t in fit.tables())
+    held_out, cover, flags, distance, left_out, found, visits = (frame_of(t) for t in fit.tables())
     out = [
         Item(
             "Beyond 1",
@@ -133,6 +133,7 @@ def figure_found(fit: FieldFit) -> Figure:
     return figure
 
 
-def _frame(table: Table) -> tuple[str, pd.DataFrame]:
+def frame_of(table: Table) -> tuple[str, pd.DataFrame]:
+    """A printed table's title, and its cells as text."""
     cells = {str(c.header).replace("\n", " ") or " ": [str(v) for v in c.cells] for c in table.columns}
     return str(table.title or ""), pd.DataFrame(cells)

@@ -14,6 +14,7 @@ from palpate.report import pages, style
 from palpate.report.items import Item, Summary
 
 if TYPE_CHECKING:
+    from palpate.regression.any_tissue.result import TissueFit
     from palpate.regression.field.result import FieldFit
     from palpate.regression.thesis.fit import ThesisFit
     from palpate.sim.tissue import Stroke
@@ -28,7 +29,7 @@ def write_report(
     *,
     strokes: Sequence[Stroke] = (),
     thesis: ThesisFit | None = None,
-    field: FieldFit | None = None,
+    field: FieldFit | TissueFit | None = None,
     recording: str | PathLike[str] | None = None,
     weights: Sequence[str | PathLike[str]] = (),
     thickness_mm: float = 30.0,
@@ -79,14 +80,16 @@ def write_report(
 def _items(
     strokes: Sequence[Stroke],
     thesis: ThesisFit | None,
-    field: FieldFit | None,
+    field: FieldFit | TissueFit | None,
     recording: str | PathLike[str] | None,
     weights: Sequence[str | PathLike[str]],
     thickness_mm: float,
     simulate: bool,
     tell: Callable[[str], None],
 ) -> list[Item]:
+    from palpate.regression.any_tissue.result import TissueFit
     from palpate.report import (
+        any_tissue_figures,
         field_figures,
         map_figures,
         model_figures,
@@ -110,7 +113,9 @@ def _items(
     else:
         found += _without_simulations()
     found += recording_figures.items(None if recording is None else Path(recording))
-    if field is not None:
+    if isinstance(field, TissueFit):
+        found += any_tissue_figures.items(field)
+    elif field is not None:
         found += field_figures.items(field)
     return found
 

@@ -41,6 +41,14 @@ _REFERENCE = {
 }
 
 
+def _fat(estimate: Estimate, told: float | None) -> answer.Span | None:
+    """The fat's modulus: what was told, or else estimated."""
+    if told is not None:
+        return told, told, told
+    found = estimate.further.get("E_fat_kPa")
+    return None if found is None or found.low <= 0 else _span(found)
+
+
 def depth_mm(t_mm: Interval, d_mm: Interval, h: Interval) -> Interval:
     """Fat over the lump; see `palpate.link.answer`."""
     return Interval(*answer.depth_mm(_span(t_mm), _span(d_mm), _span(h)))
@@ -132,7 +140,7 @@ def card(
         if estimate.E_inv23 is not None:
             value, low, high = answer.stiffness(_span(estimate.E_inv23))
             out["E_ratio"] = {"value": value, "low": low, "high": high}
-            out["stiffness_text"] = answer.stiffness_words(_span(estimate.E_inv23), fat_kPa)
+            out["stiffness_text"] = answer.stiffness_words(_span(estimate.E_inv23), _fat(estimate, fat_kPa))
     if kind != "none":  # the probe sends zeros where it finds no lump
         row("F_N_per_m", "Force", "N/m", estimate.F_N_per_m)
     return out

@@ -168,8 +168,9 @@ def choose_few(
     given = []
     for row, width in zip(rows, widths.T):
         places = places_within(row, form.part, form.high, form.low, WIDTH_ERROR / max(width.max(), 1e-9))
+        weight = width if width.any() else np.ones(len(width))  # an output may have no interval
         rounding = Rounding(
-            np.c_[inputs, np.ones(len(inputs))] * width[:, None], np.arange(inputs.shape[1] + 1)
+            np.c_[inputs, np.ones(len(inputs))] * weight[:, None], np.arange(inputs.shape[1] + 1)
         )
         rounded = rounding.whole(np.append(row.coefficients, 0.0), places)
         given.append((rounded[:-1].astype(np.int64), places, row.intercept + rounded[-1] * 2.0**-places))

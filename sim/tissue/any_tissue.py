@@ -55,19 +55,48 @@ class TissueRanges:
     probe_radius_mm: tuple[float, float] = (38.0, 42.0)
 
 
+OUTSIDE = TissueRanges(d_mm=(4.0, 25.0), h=(0.2, 2.0), E_ratio=(1.3, 1000.0))
+"""Wider in what a model says of the lump; those lumps in here but not in the usual ranges are its rim."""
+
+
+def rim_lumps(n: int, seed: int) -> list[Case]:
+    """`n` lumps of `OUTSIDE` that lie outside the usual ranges, at their middle force."""
+    usual = TissueRanges()
+    rim = [case for case in _lumps(6 * n, seed, OUTSIDE) if not inside(case, usual)]
+    return rim[:n]
+
+
+def plain_lumps(n: int, seed: int) -> list[Case]:
+    """`n` tissues as random as any, of the thickness over a lump of the design, but without one."""
+    of = ("F_rel", "gland_ratio", "gland_mm", "fat_stiffening", "gland_stiffening", "probe_radius_mm")
+    return [
+        Case.without_lump(c.t_mm, **{name: getattr(c, name) for name in of})
+        for c in _lumps(n, seed, TissueRanges())
+    ]
+
+
+def inside(case: Case, r: TissueRanges) -> bool:
+    """Whether the lump's diameter, depth and stiffness lie within these ranges."""
+    limits = ((case.d_mm, r.d_mm), (case.h, r.h), (case.E_ratio, r.E_ratio))
+    return all(low <= value <= high for value, (low, high) in limits)
+
+
+def at_forces(lumps: list[Case], parts: tuple[float, ...]) -> list[Case]:
+    """Each lump at these parts of its middle force: `FORCE_PARTS` for strokes, `PRESS_PARTS` for presses."""
+    return [replace(case, F_rel=case.F_rel * part) for case in lumps for part in parts]
+
+
 def any_tissue_cases(n: int, seed: int, ranges: TissueRanges | None = None) -> list[Case]:
     """3 n cases: `n` lumps of a scrambled Sobol sequence at three forces each; the same seed, the same cases.
 
     A lump that is too large for its gland is passed over.
     """
-    lumps = _lumps(n, seed, ranges or TissueRanges())
-    return [replace(case, F_rel=case.F_rel * part) for case in lumps for part in FORCE_PARTS]
+    return at_forces(_lumps(n, seed, ranges or TissueRanges()), FORCE_PARTS)
 
 
 def press_cases(n: int, seed: int, ranges: TissueRanges | None = None) -> list[Case]:
     """The same lumps at the forces of the press before the stroke, to be simulated with `PRESSES`."""
-    lumps = _lumps(n, seed, ranges or TissueRanges())
-    return [replace(case, F_rel=case.F_rel * part) for case in lumps for part in PRESS_PARTS]
+    return at_forces(_lumps(n, seed, ranges or TissueRanges()), PRESS_PARTS)
 
 
 def reference_cases(n: int, seed: int, ranges: TissueRanges | None = None) -> list[Case]:

@@ -204,6 +204,11 @@ class Case:
         return float(self.E_ratio ** (-2 / 3))
 
     @property
+    def E_fat_kPa(self) -> float:
+        """Young's modulus of the fat at rest, kPa, under the output's name."""
+        return self.fat_kPa
+
+    @property
     def has_lump(self) -> bool:
         """False where the lump is as stiff as the fat, which the thesis uses for "no lump"."""
         return self.E_ratio != 1.0 or self.lump_stiffening > 0.0

@@ -111,7 +111,7 @@ def study(
 
     In the first `fresh` draws a model is trained afresh, too.
     """
-    spec = models.load()
+    spec = models.load(models.TOLD)
     whole = seen(spec, strokes=strokes)
     before = answers(spec, whole)
     visible = np.unique(whole.lump[before.lump])

@@ -102,7 +102,7 @@ SETTINGS = (
 
 
 def main() -> None:
-    spec = models.load()
+    spec = models.load(models.TOLD)
     blob = None if spec.force_map is None else force_maps.blob(spec.force_map)
     with tempfile.TemporaryDirectory() as folder:
         sweep(lump_cases(LUMPS, SEED), FIELD_SETTINGS, Path(folder))

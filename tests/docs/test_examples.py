@@ -90,7 +90,7 @@ def test_the_probe_answers_and_its_recording_replays(run):
 def test_integers_agree_with_floats(run):
     said = run("integers_and_floats")
     worst = [float(x) for x in re.findall(r"worst ([\d.e-]+)", said)]
-    assert len(worst) == 5
+    assert len(worst) == 6
     assert max(worst) < 1e-3
     (bits,) = numbers(r"\(([\d.]+) bits below 2\^30\)", said)
     assert bits > 0

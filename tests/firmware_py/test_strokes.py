@@ -242,8 +242,8 @@ def test_frames_that_cannot_be_used_say_so(fields):
     for _ in range(16):
         assert p.add_frame(frame, 700, 100) == status.OK
     assert p.add_frame(frame, 700, 100) == bins.IGNORED
-    assert p.add_frame(frame, 700 + 96_000, 100) == bins.BEYOND
-    assert p.add_frame(frame, 700 + 94_000, 100) == status.OK
+    assert p.add_frame(frame, 700 + bins.BINS * bins.WIDTH_UM, 100) == bins.BEYOND
+    assert p.add_frame(frame, 700 + (bins.BINS - 1) * bins.WIDTH_UM - 500, 100) == status.OK
     assert p.add_frame(frame, 700 - 3_000, 100) == bins.BEYOND
     assert p.finish() == status.TOO_SHORT
     assert p.add_frame(frame, 700, 100) == status.BAD_STATE

@@ -117,6 +117,16 @@ def _plan_fill(random, total):
         yield bytearray(dead.tolist()), array("H", bytes(6 * 416))
 
 
+def _full(random, total):
+    for _ in range(total):
+        count, base = int(random.integers(1, 17)), 416 * int(random.integers(0, 3))
+        cells = _words(random, base + 416, 0, 4096 * count)
+        for i in random.integers(0, base + 416, 20).tolist():
+            cells[i] = 4095 * count
+        dead = bytearray((random.integers(0, 256, 52) & random.integers(0, 256, 52)).tolist())
+        yield cells, base, 4095 * count, dead
+
+
 _MAKERS = {
     "bins.put_cells": _cells,
     "bins.add_cells": _cells,
@@ -129,6 +139,7 @@ _MAKERS = {
     "columns.respond": _respond,
     "columns.choose": _choose,
     "stuck.mend": _mend,
+    "stuck.full": _full,
 }
 NAMES = tuple(_MAKERS)
 

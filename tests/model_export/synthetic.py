@@ -15,11 +15,17 @@ from palpate.model_export.schema import OUTPUTS, Domain, Interval, Limit, ModelS
 from palpate.regression.field.recipe import PILOT_FEATURES
 
 SIX = ("ln_base", "ln_amp", "ln_stdev", "inv_curvature", "ln_d28", "ln_d0")
-RANGES = {"F_N_per_m": (5.0, 300.0), "t_mm": (2.0, 60.0), "d_mm": (2.0, 40.0), "h": (0.1, 3.0)}
+RANGES = {
+    "F_N_per_m": (5.0, 300.0),
+    "t_mm": (2.0, 60.0),
+    "d_mm": (2.0, 40.0),
+    "h": (0.1, 3.0),
+    "E_fat_kPa": (2.0, 50.0),
+}
 
 
 def _strokes(n_features: int, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Correlated features (n x n_features) and targets (n x 5, in the outputs' units) of a made-up law."""
+    """Correlated features (n x n_features) and targets (n x 6, in the outputs' units) of a made-up law."""
     causes = rng.uniform(-1, 1, (n, 5))
     mix = rng.normal(0, 1, (5, n_features))
     bend = rng.normal(0, 0.35, (5, n_features))
@@ -29,13 +35,14 @@ def _strokes(n_features: int, n: int, rng: np.random.Generator) -> tuple[np.ndar
     log_middle = np.log([60.0, 12.0, 9.0, 0.7, 1.0])
     targets = np.exp(log_middle + scale * causes)
     targets[:, 4] = 0.5 + 0.47 * np.tanh(1.5 * causes[:, 4])
-    return features, targets
+    of_the_fat = 10.0 * np.exp(0.4 * np.sin(causes[:, 0] + causes[:, 1]))
+    return features, np.column_stack([targets, of_the_fat])
 
 
 def _ranges(targets: np.ndarray) -> tuple[tuple[float | None, float | None], ...]:
     """What the model is said to be for: nearly all there is; no ends for t, no lower one for E^-2/3."""
     lo, hi = np.quantile(targets, [0.02, 0.98], axis=0).tolist()
-    return ((lo[0], hi[0]), (None, None), (lo[2], hi[2]), (lo[3], hi[3]), (None, hi[4]))
+    return ((lo[0], hi[0]), (None, None), (lo[2], hi[2]), (lo[3], hi[3]), (None, hi[4]), (None, None))
 
 
 def model(kind: str = "field", degree: int = 2, seed: int = 1, n: int = 1500) -> ModelSpec:
@@ -61,7 +68,7 @@ def model(kind: str = "field", degree: int = 2, seed: int = 1, n: int = 1500) ->
         links.append(a @ coefficients)
         outputs.append(Output(name, link, *RANGES.get(name, (0.0, 1.05)), tuple(coefficients.tolist())))
     linear = ((), *((i,) for i in range(k)))
-    sigma = rng.normal(0, 0.15, (5, len(linear) + 5))
+    sigma = rng.normal(0, 0.15, (len(OUTPUTS), len(linear) + len(OUTPUTS)))
     sigma[:, 0] = -4
     precision = np.linalg.inv(np.cov(z.T) + 0.01 * np.eye(k))
     distance = np.einsum("ni,ij,nj->n", z, precision, z)
@@ -76,7 +83,7 @@ def model(kind: str = "field", degree: int = 2, seed: int = 1, n: int = 1500) ->
         clip_hi=tuple((hi + margin).tolist()),
         terms=terms,
         outputs=tuple(outputs),
-        interval=Interval(0.9, linear, tuple(map(tuple, sigma.tolist())), ((1.6, 1.8),) * 5),
+        interval=Interval(0.9, linear, tuple(map(tuple, sigma.tolist())), ((1.6, 1.8),) * len(OUTPUTS)),
         domain=Domain(
             tuple(lo.tolist()),
             tuple(hi.tolist()),

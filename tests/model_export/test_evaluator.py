@@ -65,7 +65,7 @@ def test_every_intermediate_of_random_vectors_stays_within_2_30(field, field_tab
     wild = rng.integers(-(2**29) + 1, 2**29, (20, firmware_features.COUNT)).tolist()
     for row in wild + accuracy_inputs(field, 20):
         x = [Checked(v) for v in row]
-        work = [[Checked(0)] * k for k in (n, n + 5, n + 5, evaluator.WORK)]
+        work = [[Checked(0)] * k for k in (n, n + evaluator.OUTPUTS, n + evaluator.OUTPUTS, evaluator.WORK)]
         out = [Checked(0)] * evaluator.OUT_SIZE
         evaluator.compute(x, tables.ids, feats, tables.steps, c, d, own, rows, outs, head, *work, out)
         plain = array("i", [0] * evaluator.OUT_SIZE)
@@ -138,7 +138,7 @@ def test_no_lump_where_the_rule_says_so(field, field_tables):
     row[compiler.feature_ids([limit.feature])[0]] = round((limit.lo - 0.01) * 2**24)
     code, out = evaluate(field_tables, row)
     assert code == status.NO_LUMP == evaluator.NO_LUMP
-    assert not out[evaluator.FLAGS] & evaluator.LUMP and not any(out[:15])
+    assert not out[evaluator.FLAGS] & evaluator.LUMP and not any(out[: evaluator.FLAGS])
 
 
 def test_a_feature_outside_the_box_or_far_from_the_rest_is_out_of_domain(field, field_tables):
@@ -190,7 +190,7 @@ def test_an_estimate_beyond_its_range_by_more_than_the_margin_is_out_of_domain(f
     """The range's end is moved to either side of where a stroke's estimate is just let through."""
     row = accuracy_inputs(field, 1)[0]
     features = [row[ident] / 2**24 for ident in compiler.feature_ids(field.features)]
-    ranges = [(None, None)] * 5
+    ranges = [(None, None)] * evaluator.OUTPUTS
     margin = round(0.15 * 256) / 256
     open_ended = dataclasses.replace(field.domain, ranges=tuple(ranges), margin=margin)
     said = reference.evaluate(dataclasses.replace(field, domain=open_ended), np.array([features]))
@@ -212,8 +212,8 @@ def test_an_estimate_beyond_its_range_by_more_than_the_margin_is_out_of_domain(f
 def test_the_domain_flag_is_the_same_in_integers_and_in_float64_wherever_the_estimates_lie():
     """Ranges so narrow that half of the strokes lie beyond them, and by every output."""
     spec = synthetic.model("field")
-    ranges = ((40.0, 90.0), (8.0, 20.0), (6.0, 14.0), (0.45, 1.1), (0.15, 0.85))
-    domain = dataclasses.replace(spec.domain, ranges=((None, None),) * 5)
+    ranges = ((40.0, 90.0), (8.0, 20.0), (6.0, 14.0), (0.45, 1.1), (0.15, 0.85), (None, None))
+    domain = dataclasses.replace(spec.domain, ranges=((None, None),) * evaluator.OUTPUTS)
     features = sampling.in_domain(dataclasses.replace(spec, domain=domain), 3000)
     spec = dataclasses.replace(spec, domain=dataclasses.replace(spec.domain, ranges=ranges)).validate()
     said = reference.evaluate(spec, features)

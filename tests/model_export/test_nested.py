@@ -15,6 +15,9 @@ from palpate.model_export.fixed_point.nested import SIGMA, Close, Run
 from palpate.model_export.fixed_point.rounding import Rounding
 
 FEATURES = 6
+FIRST = nested.FIRST_FEATURE
+LEAF, ALL = bytes((1, FIRST)), bytes((96 + FIRST + 2, *range(FIRST + 2)))
+"""A program of one leaf; ln sigma's run over two features and all predictions."""
 TERMS = [t for p in (1, 2, 3) for t in combinations_with_replacement(range(FEATURES), p)]
 
 
@@ -50,7 +53,7 @@ def test_the_program_is_the_polynomial(terms, seed):
 @given(st.sets(st.sampled_from(TERMS), min_size=1))
 def test_the_bytes_are_the_program(terms):
     steps = nested.program(terms)
-    sigma = Run(SIGMA, tuple(range(5 + FEATURES)))
+    sigma = Run(SIGMA, tuple(range(FIRST + FEATURES)))
     raw = nested.to_bytes((*steps, sigma))
     assert nested.from_bytes(raw) == [*steps, sigma]
     leaves = sum(len(step.features) for step in steps if isinstance(step, Run))
@@ -68,21 +71,21 @@ def test_terms_of_degree_three_share_branches():
     "raw",
     [
         b"",
-        bytes((1, 5)),  # nothing of ln sigma
-        bytes((1, 5, 96 + 6, 0, 1, 2, 3, 4, 5)),  # not all of its inputs
-        bytes((1, 4, 96 + 7, 0, 1, 2, 3, 4, 5, 6)),  # a prediction as a leaf
-        bytes((1, 7, 96 + 7, 0, 1, 2, 3, 4, 5, 6)),  # a feature that is not there
-        bytes((32 + 1, 5, 96 + 7, 0, 1, 2, 3, 4, 5, 6)),  # a branch that is not closed
-        bytes((128, 0, 96 + 7, 0, 1, 2, 3, 4, 5, 6)),  # the whole cannot be closed
-        bytes((128 + 32, 2, 96 + 7, 0, 1, 2, 3, 4, 5, 6)),  # closed with a feature that is not there
-        bytes((64 + 1, 5, 128 + 32, 1, 96 + 7, 0, 1, 2, 3, 4, 5, 6)),  # the inner one is not closed
-        bytes((96 + 7, 0, 1, 2, 3, 4, 5, 6, 1, 5)),  # the other way round
-        bytes((1, 5, 96 + 7, 0, 1, 2, 3, 4, 5)),  # cut off
-        bytes((0, 96 + 7, 0, 1, 2, 3, 4, 5, 6)),  # an empty run
+        LEAF,  # nothing of ln sigma
+        LEAF + bytes((96 + FIRST + 1, *range(FIRST + 1))),  # not all of its inputs
+        bytes((1, FIRST - 1)) + ALL,  # a prediction as a leaf
+        bytes((1, FIRST + 2)) + ALL,  # a feature that is not there
+        bytes((32 + 1, FIRST)) + ALL,  # a branch that is not closed
+        bytes((128, 0)) + ALL,  # the whole cannot be closed
+        bytes((128 + 32, 2)) + ALL,  # closed with a feature that is not there
+        bytes((64 + 1, FIRST, 128 + 32, 1)) + ALL,  # the inner one is not closed
+        ALL + LEAF,  # the other way round
+        (LEAF + ALL)[:-1],  # cut off
+        bytes((0,)) + ALL,  # an empty run
     ],
 )
 def test_what_is_no_program_of_two_features_is_refused(raw):
-    assert unpack.program(bytes((1, 5, 96 + 7, 0, 1, 2, 3, 4, 5, 6)), 2) == (1, 0, 2)
+    assert unpack.program(LEAF + ALL, 2) == (1, 0, 2)
     assert unpack.program(raw, 2) is None
 
 

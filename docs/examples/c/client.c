@@ -146,7 +146,7 @@ static void on_frame(const uint8_t *body, size_t n) {
 }
 
 static void on_estimate(const uint8_t *body, size_t n) {
-    static const char *names[] = {"F_N_per_m", "t_mm", "d_mm", "h", "E_inv23"};
+    static const char *names[] = {"F_N_per_m", "t_mm", "d_mm", "h", "E_inv23", "E_fat_kPa"};
     static uint32_t newest;
     struct palpate_estimate e;
     if (!palpate_get_estimate(body, n, &e) || e.stream != link_.stream) return; /* not ours */
@@ -155,7 +155,7 @@ static void on_estimate(const uint8_t *body, size_t n) {
     newest = e.stroke;
     link_.estimates++;
     printf("stroke %u frames %u status %d flags %u", (unsigned)e.stroke, e.frames, e.status, e.flags);
-    for (size_t k = 0; k < 5 && 3 * k + 2 < e.tail_n; k++)
+    for (size_t k = 0; k < 6 && 3 * k + 2 < e.tail_n; k++)
         printf(" %s %.6f %.6f %.6f", names[k], palpate_i32(e.tail + 12 * k) / 1e6,
                palpate_i32(e.tail + 12 * k + 4) / 1e6, palpate_i32(e.tail + 12 * k + 8) / 1e6);
     printf("\n");

@@ -3,30 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py import features
 from palpate.features.map_features import Floats
-from palpate.regression.any_tissue.observed import TRUTH, ObservedInTissue
-from palpate.regression.conformal import Widths, calibrate, fit_sigma, out_of_fold
-from palpate.regression.field.model import even_odds
+from palpate.link import answer
+from palpate.regression.any_tissue.observed import TRUTH, ObservedInTissue, joined
+from palpate.regression.conformal import LEVEL, Widths, calibrate, fit_sigma, out_of_fold
+from palpate.regression.domain import DomainCheck, fit_domain, with_ranges
+from palpate.regression.field.model import FLAGGED_INSIDE, UNFAMILIAR_INSIDE, even_odds, familiar_unseen
 from palpate.regression.field.recipe import CUBIC, FIELD_FEATURES
 from palpate.regression.observed import NAMES
 from palpate.regression.probe_model import HARD_BELOW, Polynomial, fit_polynomial, standardised
 from palpate.regression.ridge import Term, all_terms, fit_ridge, importance, monomials
 
-OUTPUTS = ("ln d", "ln depth", "ln t", "E^-2/3", "ln F/E_fat", "ln F", "ln E_fat")
+OUTPUTS = ("ln F", "ln t", "ln d", "ln h", "E^-2/3", "ln E_fat")
+"""Those of the wire (`firmware_py.outputs`), link scale."""
+RANGES = {
+    "ln d": (float(np.log(5.0)), float(np.log(20.0))),
+    "ln h": (float(np.log(0.3)), float(np.log(1.5))),
+    "E^-2/3": (-np.inf, 2.0 ** (-2 / 3)),
+    "ln E_fat": (float(np.log(5.0)), float(np.log(25.0))),
+}
+"""What the model is for; t follows from d and h, hard lumps feel alike, the force has a flag of its own."""
 STIFFNESS = OUTPUTS.index("E^-2/3")
 SCALE_FREE = tuple(n for n in FIELD_FEATURES if n not in ("ln_force", "ln_base"))
 """What does not change when all moduli and the force do; ln_base less ln_force is the twentieth."""
 
-PRESS_TERMS, STROKE_TERMS, FOLDS, GROUPS = 120, 340, 4, 4
-_PRESS = tuple(f"press_{k}" for k in range(9))
+PRESS_TERMS, STROKE_TERMS, FOLDS, GROUPS = 50, 200, 4, 4
+"""So many that the board has room for both stages; 120 and 340 err by a fiftieth less."""
+_WIDER_H = (1.0, 1.025, 1.05, 1.075, 1.1)
+PRESS = NAMES[features.PRESS : features.PRESS + 9]
+ESTIMATES = ("ln_reach", "ln_t", "ln_layers")
+DEEPEST = "press_d_full"
+"""The one of the press that the second stage has too: where there was no press it is outside the domain."""
 _STROKE = (*SCALE_FREE, "base_share")
-_ESTIMATES = ("ln_reach", "ln_t", "ln_layers")
 _CUBIC = tuple(n for n in CUBIC if n in SCALE_FREE)
 """What may be multiplied by two others, with `base_share` and the press's estimates."""
 
@@ -53,27 +68,45 @@ class TissueModel:
     widths: Widths
     border: float
     with_press: bool
+    domain: DomainCheck
+
+    def inputs(self, seen: ObservedInTissue, tissue: Floats | None = None) -> Floats:
+        """The second stage's features, (n, features), by `input_names`; tissue as in `answer`."""
+        if tissue is None and self.with_press:
+            tissue = self.press.predict(seen.press)
+        return _inputs(seen, tissue)
 
     def answer(self, seen: ObservedInTissue, tissue: Floats | None = None) -> TissueAnswers:
         """Estimates of every stroke; tissue (n, 3): what stands in the first stage's place."""
-        if tissue is None and self.with_press:
-            tissue = self.press.predict(seen.press)
-        X = _inputs(seen, tissue)
+        X = self.inputs(seen, tissue)
         y = self.stroke.predict(X)
         hard = y[:, STIFFNESS] < self.border
         return TissueAnswers(y, self.widths.half(self.stroke.standard(X), y, hard), hard)
 
+    def in_domain(self, seen: ObservedInTissue) -> NDArray[np.bool_]:
+        """Whether each stroke is one that the model is for, (n)."""
+        X = self.inputs(seen)
+        said = self.answer(seen)
+        return self.domain.inside(X, self.stroke.standard(X), said.y, said.half)
+
 
 def _inputs(seen: ObservedInTissue, estimates: Floats | None) -> Floats:
-    x = seen.X[:, [NAMES.index(name) for name in SCALE_FREE]]
-    base, force = (seen.X[:, NAMES.index(name)] for name in ("ln_base", "ln_force"))
-    parts = [x, base - force] if estimates is None else [x, base - force, estimates]
-    return np.column_stack([*parts, force])
+    """The second stage's features, by `input_names`."""
+    x = seen.X[:, [NAMES.index(name) for name in _STROKE]]
+    last = seen.X[:, [NAMES.index(name) for name in (DEEPEST, "ln_force")]]
+    return np.column_stack([x, last[:, 1:]] if estimates is None else [x, estimates, last])
+
+
+def input_names(with_press: bool) -> tuple[str, ...]:
+    """Names of the second stage's features."""
+    return (*_STROKE, *ESTIMATES, DEEPEST, "ln_force") if with_press else (*_STROKE, "ln_force")
 
 
 def truth(seen: ObservedInTissue) -> Floats:
     """(n, outputs), by `OUTPUTS`."""
-    return seen.Y[:, : len(OUTPUTS)]
+    of = {name: seen.Y[:, k] for k, name in enumerate(TRUTH)}
+    of["ln h"] = of["ln depth"] - of["ln d"]
+    return np.column_stack([of[name] for name in OUTPUTS])
 
 
 def tissue_truth(seen: ObservedInTissue) -> Floats:
@@ -105,14 +138,14 @@ def _fit(
 
 
 def _candidates(names: tuple[str, ...]) -> tuple[Term, ...]:
-    """All terms up to degree two of all features but the last, some of degree three, and that alone: ln F.
+    """All terms up to degree two of most features, some of degree three; ln F and `DEEPEST` stand alone.
 
     Where moduli and forces scale together only F and E_fat change, and both go as the force.
     """
-    last = len(names) - 1
-    among = {names.index(name) for name in (*_CUBIC, "base_share", *_ESTIMATES) if name in names}
+    alone = [k for k, name in enumerate(names) if name in (DEEPEST, "ln_force")]
+    among = {names.index(name) for name in (*_CUBIC, "base_share", *ESTIMATES) if name in names}
     cubic = tuple(t for t in combinations_with_replacement(sorted(among), 3))
-    return (*all_terms(last, 2), *cubic, (last,))
+    return (*all_terms(min(alone), 2), *cubic, *((k,) for k in alone))
 
 
 def fit_press(train: ObservedInTissue) -> tuple[Polynomial, Floats]:
@@ -121,23 +154,33 @@ def fit_press(train: ObservedInTissue) -> tuple[Polynomial, Floats]:
     terms = best_terms(train.press, T, train.group, all_terms(train.press.shape[1], 3), PRESS_TERMS)
 
     def fit(x: Floats, y: Floats, g: NDArray[np.int64]) -> Callable[[Floats], Floats]:
-        return _fit(_PRESS, x, y, g, terms).predict
+        return _fit(PRESS, x, y, g, terms).predict
 
     guessed = out_of_fold(train.press, T, train.group, fit, FOLDS)
-    return _fit(_PRESS, train.press, T, train.group, terms), guessed
+    return _fit(PRESS, train.press, T, train.group, terms), guessed
 
 
 def fit_tissue_model(
-    train: ObservedInTissue, with_press: bool = True, step: Callable[[str], None] | None = None
+    train: ObservedInTissue,
+    with_press: bool = True,
+    rim: ObservedInTissue | None = None,
+    step: Callable[[str], None] | None = None,
 ) -> TissueModel:
-    """Fit both stages; strokes that show no lump are left out of the second."""
+    """Fit both stages; strokes that show no lump are left out of the second.
+
+    `rim`: strokes over lumps just outside the ranges, for the polynomials alone (see `field.model`).
+    """
     step = step or (lambda what: None)
+    within = len(train.X)
+    if rim is not None:
+        train = joined([train, replace(rim, group=-1 - rim.group)])
     # The second stage learns from estimates as good as those it will get: of lumps left out.
     press, guessed = fit_press(train)
     step("press")
+    within = int(train.found[:within].sum())
     found = train.take(train.found)
     X = _inputs(found, guessed[train.found] if with_press else None)
-    names = (*_STROKE, *(_ESTIMATES if with_press else ()), "ln_force")
+    names = input_names(with_press)
     Y = truth(found)
     chosen = best_terms(X, Y, found.group, _candidates(names), STROKE_TERMS)
 
@@ -145,14 +188,53 @@ def fit_tissue_model(
         return _fit(names, x, y, g, chosen).predict
 
     stroke = _fit(names, X, Y, found.group, chosen)
-    guess = out_of_fold(X, Y, found.group, second, FOLDS)
+    guess = out_of_fold(X, Y, found.group, second, FOLDS)[:within]
+    X, Y, found = X[:within], Y[:within], found.take(np.arange(within))
     z = stroke.standard(X)
     sigma_terms, sigma = fit_sigma(z, guess, Y - guess, found.group)
     border = even_odds(guess[:, STIFFNESS], Y[:, STIFFNESS] <= HARD_BELOW)
     hard = guess[:, STIFFNESS] < border
     widths = calibrate(sigma_terms, sigma, z, guess, Y, hard, groups=list(quarters(found).values()))
+    widths = _wide_enough_for_depth(widths, z, guess, Y, hard)
     step("stroke")
-    return TissueModel(press, stroke, widths, border, with_press)
+    domain = _domain(stroke, X, z, guess, widths.half(z, guess, hard), found.group)
+    return TissueModel(press, stroke, widths, border, with_press, domain)
+
+
+def depth_mm(y: Floats, half: Floats) -> Floats:
+    """Fat over the lump, which follows from t, d and h: value, low and high, (n, 3)."""
+    t, d, h = (OUTPUTS.index(name) for name in ("ln t", "ln d", "ln h"))
+    spans = np.exp(np.stack([y, y - half, y + half], axis=2))
+    return np.array([answer.depth_mm(*map(tuple, stroke[[t, d, h]])) for stroke in spans])
+
+
+def _wide_enough_for_depth(
+    widths: Widths, z: Floats, y: Floats, Y: Floats, hard: NDArray[np.bool_]
+) -> Widths:
+    """The same with h's intervals a little wider, where the depth's would hold too seldom.
+
+    The depth has no output of its own; how its interval follows tells h's most of all (`answer.depth_mm`).
+    """
+    d, h = (OUTPUTS.index(name) for name in ("ln d", "ln h"))
+    true = np.exp(Y[:, d] + Y[:, h])
+    for factor in _WIDER_H:
+        quantiles = widths.quantiles.copy()
+        quantiles[h] *= factor
+        tried = replace(widths, quantiles=quantiles)
+        _, low, high = depth_mm(y, tried.half(z, y, hard)).T
+        if ((low <= true) & (true <= high)).mean() >= LEVEL:
+            break
+    return tried
+
+
+def _domain(
+    stroke: Polynomial, X: Floats, z: Floats, y: Floats, half: Floats, groups: NDArray[np.int64]
+) -> DomainCheck:
+    """Box, distance and ranges that leave out `FLAGGED_INSIDE` of strokes like these."""
+    ends = np.array([RANGES.get(name, (-np.inf, np.inf)) for name in OUTPUTS]).T
+    domain = fit_domain(X, z, len(OUTPUTS), UNFAMILIAR_INSIDE)
+    familiar = familiar_unseen(stroke, X, groups)
+    return with_ranges(domain, ends[0], ends[1], familiar, y, half, FLAGGED_INSIDE)
 
 
 def quarters(seen: ObservedInTissue) -> dict[str, NDArray[np.bool_]]:

@@ -126,13 +126,29 @@ def observe(
     two_apart_mm : (float, float), optional
         Two lumps of a kind instead of one, so far apart (`sim.probe.two_lumps.random_pair`).
     """
+    kept = [replace(lump, strokes=LumpStrokes(lump.strokes.strokes[::every])) for lump in lumps]
+    return observe_at(kept, None, noise, seed, force_map, first, two_apart_mm)
+
+
+def observe_at(
+    lumps: Sequence[TissueLump],
+    fat_kPa: Sequence[float] | None,
+    noise: Noise | str,
+    seed: int,
+    force_map: bytes | None,
+    first: int = 0,
+    two_apart_mm: tuple[float, float] | None = None,
+) -> ObservedInTissue:
+    """The same in fat of these moduli, one for each lump; None: at random, as `random_scale` draws them."""
     level, replay = noise_named(noise), Replay(force_map)
     X, press, Y, whole = [], [], [], []
     for k, lump in enumerate(lumps):
         rng = np.random.default_rng([seed, first + k])
         s = random_scale(lump.strokes.case, rng)
-        strokes = lump.strokes.strokes[::every]
-        field = _field([scaled(stroke, s) for stroke in strokes], two_apart_mm, (seed, first + k, 1))
+        if fat_kPa is not None:
+            s = fat_kPa[k] / lump.strokes.case.fat_kPa
+        strokes = [scaled(stroke, s) for stroke in lump.strokes.strokes]
+        field = _field(strokes, two_apart_mm, (seed, first + k, 1))
         sensors = SensorModel(field, level, int(rng.integers(1 << 40)))
         pressed = StrokeField(*(scaled(p, s) for p in lump.press))
         stream = sensors.stroke(press=PRESS_FRAMES, pressed=pressed)

@@ -18,11 +18,10 @@ from palpate.features.map_features import Floats
 from palpate.link import answer
 from palpate.link.events import OUTPUTS as WIRE
 from palpate.model_export.fixed_point import force_map as force_maps
-from palpate.model_export.fixed_point.reference import evaluate
+from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.regression.balls.lumps import SolidLump, force_map_of
 from palpate.regression.balls.model import OUTPUTS, STIFFNESS, fit_ball_model, quarters, truth
 from palpate.regression.balls.observed import ObservedBalls, joined, observe
-from palpate.regression.observed import NAMES
 from palpate.regression.probe_model import HARD_BELOW
 from palpate.regression.table import r_squared
 
@@ -103,11 +102,11 @@ def held_out(seen: ObservedBalls, with_press: bool = True, folds: int = FOLDS) -
 
 
 def bundled(seen: ObservedBalls) -> tuple[BallStudy, float]:
-    """What the bundled model, of endless cylinders in one tissue, says of the same strokes; and of what share
+    """What the bundled model, of endless cylinders, says of the same strokes; and of what share
     of them it says itself that they lie outside its domain."""
     spec = models.load()
     found = seen.take(seen.found)
-    said = evaluate(spec, found.X[:, [NAMES.index(name) for name in spec.features]])
+    said = evaluate(spec, inputs(spec, found.X))
     # value, low and high of each of its outputs, (n, outputs, 3)
     spans = np.stack([said[part] for part in ("value", "low", "high")], axis=2)
     at = {name: spans[:, WIRE.index(name)] for name in WIRE}

@@ -109,6 +109,10 @@ def prepare(
         `directory` holds strokes over another tissue.
     """
     directory = Path(directory)
+    if (directory / "press").exists():
+        raise TableError(
+            f"{directory} holds strokes in tissue of all kinds; leave --tissue out, or name another"
+        )
     tissue = check_tissue_names(tissue or {})
     rim, plain, wide = (
         round(lumps * share) if n is None else n for n, share in ((rim, _RIM), (plain, _PLAIN), (wide, _WIDE))

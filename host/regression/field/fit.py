@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -113,7 +114,8 @@ def _result(bench: Bench, model: FieldModel, parts: Parts, noise: str, rows: lis
             excluded[f"{name}: {why}"] = left_out
     force_map = bench.force_map_of(model.recipe)
     main = next(r for r in rows if (r.noise, r.recipe, r.strokes) == (noise, model.recipe.name, 1))
-    spec = model.spec(
+    told = bench.strokes.lumps[0].case.fat_kPa
+    spec = replace(model, fat_kPa=told).spec(
         {
             "hash": hash_of(train, calibration, *(() if rim is None else (rim,))),
             "n": int(model.lump(train).sum()) + (0 if rim is None else int(model.lump(rim).sum())),

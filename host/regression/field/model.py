@@ -39,7 +39,9 @@ from palpate.regression.probe_model import (
     training_hash,
 )
 
-RANGE_LO, RANGE_HI, LOWEST, HIGHEST = (tuple(float(row[k]) for row in outputs.TABLE) for k in range(4, 8))
+RANGE_LO, RANGE_HI, LOWEST, HIGHEST = (
+    tuple(float(row[k]) for row in outputs.TABLE[: outputs.E_FAT]) for k in range(4, 8)
+)
 """What the model is for, and where its estimates are held; see `firmware_py.outputs`."""
 
 FLAGGED_INSIDE = 0.022
@@ -70,7 +72,8 @@ class Answers:
 
 @dataclass(frozen=True)
 class FieldModel:
-    """A fitted field model; `border` is the estimate of E^-2/3 below which a lump counts as hard."""
+    """A fitted field model; `border` is the estimate of E^-2/3 below which a lump counts as hard,
+    `fat_kPa` what it was told of the tissue."""
 
     recipe: Recipe
     polynomial: Polynomial
@@ -79,6 +82,7 @@ class FieldModel:
     least_amp_share: float
     border: float = HARD_BELOW
     checks: FirstStage | None = None
+    fat_kPa: float = 10.0
 
     def answer(self, observed: ObservedStrokes) -> Answers:
         """Estimates of every stroke, those without a lump too (their numbers mean nothing)."""
@@ -122,6 +126,7 @@ class FieldModel:
             notes,
             self.least_amp_share,
             self.border,
+            self.fat_kPa,
         )
         return replace(spec, checks=self.checks).validate()
 

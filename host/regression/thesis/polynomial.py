@@ -31,7 +31,7 @@ from palpate.regression.probe_model import (
 )
 from palpate.regression.progress import ProgressCallback
 from palpate.regression.ridge import all_terms
-from palpate.regression.table import further_outputs, r_squared
+from palpate.regression.table import TARGETS, further_outputs, r_squared
 from palpate.regression.thesis.inverted import quadratic
 from palpate.sim.probe.sensors import Noise, StrokeField
 from palpate.sim.tissue import FORCE_UNIT_N_PER_M, Stroke
@@ -107,7 +107,10 @@ def fit_thesis_model(
     X, example_Y, _ = _examples(observed, seed)
     domain = fit_domain(X, model.standard(X))
     estimate = from_link(model.predict(observed.columns(FEATURES)))
-    scores = {name: r_squared(observed.Y[:, j], estimate[:, j]) for j, (name, _) in enumerate(OUTPUTS)}
+    scores = {
+        name: r_squared(observed.Y[:, j], estimate[:, j])
+        for j, (name, _) in enumerate(OUTPUTS[: len(TARGETS)])
+    }
     return spec_of(
         "thesis",
         model,
@@ -123,6 +126,7 @@ def fit_thesis_model(
             "features": observed.columns(FEATURES).tolist(),
         },
         notes={"r2_in_sample": scores, "examples": len(example_Y)},
+        fat_kPa=runs[0].case.fat_kPa,
     )
 
 

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from palpate import models
 from palpate.dataset.strokes import read_strokes
 from palpate.errors import PalpateError
 from palpate.importing import declaration, importer, resample
@@ -72,7 +73,9 @@ def declared(tmp_path, text=DECLARED):
 
 def test_an_imported_csv_replays_bit_for_bit_and_is_the_same_stroke(felt, bench, tmp_path):
     table(felt).to_csv(tmp_path / "a.csv", index=False)
-    done = importer.import_file(tmp_path / "a.csv", tmp_path / "a.mcap", declared(tmp_path), emulator.image())
+    done = importer.import_file(
+        tmp_path / "a.csv", tmp_path / "a.mcap", declared(tmp_path), emulator.image(models.TOLD)
+    )
     assert (done.strokes, done.frames, done.missing) == (2, 2 * FRAMES, ())
     assert [s.identical for s in replay(tmp_path / "a.mcap")] == [True, True]
     assert [s.value("d_mm") is not None for s in load_strokes(tmp_path / "a.mcap")] == [True, True]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from firmware_py import geometry, messages, wire
+from firmware_py import geometry, messages, outputs, wire
 
 
 def packet(
@@ -53,6 +53,6 @@ def frame(seq: int, time_us: int | None = None, rng: np.random.Generator | None 
 
 def estimate(stroke: int, first_seq: int = 0, frames: int = 10) -> bytes:
     """An estimate packet with made-up numbers."""
-    values = tuple(1_000_000 * (k + 1) for k in range(15))
+    values = tuple(1_000_000 * (k + 1) for k in range(outputs.VALUES))
     place = (frames, first_seq, first_seq + frames, 0, 5000 * (first_seq + frames))
     return packet("estimate", (STREAM, stroke, 0, 3 | 2 << 2, 0, 900, 400, b"MODEL-ID", *place), values)

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from firmware_py import calib, features
+from palpate import models
 from palpate.cli.emulate import strokes_over
+from palpate.errors import ImageUnreadable
 from palpate.features import press_features
 from palpate.importing.firmware import Session
 from palpate.link.events import Estimate, Features
@@ -33,7 +35,7 @@ def stream():
 
 def recorded(path, *streams, lift=True):
     """The firmware's session while these are felt, one after the other."""
-    image = emulator.image()
+    image = emulator.image(models.TOLD)
     with RecordingWriter(path) as writer:
         nominal = calib.Calibration().to_bytes()
         writer.attach(channels.CALIBRATION, "application/octet-stream", nominal)
@@ -93,10 +95,12 @@ def test_a_stroke_after_lifting_has_its_own_press_or_none(stream, tmp_path):
     assert [s.identical for s in replay(path)] == [True, True]
 
 
-def test_a_recording_of_a_probe_that_did_not_look_at_the_press_replays():
+def test_a_recording_of_a_probe_that_did_not_look_at_the_press_is_read_and_its_model_refused_by_name():
+    """Its model says nothing of the fat: an image of another format, which this firmware cannot run."""
     (values,) = told(BEFORE)
     assert len(values) == features.PRESS
-    assert [(s.identical, s.features_equal) for s in replay(BEFORE)] == [(True, True)]
+    with pytest.raises(ImageUnreadable, match=r"format version 4.*own estimates stay as they are"):
+        list(replay(BEFORE))
 
 
 def test_where_the_models_press_is_missing_the_replay_says_so(stream, tmp_path, monkeypatch):

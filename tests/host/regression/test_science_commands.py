@@ -25,6 +25,8 @@ def test_one_command_goes_from_strokes_to_a_model_and_its_held_out_table(tmp_pat
         str(STROKES),
         "--kind",
         "field",
+        "--tissue",
+        "thesis",
         "--out",
         str(out),
         "--noise",

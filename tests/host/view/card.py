@@ -21,6 +21,8 @@ def numbers_of(estimate: Estimate) -> dict[str, str]:
     out = {key: f"{v.value:.1f} mm {v.low:.1f} to {v.high:.1f}" for key, v in wanted.items()}
     force = shown.F_N_per_m
     out["F_N_per_m"] = f"{force.value:.0f} N/m {force.low:.0f} to {force.high:.0f}"
+    fat = shown.further["E_fat_kPa"]
+    out["E_fat_kPa"] = f"{fat.value:.1f} kPa {fat.low:.1f} to {fat.high:.1f}"
     return out
 
 

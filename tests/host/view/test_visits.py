@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
+from palpate import models
 from palpate.importing import declaration, importer
 from palpate.models import emulator
 from palpate.regression.field import data
@@ -29,8 +30,7 @@ def visits(tmp_path_factory):
     field = data.stroke_fields(data.read(STROKES).lumps[17:18])[0]
     rows = ["recording,stroke,lump,visit,d_mm"]
     for visit in range(1, VISITS + 1):
-        models = [SensorModel(field, LEVELS["typical"], 10 * visit + n) for n in (1, 2)]
-        felt = [model.stroke(40) for model in models]
+        felt = [SensorModel(field, LEVELS["typical"], 10 * visit + n).stroke(40) for n in (1, 2)]
         np.savez(
             home / f"visit-{visit}.npz",
             kPa=np.concatenate([s.counts / 4095 * 25 - 0.5 for s in felt]).reshape(-1, 16, 26),
@@ -40,7 +40,7 @@ def visits(tmp_path_factory):
             n=np.repeat([1, 2], [len(s) for s in felt]),
         )
         name = f"visit-{visit}.mcap"
-        importer.import_file(home / f"visit-{visit}.npz", home / name, DECLARED, emulator.image())
+        importer.import_file(home / f"visit-{visit}.npz", home / name, DECLARED, emulator.image(models.TOLD))
         rows += [f"{name},{n},A,{visit},{felt[0].truth.outputs()['d_mm']:.3f}" for n in (1, 2)]
     (home / "set.csv").write_text("\n".join(rows) + "\n")
     return home

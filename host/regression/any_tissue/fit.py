@@ -1,0 +1,203 @@
+"""`fit_in_any_tissue`: from a directory of strokes to the model that is not told its tissue.
+
+The model is fitted to every lump. What is said of it comes from models that were fitted, both stages and the
+intervals, without the lump in question (`study.held_out`), and from lumps outside the ranges and tissue
+without lumps that none has seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from palpate.model_export.fixed_point import force_map as force_maps
+from palpate.regression.any_tissue.data import TissueStrokes
+from palpate.regression.any_tissue.model import (
+    OUTPUTS,
+    RANGES,
+    TissueModel,
+    fit_tissue_model,
+    tissue_truth,
+    truth,
+)
+from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe
+from palpate.regression.any_tissue.pairs import observer, pair_check, pairs_table
+from palpate.regression.any_tissue.reference import (
+    Joining,
+    fit_joining,
+    observe_references,
+    out_of_fold_pairs,
+)
+from palpate.regression.any_tissue.result import TissueFit
+from palpate.regression.any_tissue.spec import tissue_spec
+from palpate.regression.any_tissue.study import FOLDS, held_out, learnt_force_map
+from palpate.regression.probe_model import training_hash
+from palpate.regression.progress import ProgressCallback
+from palpate.sim.probe.two_lumps import APART_MM
+
+DRAWS, RIM_DRAWS, PLAIN_DRAWS = 3, 2, 4
+_RIM_SEED, _PLAIN_SEED = 600, 400
+_RIM_TESTED = 3
+"""Every third lump of the rim is kept to test the flag."""
+
+
+def fit_in_any_tissue(
+    strokes: TissueStrokes,
+    noise: str = "typical",
+    seed: int = 1,
+    others: Sequence[str] = ("real",),
+    progress: ProgressCallback | None = None,
+) -> TissueFit:
+    """Fit the model at one noise level, and the held-out table.
+
+    Parameters
+    ----------
+    strokes : TissueStrokes
+        Of `data.prepare_strokes`.
+    noise : str
+        Level that the model is for, or a sensor's file.
+    seed : int
+        Of the sensors' noise.
+    others : sequence of str
+        Further levels, in the table only.
+    progress : callable, optional
+        See `progress.ProgressCallback`.
+    """
+    tell = _Steps(len((noise, *others)) * (2 * FOLDS + DRAWS) + 4, progress)
+    force_map = learnt_force_map(strokes.lumps)
+    blob = force_maps.blob(force_map)
+    rows = []
+    for level in (noise, *(other for other in others if other != noise)):
+        seen = joined([_observed(strokes.lumps, level, seed, k, blob, tell) for k in range(DRAWS)])
+        rim, outside = _rim(strokes.rim, level, seed, blob)
+        alone = held_out(seen, False, step=tell, rim=rim)
+        both = held_out(seen, True, step=tell, rim=rim)
+        rows += [alone.row(f"{level}, the stroke alone"), both.row(f"{level}, with its press")]
+        if level == noise:
+            kept = seen, rim, outside, both
+    seen, rim, outside, study = kept
+    model = fit_tissue_model(seen, True, rim)
+    joining = _joining(strokes, noise, seed, seen, model)
+    tell("model fitted")
+    plain = joined(
+        [observe(strokes.plain, noise, _seed(seed, _PLAIN_SEED + k), blob) for k in range(PLAIN_DRAWS)]
+    )
+    tell("plain tissue")
+    watch = observer(noise, seed, blob)
+    check = pair_check(model, seen, watch(strokes.lumps, APART_MM, 0))
+    tell("check fitted")
+    pairs = pairs_table(strokes.lumps, seen, rim, watch)
+    tell("pairs of lumps")
+    spec = tissue_spec(
+        model,
+        joining,
+        {
+            "hash": training_hash(seen.X, seen.Y, rim.X, rim.Y),
+            "n": int(seen.found.sum() + rim.found.sum()),
+            "lumps": len(np.unique(seen.group)),
+            "rim_lumps": len(np.unique(rim.group)),
+            "noise": Path(noise).name,
+            "seed": seed,
+            "tissue": "any",
+        },
+        force_map.as_dict(),
+        check,
+        held_out={k: v for k, v in rows[1].items() if isinstance(v, float)},
+    )
+    return TissueFit(
+        spec=spec,
+        model=model,
+        noise=noise,
+        rows=rows,
+        study=study,
+        pairs=pairs,
+        facts=_facts(model, study.row("")["flagged"], outside, plain),
+        excluded=strokes.excluded | {"no lump found": int((~seen.found).sum())},
+    )
+
+
+class _Steps:
+    """Counts what has been done, and reports it."""
+
+    def __init__(self, total: int, progress: ProgressCallback | None) -> None:
+        self.total, self.progress, self.done = total, progress, 0
+
+    def __call__(self, what: str) -> None:
+        self.done += 1
+        if self.progress is not None:
+            self.progress("observing and fitting", min(self.done, self.total), self.total)
+
+
+def _seed(seed: int, draw: int) -> int:
+    return 1000 * seed + draw
+
+
+def _observed(
+    lumps: Sequence[TissueLump], level: str, seed: int, draw: int, blob: bytes, tell: Callable[[str], None]
+) -> ObservedInTissue:
+    found = observe(lumps, level, _seed(seed, draw), blob)
+    tell("observed")
+    return found
+
+
+def _joining(
+    strokes: TissueStrokes, noise: str, seed: int, seen: ObservedInTissue, model: TissueModel
+) -> Joining:
+    """How a reference press joins the stroke's own, from tissues that the stage has not met."""
+    first = seen.take(_first_draw(seen))
+    found = observe_references(strokes.lumps, strokes.references, noise, _seed(seed, 0)).take(first.group)
+    some, pressed = first.take(found.taken), found.take(found.taken)
+    own, other = out_of_fold_pairs(some, pressed, model.press)
+    return fit_joining(own, other, tissue_truth(some))
+
+
+def _first_draw(seen: ObservedInTissue) -> np.ndarray:
+    """Rows of the first draw, which come first and in the lumps' order."""
+    ends = np.flatnonzero(np.diff(seen.group) < 0)
+    return np.arange(len(seen.group)) <= (ends[0] if len(ends) else len(seen.group))
+
+
+def _rim(
+    lumps: Sequence[TissueLump], level: str, seed: int, blob: bytes
+) -> tuple[ObservedInTissue, ObservedInTissue]:
+    """Strokes over lumps outside the ranges: to train on, and to test the flag."""
+    seen = joined([observe(lumps, level, _seed(seed, _RIM_SEED + k), blob) for k in range(RIM_DRAWS)])
+    tested = seen.group % _RIM_TESTED == 0
+    return seen.take(~tested & (_beyond(seen) < NEAR)), seen.take(tested)
+
+
+def _facts(
+    model: TissueModel, flagged_inside: object, outside: ObservedInTissue, plain: ObservedInTissue
+) -> dict[str, float]:
+    """Shares flagged inside and outside the ranges; false alarms on plain tissue."""
+    caught = ~model.in_domain(outside) & outside.found
+    far = outside.found & (_beyond(outside) > WELL_OUTSIDE)
+    alarms = plain.found
+    return {
+        "flagged_inside": float(flagged_inside),  # type: ignore[arg-type]
+        "flag_margin_half_widths": model.domain.margin,
+        "outside_strokes": float(len(outside.found)),
+        "outside_no_lump": float((~outside.found).mean()),
+        "flagged_outside": float(caught[outside.found].mean()),
+        "flagged_well_outside": float(caught[far].mean()) if far.any() else float("nan"),
+        "plain_strokes": float(len(plain.found)),
+        "false_alarms": float(alarms.mean()),
+        "false_alarms_not_flagged": float((alarms & model.in_domain(plain)).mean()),
+    }
+
+
+WELL_OUTSIDE, NEAR = np.log(1.05), np.log(1.13)
+"""By 5 % of an end; lumps further out would cost those within the ranges more than they bring."""
+
+
+def _beyond(seen: ObservedInTissue) -> np.ndarray:
+    """How far the truth lies beyond the ranges, (n), on a logarithmic scale."""
+    Y, out = truth(seen), np.full(len(seen.X), -np.inf)
+    for name, ends in RANGES.items():
+        y = Y[:, OUTPUTS.index(name)]
+        low, high = (-np.inf, float(np.log(ends[1]))) if name == "E^-2/3" else ends
+        beyond = np.maximum(low - y, (np.log(y) if name == "E^-2/3" else y) - high)
+        out = np.maximum(out, beyond)
+    return out

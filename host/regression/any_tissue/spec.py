@@ -1,0 +1,59 @@
+"""The model of two stages as the document that `palpate export` compiles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from palpate.model_export import model_data
+from palpate.model_export.schema import Estimate, FirstStage, ModelSpec
+from palpate.regression.any_tissue.model import ESTIMATES, PRESS, TissueModel
+from palpate.regression.any_tissue.observed import FORCE_N_PER_M
+from palpate.regression.any_tissue.reference import Joining
+from palpate.regression.probe_model import Polynomial, spec_of
+
+
+def tissue_spec(
+    model: TissueModel,
+    joining: Joining,
+    training: dict[str, Any],
+    force_map: dict[str, Any] | None,
+    checks: FirstStage | None = None,
+    **notes: Any,
+) -> ModelSpec:
+    """See `probe_model.spec_of`; the press' polynomials are the first stage, which a reference joins."""
+    spec = spec_of(
+        "field",
+        model.stroke,
+        model.widths,
+        model.domain,
+        FORCE_N_PER_M,
+        training,
+        force_map,
+        notes,
+        hard_below=model.border,
+        first=first_stage(model.press, joining),
+    )
+    return replace(spec, checks=checks).validate()
+
+
+def first_stage(press: Polynomial, joining: Joining) -> FirstStage:
+    """Estimates of `model.ESTIMATES` from the press's features."""
+    ends = zip(press.lo, press.hi)
+    return FirstStage(
+        features=PRESS,
+        centre=tuple(map(float, press.centre)),
+        scale=tuple(map(float, press.scale)),
+        clip_lo=tuple(map(float, press.clip_lo)),
+        clip_hi=tuple(map(float, press.clip_hi)),
+        terms=press.terms,
+        estimates=tuple(
+            Estimate(name, float(low), float(high), tuple(map(float, press.coefficients[:, j])))
+            for j, (name, (low, high)) in enumerate(zip(ESTIMATES, ends))
+        ),
+        joining=model_data.Joining(
+            tuple(map(float, joining.weights)),
+            tuple(tuple(map(float, row[: j + 1])) for j, row in enumerate(joining.triangle)),
+            float(joining.limit),
+        ),
+    )

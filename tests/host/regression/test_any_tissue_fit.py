@@ -1,0 +1,86 @@
+"""`palpate fit --kind field`: from an empty directory to a model that is not told its tissue."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from palpate.cli import fit
+from palpate.errors import UsageError
+from palpate.link.events import OUTPUTS
+from palpate.model_export import exporter
+from palpate.model_export import image_builder as image
+from palpate.model_export.schema import ModelSpec
+from palpate.regression.any_tissue.data import prepare_strokes
+from palpate.regression.any_tissue.fit import fit_in_any_tissue
+from palpate.regression.any_tissue.model import ESTIMATES
+from palpate.regression.any_tissue.model import OUTPUTS as OURS
+from palpate.regression.field import data as told
+from palpate.regression.table import TableError
+from palpate.report import any_tissue_figures
+from tests.docs.test_reference import fields_in_the_page
+from tests.host.regression.conftest import STROKES
+
+LUMPS = 14
+
+
+@pytest.fixture(scope="module")
+def directory(tmp_path_factory):
+    """Far too few lumps for a good model: enough for every step."""
+    home = tmp_path_factory.mktemp("any")
+    prepare_strokes(home, LUMPS, workers=1)
+    return home
+
+
+@pytest.fixture(scope="module")
+def fitted(directory):
+    said = []
+    result = fit_in_any_tissue(
+        prepare_strokes(directory, LUMPS), others=(), progress=lambda *words: said.append(words)
+    )
+    return result, said
+
+
+def test_one_command_prints_one_json_document_and_writes_a_model_of_two_stages(directory, tmp_path):
+    out = tmp_path / "m.json"
+    words = [str(directory), "--kind", "field", "--out", str(out), "--json"]
+    result = CliRunner().invoke(fit.command, words)
+    assert result.exception is None, result.output
+    said = json.loads(result.stdout)
+    assert set(said) == fields_in_the_page("fit-any-tissue")
+    assert [row["setting"] for row in said["held_out"]] == [
+        f"{noise}, {with_what}"
+        for noise in ("typical", "real")
+        for with_what in ("the stroke alone", "with its press")
+    ]
+    spec = ModelSpec.load(out)
+    assert [e.name for e in spec.first.estimates] == list(ESTIMATES)
+    assert spec.training["tissue"] == "any" and spec.training["lumps"] == LUMPS
+
+
+def test_the_model_has_room_on_the_probe_and_is_a_function_of_the_press(fitted):
+    result, _ = fitted
+    assert tuple(o.name for o in result.spec.outputs) == OUTPUTS and len(OURS) == len(OUTPUTS)
+    prepared, _, force_map = exporter.prepare(result.spec)
+    assert len(image.build(result.spec, prepared, force_map, counter=1)) < 9000
+    assert result.spec.first.joining is not None, "a reference press joins the stroke's own"
+    assert [e.name for e in result.spec.checks.estimates] == ["two_lumps"]
+
+
+def test_every_lump_is_judged_by_models_that_have_not_seen_it(fitted):
+    result, said = fitted
+    assert set(result.study.seen.group) <= set(range(LUMPS))
+    assert len(result.tables()) == 5 and result.missed_targets()
+    assert said[-1][1] == said[-1][2], "progress ends where it said that it would"
+    for item in any_tissue_figures.items(result):
+        assert item.draw().axes and item.tables
+
+
+def test_strokes_in_one_tissue_and_of_all_kinds_are_not_taken_for_each_other(directory, tmp_path):
+    with pytest.raises(TableError, match="strokes in one tissue; say which"):
+        prepare_strokes(STROKES)
+    with pytest.raises(TableError, match="tissue of all kinds; leave --tissue out"):
+        told.prepare(directory, tissue={})
+    words = [str(STROKES), "--kind", "field", "--without", "displacement", "--out", str(tmp_path / "m.json")]
+    result = CliRunner().invoke(fit.command, words)
+    assert isinstance(result.exception, UsageError) and "add --tissue thesis" in str(result.exception)
