@@ -27,7 +27,8 @@ UNITS = tuple([row[1] for row in TABLE])
 LOGARITHMIC = tuple([row[2] for row in TABLE])
 COUNT = len(TABLE)
 E_INV23 = NAMES.index("E_inv23")  # decides what is hard
-E_FAT = NAMES.index("E_fat_kPa")
+# what a model repeats that was told its tissue; the last, where it is there
+E_FAT = NAMES.index("E_fat_kPa") if "E_fat_kPa" in NAMES else COUNT
 SCALE = 1000000
 PARTS = ("value", "low", "high")  # of each, one after the other
 VALUES = len(PARTS) * COUNT  # integers

@@ -89,7 +89,7 @@ def trained(fields, learned):
             assert replay.stream(frames, model.calibration()) == status.OK
             found = replay.results()["features"]
             X.append([found[name] for name in FEATURES])
-            Y.append(list(frames.truth.outputs().values()))
+            Y.append(list(frames.truth.outputs().values())[: outputs.E_FAT])
             group.append(k)
     X, Y, group = np.array(X), to_link(np.array(Y)), np.array(group)
     room = 0.5 * np.ptp(Y, axis=0)
@@ -105,10 +105,11 @@ def trained(fields, learned):
         "field",
         model,
         replace(unit, quantiles=quantiles),
-        fit_domain(X, model.standard(X), Y.shape[1]),
+        fit_domain(X, model.standard(X)),
         (0.8 * float(force.min()), 1.2 * float(force.max())),
         {"hash": training_hash(X, Y), "n": len(X)},
         force_map=learned.as_dict(),
+        fat_kPa=fields[0].low.case.fat_kPa,
     )
 
 

@@ -1,6 +1,6 @@
 """A small model of every output, on the emulated probe: python -m tests.another_output DIRECTORY
 
-A test runs it in a copy of the sources whose table of outputs has one more row. Prints what a stroke was
+A test runs it in a copy of the sources whose table of outputs has another row. Prints what a stroke was
 answered, what is shown of it, and the truth, as JSON.
 """
 

@@ -155,7 +155,7 @@ def spec_of(
     A model that does not estimate E_fat was told `fat_kPa`, and repeats it. `first` is the stage whose
     estimates are among the model's features.
     """
-    if fat_kPa is not None:
+    if fat_kPa is not None and len(model.lo) < len(_LINK_LN):
         model, widths, domain = _told(fat_kPa, model, widths, domain)
     lo, hi = from_link(model.lo[None])[0], from_link(model.hi[None])[0]
     outputs = tuple(

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from firmware_py import outputs
 from palpate.errors import PalpateError
 from palpate.features.map_features import Floats
 from palpate.model_export.vocabulary import OUTPUTS, SYMBOLS
@@ -33,7 +34,7 @@ NAMES = {
     "D28": "ln D28",
     "dip": "1 - D0/D28",
 }
-TARGETS = SYMBOLS[: SYMBOLS.index("E_fat")]
+TARGETS = SYMBOLS[: outputs.E_FAT]
 """What a model estimates that is told its tissue; it repeats E_fat, the last output."""
 SHOWN = {target: {"E_inv23": "E^-2/3"}.get(target, target) for target in TARGETS}
 _STIFFEST = 1000.0 ** (-2 / 3)

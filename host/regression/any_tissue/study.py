@@ -51,6 +51,9 @@ TARGETS = {
 }
 """Of one stroke with its press at typical noise: median errors, R2, hard or soft right."""
 
+_LEAST_MM = 1e-3
+"""Of a depth: where t and d contradict each other it would be none."""
+
 WORST_COVERED = 0.86
 """What the intervals should cover in every quarter."""
 
@@ -117,7 +120,7 @@ class TissueStudy:
 
     def _depth(self) -> dict[str, float]:
         """Of the fat over the lump, which follows from t, d and h (`palpate.link.answer`)."""
-        value, low, high = depth_mm(self.y, self.half).T
+        value, low, high = np.maximum(depth_mm(self.y, self.half), _LEAST_MM).T
         true = np.exp(self.seen.Y[:, TRUTH.index("ln depth")])
         return {
             "depth_r2": r_squared(np.log(true), np.log(value)),
