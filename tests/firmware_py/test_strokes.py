@@ -214,7 +214,7 @@ def test_a_stroke_of_uneven_force_is_refused(fields, map_blob, rise, code):
 
 @pytest.mark.parametrize(("top", "code"), [(0.9, status.OK), (1.25, status.SATURATED)])
 def test_a_stroke_whose_bump_reaches_beyond_full_scale_is_refused(fields, map_blob, top, code):
-    """Its top was cut off, the lump came out wider, deeper and softer, and no flag was set."""
+    """Its top was cut off, and no flag was set."""
     replay = Replay(map_blob)
     for seed, field in enumerate(fields[:4]):
         model = SensorModel(field, LEVELS["typical"], seed)
