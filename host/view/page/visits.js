@@ -120,11 +120,15 @@ export class History {
 
   async refresh() {
     const last = Math.min(Math.max(Number(this.get("last").value) || 5, 2), 100);
+    const turn = (this.refreshed = (this.refreshed ?? 0) + 1);
+    let spread;
     try {
-      this.spread = await this.hooks.ask("repeatability", { visit: this.current, last });
+      spread = await this.hooks.ask("repeatability", { visit: this.current, last });
     } catch {
       return; // the connection is gone, which the page says; this is asked again when it is back
     }
+    if (turn !== this.refreshed) return; // asked again since: that answer knows more
+    this.spread = spread;
     this.draw();
     await this.compare();
   }
@@ -159,6 +163,7 @@ export class History {
   }
 
   async compare() {
+    const turn = (this.compared = (this.compared ?? 0) + 1);
     const [a, b] = this.shownPair();
     const box = this.get("comparison");
     if (!a || !b || a === b) {
@@ -171,7 +176,7 @@ export class History {
     } catch (error) {
       shown = [error.message];
     }
-    if (this.shownPair().join() !== [a, b].join()) return; // others have been chosen
+    if (turn !== this.compared) return; // others have been chosen, or an answer that knows more is on its way
     const open = Boolean(box.querySelector("details")?.open);
     box.replaceChildren(...shown);
     box.querySelector("details")?.toggleAttribute("open", open); // somebody may be reading it
