@@ -112,8 +112,8 @@ def lay_grid(case: Case, settings: Settings, first_mm: float, last_mm: float) ->
     below = max(2, math.ceil((bottom + line) / min(1.2 * row, max(1.2, case.d_mm / 4))))
 
     under = np.linspace(-room, -bottom, max(1, math.ceil((room - bottom) / settings.gland_row_mm)) + 1)
-    under = _with_line(under, border)
-    over = _with_line(_rows_over_box(top, skin_bottom, float(skin[-1]), row), border)
+    under = with_line(under, border)
+    over = with_line(_rows_over_box(top, skin_bottom, float(skin[-1]), row), border)
     rows = [under, np.linspace(-bottom, line, below + 1)[1:], np.linspace(line, top, above + 1)[1:], over[1:]]
     y = np.concatenate([*rows, top_mm - np.cumsum(skin)[-2::-1], [top_mm]])
 
@@ -153,9 +153,12 @@ def _turns(height: float) -> tuple[float, float, float]:
     return min(0.0, lower + math.pi / 4), meeting, max(0.0, upper - math.pi / 4)
 
 
-def _with_line(rows: NDArray[np.float64], line: float) -> NDArray[np.float64]:
-    """Rows with a border at `line` if it lies among them, in place of an inner one that is near."""
-    if not rows[0] + 1e-9 < line < rows[-1] - 1e-9:
+def with_line(rows: NDArray[np.float64], line: float, least_mm: float = 1e-9) -> NDArray[np.float64]:
+    """Rows with a border at `line` if it lies among them, in place of an inner one that is near.
+
+    least_mm: closer to the first or the last of the rows it is no line of its own.
+    """
+    if not rows[0] + least_mm < line < rows[-1] - least_mm:
         return rows
     if len(rows) > 2:
         k = 1 + int(np.abs(rows[1:-1] - line).argmin())

@@ -17,7 +17,7 @@ from palpate.model_export.schema import Estimate, FirstStage, ModelSpec
 from palpate.model_export.source import emit
 from palpate.sim.probe.scripts import run_micropython
 from tests.model_export import synthetic
-from tests.model_export.test_two_stages import SCRIPT, loaded, said, two_stages, vectors
+from tests.model_export.test_two_stages import SCRIPT, loaded, noticed_flips, said, two_stages, vectors
 
 Q24 = 1 << 24
 
@@ -107,18 +107,7 @@ def test_a_firmware_that_knows_nothing_of_checks_refuses_the_image(body):
 
 
 def test_a_changed_check_is_noticed_or_small(spec, body):
-    rng = np.random.default_rng(3)
-    header = fw.Header(lambda at, n: body[at : at + n], len(body))
-    at, size = header.places[fw.CHECKS]
-    X = some(spec, 3)
-    noticed = 0
-    for k in rng.choice(size, 100, replace=False):
-        other = bytearray(body)
-        other[at + k] ^= 1 << int(rng.integers(8))
-        code, model = loaded(bytes(other))
-        noticed += code != status.OK
-        if model is not None:
-            assert (np.abs(said(model, X)) < 2**30).all()
+    noticed = noticed_flips(body, fw.CHECKS, some(spec, 3), 100, seed=3)
     assert noticed > 40, "what is not noticed is padding, or a coefficient that its vector hardly meets"
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.grid import with_line
 from palpate.sim.tissue.settings import Settings
 
 Floats = NDArray[np.float64]
@@ -29,6 +30,7 @@ _FACE_LINES_MM = (12.5, 17.0, 21.0)
 _SKIN_MM = 1.5
 _ROW_GROWTH = 2.5
 _ROW_MM = 7.0
+_LEAST_ROW_MM = 0.1
 _GLAND_ROW_MM = 9.0
 _FAR_GROWTH = 3.0
 _LEAST_GAP_MM = 1.9
@@ -149,10 +151,9 @@ def _rows(case: Case) -> tuple[Floats, tuple[int, int], float]:
     if floor < border < -radius and border > bottom - 1.0:
         bottom = min(border, -radius - 0.5 * (-radius - bottom))
     split = border if abs(border) <= _HIGHEST_SPLIT * radius else 0.0
-    over = _with_line(_rows_over(top, surface - skin, skin), border)
-    under = _with_line(
-        np.linspace(floor, bottom, max(1, math.ceil((bottom - floor) / _GLAND_ROW_MM)) + 1), border
-    )
+    over = with_line(_rows_over(top, surface - skin, skin), border, _LEAST_ROW_MM)
+    rows = np.linspace(floor, bottom, max(1, math.ceil((bottom - floor) / _GLAND_ROW_MM)) + 1)
+    under = with_line(rows, border, _LEAST_ROW_MM)
     y = np.concatenate([under, [split], over, [surface]])
     first = len(under) - 1
     return y, (first, first + 2), split
@@ -167,18 +168,6 @@ def _rows_over(bottom: float, top: float, first: float) -> Floats:
     if len(depth) > 2 and depth[-1] - length > 0.5 * height:
         depth.pop()
     return top - np.array(depth)[::-1] * (length / depth[-1])
-
-
-def _with_line(rows: Floats, line: float) -> Floats:
-    """Rows with a border at `line`, if it lies among them, in place of the nearest inner one if that is
-    close."""
-    if not rows[0] + 0.1 < line < rows[-1] - 0.1:
-        return rows
-    if len(rows) > 2:
-        k = 1 + int(np.abs(rows[1:-1] - line).argmin())
-        if abs(rows[k] - line) < 0.25 * (rows[k + 1] - rows[k - 1]):
-            rows = np.delete(rows, k)
-    return np.sort(np.append(rows, line))
 
 
 def _layers(offset: float, across: float, half: bool) -> tuple[Floats, tuple[int, int]]:
