@@ -161,11 +161,11 @@ def _average_traces(grid: Floats, x: Floats, images: Floats, sensors: Floats) ->
     )
 
 
-def curvature(stroke: StrokeLike, at_mm: float = -MAP_HALF_MM) -> float:
-    """Centre pressure over the mean of those 8 mm to either side, with the probe at `at_mm` (Figure 10)."""
+def curvature(stroke: StrokeLike, at_mm: float = -MAP_HALF_MM, aside_mm: float = CURVATURE_AT_MM) -> float:
+    """Centre pressure over the mean of those `aside_mm` to either side, the probe at `at_mm` (Figure 10)."""
     x, images, _ = whole_stroke(stroke)
     image = np.array([np.interp(at_mm, x, trace) for trace in images.T])
-    left, centre, right = np.interp([-CURVATURE_AT_MM, 0.0, CURVATURE_AT_MM], stroke.sensors_mm, image)
+    left, centre, right = np.interp([-aside_mm, 0.0, aside_mm], stroke.sensors_mm, image)
     return float(centre / max((left + right) / 2, 1e-3))
 
 

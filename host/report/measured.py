@@ -22,6 +22,8 @@ from palpate.sim.tissue import LIKE_FAT, Case, load_curve
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from palpate.view.stroke import Stroke
+
 FORCES = (0.2, 0.4, 0.6, 0.8, 1.0)
 REFERENCE = Case.from_code("d10h08e10f10")
 STIFFNESSES = (1.0, 2.0, 5.0, 10.0, 50.0, 1000.0)
@@ -96,18 +98,27 @@ def measure(
 
 def recorded_map(path: Path) -> RealMap:
     """The map of a table (.csv: place in mm, kPa), or of the most Gaussian stroke of a recording (.mcap)."""
-    if path.suffix != ".mcap":
-        return real_map(path)
+    return real_map(path) if path.suffix != ".mcap" else most_gaussian(path)[1]
+
+
+def most_gaussian(path: Path) -> tuple[Stroke, RealMap]:
+    """The stroke of a recording whose map is most like a Gaussian, and that map.
+
+    Raises
+    ------
+    UsageError
+        No stroke has a lump in its map.
+    """
     from palpate.view.read_strokes import load_strokes
 
-    maps = [stroke.probe_map for stroke in load_strokes(path) if stroke.probe_map is not None]
-    found = [
-        RealMap(x, p, fit_gaussian(x, p))
-        for x, p in ((np.asarray(m.x_mm), np.asarray(m.pressure_kPa)) for m in maps if m.fit is not None)
-    ]
+    found = []
+    for stroke in load_strokes(path):
+        if (m := stroke.probe_map) is not None and m.fit is not None:
+            x, p = np.asarray(m.x_mm), np.asarray(m.pressure_kPa)
+            found.append((stroke, RealMap(x, p, fit_gaussian(x, p))))
     if not found:
         raise UsageError(f"{path} holds no stroke with a lump in its tactile map")
-    return max(found, key=lambda m: m.r2)
+    return max(found, key=lambda one: one[1].r2)
 
 
 def placed_curves(curves: Sequence[StrainForce]) -> list[tuple[StrainForce, Placed]]:

@@ -8,9 +8,10 @@ import pandas as pd
 
 from palpate.regression.runs import features_table
 from palpate.regression.table import FEATURES, REFERENCE_CODE, relative
+from palpate.regression.thesis.depth import THESIS, depth_choices
 from palpate.regression.thesis.fit import ThesisFit
 from palpate.regression.thesis.forward import OUTPUT_NAMES
-from palpate.regression.thesis.table_1 import Table1Entry
+from palpate.regression.thesis.table_1 import STAR_FROM, Table1Entry, stars
 from palpate.report.items import Beside, Item
 from palpate.sim.tissue import Stroke
 
@@ -28,18 +29,23 @@ def items(fit: ThesisFit, strokes: Sequence[Stroke]) -> list[Item]:
 
 def table_1(fit: ThesisFit) -> Item:
     """The complete inverse model."""
-    rows = []
-    for pressure, both in zip(fit.entries[::2], fit.entries[1::2]):
+    rows, marked = [], stars(fit.entries)
+    for pressure, both, helps in zip(fit.entries[::2], fit.entries[1::2], marked[1::2]):
         row: dict[str, object] = {"": pressure.row.name}
         for head, entry in (("pressure", pressure), ("with displacement", both)):
-            row[f"thesis, {head}"] = _r2(entry.thesis_r2)
+            row[f"thesis, {head}"] = _r2(entry.thesis_r2, entry.thesis_star)
             row[f"ours, {head}"] = _r2(entry.direct.r2_in)
-            row[f"left out, {head}"] = _r2(entry.direct.r2_loo)
+            row[f"left out, {head}"] = _r2(entry.direct.r2_loo, entry.displacement == helps)
             row[f"inverted, left out, {head}"] = _r2(entry.inverted_loo)
         row["n"] = str(pressure.n)
         rows.append(row)
     reached = sum(e.direct.r2_in >= e.thesis_r2 - 0.005 for e in fit.entries if e.thesis_r2 is not None)
     known = sum(e.thesis_r2 is not None for e in fit.entries)
+    pairs = list(zip(fit.entries[::2], marked[1::2]))
+    thesis_names, our_names = (
+        ", ".join(dict.fromkeys(e.row.name for e, helps in pairs if (e.row.thesis_star, helps)[k]))
+        for k in (0, 1)
+    )
     return Item(
         "Table 1",
         "Summary of the complete Inverse Model",
@@ -47,8 +53,19 @@ def table_1(fit: ThesisFit) -> Item:
         "ours stand "
         "beside them in sample and, harder, with every run left out of the fit that estimates it. The last "
         "of each four "
-        "is the forward model inverted by least squares.",
-        [Beside("in-sample R2 reached (to .005)", f"{known} values", f"{reached} of {known}")],
+        "is the forward model inverted by least squares. A (*) marks the equation to use for an input: the "
+        "thesis' by its R2 in sample; ours by that of runs left out, with displacement only where it brings "
+        f"{STAR_FROM:g} or more. The thesis finds h better from pressure. In sample a further term can only "
+        "help: its equation with displacement must leave out features of the map, and ours does worse too "
+        "where displacement takes their place (below, one linear term each).",
+        [
+            Beside("in-sample R2 reached (to .005)", f"{known} values", f"{reached} of {known}"),
+            Beside("(*) with displacement", thesis_names, our_names),
+            *(
+                Beside(f"h (E >= 10) from {words}", _pair(thesis), _pair((every, hard)))
+                for (words, every, hard), thesis in zip(depth_choices(fit.table), THESIS)
+            ),
+        ],
         tables=[("", pd.DataFrame(rows))],
     )
 
@@ -89,13 +106,24 @@ def appendix_b(fit: ThesisFit) -> Item:
         Beside(f"{OUTPUT_NAMES[name]}, R2 (adjusted)", "almost 1", f"{e.r2:.4f} ({e.r2_adjusted:.4f})")
         for name, e in fit.forward.items()
     ]
+    beside += [
+        Beside(
+            f"{OUTPUT_NAMES[name]} goes against physics",
+            "not said",
+            f"with {e.wrong_way_text()} of the range",
+        )
+        for name, e in fit.forward.items()
+        if e.wrong_way
+    ]
     tables = [(equation.text(), coefficients(equation.table)) for equation in fit.forward.values()]
     return Item(
         "Appendix B",
         "Regression Analysis Results for the Forward Model",
         "One equation for each output, its terms chosen by backward elimination: coefficient, standard "
         "error, t, P and "
-        "variance inflation.",
+        "variance inflation. Curvature takes one falling power of F, chosen among nine: a quadratic of ln F "
+        "turned up again above F = .78. An equation is checked for its direction over the runs' whole range; "
+        "where it goes the wrong way with an input, no run says how it should go, and it should not be used.",
         beside,
         tables=tables,
     )
@@ -135,5 +163,9 @@ def _which(entry: Table1Entry) -> str:
     return f"{entry.row.name}, {'with displacement' if entry.displacement else 'pressure'}"
 
 
-def _r2(value: float | None) -> str:
-    return "" if value is None else f"{value:.3f}"
+def _pair(values: tuple[float | None, float | None]) -> str:
+    return "" if values[0] is None else f"{_r2(values[0])} ({_r2(values[1])})"
+
+
+def _r2(value: float | None, star: bool = False) -> str:
+    return "" if value is None else f"{value:.3f}" + " *" * star

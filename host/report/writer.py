@@ -50,10 +50,11 @@ def write_report(
     field : optional
         The field model's fit, for what goes beyond the thesis.
     recording, weights, thickness_mm
-        A recording or table of a real map (Figure 20); measured force curves and the thickness of the model
-        they were measured on (Figure 21).
+        A recording (Figures 2 and 20) or table (Figure 20) of a real map; measured force curves and the
+        thickness of the model they were measured on (Figure 21).
     simulate : bool
-        False leaves out what needs simulations of its own: Figures 8, 15, 16 and 21 (about twenty seconds).
+        False leaves out what needs simulations of its own: Figures 2, 8, 15, 16 and 21, and the images of
+        Figure 6 (about half a minute).
     progress : callable, optional
         Told the name of each figure and table before it is made.
     summary : Summary, optional
@@ -90,17 +91,25 @@ def _items(
     from palpate.regression.any_tissue.result import TissueFit
     from palpate.report import (
         any_tissue_figures,
+        development_figures,
         field_figures,
         map_figures,
         model_figures,
+        probe_figures,
         recording_figures,
+        sketch_figures,
         strain_figures,
         tables,
         tissue_figures,
     )
 
+    measured = None if recording is None else Path(recording)
+    tell("Figure 2")
+    found = probe_figures.items(strokes, measured, simulate=simulate)
+    found += sketch_figures.items()
     tell("Figure 8" if simulate else "Figure 5")
-    found = tissue_figures.items(simulate=simulate)
+    found += tissue_figures.items(simulate=simulate)
+    found += development_figures.items(simulate=simulate)
     found += map_figures.items(strokes)
     if thesis is not None:
         found += model_figures.items(thesis)
@@ -112,7 +121,7 @@ def _items(
         found += strain_figures.items([Path(w) for w in weights], thickness_mm)
     else:
         found += _without_simulations()
-    found += recording_figures.items(None if recording is None else Path(recording))
+    found += recording_figures.items(measured)
     if isinstance(field, TissueFit):
         found += any_tissue_figures.items(field)
     elif field is not None:

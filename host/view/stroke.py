@@ -77,11 +77,15 @@ class Stroke:
                 self._image_every *= 2
         self.frames += 1
 
+    def images_kPa(self) -> NDArray[np.float64]:
+        """The images kept (n, rows, columns), kPa; there must be one."""
+        return np.stack(self.images).astype(np.float64) * _IMAGE_STEP_KPA
+
     def tactile_map(self) -> tuple[list[float], list[float], MapFit | None]:
         """The map as far as it goes, computed here from the frames."""
         if len(self.images) < 2:
             return [], [], None
-        images = np.stack(self.images).astype(np.float64) * _IMAGE_STEP_KPA
+        images = self.images_kPa()
         seen = images[:, :, columns_over_lump(images)].mean(axis=2)
         x, p, rows = method_2(np.asarray(self.image_position_mm), seen)
         whole = rows >= (rows.max() if rows.size else 0)

@@ -34,6 +34,7 @@ from palpate.regression.thesis.table_1 import (
     Table1Entry,
     entry_dict,
     inverse_table,
+    stars,
     table_1,
     terms_of,
 )
@@ -69,9 +70,18 @@ class ThesisFit:
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
         return {
-            "table_1": [entry_dict(entry) for entry in self.entries],
+            "table_1": [entry_dict(*one) for one in zip(self.entries, stars(self.entries))],
             "forward": {k: _equation_dict(e) for k, e in self.forward.items()},
-            "one_factor": [{"equation": c.text(), "r2": c.r2} for c in self.curves],
+            "one_factor": [
+                {
+                    "equation": c.text(),
+                    "r2": c.r2,
+                    "b": c.b,
+                    "b_without": c.b_without,
+                    "x_without": c.x_without,
+                }
+                for c in self.curves
+            ],
             "strain_force": [{"runs": c.label, "A": c.A, "B": c.B, "r2": c.r2} for c in self.strain_force],
             "stiffness_transforms": self.transforms.to_dict("records"),
             "permutation": [asdict(test) for test in self.permutation],
@@ -146,6 +156,7 @@ def _equation_dict(equation: ForwardEquation) -> dict[str, Any]:
         "equation": equation.text(),
         "r2": equation.r2,
         "r2_adjusted": equation.r2_adjusted,
+        "wrong_way": equation.wrong_way,
         "terms": terms_of(equation.table),
         "dropped": [dict(zip(("term", "P", "r2", "r2_adjusted"), step)) for step in equation.steps],
     }

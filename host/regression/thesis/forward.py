@@ -29,6 +29,21 @@ P_STAY = 0.05
 WORTH = 0.001
 """Adjusted R2 that a term must bring."""
 
+CURVATURE_POWERS = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
+"""n of the term F^-n that Curvature may take; 0 is ln F."""
+
+KNOWN_DIRECTIONS: dict[str, dict[str, int]] = {
+    "base_kPa": {"F": 1},
+    "amp_kPa": {"F": 1, "h": -1, "E": 1},
+    "stdev_mm": {"F": 1, "d": 1, "h": 1},
+    "curvature": {"F": -1, "t": -1},
+    "D28_mm": {"F": 1, "t": 1},
+    "D0_mm": {"F": 1, "d": 1, "h": 1, "E": -1},
+}
+"""Output, input: 1 where physics has the output rise with the input, -1 where it has it fall."""
+
+_GRID = 9
+
 ONE_FACTOR = (
     ("base_kPa", "F_rel"),
     ("curvature", "F_rel"),
@@ -46,11 +61,15 @@ ONE_FACTOR = (
 """The twelve graphs of Figure 13: output, input."""
 
 
+_SYMBOLS = {"F_rel": "F", "t_mm": "t", "d_mm": "d", "h": "h", "E_ratio": "E"}
+
+
 @dataclass(frozen=True)
 class OneFactorCurve:
     """One graph of Figure 13: a relative output against one input, all others as in the reference case.
 
-    `form` is "power" (a x^b) or "stiffness" (a + b E^-2/3).
+    `form` is "power" (a x^b) or "stiffness" (a + b E^-2/3). `b_without` is what b becomes without the run at
+    `x_without`, on which it depends most.
     """
 
     output: str
@@ -61,6 +80,8 @@ class OneFactorCurve:
     a: float
     b: float
     r2: float
+    b_without: float
+    x_without: float
 
     def __call__(self, x: Floats) -> Floats:
         """The fitted curve at `x`."""
@@ -68,11 +89,14 @@ class OneFactorCurve:
 
     def text(self) -> str:
         """The curve in readable form."""
-        symbol = {"F_rel": "F", "t_mm": "t", "d_mm": "d", "h": "h", "E_ratio": "E"}[self.input]
         name = OUTPUT_NAMES[self.output]
         if self.form == "stiffness":
             return f"{name} = {self.a:.3f} {'-' if self.b < 0 else '+'} {abs(self.b):.3f} E^-2/3"
-        return f"{name} = {self.a:.3f} {symbol}^{self.b:.3f}"
+        return f"{name} = {self.a:.3f} {_SYMBOLS[self.input]}^{self.b:.3f}"
+
+    def without_text(self) -> str:
+        """What its exponent, or slope, becomes without one run, and without which."""
+        return f"{self.b_without:.3f} without {_SYMBOLS[self.input]} = {self.x_without:g}"
 
 
 def one_factor_rows(table: pd.DataFrame, varied: str) -> pd.DataFrame:
@@ -94,19 +118,24 @@ def one_factor_curve(table: pd.DataFrame, output: str, varied: str) -> OneFactor
     rows = one_factor_rows(table, varied)
     x = rows[varied].to_numpy(float)
     y = relative(table).loc[rows.index, output].to_numpy(float)
-    if varied == "E_ratio":
-        result = sm.OLS(y, sm.add_constant(x ** (-2 / 3))).fit()
-        a, b = result.params
-        fitted = a + b * x ** (-2 / 3)
-        form = "stiffness"
-    else:
-        result = sm.OLS(np.log(y), sm.add_constant(np.log(x))).fit()
-        a, b = float(np.exp(result.params[0])), result.params[1]
-        fitted = a * x**b
-        form = "power"
+    stiffness = varied == "E_ratio"
+    at, value = (x ** (-2 / 3), y) if stiffness else (np.log(x), np.log(y))
+    b, a = np.polyfit(at, value, 1)
+    fitted = a + b * at if stiffness else np.exp(a + b * at)
+    without = [np.polyfit(np.delete(at, k), np.delete(value, k), 1)[0] for k in range(len(x))]
+    most = int(np.argmax(np.abs(without - b)))
     spread = np.ptp(y) > 1e-3 * np.abs(y).max()
     return OneFactorCurve(
-        output, varied, form, x, y, float(a), float(b), r_squared(y, fitted) if spread else 1.0
+        output,
+        varied,
+        "stiffness" if stiffness else "power",
+        x,
+        y,
+        float(a if stiffness else np.exp(a)),
+        float(b),
+        r_squared(y, fitted) if spread else 1.0,
+        float(without[most]),
+        float(x[most]),
     )
 
 
@@ -127,6 +156,8 @@ class ForwardEquation:
     steps : list of (term dropped, P value it had, R2 after, adjusted R2 after)
     actual, predicted : arrays
         Relative values of every run (Figure 17).
+    wrong_way : dict of str to float
+        Input -> share of the runs' range in which the equation goes against `KNOWN_DIRECTIONS` with it.
     """
 
     output: str
@@ -137,15 +168,29 @@ class ForwardEquation:
     steps: list[tuple[str, float, float, float]]
     actual: Floats
     predicted: Floats
+    wrong_way: dict[str, float]
 
     def text(self) -> str:
         """The equation in readable form."""
         return equation_text(f"ln {OUTPUT_NAMES[self.output]}", self.table["coefficient"])
 
+    def wrong_way_text(self) -> str:
+        """Where not to trust it: "E in 19 %" of the range goes against physics; "" if nowhere."""
+        return ", ".join(f"{name} in {100 * share:.0f} %" for name, share in self.wrong_way.items())
 
-def input_terms(table: pd.DataFrame, far: bool) -> pd.DataFrame:
-    """Candidate terms: the inputs' logarithms and E^-2/3, their squares and products."""
 
+def input_terms(table: pd.DataFrame, output: str) -> pd.DataFrame:
+    """Candidate terms: the inputs' logarithms and E^-2/3, their squares and products.
+
+    Curvature takes ln t and one power of the force. It grows without end as the edge of contact comes near
+    the places 8 mm from the middle, which a quadratic of ln F can only follow by turning up again at large F.
+    """
+    terms = _every_term(table, output)
+    # The thesis varied the force in the reference geometry only: F d and F h are zero in every run.
+    return terms.loc[:, (terms.abs().max() > 1e-9).to_numpy()]
+
+
+def _every_term(table: pd.DataFrame, output: str) -> pd.DataFrame:
     def log(column: pd.Series) -> pd.Series:
         return pd.Series(np.log(column.astype(float)), index=table.index)
 
@@ -156,14 +201,56 @@ def input_terms(table: pd.DataFrame, far: bool) -> pd.DataFrame:
         "ln(h/.8)": log(table["h"] / 0.8),
         "E^-2/3": table["E_ratio"].astype(float) ** (-2 / 3),
     }
+    if output == "curvature":
+        powers = {f"F^-{n:g}": np.exp(-n * f["ln F"]) for n in CURVATURE_POWERS if n}
+        return pd.DataFrame({"ln F": f["ln F"], **powers, "ln(t/13 mm)": f["ln(t/13 mm)"]})
     # t is made of d and h: each equation takes t, or d and h, never all three.
+    far = output in FAR_OUTPUTS
     names = ["ln F", "ln(t/13 mm)"] if far else ["ln F", "ln(d/10 mm)", "ln(h/.8)", "E^-2/3"]
     terms: dict[str, pd.Series] = {name: f[name] for name in names}
     for i, first in enumerate(names):
         for second in names[i:]:
             terms[f"({first})^2" if first == second else f"{first} {second}"] = f[first] * f[second]
-    # The thesis varied the force in the reference geometry only: F d and F h are zero in every run.
-    return pd.DataFrame({name: v for name, v in terms.items() if np.abs(v).max() > 1e-9})
+    return pd.DataFrame(terms)
+
+
+def _best_power(terms: pd.DataFrame, y: Floats) -> pd.DataFrame:
+    """Curvature's terms with the one power of F, of all in `terms`, that leaves least."""
+    t = terms.columns[-1]
+    fits = {name: sm.OLS(y, sm.add_constant(terms[[name, t]])).fit().ssr for name in terms.columns[:-1]}
+    return terms[[min(fits, key=lambda name: fits[name]), t]]
+
+
+def wrong_way(coefficients: pd.Series, output: str, table: pd.DataFrame) -> dict[str, float]:
+    """Input -> share of the runs' range of F, d, h and E in which an equation defies `KNOWN_DIRECTIONS`.
+
+    Parameters
+    ----------
+    coefficients : Series
+        Of the equation, by term, "1" the first.
+    output : str
+    table : DataFrame
+        The runs, for their ranges.
+    """
+    E = table["E_ratio"].astype(float) ** (-2 / 3)
+    axes = [
+        np.linspace(v.min(), v.max(), _GRID) for v in (np.log(table["F_rel"]), table["d_mm"], table["h"], E)
+    ]
+    ln_F, d, h, E_inv23 = (v.ravel() for v in np.meshgrid(*axes, indexing="ij"))
+    grid = pd.DataFrame(
+        {"F_rel": np.exp(ln_F), "d_mm": d, "h": h, "E_ratio": E_inv23**-1.5, "t_mm": d * (h + 0.5)}
+    )
+    terms = _every_term(grid, output)[list(coefficients.index[1:])]
+    value = (terms.to_numpy() @ coefficients.to_numpy()[1:]).reshape(4 * (_GRID,))
+    out = {}
+    for name, sign in KNOWN_DIRECTIONS[output].items():
+        if name == "E":
+            sign = -sign  # the axis is E^-2/3
+        steps = np.diff(value, axis={"F": 0, "d": 1, "t": 1, "h": 2, "E": 3}[name])
+        share = float((sign * steps < -1e-9).mean())
+        if share:
+            out[name] = share
+    return out
 
 
 def forward_equation(table: pd.DataFrame, output: str) -> ForwardEquation:
@@ -173,7 +260,9 @@ def forward_equation(table: pd.DataFrame, output: str) -> ForwardEquation:
     """
     actual = relative(table)[output].to_numpy()
     y = np.log(np.maximum(actual, 1e-6))
-    terms = input_terms(table, output in FAR_OUTPUTS)
+    terms = input_terms(table, output)
+    if output == "curvature":
+        terms = _best_power(terms, y)
     # The base is proportional to F and to nothing else: the thesis gives it no further term.
     X = sm.add_constant(terms[["ln F"]] if output == "base_kPa" else terms).rename(columns={"const": "1"})
     steps: list[tuple[str, float, float, float]] = []
@@ -204,6 +293,7 @@ def forward_equation(table: pd.DataFrame, output: str) -> ForwardEquation:
         steps,
         actual,
         predicted,
+        wrong_way(result.params, output, table),
     )
 
 

@@ -15,14 +15,25 @@ from palpate.regression.thesis.strain import StrainForce
 
 def forward_table(equations: Mapping[str, ForwardEquation]) -> Table:
     """The combined equations of Appendix B."""
-    rows = [[e.text(), f"{e.r2:.4f}", f"{e.r2_adjusted:.4f}"] for e in equations.values()]
-    return _table("Forward model (Appendix B)", ("equation", "R2", "adjusted"), rows, lines=True)
+    rows = [
+        [e.text(), f"{e.r2:.4f}", f"{e.r2_adjusted:.4f}", e.wrong_way_text() or "-"]
+        for e in equations.values()
+    ]
+    heads = ("equation", "R2", "adjusted", "against physics")
+    out = _table("Forward model (Appendix B)", heads, rows, lines=True)
+    out.caption = (
+        "against physics: share of the runs' range in which the output goes the wrong way with that input; "
+        "do not use the equation there"
+    )
+    return out
 
 
 def one_factor_table(curves: Sequence[OneFactorCurve]) -> Table:
     """One output against one input, all others as in the reference case."""
-    rows = [[c.text(), f"{c.r2:.4f}"] for c in curves]
-    return _table("One factor at a time (Figures 13, 14)", ("equation", "R2"), rows)
+    rows = [[c.text(), f"{c.r2:.4f}", c.without_text()] for c in curves]
+    out = _table("One factor at a time (Figures 13, 14)", ("equation", "R2", "without one run"), rows)
+    out.caption = "without one run: the exponent, or slope, without the run that it depends on most"
+    return out
 
 
 def strain_force_table(curves: Sequence[StrainForce]) -> Table:

@@ -33,6 +33,11 @@ class Table1Row:
         """The thesis' R2."""
         return self.thesis_displacement if displacement else self.thesis_pressure
 
+    @property
+    def thesis_star(self) -> bool:
+        """Whether the thesis' (*), its best equation for this input, is the one with displacement."""
+        return (self.thesis_displacement or 0.0) > (self.thesis_pressure or 0.0)
+
     def rows(self, table: pd.DataFrame) -> np.ndarray:
         """Which runs of `table` it is fitted to."""
         hard = (table["E_ratio"] >= HARD_FROM).to_numpy()
@@ -82,9 +87,27 @@ class Table1Entry:
         """The number that it stands beside."""
         return self.row.thesis(self.displacement)
 
+    @property
+    def thesis_star(self) -> bool:
+        """Whether the thesis marks it as the equation to use."""
+        return self.displacement == self.row.thesis_star
 
-def _shown(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f}"
+
+STAR_FROM = 0.005
+"""R2 left out that the displacement must bring to be marked (*): a sensor that brings less is not needed."""
+
+
+def stars(entries: list[Table1Entry]) -> list[bool]:
+    """Which of `entries` are ours to use, one of each row: with displacement where it helps, left out."""
+    out = []
+    for pressure, both in zip(entries[::2], entries[1::2]):
+        helps = both.direct.r2_loo > pressure.direct.r2_loo + STAR_FROM
+        out += [not helps, helps]
+    return out
+
+
+def _shown(value: float | None, star: bool = False) -> str:
+    return "-" if value is None else f"{value:.3f}" + " *" * star
 
 
 def table_1(entries: list[Table1Entry]) -> Table:
@@ -96,13 +119,19 @@ def table_1(entries: list[Table1Entry]) -> Table:
         out.add_column(name, no_wrap=True)
     for name in ("n", "thesis", "in sample", "left out", "inverted", "left out"):
         out.add_column(name, justify="right", no_wrap=True)
-    for e in entries:
-        values = (e.thesis_r2, e.direct.r2_in, e.direct.r2_loo, e.inverted_in, e.inverted_loo)
+    for e, star in zip(entries, stars(entries)):
         first = ("", "p, D") if e.displacement else (e.row.name, "p")
-        out.add_row(*first, str(e.n), *map(_shown, values), end_section=e.displacement)
+        values = (
+            _shown(e.thesis_r2, e.thesis_star),
+            _shown(e.direct.r2_in),
+            _shown(e.direct.r2_loo, star),
+            _shown(e.inverted_in),
+            _shown(e.inverted_loo),
+        )
+        out.add_row(*first, str(e.n), *values, end_section=e.displacement)
     out.caption = (
         "p: from pressure; p, D: and displacement. left out: leave-one-out, terms chosen again each time; "
-        "inverted: forward quadratics solved"
+        "inverted: forward quadratics solved. *: the equation to use, the thesis' and ours"
     )
     return out
 
@@ -129,7 +158,7 @@ def inverse_table(entries: list[Table1Entry]) -> Table:
     return out
 
 
-def entry_dict(entry: Table1Entry) -> dict[str, Any]:
+def entry_dict(entry: Table1Entry, star: bool) -> dict[str, Any]:
     """An entry as plain numbers for JSON."""
     d = entry.direct
     return {
@@ -137,6 +166,8 @@ def entry_dict(entry: Table1Entry) -> dict[str, Any]:
         "with_displacement": entry.displacement,
         "n": entry.n,
         "thesis_r2": entry.thesis_r2,
+        "thesis_star": entry.thesis_star,
+        "star": star,
         "r2_in": d.r2_in,
         "r2_nested_loo": d.r2_loo,
         "inverted_r2_in": entry.inverted_in,

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,14 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import palpate
+from palpate.features.map_features import curvature
 from palpate.regression.table import PRESSURE, TARGETS, TableError, check_table, r_squared, relative
 from palpate.regression.thesis import forward, inverted, strain, subsets
+from palpate.regression.thesis.depth import depth_choices
 from palpate.regression.thesis.direct import permutation_test
 from palpate.regression.thesis.fit import fit_thesis
-from palpate.regression.thesis.table_1 import NESTED_TARGETS, TABLE_1
+from palpate.regression.thesis.table_1 import NESTED_TARGETS, TABLE_1, stars
+from palpate.sim.tissue import Case, simulate
 from tests.docs.test_reference import fields_in_the_page
 
 RUNS = Path(__file__).parent / "data" / "thesis_runs.csv"
@@ -148,6 +152,7 @@ def test_an_equation_as_printed_gives_the_numbers_it_claims(fit):
             "ln(d/10 mm)": np.log(fit.table["d_mm"] / 10),
             "ln(h/.8)": np.log(fit.table["h"] / 0.8),
             "E^-2/3": fit.table["E_ratio"] ** (-2 / 3),
+            "F": fit.table["F_rel"],
         }
         text = equation.text().split(" = ", 1)[1]
         for k, name in enumerate(inputs):
@@ -156,6 +161,62 @@ def test_an_equation_as_printed_gives_the_numbers_it_claims(fit):
         names = {f"V{k}": v.to_numpy() for k, v in enumerate(inputs.values())}
         value = eval(text, {"__builtins__": {}}, names)
         assert np.exp(value) == pytest.approx(equation.predicted, rel=4e-3)
+
+
+def test_curvature_falls_with_force_and_thickness_everywhere(fit):
+    """A quadratic of ln F turned up again above F = .78."""
+    equation = fit.forward["curvature"]
+    assert equation.wrong_way == {} and len(equation.table) == 3
+    assert np.abs(equation.predicted / equation.actual - 1).max() < 0.05
+
+
+def test_an_equation_says_where_it_goes_against_physics(fit):
+    turned = pd.Series({"1": 0.02078, "ln F": 0.4928, "ln(t/13 mm)": -0.2723, "(ln F)^2": 1.008})
+    far = turned.rename({"(ln F)^2": "F^-0.5"}) * [1, 1, 1, -1]
+    assert forward.wrong_way(far, "curvature", fit.table)["F"] == 1.0, "it rises all the way"
+    assert forward.wrong_way(turned.iloc[:3] * [1, -1, 1], "curvature", fit.table) == {}
+    assert set(fit.forward["D0_mm"].wrong_way) == {"E"}, "E was varied at d = 10 and 15 only"
+
+
+def test_a_curve_says_which_run_it_rests_on(fit):
+    curve = next(c for c in fit.curves if (c.output, c.input) == ("curvature", "F_rel"))
+    assert curve.x_without == 0.2 and curve.b < -1.1 and curve.b_without > -0.4
+    base = next(c for c in fit.curves if (c.output, c.input) == ("base_kPa", "F_rel"))
+    assert base.b_without == pytest.approx(base.b, abs=0.02)
+
+
+def test_the_thesis_curvature_is_that_of_a_face_rounded_off_from_5_mm_on():
+    """Ours gives t^-.27, and F^-1.16 by one run; with such a face both are the thesis', by all runs."""
+
+    def slope(cases, values):
+        found = []
+        for case in cases:
+            stroke = simulate(replace(case, probe_radius_mm=80.0, face_half_mm=5.0), positions_mm=[-28.0])
+            found.append(curvature(stroke))
+        x, y = np.log(values), np.log(found)
+        (b, _), *_ = np.polyfit(x, y, 1, full=True)
+        return b, np.corrcoef(x, y)[0, 1] ** 2
+
+    codes = [Case.from_code(f"d10h08e10f{f}") for f in ("02", "04", "06", "08", "10")]
+    b, r2 = slope(codes, [case.F_rel for case in codes])
+    assert b == pytest.approx(-1.1, abs=0.1) and r2 > 0.98
+    codes = [Case.from_code(f"{lump}e10f10") for lump in ("d05h08", "d10h05", "d10h08", "d15h08", "d20h08")]
+    assert slope(codes, [case.t_mm for case in codes])[0] == pytest.approx(-0.55, abs=0.06)
+
+
+def test_displacement_in_the_place_of_pressure_finds_h_worse_and_beside_it_better(fit):
+    """The thesis' h: .824 by pressure, .800 with displacement; in sample a further term can only help."""
+    (_, pressure, pressure_hard), (_, instead, instead_hard), (_, both, both_hard) = depth_choices(fit.table)
+    assert instead < pressure < both and instead_hard < pressure_hard < both_hard
+    for ours, thesis in zip((pressure, instead, pressure_hard, instead_hard), (0.824, 0.800, 0.957, 0.882)):
+        assert ours == pytest.approx(thesis, abs=0.03)
+
+
+def test_the_equation_to_use_is_marked_once_in_each_row(fit):
+    marked = stars(fit.entries)
+    assert [a + b for a, b in zip(marked[::2], marked[1::2])] == [1] * 8
+    thesis = {row.name for row in TABLE_1 if row.thesis_star}
+    assert {row.name for row in TABLE_1} - thesis == {"F", "h", "h (E >= 10)"}
 
 
 def test_the_base_follows_the_force_and_the_amplitude_follows_E(runs):

@@ -21,8 +21,10 @@ from palpate.sim.tissue import Case
 
 RUNS = Path(__file__).parent / "data"
 """The thirty strokes, as `palpate sweep --design thesis --out tests/host/report/data` writes them."""
+RECORDED = Path(__file__).parents[1] / "recording" / "before_the_press.mcap"
 EVERY = [
-    "Figure 5", "Figure 6d", *(f"Figure {n}" for n in range(7, 22)),
+    *(f"Figure {n}" for n in range(1, 6)), "Figure 6a to c", "Figure 6d",
+    *(f"Figure {n}" for n in range(7, 22)),
     "Table 1", "Appendix A", "Appendix B", "Appendix C",
 ]  # fmt: skip
 
@@ -124,7 +126,7 @@ def test_the_page_needs_no_other_file_and_no_network(written):
 
 def test_each_figure_is_kept_as_png_and_svg(written):
     path, page, _, _ = written
-    for name in EVERY[:17]:
+    for name in (name for name in EVERY if name.startswith("Figure")):
         png, svg = path.parent / f"{slug(name)}.png", path.parent / f"{slug(name)}.svg"
         assert png.read_bytes() == page.images[slug(name)]
         assert png.read_bytes().startswith(b"\x89PNG") and svg.read_bytes().startswith(b"<?xml")
@@ -141,6 +143,14 @@ def test_table_1_shows_the_thesis_values_beside_ours(written):
                 assert f"{entry.thesis_r2:.3f}" in text
 
 
+def test_table_1_marks_the_equation_to_use_as_the_thesis_does(written):
+    text = written[1].sections["table_1"]
+    for starred in ("0.999 *", "0.990 *", "0.925 *", "0.824 *", "0.957 *", "0.724 *", "0.981 *"):
+        assert starred in text
+    assert "0.800 *" not in text and "0.882 *" not in text
+    assert "h (E >= 10) from" in text, "why pressure alone is better there stands beside"
+
+
 def test_appendix_a_lists_every_run(written, strokes):
     text = written[1].sections["appendix_a"]
     assert all(stroke.code in text for stroke in strokes)
@@ -151,6 +161,8 @@ def test_what_the_thesis_says_stands_beside_what_came_out(written):
     sections = written[1].sections
     assert "about 3000" in sections["figure_6d"]
     assert "Curvature ~ F^−1.1" in sections["figure_13"]
+    assert "−0.343 without F = 0.2" in sections["figure_13"].replace("-0.343", "−0.343")
+    assert "D0 goes against physics" in sections["appendix_b"]
     assert re.search(r"up to 20 % 19\.\d %", sections["figure_8"])
     slope = re.search(r"force at equal strain grows with E yes (yes|no)", sections["figure_15"])
     assert slope is not None and slope[1] == "yes"
@@ -173,7 +185,27 @@ def test_without_data_the_report_says_what_would_make_each_part(tmp_path):
     assert (
         "--recording FILE" in page.sections["figure_20"] or "Needs a recording" in page.sections["figure_20"]
     )
-    assert set(page.images) == {"figure_5", "figure_6d", "figure_7"}
+    drawn = {f"figure_{n}" for n in ("3", "4", "5", "6a_to_c", "6d", "7")}
+    assert set(page.images) == drawn, "what needs no strokes is drawn without them"
+
+
+def test_a_map_in_two_dimensions_is_highest_over_the_lump(written):
+    text = written[1].sections["figure_2"]
+    along, across = (int(v) for v in re.search(r"highest (-?\d+) mm along, (-?\d+) mm across", text).groups())
+    assert abs(along) <= 1 and abs(across) <= 1
+    assert "a simulated ball" in text, "nobody takes it for a real tumour"
+
+
+def test_a_recording_gives_figure_2_its_own_map():
+    from palpate.report.probe_figures import figure_2, recorded_map_2d
+
+    found = recorded_map_2d(RECORDED)
+    assert (
+        found.pressure_kPa.shape == (len(found.along_mm), 26) == (len(found.along_mm), len(found.across_mm))
+    )
+    middle = found.pressure_kPa.mean(1)
+    assert 10 < middle.argmax() < len(middle) - 10 and RECORDED.name in found.whose
+    assert len(figure_2(found).axes) == 3
 
 
 def test_the_same_data_give_the_same_files(tmp_path):
