@@ -41,6 +41,9 @@ IMAGE, MOTION, STROKE, MAP, FEATURES, ESTIMATE, LOG, LINK = (
 MODEL, CALIBRATION = "model.palp", "calibration.bin"
 """Names of a recording's attachments: what the probe computed with."""
 
+MARK_PREFIX = "mark: "
+"""Begins the lines of the log that people, and not the probe, have set."""
+
 _NUMBER = {"type": "number"}
 _INTEGER = {"type": "integer"}
 _TEXT = {"type": "string"}

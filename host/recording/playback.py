@@ -11,7 +11,7 @@ from mcap.records import Attachment, Message
 from firmware_py import geometry, messages, status, tables
 from palpate.errors import NotAProbe
 from palpate.link.delivery import Again, Earlier
-from palpate.link.events import Answer, Event, Gap
+from palpate.link.events import Answer, Event, Gap, Log
 from palpate.link.identity import Identity
 from palpate.link.parser import LiveParser, Noise
 from palpate.link.source import EventSource
@@ -79,6 +79,8 @@ class RecordedSession(EventSource):
                 parser.commanded(record.data)
             elif topic == channels.LINK and (gap := _gap_of(record.log_time, record.data)) is not None:
                 yield gap
+            elif topic == channels.LOG and (mark := _mark_of(record.log_time, record.data)) is not None:
+                yield mark
         parser.settle()
 
     def close(self) -> None:
@@ -136,6 +138,14 @@ def open_recording(path: str | Path) -> RecordedSession:
         It cannot be read; the sentence says why.
     """
     return RecordedSession(path)
+
+
+def _mark_of(host_ns: int, text: bytes) -> Log | None:
+    """The mark that a line of the log is; None for what the wire tells itself."""
+    told = channels.read_json(text).get("message")
+    if not isinstance(told, str) or not told.startswith(channels.MARK_PREFIX):
+        return None
+    return Log(host_ns, 0, 0, told)
 
 
 def _gap_of(host_ns: int, text: bytes) -> Gap | None:

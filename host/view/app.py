@@ -101,6 +101,14 @@ def make_app(
         body, media_type = await run_in_threadpool(exports.stroke, detail, kind)
         return _download(body, media_type, f"stroke-{detail['number']}.{kind}", inline=kind == "json")
 
+    async def strip(request: Request) -> Response:
+        with session.lock:
+            found = session.visits.get(request.path_params["number"])
+            if found is None:
+                return PlainTextResponse("There is no such stroke.\n", 404)
+            strip = found.strip()
+        return JSONResponse(exports.strip(strip))
+
     async def table(request: Request) -> Response:
         with session.lock:
             snapshot = session.visits.snapshot()
@@ -128,6 +136,7 @@ def make_app(
             Route("/api/colormaps.json", maps),
             Route("/api/strokes.csv", table),
             Route("/api/stroke-{number:int}.{kind}", stroke),
+            Route("/api/strip-{number:int}.json", strip),
             Route("/api/model", model, methods=["POST"]),
             WebSocketRoute("/ws", socket),
         ],

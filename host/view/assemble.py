@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from palpate.view.events import Estimate, Event, Frame, ProbeMap, StrokeState
+from palpate.view.events import Estimate, Event, Frame, Mark, ProbeMap, StrokeState
+from palpate.view.lanes import lane_of
 from palpate.view.stroke import Stroke
 
 PRE_ROLL = 64
@@ -41,6 +42,11 @@ class Assembler:
         elif isinstance(event, ProbeMap):
             if (stroke := self.waiting or self.running) is not None:
                 stroke.probe_map = event
+        elif isinstance(event, Mark):
+            if (stroke := self.running or self.waiting) is not None and (
+                lane := lane_of(event.text)
+            ) is not None:
+                stroke.lane_mm = lane
         elif isinstance(event, Estimate):
             stroke = self.waiting or self.running or self._new_stroke(event.time_s)
             stroke.estimate = event

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate.errors import PalpateError, RecordingError, UsageError
+from palpate.view.lanes import mark_of
 from palpate.view.session import Session
 from palpate.view.source import Flashable, Playable, Recordable, Referable, Source
 from palpate.view.stroke import Stroke
@@ -48,11 +49,13 @@ class Commands:
         self._turning = threading.Lock()  # pages have threads of their own; one recording runs at a time
         self._pressing = threading.Lock()
         self._closed = False
+        session.on_lane = self._note_lane
         self.table: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
             "record": self._record,
             "stop-recording": self._stop_recording,
             "mark": self._mark,
             "new-visit": self._new_visit,
+            "lanes": self._lanes,
             "recordings": self._list,
             "load-visit": self._load_visit,
             "repeatability": self._repeatability,
@@ -99,6 +102,7 @@ class Commands:
             self._session.set_recording({"file": path.name, "since": time.time()})
             if not source.recording:  # the disk was full at once, and that was reported before the line above
                 self._session.set_recording(None)
+        self._session.note_lane()
         return {"file": path.name}
 
     def _new_file(self, stem: str) -> Path:
@@ -128,6 +132,22 @@ class Commands:
                 raise CommandError("No recording is running, so the mark has no place.")
             source.mark(_text(message, "text", "mark")[:200])
         return {}
+
+    def _lanes(self, message: dict[str, Any]) -> dict[str, Any]:
+        self._recordable()
+        told = message.get("told", True)
+        if not isinstance(told, bool):
+            raise CommandError("`told` must be true or false.")
+        with self._session.lock:
+            known = self._session.visits.lanes
+            next_mm = _number(message, "next_mm", known.next_mm)
+            step_mm = _number(message, "step_mm", known.step_mm)
+            return {"lanes": self._session.set_lanes(told, next_mm, step_mm)}
+
+    def _note_lane(self, lane_mm: float) -> None:
+        """A stroke's lane goes into a running recording; without one it is on the page alone."""
+        if isinstance(self._source, Recordable) and self._session.recording is not None:
+            self._source.mark(mark_of(lane_mm))
 
     def close(self) -> None:
         """End a running recording properly, and begin no other."""

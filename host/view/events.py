@@ -88,11 +88,13 @@ class MapFit:
 
 @dataclass(frozen=True)
 class ProbeMap:
-    """The finished stroke's tactile map as the probe computed it."""
+    """The finished stroke's tactile map as the probe computed it, of the columns from the first to before the
+    second of `columns`: those that felt the lump."""
 
     x_mm: tuple[float, ...]
     pressure_kPa: tuple[float, ...]
     fit: MapFit | None = None
+    columns: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)

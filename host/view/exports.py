@@ -17,6 +17,7 @@ from firmware_py.outputs import NAMES
 from palpate.features.gaussian import bump
 from palpate.report import stroke_panels, style
 from palpate.sim.probe.cells import PITCH_MM, SHAPE
+from palpate.view.area import Strip
 from palpate.view.events import KNOWN
 from palpate.view.phrases import NOT_A_DIAGNOSIS
 
@@ -39,6 +40,7 @@ def table(snapshot: dict[str, Any]) -> bytes:
         "E_ratio_high",
         "level",
         "model_id",
+        "lane_mm",
         "frames",
         "lost",
         "notice",
@@ -55,7 +57,14 @@ def table(snapshot: dict[str, Any]) -> bytes:
         ratio = card["E_ratio"] or {}
         line.append(card["hardness"] or "")
         line += [f"{v:.6g}" if (v := ratio.get(k)) is not None else "" for k in ("value", "low", "high")]
-        line += [card["level"] or "", card["model_id"], stroke["frames"], stroke["gaps"], NOT_A_DIAGNOSIS]
+        line += [
+            card["level"] or "",
+            card["model_id"],
+            "" if stroke["lane_mm"] is None else stroke["lane_mm"],
+            stroke["frames"],
+            stroke["gaps"],
+            NOT_A_DIAGNOSIS,
+        ]
         writer.writerow(line)
     return out.getvalue().encode()
 
@@ -71,6 +80,18 @@ def stroke(detail: dict[str, Any], kind: str) -> tuple[bytes, str]:
         metadata = {"Date": None} if kind == "svg" else None
         stroke_figure(detail).savefig(out, format=kind, dpi=160, metadata=metadata)
     return out.getvalue(), "image/png" if kind == "png" else "image/svg+xml"
+
+
+def strip(found: Strip) -> dict[str, Any]:
+    """A stroke's strip of the visit's map: thousandths over the base, place by place along the stroke, each
+    from left to right."""
+    x_mm = found.x_mm
+    return {
+        "from_mm": float(x_mm[0]) if x_mm.size else 0.0,
+        "places": int(x_mm.size),
+        "columns": SHAPE[1],
+        "rise_permille": np.clip(np.rint(found.rise * 1000), -32768, 32767).astype(int).ravel().tolist(),
+    }
 
 
 def stroke_figure(detail: dict[str, Any]) -> Figure:

@@ -17,13 +17,14 @@ from palpate.link.probe import Probe
 from palpate.link.reference import Reference
 from palpate.link.scale import CellScale
 from palpate.link.source import EventSource
+from palpate.recording.channels import MARK_PREFIX
 from palpate.recording.replay import CALIBRATION, MODEL
 from palpate.recording.writer import RecordingWriter
 from palpate.view.events import Device, Health, LinkChanged, LinkState, RecordingStopped
 from palpate.view.latency import Latency
 from palpate.view.live_recorder import LiveRecorder
 from palpate.view.source import Emit
-from palpate.view.translate import MARK_PREFIX, Translator
+from palpate.view.translate import Translator
 
 HEALTH_EVERY_S = 0.5
 RETRY_S = 1.0

@@ -14,16 +14,17 @@ from pathlib import Path
 
 from palpate.link import events as link
 from palpate.link.scale import CellScale
-from palpate.recording import channels
+from palpate.recording.channels import MARK_PREFIX
 from palpate.recording.playback import RecordedSession, open_recording
 from palpate.recording.reader import Recording
 from palpate.view.assemble import Assembler
 from palpate.view.events import Device, Health, Jumped, LinkChanged, LinkState, Mark, Playback
+from palpate.view.lanes import lane_of
 from palpate.view.live import describe
 from palpate.view.read_strokes import calibration, feed
 from palpate.view.source import Emit
 from palpate.view.stroke import Stroke
-from palpate.view.translate import MARK_PREFIX, Translator
+from palpate.view.translate import Translator
 
 MAX_FRAMES = 200_000
 TICK_S = 0.01
@@ -117,6 +118,8 @@ class ReplaySource:
             first_ns = first_ns or event.host_ns
             at_s = (event.host_ns - first_ns) * 1e-9
             self._keep(at_s, event)
+            if isinstance(event, link.Log):
+                self._note_mark(at_s, event.text)
             for stroke in feed(translator, assembler, event):
                 with self._lock:
                     self._strokes_s.append(at_s)
@@ -126,9 +129,6 @@ class ReplaySource:
                 emit(stroke_now)
         if (last := assembler.give_up()) is not None:
             emit(last)
-        for topic, record in self._recording.records():
-            if topic == channels.LOG and first_ns is not None:
-                self._note_mark((record.log_time - first_ns) * 1e-9, record.data)  # type: ignore[attr-defined]
         emit(_health(session))
         with self._lock:
             self._loaded = True
@@ -155,11 +155,12 @@ class ReplaySource:
             kept.append(pair)
         self._times, self._events = [t for t, _ in kept], [e for _, e in kept]
 
-    def _note_mark(self, at_s: float, data: bytes) -> None:
-        text = str(channels.read_json(data).get("message", ""))
-        if text.startswith(MARK_PREFIX):
+    def _note_mark(self, at_s: float, line: str) -> None:
+        """A mark for the ticks; a stroke's lane is none: the map shows it."""
+        text = line.removeprefix(MARK_PREFIX)
+        if text != line and lane_of(text) is None:
             with self._lock:
-                self._marks.append(Mark(max(at_s, 0.0), text.removeprefix(MARK_PREFIX)))
+                self._marks.append(Mark(max(at_s, 0.0), text))
 
     def _play(self, scale: CellScale, device: Device, emit: Emit, stop: threading.Event) -> None:
         translator = Translator(scale)

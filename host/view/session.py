@@ -10,6 +10,7 @@ import struct
 import threading
 import time
 import uuid
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -31,6 +32,7 @@ from palpate.view.events import (
     RecordingStopped,
     StrokeState,
 )
+from palpate.view.lanes import lane_of
 from palpate.view.mailbox import Mailbox
 from palpate.view.stroke import Stroke
 from palpate.view.tactile_map import peak_kPa
@@ -80,6 +82,8 @@ class Session:
         self.state = StrokeState(0.0)
         self.playback: Playback | None = None
         self.recording: dict[str, Any] | None = None
+        self.on_lane: Callable[[float], None] | None = None
+        """Called with the lane of each stroke that begins, where the operator says which."""
         self._mailboxes: set[Mailbox] = set()
         self._assembler = Assembler(self._new_stroke)
         self._progress_at = 0.0
@@ -136,7 +140,33 @@ class Session:
     def _new_stroke(self, started_s: float) -> Stroke:
         if self.mode == "replay" and (known := self.visits.at(started_s)) is not None:
             return Stroke(number=known.number, visit=known.visit, started_s=started_s)
-        return self.visits.new_stroke(started_s)
+        stroke = self.visits.new_stroke(started_s)
+        self.tell_slot("lanes", {"type": "lanes", "lanes": self.visits.lanes.as_dict()})
+        if stroke.lane_mm is not None and self.on_lane is not None:
+            self.on_lane(stroke.lane_mm)
+        return stroke
+
+    def set_lanes(self, told: bool, next_mm: float, step_mm: float) -> dict[str, Any]:
+        """Where the strokes to come lie across the tissue; the lanes for the page."""
+        with self.lock:
+            self.visits.lanes.set(told, next_mm, step_mm)
+            lanes = self.visits.lanes.as_dict()
+            self.tell_slot("lanes", {"type": "lanes", "lanes": lanes})
+            return lanes
+
+    def note_lane(self) -> None:
+        """Tell a recording that has just begun the lane of the stroke that runs, if one does."""
+        with self.lock:
+            running = self._assembler.running
+            if running is not None and running.lane_mm is not None and self.on_lane is not None:
+                self.on_lane(running.lane_mm)
+
+    def _give_up(self) -> Stroke | None:
+        """No more of the running stroke will come; returns one that was over."""
+        if self._assembler.running is not None:
+            self.visits.lanes.again()
+            self.tell_slot("lanes", {"type": "lanes", "lanes": self.visits.lanes.as_dict()})
+        return self._assembler.give_up()
 
     # ---- events from the source
 
@@ -162,7 +192,9 @@ class Session:
                     self.set_recording(None)
                     self.tell({"type": "notice", "text": event.text})
                 case Mark():
-                    self.tell({"type": "mark", "time_s": event.time_s, "text": event.text})
+                    self._assembler.feed(event)
+                    if lane_of(event.text) is None:
+                        self.tell({"type": "mark", "time_s": event.time_s, "text": event.text})
                 case Playback():
                     self.playback = event
                     self.tell_slot("playback", {"type": "playback", "playback": asdict(event)})
@@ -171,7 +203,7 @@ class Session:
 
     def _forget_running(self) -> None:
         """A half-seen stroke will not go on: somebody moved along the recording."""
-        self._assembler.give_up()
+        self._give_up()
         self.state = StrokeState(self.state.time_s)
         self.tell_slot("state", {"type": "state", "state": asdict(self.state)})
         self.tell_slot("progress", {"type": "progress", "number": None})
@@ -220,7 +252,7 @@ class Session:
         self.device = link.device or self.device
         if link.state is not LinkState.CONNECTED:
             self.state = StrokeState(self.state.time_s)
-            if (given_up := self._assembler.give_up()) is not None:
+            if (given_up := self._give_up()) is not None:
                 self._finish(given_up)
             self.tell({"type": "state", "state": asdict(self.state)})
         self.tell({"type": "link", "link": self._link_json()})

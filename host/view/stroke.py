@@ -11,14 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.sim.probe.cells import SHAPE
+from palpate.view.area import Strip, strip
 from palpate.view.events import Estimate, Frame, MapFit, ProbeMap
-from palpate.view.phrases import card
+from palpate.view.found_lump import FoundLump, found_lump
+from palpate.view.phrases import card, verdict
 from palpate.view.tactile_map import columns_over_lump, fit_growing_map, method_2, peak_kPa
 
 MAX_IMAGES = 96
 MAX_FRAMES = 4096
 MAX_TRACE_POINTS = 400
 _IMAGE_STEP_KPA = 1e-3
+_NEAR_MM = 1.5
+"""Images taken so near the lump's middle are averaged into the one over it."""
 
 
 def _rounded(values: Any, digits: int) -> list[float]:
@@ -28,7 +32,9 @@ def _rounded(values: Any, digits: int) -> list[float]:
 @dataclass
 class Stroke:
     """What is kept of one stroke: at most `MAX_IMAGES` images and `MAX_FRAMES` points of the traces (a
-    probe left in contact for hours must not fill the memory); beyond that, every second one is dropped."""
+    probe left in contact for hours must not fill the memory); beyond that, every second one is dropped.
+
+    `lane_mm` is how far across its middle line lies, None where the operator has not said."""
 
     number: int
     visit: int
@@ -42,6 +48,7 @@ class Stroke:
     gaps: int = 0
     peak_kPa: float = 0.0
     fat_kPa: float | None = None
+    lane_mm: float | None = None
     estimate: Estimate | None = None
     probe_map: ProbeMap | None = None
     position_mm: list[float] = field(default_factory=list)
@@ -52,6 +59,7 @@ class Stroke:
     _image_every: int = 1
     _trace_every: int = 1
     _last_seq: int | None = None
+    _strip: Strip | None = None
 
     def add(self, frame: Frame) -> None:
         """Take one more frame."""
@@ -98,6 +106,7 @@ class Stroke:
             "type": "progress",
             "number": self.number,
             "visit": self.visit,
+            "lane_mm": self.lane_mm,
             "map": {"x_mm": x, "pressure_kPa": p, "by": "viewer"},
             "fit": _fit_json(fit),
             "traces": self._traces(),
@@ -115,6 +124,8 @@ class Stroke:
             "gaps": self.gaps,
             "too_fast": self.too_fast,
             "peak_kPa": round(self.peak_kPa, 3),
+            "lane_mm": self.lane_mm,
+            "lump": None if (lump := self.lump()) is None else lump.as_dict(),
             "card": card(
                 self.estimate,
                 force_low=self.force_low,
@@ -136,6 +147,7 @@ class Stroke:
             "map": {"x_mm": x, "pressure_kPa": p, "by": by},
             "fit": _fit_json(fit),
             "traces": self._traces(),
+            "over_lump": self._over_lump(),
         }
         if images:
             stack = np.stack(self.images) if self.images else np.empty((0, *SHAPE), np.uint16)
@@ -147,8 +159,31 @@ class Stroke:
             }
         return out
 
+    def lump(self) -> FoundLump | None:
+        """Where its lump lies and how large it is; None where the card tells of none, or its map was lost."""
+        kind = verdict(self.estimate, force_low=self.force_low, force_high=self.force_high)
+        return found_lump(kind, self.estimate, self.probe_map)
+
+    def strip(self) -> Strip:
+        """Its strip of the visit's map; ask only once it is over."""
+        if self._strip is None:
+            images = np.stack(self.images) * _IMAGE_STEP_KPA if self.images else np.empty((0, *SHAPE))
+            self._strip = strip(np.asarray(self.image_position_mm), images)
+        return self._strip
+
+    def _over_lump(self) -> dict[str, Any] | None:
+        """The mean image with the probe over the lump."""
+        if (lump := self.lump()) is None or not self.images:
+            return None
+        away = np.abs(np.asarray(self.image_position_mm) - lump.along_mm)
+        near = np.flatnonzero(away <= max(_NEAR_MM, float(away.min())))
+        mean = np.mean([self.images[n] for n in near], axis=0) * _IMAGE_STEP_KPA
+        position_mm = np.mean([self.image_position_mm[n] for n in near])
+        return {"position_mm": round(float(position_mm), 3), "pressure_kPa": _rounded(mean.ravel(), 3)}
+
     def drop_images(self) -> None:
-        """Keep numbers and traces only: an old stroke of a long session."""
+        """Keep numbers, traces and the strip of the map only: an old stroke of a long session."""
+        self.strip()
         self.images, self.image_position_mm = [], []
 
     def value(self, key: str) -> float | None:

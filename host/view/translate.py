@@ -11,13 +11,13 @@ from dataclasses import replace
 from firmware_py import outputs, status
 from palpate.link import events as link
 from palpate.link.scale import CellScale
+from palpate.recording.channels import MARK_PREFIX
 from palpate.view.events import KNOWN, Estimate, Event, Frame, Interval, MapFit, Mark, ProbeMap, StrokeState
 
 WARNING_S = 1.5
 """How long a warning (press harder, too fast) stays on the page."""
 MAP_PATIENCE_US = 2_000_000
 """How long an estimate that has come waits for its map, which comes behind it, in the probe's time."""
-MARK_PREFIX = "mark: "
 _WARNINGS = {"force_low", "force_high", "too_fast"}
 
 
@@ -121,7 +121,8 @@ def probe_map(event: link.TactileMap) -> ProbeMap | None:
             centre_mm=told["centre_mm"],
             stdev_mm=told["stdev_mm"],
         )
-    return ProbeMap(tuple(told["x_mm"]), tuple(told["pressure_kPa"]), fit)
+    columns = event.first_column, event.end_column
+    return ProbeMap(tuple(told["x_mm"]), tuple(told["pressure_kPa"]), fit, columns)
 
 
 def estimate(event: link.Estimate) -> Estimate:

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from palpate.comparison.change import ASSUMES, ASSUMES_BETWEEN, QUANTITIES, Between, compare, spread
+from palpate.view.lanes import Lanes
 from palpate.view.stroke import Stroke
 
 MAX_STROKES = 1000
@@ -41,11 +42,13 @@ class Visits:
         self._current = self._visits[0]
         self._strokes: list[Stroke] = []
         self._next_stroke = 1
+        self.lanes = Lanes()
 
     def new_stroke(self, started_s: float) -> Stroke:
         """A stroke that has just begun; `add` it when it is over (one that breaks off leaves no number
         out)."""
-        return Stroke(number=self._next_stroke, visit=self._current.number, started_s=started_s)
+        number, visit = self._next_stroke, self._current.number
+        return Stroke(number=number, visit=visit, started_s=started_s, lane_mm=self.lanes.begin())
 
     def add(self, stroke: Stroke) -> None:
         """Number and keep a finished stroke; the oldest give way beyond a thousand."""
@@ -86,6 +89,7 @@ class Visits:
     def start(self, name: str) -> Visit:
         """A new visit; strokes go there from now on."""
         self._current = self._append(name)
+        self.lanes.restart()
         return self._current
 
     def add_earlier(self, name: str, strokes: Sequence[Stroke]) -> Visit:
@@ -105,6 +109,7 @@ class Visits:
             "visits": [asdict(v) for v in self._visits],
             "current_visit": self._current.number,
             "strokes": [s.summary() for s in self._strokes],
+            "lanes": self.lanes.as_dict(),
         }
 
     def repeatability(self, visit: int, last: int) -> dict[str, Any]:

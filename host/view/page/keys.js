@@ -1,6 +1,6 @@
 // Keyboard. Letters do nothing while somebody types into a field or a dialog is open.
 
-export function startKeys({ get, history, page, replay, selected, toggleTheme, tools }) {
+export function startKeys({ get, history, page, replay, selected, toggleTheme, tools, visitPanel }) {
   const hold = () => {
     const { mode } = document.body.dataset;
     if (mode === "replay") replay.toggle();
@@ -9,7 +9,7 @@ export function startKeys({ get, history, page, replay, selected, toggleTheme, t
     tools.toast(page.held ? "The picture is held. Space goes on." : "Live again.");
     selected.showLast();
   };
-  const once = new Set([" ", "r", "m", "v", "e", "p", "t", "?"]); // a key held down does these once
+  const once = new Set([" ", "r", "m", "v", "e", "l", "p", "t", "?"]); // a key held down does these once
   const keys = {
     " ": hold,
     ArrowUp: () => selected.pick(history.neighbour(1)),
@@ -22,6 +22,7 @@ export function startKeys({ get, history, page, replay, selected, toggleTheme, t
     r: () => tools.record(),
     m: () => tools.mark(),
     v: () => tools.visit(),
+    l: () => visitPanel.toggle(),
     p: () => get("reference").hidden || get("reference").click(),
     e: () => {
       get("export").open = !get("export").open;

@@ -11,6 +11,7 @@ import { Replay } from "./replay.js";
 import { Selected } from "./selected.js";
 import { startTheme } from "./theme.js";
 import { startTools } from "./tools.js";
+import { VisitPanel } from "./visit_panel.js";
 import { History } from "./visits.js";
 
 const get = (id) => document.getElementById(id);
@@ -24,12 +25,13 @@ const charts = new StrokeCharts(get);
 const history = new History(get, { ask, pick: (number) => selected.pick(number), toast: (text) => tools.toast(text) });
 const replay = new Replay(get, quietly);
 const selected = new Selected(get, { image, charts, history, page, redraw, toast: (text) => tools.toast(text) });
+const visitPanel = new VisitPanel(get, { image, history, page }, { ask, pick: (number) => selected.pick(number), toast: (text) => tools.toast(text), redraw });
 const toggleTheme = startTheme(redraw);
 const connection = new Connection({ message: receive, frame: receiveFrame, closed: offline });
 const tools = startTools(get, { ask, greeted: () => connection.greeted, image, page });
 startFlash(get, { toast: (text) => tools.toast(text) });
 const showReference = startReference(get, { ask, toast: (text) => tools.toast(text) });
-startKeys({ get, history, page, replay, selected, toggleTheme, tools });
+startKeys({ get, history, page, replay, selected, toggleTheme, tools, visitPanel });
 get("theme").addEventListener("click", toggleTheme);
 new ResizeObserver(redraw).observe(document.querySelector("main"));
 document.fonts.addEventListener("loadingdone", redraw); // canvases were drawn in whatever was there
@@ -82,6 +84,8 @@ function receive(message) {
       showState(message.state);
       break;
     case "progress":
+      if (message.number === null) selected.jumped();
+      if (visitPanel.open && page.running?.lane_mm !== message.lane_mm) page.historyNew = true;
       page.running = message.number === null ? null : message;
       // The last stroke stays until there is something to see of the next.
       if (page.running?.map.x_mm.length > 7 && !selected.picked && !page.held) charts.show(page.running);
@@ -94,6 +98,9 @@ function receive(message) {
       break;
     case "visits":
       showVisits(message);
+      break;
+    case "lanes":
+      visitPanel.setKnown(message.lanes);
       break;
     case "recording":
       tools.recording(message.recording);
@@ -112,7 +119,7 @@ function receive(message) {
 
 /** The first viewer program, or another one in its place. */
 function begin(session) {
-  for (const part of [history, replay, selected]) part.forget();
+  for (const part of [history, replay, selected, visitPanel]) part.forget();
   Object.assign(page, { session, running: null, frame: null, held: false });
 }
 
@@ -120,6 +127,8 @@ function showVisits(message) {
   image.visit(`${page.session} ${message.current_visit}`);
   for (const stroke of message.strokes) if (stroke.visit === message.current_visit) image.widen(stroke.peak_kPa);
   history.set(message);
+  visitPanel.setKnown(message.lanes);
+  page.historyNew = true;
 }
 
 function showLink({ state, text, device }) {
@@ -163,6 +172,7 @@ function showState(state) {
   for (const item of get("steps").querySelectorAll("[data-step]")) item.classList.toggle("on", state[item.dataset.step]);
   image.stroking = state.stroke;
   image.resting = !state.contact;
+  selected.touched(state);
   const hint = state.too_fast ? "Too fast" : state.force_high ? "Force too high" : state.force_low ? "Press harder" : "";
   get("hint").hidden = !hint;
   get("hint").textContent = hint;
@@ -170,7 +180,7 @@ function showState(state) {
 
 function drawFrame(frame) {
   page.frame = frame;
-  if (!selected.picked) image.draw(frame.pressure);
+  if (!selected.picked) selected.showNow();
   connection.drawn(frame.seq);
   const now = performance.now();
   page.drawn.push(now);
@@ -191,6 +201,7 @@ function loop() {
   if (page.historyNew) {
     page.historyNew = false;
     history.draw();
+    visitPanel.draw();
   }
 }
 
@@ -208,7 +219,8 @@ function readouts() {
 setInterval(readouts, 125);
 setInterval(() => {
   const now = performance.now();
-  get("image").setAttribute("aria-label", `Pressure under the probe, peak ${(image.peak_kPa ?? 0).toFixed(1)} kPa`);
+  const lump = image.outlined?.length ? `; lump ${image.outlined.join(", ")}` : "";
+  get("image").setAttribute("aria-label", `Pressure under the probe, peak ${(image.peak_kPa ?? 0).toFixed(1)} kPa${lump}`);
   get("h-drawn").textContent = page.drawn.filter((t) => t > now - 1000).length;
 }, 500);
 

@@ -11,6 +11,7 @@ export class Selected {
     this.place = null;
     this.choice = 0; // counts what was picked: of several strokes on their way the last one counts
     this.news = 0; // counts what was told of the last stroke
+    this.after = null; // {stroke, lifted}: it has just ended; until the probe touches again its lump is shown
     get("back-live").addEventListener("click", () => this.back());
     get("scrub-range").addEventListener("input", () => this.scrub(Number(get("scrub-range").value)));
     const map = get("map");
@@ -24,17 +25,60 @@ export class Selected {
     const stroke = number === null ? null : await this.fetch(number);
     if (news !== this.news || !stroke) return; // a stroke that has ended meanwhile is newer
     this.last = stroke;
+    if (this.image.resting && document.body.dataset.mode === "live") this.ended(stroke);
     this.showLast();
+    this.showNow();
   }
 
   /** Another viewer program answers now: its strokes are others. */
   forget() {
     this.back();
-    this.last = null;
+    this.last = this.after = null;
     this.news += 1;
     this.charts.forget();
     this.card(null);
     this.exports(null);
+  }
+
+  /** The image over the lump waits for the probe to be lifted off. */
+  ended(stroke) {
+    const over = stroke.lump && stroke.over_lump;
+    this.after = {
+      stroke,
+      lifted: this.image.resting,
+      over: over && { position_mm: over.position_mm, pressure: Float32Array.from(over.pressure_kPa) },
+    };
+  }
+
+  note(text) {
+    if (this.get("image-note").textContent !== text) this.get("image-note").textContent = text;
+  }
+
+  /** The probe has touched the tissue, begun a stroke or been lifted. */
+  touched({ contact, stroke }) {
+    if (!this.after) return;
+    if (stroke || (contact && this.after.lifted)) this.after = null;
+    else if (!contact) this.after.lifted = true;
+    this.showNow();
+  }
+
+  /** Somebody has moved along the recording. */
+  jumped() {
+    this.after = null;
+    this.showNow();
+  }
+
+  /** What is felt now; or, with the probe lifted off after a stroke, the image over its lump. */
+  showNow() {
+    if (this.picked || this.page.held) return;
+    const { after, image, page } = this;
+    const over = after?.lifted ? after.over : null;
+    const position_mm = over?.position_mm ?? page.frame?.position_mm;
+    image.lump = after?.stroke.lump && Number.isFinite(position_mm) ? { lump: after.stroke.lump, position_mm } : null;
+    image.picked = Boolean(over);
+    this.note(over ? `stroke ${after.stroke.number}` : "");
+    const pressure = over ? over.pressure : page.frame?.pressure;
+    if (pressure) image.draw(pressure);
   }
 
   /** Where a recording has been played to its end the page rests on its last stroke, until it plays again. */
@@ -42,7 +86,10 @@ export class Selected {
     if (state === "ended" && !this.picked) {
       this.rests = true;
       this.pick(this.history.strokes.at(-1)?.number ?? null);
-    } else if (state !== "ended" && this.rests) this.back();
+    } else if (state !== "ended" && this.rests) {
+      this.after = null;
+      this.back();
+    }
     if (!this.last && !this.picked) this.card(null);
   }
 
@@ -50,7 +97,9 @@ export class Selected {
   finished(stroke) {
     this.news += 1;
     this.last = stroke;
+    this.ended(stroke);
     this.showLast();
+    this.showNow();
   }
 
   /** The last stroke, unless there is none, another is picked, or the picture is held still. */
@@ -96,11 +145,11 @@ export class Selected {
     this.place = null;
     this.image.picked = false;
     this.get("scrub").hidden = true;
-    this.get("image-note").textContent = "";
     delete document.body.dataset.picked;
     this.charts.show(this.page.running ?? this.last);
     if (this.last) this.card(this.last);
-    if (this.page.frame) this.image.draw(this.page.frame.pressure);
+    this.note("");
+    this.showNow();
     this.redraw();
   }
 
@@ -116,11 +165,12 @@ export class Selected {
     if (!shown) return;
     this.get("scrub-range").value = index;
     this.get("scrub-text").textContent = `At ${shown.position_mm.toFixed(1)} mm`;
-    this.get("image-note").textContent = `stroke ${this.picked.number}`;
+    this.note(`stroke ${this.picked.number}`);
     document.body.dataset.picked = this.picked.number;
     this.place = shown.position_mm;
     this.readouts(shown);
     this.image.picked = true;
+    this.image.lump = this.picked.lump && { lump: this.picked.lump, position_mm: shown.position_mm };
     this.image.draw(shown.pressure);
     this.page.chartsNew = true;
   }

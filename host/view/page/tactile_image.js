@@ -2,6 +2,7 @@
 // whole visit: it widens when it must, and never shrinks, so that a colour means a pressure.
 
 import { COLUMNS, FULL_SCALE_KPA, PITCH_MM, ROWS } from "./array.js";
+import { drawOutline, outline, words } from "./outline.js";
 import { font, prepare, textScale, ticks } from "./plot.js";
 import { color } from "./theme.js";
 
@@ -24,6 +25,7 @@ export class TactileImage {
     this.stroking = false;
     this.resting = false; // the probe says that it touches nothing
     this.picked = false; // an earlier image is shown, and not what is felt now
+    this.lump = null; // {lump, position_mm}: what the probe has found, and where it was when it felt this image
     this.pressure = null;
     this.smooth = new Float32Array(ROWS * COLUMNS);
     this.at = -1;
@@ -98,7 +100,44 @@ export class TactileImage {
     this.pointer(c, x0 + w + 14 * textScale(), y0 + h - Math.min(peak / this.top, 1) * h);
     const { at } = this;
     if (at >= 0) this.cross(c, x0 + ((at % COLUMNS) + 0.5) * cell, y0 + (ROWS - 0.5 - Math.floor(at / COLUMNS)) * cell, 3 * cell);
+    this.overlay(c);
     this.peak_kPa = peak;
+  }
+
+  /** The lump's outline where it lies under the face, if it does, and what is known of it. */
+  overlay(c) {
+    const { x0, y0, cell, w, h } = this.place;
+    const shape = this.lump && outline(this.lump.lump);
+    const off = shape && shape.along - this.lump.position_mm;
+    const seen = shape && Math.abs(off) - shape.long.value < h / cell / 2 * PITCH_MM;
+    this.outlined = seen ? words(this.lump.lump) : [];
+    if (seen) this.canvas.dataset.outline = JSON.stringify({ ...shape, along: off });
+    else delete this.canvas.dataset.outline;
+    if (!seen) return;
+    const perMm = cell / PITCH_MM;
+    c.save();
+    c.beginPath();
+    c.rect(x0, y0, w, h);
+    c.clip();
+    drawOutline(c, { ...shape, along: off }, (v) => x0 + w / 2 + v * perMm, (v) => y0 + h / 2 - v * perMm);
+    this.tell(c, x0 + 5, y0 + h - 4);
+    c.restore();
+  }
+
+  /** The outline in words, in the corner: light, with dark edges, as it stands on any colour. */
+  tell(c, x, bottom) {
+    c.font = font();
+    c.textAlign = "left";
+    c.textBaseline = "bottom";
+    c.lineJoin = "round";
+    c.lineWidth = 3;
+    c.strokeStyle = "rgb(0 0 0 / 75%)";
+    c.fillStyle = "#fff";
+    this.outlined.forEach((line, n) => {
+      const y = bottom - 14 * textScale() * (this.outlined.length - 1 - n);
+      c.strokeText(line, x, y);
+      c.fillText(line, x, y);
+    });
   }
 
   /** Frame, axes and colour bar, redrawn only when size, scale, colours or theme change. */

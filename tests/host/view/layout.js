@@ -5,7 +5,7 @@
   const wider = document.documentElement.scrollWidth - width;
   if (wider > 0) wrong.push(`page wider than its window by ${wider}`);
   const homes = ".panel, .bar, .banner, .health, .transport, .menu-items, dialog";
-  const scrolls = "#strokes, #comparison, dialog"; // these scroll
+  const scrolls = "#strokes, #comparison, #visit-map-list, dialog"; // these scroll
   const name = (e) => `${e.closest("[id]")?.id} ${e.tagName}.${e.className} ${e.textContent.trim().slice(0, 30)}`;
   const look = (e, box) => {
     const home = e.closest(homes)?.getBoundingClientRect();

@@ -44,6 +44,8 @@ class Bump:
     kind: str = "lump"
     hardness: str = "hard"
     E_inv23: float = 0.21
+    across_mm: float = 3.0
+    columns: tuple[int, int] = (11, 19)
 
 
 def _around(value: float, share: float) -> Interval:
@@ -74,7 +76,7 @@ def image(bump: Bump, position_mm: float, rng: np.random.Generator) -> np.ndarra
     along = position_mm + ROW_MM[:, None]
     across = ACROSS_MM[None, :]
     amp = 0.0 if bump.kind == "none" else bump.amp_kPa
-    hill = amp * np.exp(-0.5 * (along / bump.stdev_mm) ** 2 - 0.5 * ((across - 3.0) / 5.0) ** 2)
+    hill = amp * np.exp(-0.5 * (along / bump.stdev_mm) ** 2 - 0.5 * ((across - bump.across_mm) / 5.0) ** 2)
     face = 1.0 - 0.25 * (ROW_MM[:, None] / 12.0) ** 2 - 0.1 * (across / 20.0) ** 2
     noise = rng.normal(0.0, 0.05, (ROW_MM.size, COLUMN_MM.size))
     return np.maximum(bump.base_kPa * face + hill + noise, 0.0).astype(np.float32)
@@ -103,7 +105,7 @@ def stroke(bump: Bump, start_s: float, seq: int, rate: float, seconds: float, se
         if fit is None
         else fit.base_kPa + fit.amp_kPa * np.exp(-0.5 * (x / fit.stdev_mm) ** 2)
     )
-    yield ProbeMap(tuple(x), tuple(p), fit)
+    yield ProbeMap(tuple(x), tuple(p), fit, bump.columns)
     yield estimate(bump, end)
 
 
@@ -118,6 +120,8 @@ class SyntheticSource:
         So many strokes, then the probe lies still.
     halt_mm : float or None
         Where every stroke stands still, at ten frames a second, until this is set anew.
+    lifts : bool
+        Whether each stroke ends with the probe in the air.
     gone : str
         What is said while it is gone.
     told : list of str
@@ -140,6 +144,7 @@ class SyntheticSource:
         self.rest = rest
         self.limit = limit
         self.halt_mm: float | None = None
+        self.lifts = False
         self.gone = GONE
         self.plugged = threading.Event()
         self.plugged.set()
@@ -201,6 +206,8 @@ class SyntheticSource:
                 emit(replace(event, time_s=event.time_s + stood_s))
             if stop.is_set() or not self.plugged.is_set():
                 return False
+        if self.lifts:
+            emit(StrokeState(time.monotonic()))
         return True
 
     def _frame(self, frame: Frame, later_s: float, emit: Emit) -> None:

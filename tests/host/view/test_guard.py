@@ -93,6 +93,7 @@ def test_there_is_no_command_that_reaches_the_probes_settings(running):
     assert known == {
         "record", "stop-recording", "mark", "new-visit", "recordings", "load-visit",
         "repeatability", "compare", "play", "pause", "seek", "speed", "reference", "forget-reference",
+        "lanes",
     }  # fmt: skip
     for word in ("flash", "flash_begin", "set_setting", "calibrate", "__class__", "run"):
         assert "no command" in run_command(running, do=word)["text"]

@@ -1,0 +1,98 @@
+// A lump's outline, as far as it is known: its length along the stroke with its interval, and across the stroke its width,
+// or only the columns that felt it, or nothing. Lengths in mm: across from the middle of the face, along as the encoder counts.
+
+import { COLUMNS, PITCH_MM } from "./array.js";
+
+const EDGE_MM = (COLUMNS * PITCH_MM) / 2;
+const LIGHT = "#fff";
+const CASING = "rgb(0 0 0 / 60%)"; // round white lines, so that they are seen on the brightest colours too
+const SOFT = "rgb(255 255 255 / 30%)";
+
+const halves = ([value, low, high]) => ({ value: value / 2, low: low / 2, high: high / 2 });
+
+/**
+ * The shape of a lump as the viewer program tells it. `ring`: length and width are known. `strip`: these columns felt it, and
+ * its width is not known. `band`: all columns felt it alike, or nobody knows which.
+ */
+export function outline({ along_mm, d_mm, columns_mm, across_mm, width_mm, sure }) {
+  const [left, right] = columns_mm ?? [-EDGE_MM, EDGE_MM];
+  const kind = width_mm ? "ring" : columns_mm ? "strip" : "band";
+  const across = across_mm ? across_mm[0] : (left + right) / 2;
+  const wide = width_mm ? halves(width_mm) : null;
+  const reach = wide ? [across - wide.value, across + wide.value] : [left, right];
+  return { kind, along: along_mm, across, left: reach[0], right: reach[1], long: halves(d_mm), wide, sure };
+}
+
+const digits = (v) => v.toFixed(1).replace("-", "\u2212");
+
+/** The same in words, in parts that may stand on lines of their own. */
+export function words({ d_mm, columns_mm, width_mm, sure }) {
+  const long = `${digits(d_mm[0])} mm along (${digits(d_mm[1])} to ${digits(d_mm[2])})`;
+  const wide = width_mm
+    ? `${digits(width_mm[0])} mm across (${digits(width_mm[1])} to ${digits(width_mm[2])})`
+    : columns_mm
+      ? `width not known, felt from ${digits(columns_mm[0])} to ${digits(columns_mm[1])} mm`
+      : "width not known";
+  return sure ? [long, wide] : [long, wide, "do not rely on it"];
+}
+
+/** Draw an outline. toX and toY turn mm across and mm along into places on the canvas. */
+export function drawOutline(c, shape, toX, toY, line = 1.75) {
+  const { sure } = shape;
+  c.save();
+  if (sure) {
+    c.fillStyle = SOFT;
+    c.fill(between(shape, toX, toY), "evenodd");
+  }
+  const dash = sure ? [] : [6, 4];
+  for (const [path, dashes] of strokes(shape, dash, toX, toY)) {
+    c.setLineDash(dashes);
+    for (const [paint, width] of [[CASING, line + 2], [LIGHT, line]]) {
+      c.strokeStyle = paint;
+      c.lineWidth = width;
+      c.stroke(path);
+    }
+  }
+  c.restore();
+}
+
+/** What lies between the ends of the intervals. */
+function between({ kind, along, across, left, right, long, wide }, toX, toY) {
+  const path = new Path2D();
+  if (kind === "ring") {
+    ellipse(path, across, along, wide.high, long.high, toX, toY);
+    ellipse(path, across, along, wide.low, long.low, toX, toY);
+    return path;
+  }
+  for (const side of [-1, 1]) {
+    const [a, b] = [toY(along + side * long.low), toY(along + side * long.high)];
+    path.rect(toX(left), Math.min(a, b), toX(right) - toX(left), Math.abs(b - a));
+  }
+  return path;
+}
+
+/** The lines of an outline, each with its dashes: where the sides are is not known of a strip, and of a band there are none. */
+function strokes({ kind, along, across, left, right, long, wide }, dash, toX, toY) {
+  const path = new Path2D();
+  if (kind === "ring") {
+    ellipse(path, across, along, wide.value, long.value, toX, toY);
+    return [[path, dash]];
+  }
+  for (const side of [-1, 1]) {
+    path.moveTo(toX(left), toY(along + side * long.value));
+    path.lineTo(toX(right), toY(along + side * long.value));
+  }
+  if (kind === "band") return [[path, dash]];
+  const sides = new Path2D();
+  for (const x of [left, right]) {
+    sides.moveTo(toX(x), toY(along - long.value));
+    sides.lineTo(toX(x), toY(along + long.value));
+  }
+  return [[path, dash], [sides, [2, 4]]];
+}
+
+function ellipse(path, across, along, wide, long, toX, toY) {
+  const [rx, ry] = [Math.abs(toX(across + wide) - toX(across)), Math.abs(toY(along + long) - toY(along))];
+  path.moveTo(toX(across) + rx, toY(along));
+  path.ellipse(toX(across), toY(along), rx, ry, 0, 0, 2 * Math.PI);
+}

@@ -1,0 +1,227 @@
+// The panel with the map of the visit: it takes the place of the charts; here the operator says where strokes go.
+
+import { element } from "./card.js";
+import { prepare } from "./plot.js";
+import { reveal } from "./stroke_list.js";
+import { color } from "./theme.js";
+import { HALF_FACE_MM, described, told } from "./visit_map.js";
+import { drawVisit } from "./visit_picture.js";
+
+const NOT_TOLD = "No lanes were told: the strokes stand side by side in their order, not where they were.";
+const leftOut = (n) => `${n} ${n === 1 ? "stroke" : "strokes"} without a lane ${n === 1 ? "is" : "are"} left out.`;
+const NONE_YET = "Strokes appear here as they end, each in its lane.";
+const PICTURE = [1200, 800];
+
+export class VisitPanel {
+  /** hooks: {ask(command, options), pick(number), toast(text), redraw()} */
+  constructor(get, { image, history, page }, hooks) {
+    Object.assign(this, { get, image, history, page, hooks });
+    this.strips = new Map(); // by stroke: a strip never changes
+    this.asked = new Map(); // by stroke: the promise of its strip
+    this.lanes = null;
+    this.waits = 0; // settings on their way: until they are answered the fields show what was typed
+    this.sessions = 0; // counts viewer programs: what one has told is not another's
+    get("visit-map-button").addEventListener("click", () => this.toggle());
+    get("export-visit-map").addEventListener("click", () => this.save());
+    get("visit-map").addEventListener("click", (event) => this.hit(event));
+    get("visit-map-list").addEventListener("click", ({ target }) => {
+      const line = target.closest("[data-number]");
+      if (line) hooks.pick(Number(line.dataset.number));
+    });
+    get("lanes-told").addEventListener("change", () => this.setLanes(get("lanes-told").checked));
+    for (const id of ["lane-next", "lane-step"]) get(id).addEventListener("change", () => this.setLanes(true));
+  }
+
+  get open() {
+    return document.body.dataset.view === "visit";
+  }
+
+  toggle() {
+    if (this.open) delete document.body.dataset.view;
+    else document.body.dataset.view = "visit";
+    this.get("visit-map-button").setAttribute("aria-pressed", this.open);
+    this.get("visit-map-button").classList.toggle("on", this.open);
+    this.hooks.redraw();
+  }
+
+  /** Another viewer program answers now. */
+  forget() {
+    this.sessions += 1;
+    this.strips.clear();
+    this.asked.clear();
+    this.lanes = null;
+  }
+
+  // ---- lanes
+
+  /** Where the next stroke goes, as the viewer program tells it; an older state does not undo a newer. */
+  setKnown(lanes) {
+    if (!lanes || (this.lanes && lanes.changes < this.lanes.changes)) return;
+    this.lanes = lanes;
+    if (!this.waits) this.fields();
+    this.hooks.redraw();
+  }
+
+  /** What is being typed stays. */
+  fields() {
+    this.get("lanes-told").checked = this.lanes.told;
+    for (const [id, key] of [["lane-next", "next_mm"], ["lane-step", "step_mm"]]) {
+      const field = this.get(id);
+      const typing = field === document.activeElement && field.value !== field.dataset.shown;
+      if (!typing) field.value = field.dataset.shown = `${this.lanes[key]}`;
+    }
+  }
+
+  async setLanes(told) {
+    const fields = ["lane-next", "lane-step"].map((id) => this.get(id));
+    for (const field of fields) field.dataset.shown = field.value; // no longer typed, but told
+    const [next, step] = fields.map((field) => field.valueAsNumber);
+    if (!Number.isFinite(next) || !Number.isFinite(step)) return this.lanes && this.fields();
+    this.waits += 1;
+    try {
+      const { lanes } = await this.hooks.ask("lanes", { told, next_mm: next, step_mm: step });
+      this.waits -= 1;
+      this.setKnown(lanes);
+    } catch (error) {
+      this.waits -= 1;
+      this.hooks.toast(error.message);
+    }
+    if (!this.waits && this.lanes) this.fields();
+  }
+
+  // ---- the map
+
+  /** The visit of the picked stroke, or the one that strokes go to. */
+  get visit() {
+    const { strokes, picked, current } = this.history;
+    return strokes.find((s) => s.number === picked)?.visit ?? current;
+  }
+
+  get name() {
+    return this.history.visits.find((v) => v.number === this.visit)?.name ?? "";
+  }
+
+  /** Its strokes, each with its strip as far as that has come. */
+  shown() {
+    const { visit } = this;
+    return this.history.strokes.filter((s) => s.visit === visit).map((s) => ({ ...s, strip: this.strips.get(s.number) ?? null }));
+  }
+
+  /** Has the operator said where strokes of this visit lie? */
+  byLanes(strokes) {
+    return told(strokes).length > 0;
+  }
+
+  draw() {
+    if (!this.open) return;
+    const strokes = this.shown();
+    this.fetch(strokes);
+    const { picked, current } = this.history;
+    const table = this.image.tables[this.image.name];
+    const { context, width, height } = prepare(this.get("visit-map"));
+    const running = this.page.running?.visit === this.visit ? this.page.running : null;
+    const live = document.body.dataset.mode === "live" && this.visit === current;
+    const next_mm = live && this.lanes?.told ? this.lanes.next_mm : null;
+    const byLanes = this.byLanes(strokes);
+    this.place = table ? drawVisit(context, width, height, { strokes, byLanes, table, picked, next_mm, running }) : null;
+    this.describe(strokes);
+  }
+
+  /** What must be said of where the strokes stand. */
+  remark(strokes) {
+    if (!strokes.length) return NONE_YET;
+    if (!this.byLanes(strokes)) return NOT_TOLD;
+    const without = strokes.length - told(strokes).length;
+    return without ? leftOut(without) : "";
+  }
+
+  describe(strokes) {
+    this.get("visit-map-note").textContent = this.name;
+    this.get("visit-map-order").textContent = this.remark(strokes);
+    const lines = strokes.map(described);
+    const key = JSON.stringify([lines, this.history.picked]);
+    if (key !== this.listed) {
+      this.listed = key;
+      const list = this.get("visit-map-list");
+      list.replaceChildren(
+        ...strokes
+          .map(({ number }, n) => element("li", { "data-number": number, ...(number === this.history.picked && { "aria-current": "true" }) }, lines[n]))
+          .reverse(), // as in the list of strokes
+      );
+      const line = list.querySelector("[aria-current]");
+      if (line) reveal(list, line);
+    }
+    const canvas = this.get("visit-map");
+    canvas.setAttribute("aria-label", `Map of the visit, ${strokes.length} ${strokes.length === 1 ? "stroke" : "strokes"}; the list below says what is on it`);
+    canvas.dataset.strips = strokes.filter((s) => s.strip).map((s) => s.number).join(" ");
+    canvas.dataset.shapes = JSON.stringify(this.place?.shapes ?? []);
+    canvas.dataset.top = this.place?.top ?? "";
+  }
+
+  /** Ask for the strips that are not here yet, each once; where no answer comes, again with the next drawing. */
+  fetch(strokes) {
+    for (const { number } of strokes) if (!this.asked.has(number)) this.asked.set(number, this.fetchOne(number));
+    return Promise.all(strokes.map(({ number }) => this.asked.get(number)));
+  }
+
+  async fetchOne(number) {
+    const { sessions } = this;
+    const strip = await stripOf(number);
+    if (sessions !== this.sessions) return;
+    if (!strip) return this.asked.delete(number);
+    this.strips.set(number, strip);
+    this.hooks.redraw();
+  }
+
+  /** A click on a strip picks its stroke; where several lie there, the one whose middle is nearest, and the newest of those. */
+  hit({ offsetX, offsetY }) {
+    if (!this.place) return;
+    const { toX, toY } = this.place;
+    const [x, y] = [(v) => Math.abs(toX(v) - offsetX), (v) => toY(v) - offsetY];
+    const under = this.place.strokes.filter(({ lane_mm, strip }) => {
+      if (!strip?.places || x(lane_mm) > toX(HALF_FACE_MM) - toX(0)) return false;
+      return y(strip.from_mm) >= 0 && y(strip.from_mm + strip.places) <= 0;
+    });
+    const [nearest] = under.sort((a, b) => x(a.lane_mm) - x(b.lane_mm) || b.number - a.number);
+    if (nearest) this.hooks.pick(nearest.number);
+  }
+
+  // ---- a picture to take away
+
+  async save() {
+    this.get("export").open = false;
+    await this.image.loadColors().catch(() => {});
+    await this.fetch(this.shown());
+    const strokes = this.shown();
+    const table = this.image.tables[this.image.name];
+    const canvas = document.createElement("canvas");
+    [canvas.width, canvas.height] = PICTURE;
+    const c = canvas.getContext("2d");
+    c.fillStyle = color("panel");
+    c.fillRect(0, 0, ...PICTURE);
+    const [width, height] = PICTURE;
+    if (!table || !drawVisit(c, width, height - 70, { strokes, byLanes: this.byLanes(strokes), table })) return this.hooks.toast("There is no stroke to map yet.");
+    const models = [...new Set(strokes.map((s) => s.card.model_id).filter(Boolean))].join(", ");
+    c.fillStyle = color("text");
+    c.textAlign = "left";
+    c.textBaseline = "top";
+    c.fillText(`${this.name}. ${this.remark(strokes)}`, 24, height - 52);
+    c.fillText(`Model ${models || "none"}. ${strokes[0].card.notice}`, 24, height - 30);
+    const link = document.createElement("a");
+    link.download = `visit-${this.visit}.png`;
+    canvas.toBlob((blob) => {
+      link.href = URL.createObjectURL(blob);
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 60_000); // when the browser has surely read it
+    });
+  }
+}
+
+async function stripOf(number) {
+  try {
+    const answer = await fetch(`/api/strip-${number}.json`);
+    return answer.ok ? await answer.json() : null;
+  } catch {
+    return null;
+  }
+}
