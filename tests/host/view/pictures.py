@@ -1,7 +1,8 @@
 """Pictures of the viewer and the report for the docs: python -m tests.host.view.pictures DEMO_DIRECTORY.
 
 DEMO_DIRECTORY is what `palpate demo --out` wrote: its key, model image and report are used. The probe is
-emulated; its firmware, model, link and noise are real.
+emulated; its firmware, model, link and noise are real. The map of a visit is of solid lumps; they are kept
+with the tests.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from palpate.view.live import LiveSource
 from palpate.view.read_strokes import load_strokes
 from palpate.view.replay import ReplaySource
 from palpate.view.serve import Viewer
+from tests.host.view import balls
 from tests.host.view.chromium import CHROMIUM_OPTIONS, chromium
+from tests.host.view.waiting import settled
 
 PICTURES = Path(__file__).parents[3] / "docs" / "pictures"
 FIRST, SECOND = "d12h07e20f09", "d15h05e20f09"
@@ -30,8 +33,8 @@ STROKES, FRAMES = 5, 150
 def main(demo: Path) -> None:
     """Take all pictures."""
     expect.set_options(timeout=120_000)
-    before, calibration = strokes_over(FIRST, "typical", 5, FRAMES, STROKES, steady=True)
-    after, _ = strokes_over(SECOND, "typical", 5, FRAMES, STROKES, steady=True)
+    before, calibration = strokes_over(FIRST, "typical", 5, FRAMES, STROKES, steady=True, press=True)
+    after, _ = strokes_over(SECOND, "typical", 5, FRAMES, STROKES, steady=True, press=True)
     key = (demo / "key" / "public.key").read_bytes()
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -50,7 +53,35 @@ def main(demo: Path) -> None:
         source = ReplaySource(recording)
         with Viewer(source, mode="replay", recordings=recordings, load_strokes=load_strokes) as viewer:
             _replay(_open(browser, viewer, scheme="light"))
+        _lanes(browser, key, (demo / "model.palp").read_bytes())
         _report(browser, demo / "report" / "index.html")
+
+
+def _lanes(browser: Browser, key: bytes, image: bytes) -> None:
+    """One lump beside the line, stroked from both sides, and another farther on."""
+    aside, beyond = balls.clear_beside(), balls.clear_on_line()
+    strokes = [balls.felt(aside, FRAMES), balls.felt(aside, FRAMES, turned=True), balls.felt(beyond, FRAMES)]
+    calibration = balls.calibration()
+    step_mm = round(2 * aside.case.offset_mm)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        EmulatedProbe(
+            strokes=strokes, public_key=key, model=image, calibration=calibration, roomy=True
+        ) as probe,
+    ):
+        viewer = Viewer(LiveSource(probe.port), mode="live", recordings=Path(folder))
+        viewer.session.set_lanes(True, 0.0, step_mm)
+        with viewer:
+            page = _open(browser, viewer)
+            expect(page.locator("#stroke-3")).to_be_visible()
+            page.keyboard.press("l")
+            page.locator("#stroke-2").click()
+            expect(page.locator("#image-note")).to_have_text("stroke 2")
+            expect(page.locator("#visit-map")).to_have_attribute("data-strips", "1 2 3")
+            settled(page)
+            page.mouse.move(1, 1)
+            page.screenshot(path=PICTURES / "viewer-map.png")
+            page.close()
 
 
 def _open(

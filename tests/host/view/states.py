@@ -11,6 +11,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 from playwright.sync_api import Browser, Page, expect, sync_playwright
@@ -66,18 +67,30 @@ def strokes(stage: Stage) -> Iterator[Shown]:
     source.halt_mm = None
     expect(page.locator("#stroke-3")).to_be_visible()
     yield "done", page
+    page.keyboard.press("l")
+    expect(page.locator("#visit-map")).to_have_attribute("data-strips", "1 2 3")
+    yield "map-in-order", page
+    page.locator("#lanes-told").check()
+    source.bumps, source.limit = (
+        [replace(LUMP, across_mm=11.0, columns=(17, 24)), Bump(kind="none", base_kPa=3.6)],
+        5,
+    )
+    expect(page.locator("#stroke-5")).to_be_visible()
+    expect(page.locator("#visit-map")).to_have_attribute("data-strips", "1 2 3 4 5")
+    yield "map-by-lanes", page
+    page.keyboard.press("l")
     page.keyboard.press("v")
     page.locator("#text-value").fill("After six months")
     page.keyboard.press("Enter")
-    source.bumps, source.limit = [LATER], 6
-    expect(page.locator("#stroke-6")).to_be_visible()
+    source.bumps, source.limit = [LATER], 8
+    expect(page.locator("#stroke-8")).to_be_visible()
     expect(page.locator("#comparison table")).to_be_visible()
     yield "two-visits", page
-    source.bumps, source.limit = [Bump(kind="outside", d_mm=23.0, base_kPa=3.6, amp_kPa=1.1)], 7
-    expect(page.locator("#stroke-7")).to_be_visible()
+    source.bumps, source.limit = [Bump(kind="outside", d_mm=23.0, base_kPa=3.6, amp_kPa=1.1)], 9
+    expect(page.locator("#stroke-9")).to_be_visible()
     yield "outside", page
-    source.bumps, source.limit = [Bump(kind="force", base_kPa=3.6, amp_kPa=1.1)], 8
-    expect(page.locator("#stroke-8")).to_be_visible()
+    source.bumps, source.limit = [Bump(kind="force", base_kPa=3.6, amp_kPa=1.1)], 10
+    expect(page.locator("#stroke-10")).to_be_visible()
     yield "force", page
     source.plugged.clear()
     expect(page.locator("#banner")).to_be_visible()
@@ -96,7 +109,7 @@ def nothing_found(stage: Stage) -> Iterator[Shown]:
 def no_model(stage: Stage) -> Iterator[Shown]:
     from palpate.cli.emulate import strokes_over
 
-    felt, calibration = strokes_over("d12h07e20f09", "typical", 5, 150, 1, steady=True)
+    felt, calibration = strokes_over("d12h07e20f09", "typical", 5, 150, 1, steady=True, press=True)
     probe = stage.stack.enter_context(EmulatedProbe("cpython", strokes=felt, calibration=calibration))
     page = stage.page(LiveSource(probe.port))
     expect(page.locator("#stroke-1")).to_be_visible()
