@@ -12,6 +12,8 @@ from palpate.view.stroke import Stroke
 PRE_ROLL = 64
 """Frames kept between contact and start: the probe reports "started" some frames late."""
 
+_SAME_S = 0.01
+
 
 class Assembler:
     """Puts frames, states, map and estimate of one stroke together.
@@ -27,6 +29,7 @@ class Assembler:
         self.running: Stroke | None = None
         self.waiting: Stroke | None = None
         """The stroke is over, its estimate has not come."""
+        self._begun: deque[Stroke] = deque(maxlen=4)
         self._before: deque[Frame] = deque(maxlen=PRE_ROLL)
         self._contact = False
 
@@ -43,12 +46,9 @@ class Assembler:
             if (stroke := self.waiting or self.running) is not None:
                 stroke.probe_map = event
         elif isinstance(event, Mark):
-            if (stroke := self.running or self.waiting) is not None and (
-                lane := lane_of(event.text)
-            ) is not None:
-                stroke.lane_mm = lane
+            self._tell_lane(event.text)
         elif isinstance(event, Estimate):
-            stroke = self.waiting or self.running or self._new_stroke(event.time_s)
+            stroke = self.waiting or self.running or self._begin(event.time_s)
             stroke.estimate = event
             if stroke is self.running:
                 self.running = None
@@ -62,13 +62,27 @@ class Assembler:
         self._before.clear()
         return stroke
 
+    def _begin(self, started_s: float) -> Stroke:
+        stroke = self._new_stroke(started_s)
+        self._begun.append(stroke)
+        return stroke
+
+    def _tell_lane(self, mark: str) -> None:
+        """Where a recorded mark tells a stroke's lane: of a busy machine it may stand behind its end."""
+        if (told := lane_of(mark)) is None:
+            return
+        lane_mm, started_s = told
+        for stroke in self._begun:
+            if abs(stroke.started_s - started_s) < _SAME_S:
+                stroke.lane_mm = lane_mm
+
     def _state(self, state: StrokeState) -> Stroke | None:
         finished = None
         if not (state.contact and self._contact):
             self._before.clear()
         self._contact = state.contact
         if state.stroke and self.running is None:  # the last one's estimate may still be on its way
-            self.running = self._new_stroke(state.time_s)
+            self.running = self._begin(state.time_s)
             for frame in self._before:
                 self.running.add(frame)
             self._before.clear()

@@ -102,7 +102,6 @@ class Commands:
             self._session.set_recording({"file": path.name, "since": time.time()})
             if not source.recording:  # the disk was full at once, and that was reported before the line above
                 self._session.set_recording(None)
-        self._session.note_lane()
         return {"file": path.name}
 
     def _new_file(self, stem: str) -> Path:
@@ -144,10 +143,10 @@ class Commands:
             step_mm = _number(message, "step_mm", known.step_mm)
             return {"lanes": self._session.set_lanes(told, next_mm, step_mm)}
 
-    def _note_lane(self, lane_mm: float) -> None:
-        """A stroke's lane goes into a running recording; without one it is on the page alone."""
-        if isinstance(self._source, Recordable) and self._session.recording is not None:
-            self._source.mark(mark_of(lane_mm))
+    def _note_lane(self, lane_mm: float, started_s: float) -> None:
+        """A stroke's lane goes into the recording, if one runs."""
+        if isinstance(self._source, Recordable):
+            self._source.mark(mark_of(lane_mm, started_s))
 
     def close(self) -> None:
         """End a running recording properly, and begin no other."""

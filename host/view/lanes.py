@@ -12,7 +12,7 @@ STEP_MM = 20.0
 """From one lane to the next, unless the operator says otherwise: half the face, so that lanes overlap."""
 MOST_MM = 500.0
 
-_MARK = re.compile(r"lane (-?\d+(?:\.\d+)?) mm")
+_MARK = re.compile(r"lane (-?\d{1,4}(?:\.\d+)?) mm, stroke of (\d{1,12}\.\d{3}) s")
 
 
 class Lanes:
@@ -37,8 +37,8 @@ class Lanes:
     def set(self, told: bool, next_mm: float, step_mm: float) -> None:
         """The operator says where the next stroke goes and how far on the one after it, or no longer."""
         self.told = told
-        self.next_mm = min(max(next_mm, -MOST_MM), MOST_MM)
-        self.step_mm = min(max(step_mm, -MOST_MM), MOST_MM)
+        self.next_mm = _rounded(next_mm)
+        self.step_mm = _rounded(step_mm)
         self.changes += 1
 
     def begin(self) -> float | None:
@@ -46,7 +46,7 @@ class Lanes:
         if not self.told:
             return None
         lane_mm = self.next_mm
-        self.next_mm = min(max(lane_mm + self.step_mm, -MOST_MM), MOST_MM)
+        self.next_mm = _rounded(lane_mm + self.step_mm)
         self.changes += 1
         self._begun = lane_mm, self.changes
         return lane_mm
@@ -72,12 +72,17 @@ class Lanes:
         }
 
 
-def mark_of(lane_mm: float) -> str:
-    """What a recording is told while a stroke runs: its lane."""
-    return f"lane {lane_mm:g} mm"
+def mark_of(lane_mm: float, started_s: float) -> str:
+    """What a recording is told of a stroke: its lane, and by the probe's time which stroke."""
+    return f"lane {lane_mm:g} mm, stroke of {started_s:.3f} s"
 
 
-def lane_of(mark: str) -> float | None:
-    """The lane that a mark tells; None where it tells something else."""
-    found = _MARK.fullmatch(mark.strip())
-    return None if found is None else min(max(float(found[1]), -MOST_MM), MOST_MM)
+def lane_of(mark: str) -> tuple[float, float] | None:
+    """The lane that a mark tells and the start of its stroke; None where it tells something else."""
+    found = _MARK.fullmatch(mark)
+    return None if found is None else (_rounded(float(found[1])), float(found[2]))
+
+
+def _rounded(lane_mm: float) -> float:
+    """To hundredths, as a mark tells it, and not beyond the table."""
+    return round(min(max(lane_mm, -MOST_MM), MOST_MM), 2)

@@ -82,8 +82,8 @@ class Session:
         self.state = StrokeState(0.0)
         self.playback: Playback | None = None
         self.recording: dict[str, Any] | None = None
-        self.on_lane: Callable[[float], None] | None = None
-        """Called with the lane of each stroke that begins, where the operator says which."""
+        self.on_lane: Callable[[float, float], None] | None = None
+        """Called with lane, mm, and start, s, of each stroke that begins where the operator says it."""
         self._mailboxes: set[Mailbox] = set()
         self._assembler = Assembler(self._new_stroke)
         self._progress_at = 0.0
@@ -143,7 +143,7 @@ class Session:
         stroke = self.visits.new_stroke(started_s)
         self.tell_slot("lanes", {"type": "lanes", "lanes": self.visits.lanes.as_dict()})
         if stroke.lane_mm is not None and self.on_lane is not None:
-            self.on_lane(stroke.lane_mm)
+            self.on_lane(stroke.lane_mm, stroke.started_s)
         return stroke
 
     def set_lanes(self, told: bool, next_mm: float, step_mm: float) -> dict[str, Any]:
@@ -153,13 +153,6 @@ class Session:
             lanes = self.visits.lanes.as_dict()
             self.tell_slot("lanes", {"type": "lanes", "lanes": lanes})
             return lanes
-
-    def note_lane(self) -> None:
-        """Tell a recording that has just begun the lane of the stroke that runs, if one does."""
-        with self.lock:
-            running = self._assembler.running
-            if running is not None and running.lane_mm is not None and self.on_lane is not None:
-                self.on_lane(running.lane_mm)
 
     def _give_up(self) -> Stroke | None:
         """No more of the running stroke will come; returns one that was over."""

@@ -124,20 +124,20 @@ export class TactileImage {
     c.restore();
   }
 
-  /** The outline in words, in the corner: light, with dark edges, as it stands on any colour. */
+  /** The outline in words, in the corner: light on dark, to be read on any colour. */
   tell(c, x, bottom) {
     c.font = font();
     c.textAlign = "left";
     c.textBaseline = "bottom";
-    c.lineJoin = "round";
-    c.lineWidth = 3;
-    c.strokeStyle = "rgb(0 0 0 / 75%)";
+    const step = 14 * textScale();
+    const width = Math.max(...this.outlined.map((line) => c.measureText(line).width));
+    const height = step * this.outlined.length;
+    c.fillStyle = "rgb(0 0 0 / 65%)";
+    c.beginPath();
+    c.roundRect(x - 3, bottom - height - 1, width + 7, height + 3, 3);
+    c.fill();
     c.fillStyle = "#fff";
-    this.outlined.forEach((line, n) => {
-      const y = bottom - 14 * textScale() * (this.outlined.length - 1 - n);
-      c.strokeText(line, x, y);
-      c.fillText(line, x, y);
-    });
+    this.outlined.forEach((line, n) => c.fillText(line, x, bottom - step * (this.outlined.length - 1 - n)));
   }
 
   /** Frame, axes and colour bar, redrawn only when size, scale, colours or theme change. */

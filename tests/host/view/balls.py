@@ -26,7 +26,7 @@ def clear_beside() -> SolidLump:
 
 
 def clear_on_line() -> SolidLump:
-    """The stiffest kept lump under the line that is not deep."""
+    """The stiffest kept lump under the line that is not deep, and stroked as hard as a model wants it."""
     return min(
         (k for k in _kept() if k.case.depth_mm < 10 and k.case.offset_mm == 0), key=lambda k: k.case.E_inv23
     )

@@ -99,6 +99,7 @@ def _open(
 def _live(page: Page, phone: Page, viewer: Viewer) -> None:
     page.keyboard.press("r")
     expect(page.locator(f"#stroke-{STROKES - 1}")).to_be_visible()
+    page.wait_for_selector("[data-step=stroke].on")
     _new_visit(page, "After six months")  # the fifth stroke has begun and still belongs to the first
     expect(page.locator(f"#stroke-{2 * STROKES - 1}")).to_be_visible()
     _in_mid_stroke(page)

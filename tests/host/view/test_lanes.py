@@ -8,6 +8,7 @@ import pytest
 from palpate.sim.probe.cells import COLUMN_MM, ROW_MM
 from palpate.view.area import strip
 from palpate.view.events import LinkChanged, LinkState, Mark
+from palpate.view.lanes import lane_of, mark_of
 from palpate.view.session import Session
 from tests.host.view.synthetic import Bump, stroke
 
@@ -78,18 +79,29 @@ def test_another_visit_begins_in_the_first_lane():
 
 def test_a_lane_is_noted_once_while_its_stroke_runs_and_the_note_read_back():
     session, noted = Session(mode="live", name="x"), []
-    session.on_lane = noted.append
+    session.on_lane = lambda *told: noted.append(told)
     stroked(session, 0)
     session.set_lanes(True, 2.5, 20.0)
     stroked(session, 1)
-    assert noted == [2.5]
-    again = Session(mode="live", name="x")
-    for n, event in enumerate(stroke(Bump(), 0.0, 0, 50.0, 1.0, 1)):
-        again.on_event(event)
-        if n == 5:
-            again.on_event(Mark(0.0, "lane 2.5 mm"))
-            again.on_event(Mark(0.0, "the lane by the road"))
-    assert lanes(again) == [2.5]
+    assert noted == [(2.5, 10.0)]
+
+
+@pytest.mark.parametrize("late", [1, 5, 1000])
+def test_a_noted_lane_is_read_back_as_that_of_its_stroke_however_late_the_note_stands(late):
+    """A busy machine wrote one behind the end of its stroke, which had no lane again."""
+    session = Session(mode="live", name="x")
+    told = [Mark(0.0, mark_of(2.5, 10.0)), Mark(0.0, "the lane 2 mm by the road")]
+    first = list(stroke(Bump(), 10.0, 0, 50.0, 1.0, 1))
+    for event in [*first[: late + 1], *told, *first[late + 1 :]]:
+        session.on_event(event)
+    stroked(session, 2)
+    assert lanes(session) == [2.5, None]
+
+
+def test_a_mark_of_no_lane_is_none():
+    for text in ("lane", "lane 2 mm", "lane 2 mm, stroke of x s", "lane 1e9 mm, stroke of 1.000 s"):
+        assert lane_of(text) is None
+    assert lane_of(mark_of(-17.25, 3.0004)) == (-17.25, 3.0)
 
 
 def images(across_mm, push=1.0):
