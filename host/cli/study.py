@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import click
@@ -17,12 +18,12 @@ from palpate.errors import UsageError
     "--lumps",
     default=600,
     show_default=True,
-    help="Of any-tissue, anywhere, reference, balls: how many to simulate.",
+    help="Of any-tissue, anywhere, reference: how many to simulate.",
 )
 @click.option("--seed", default=1, show_default=True, help="Of the split and of the sensors' noise.")
 @click.option("--noise", default=None,
               help="Sensors but for what is varied: a level, or a file of palpate characterise; "
-                   "typical by default (any-tissue and balls: typical and real).")  # fmt: skip
+                   "typical by default (any-tissue: typical and real).")  # fmt: skip
 @click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Draw it, as SVG or PNG.")
 @json_option
 def command(
@@ -45,8 +46,8 @@ def command(
     any-tissue  (needs nothing in DIRECTORY: simulates --lumps lumps in random tissue into it first)
     anywhere  (the same of lumps in the fat, on its border or in the gland; half an hour)
     reference   (the same lumps and a press beside each, the right one or one of another place or person)
-    balls     (reads DIRECTORY/balls.parquet, which palpate sweep --design balls --keep writes; where
-              there is none, simulates --lumps balls and ellipsoids first, half a minute each)
+    balls     (which balls and ellipsoids are found, and how well each kind is told; of
+              DIRECTORY/balls.parquet, which palpate sweep --design balls:N --keep writes)
 
     \b
     Example:
@@ -78,7 +79,7 @@ def command(
     if name == "balls":
         if figure is not None:
             raise UsageError("balls has no figure: leave --figure out")
-        _balls(directory, lumps, seed, noise, as_json)
+        _balls(directory, seed, noise, as_json)
         return
     studies = STUDIES | {study.name: study for study in (TISSUE_STUDY, COMPUTED_STUDY)}
     if name not in studies:
@@ -142,16 +143,15 @@ def _reference(directory: Path, lumps: int, seed: int, noise: str | None, as_jso
     table(heads, rows, "A reference press beside the lump")
 
 
-def _balls(directory: Path, lumps: int, seed: int, noise: str | None, as_json: bool) -> None:
-    from palpate.regression.balls.lumps import prepare
-    from palpate.regression.balls.study import LEVELS, table_of, text_of
+def _balls(directory: Path, seed: int, noise: str | None, as_json: bool) -> None:
+    from palpate.regression.balls.lumps import read_lumps
+    from palpate.regression.balls.report import tables_of
+    from palpate.sim.tissue.stroke import one_blas_thread
 
-    with showing_progress() as progress:
-        levels = LEVELS if noise is None else (noise,)
-        result = table_of(prepare(directory, lumps, progress=progress), levels, seed=seed, step=note)
+    with one_blas_thread():
+        found = tables_of(read_lumps(directory), noise or "typical", seed, os.cpu_count() or 1, note)
     if as_json:
-        rows = [{k: v for k, v in row.items() if v == v} for row in result.to_dict("records")]
-        print_json({"study": "balls", "rows": rows})
+        print_json({"study": "balls", "tables": {one.name: one.records() for one in found}})
         return
-    heads, rows_of_text = text_of(result)
-    table(heads, rows_of_text, "Balls and ellipsoids, in tissue that the probe knows nothing about")
+    for one in found:
+        table(*one.text, one.title)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from palpate.cli.output import note
 
-LUMP = "d12h07e20f09"
-"""The lump under the emulated probe: not one of the thesis' thirty."""
+LUMP = "d12h06e20f07_ball"
+"""The lump under the emulated probe: a ball that no model has met."""
 
 NOISE, SEED = "typical", 5
 

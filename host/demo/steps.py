@@ -74,8 +74,8 @@ def run(out: Path, runtime: str = "micropython", fresh: bool = False, stderr: bo
         strokes = sweep_step(files["strokes"])
     with step("Fit", "tactile maps, features, inverse regression"):
         thesis = fit_step(strokes, files["model"], stderr)
-    with step("Export", "the field model that comes with Palpate, signed for the integer evaluator"):
-        image = export_step(models.load(), out / "key", files["image"])
+    with step("Export", "the model of balls that comes with Palpate, signed for the integer evaluator"):
+        image = export_step(models.load(models.BALLS), out / "key", files["image"])
     with ExitStack() as stack:
         with step("Probe", f"{runtime} on a pseudo-terminal, {LUMP} under its sensors"):
             probe = stack.enter_context(emulate_step(runtime, out))

@@ -23,11 +23,11 @@ HARDNESS = {
 
 
 def depth_mm(t_mm: Span, d_mm: Span, h: Span) -> Span:
-    """Fat over the lump, t - d/2, with the interval that the model's three intervals imply.
+    """Fat over the lump, d h, with the interval that the model's three intervals imply.
 
     The thesis' t = d (h + 1/2) ties the three: ln(h + 1/2) = ln t - ln d, so the widths of t, d and h tell
     how the errors of t and d go together, and that they do is what makes the depth surer than two
-    independent errors would.
+    independent errors would. Of an ellipsoid the tie holds nearly; its model's widths of h make up for it.
 
     Parameters
     ----------
@@ -39,10 +39,9 @@ def depth_mm(t_mm: Span, d_mm: Span, h: Span) -> Span:
     value, low, high
         mm, at the same level.
     """
-    value = max(t_mm[0] - d_mm[0] / 2, 0.0)
+    value, low, high = (max(d, 0.0) * max(ratio, 0.0) for d, ratio in zip(d_mm, h))
     if min(*t_mm, *d_mm, *h, value) <= 0.0:
-        low, high = t_mm[1] - d_mm[2] / 2, t_mm[2] - d_mm[1] / 2
-        return value, max(low, 0.0), max(high, 0.0)
+        return value, low, high
     width_t, width_d, width_h = (log(high / low) / 2 for _, low, high in (t_mm, d_mm, h))
     width_ratio = width_h * h[0] / (h[0] + 0.5)
     together = (width_t**2 + width_d**2 - width_ratio**2) / 2

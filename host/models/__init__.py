@@ -2,7 +2,8 @@
 
     from palpate import models
 
-    spec = models.load()                   # for tissue of all kinds: what `palpate.export` compiles
+    spec = models.load()                   # endless cylinders in tissue of all kinds (plane strain)
+    balls = models.load("balls")           # balls and ellipsoids in tissue of all kinds: real lumps
     told = models.load("thesis-tissue")    # told that the tissue is the thesis'; does without the press
     models.recipe()["scores"]              # how good it is on lumps that it never saw
 
@@ -18,9 +19,10 @@ from typing import Any
 
 from firmware_py import geometry
 from palpate.model_export.schema import ModelSpec
+from palpate.sim.tissue import Case
 
-FIELD, TOLD = "field", "thesis-tissue"
-NAMES = (FIELD, TOLD)
+FIELD, BALLS, TOLD = "field", "balls", "thesis-tissue"
+NAMES = (FIELD, BALLS, TOLD)
 
 
 def path(name: str = FIELD) -> Path:
@@ -34,8 +36,14 @@ def recipe_path(name: str = FIELD) -> Path:
 
 
 def load(name: str = FIELD) -> ModelSpec:
-    """A model as it ships: `field` is for tissue of all kinds, `thesis-tissue` was told the thesis'."""
+    """A model as it ships: `field` and `balls` are for tissue of all kinds, `thesis-tissue` was told the
+    thesis'."""
     return ModelSpec.load(path(name))
+
+
+def suited_to(case: Case) -> str:
+    """The name of the model for such a lump, in whatever tissue."""
+    return BALLS if case.solid else FIELD
 
 
 def suits_array() -> bool:

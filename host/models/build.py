@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,11 +16,13 @@ from palpate.link.events import OUTPUTS
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.model_export.schema import ModelSpec
-from palpate.models import FIELD, TOLD, file_hash, path, recipe_path
+from palpate.models import BALLS, FIELD, TOLD, file_hash, path, recipe_path
 from palpate.regression.any_tissue.data import prepare_strokes
 from palpate.regression.any_tissue.fit import fit_in_any_tissue
 from palpate.regression.any_tissue.observed import TissueLump, observe_at
 from palpate.regression.any_tissue.result import TissueFit
+from palpate.regression.balls.fit import fit_to_balls
+from palpate.regression.balls.lumps import press_before, read_lumps
 from palpate.regression.field.data import prepare
 from palpate.regression.field.design import FIELD_SETTINGS, LumpStrokes
 from palpate.regression.field.design import at_forces as at_three_forces
@@ -29,9 +32,11 @@ from palpate.regression.observed import observe
 from palpate.sim.probe.sensors import StrokeField
 from palpate.sim.tissue import Case, simulate
 from palpate.sim.tissue.any_tissue import FORCE_PARTS, PRESS_PARTS, PRESSES, STROKES, at_forces
+from palpate.sim.tissue.solid.stroke import simulate_forces as simulate_solid
 
 MADE: dict[str, dict[str, Any]] = {
     FIELD: {"lumps": 1300, "noise": "typical", "seed": 1},
+    BALLS: {"design": "balls:256:1", "noise": "typical", "seed": 1},
     TOLD: {
         "lumps": 1024,
         "rim": 64,
@@ -51,6 +56,7 @@ SAMPLES: dict[str, Sequence[tuple[Case, float]]] = {
         (Case(17.0, 0.5, 5.0, 0.5, gland_ratio=8.0, gland_mm=12.0, gland_stiffening=2.0), 7.0),
         (Case(10.0, 0.8, 2.5, 0.45, gland_ratio=4.0, gland_mm=18.0, probe_radius_mm=41.0), 14.0),
     ),
+    BALLS: ((Case.from_code("d12h06e20f07_ball"), 10.0), (Case.from_code("d16h04e05f05_ball_G4"), 15.0)),
     TOLD: tuple(
         (Case.from_code(code), 10.0)
         for code in ("d12h07e20f09", "d08h06e50f08", "d18h05e05f07", "d10h08e02f06")
@@ -80,6 +86,10 @@ def build(name: str, directory: Path, progress: Progress | None = None) -> Field
     if name == FIELD:
         tissues = prepare_strokes(directory, made["lumps"], progress=progress)
         fit = fit_in_any_tissue(tissues, made["noise"], made["seed"], progress=progress)
+    elif name == BALLS:
+        workers = os.cpu_count() or 1
+        lumps = read_lumps(directory)
+        fit = fit_to_balls(lumps, made["noise"], made["seed"], workers=workers, progress=progress)
     else:
         counts = {part: made[part] for part in ("lumps", "rim", "plain", "wide")}
         strokes = prepare(directory, **counts, progress=progress)
@@ -116,7 +126,7 @@ def sample(name: str, spec: ModelSpec) -> list[dict[str, Any]]:
     blob = b"" if spec.force_map is None else force_maps.blob(spec.force_map)
     found = []
     for k, (case, fat_kPa) in enumerate(SAMPLES[name]):
-        features, true = (_with_press if name == FIELD else _without)(case, fat_kPa, blob, k)
+        features, true = _OBSERVED[name](case, fat_kPa, blob, k)
         columns = inputs(spec, features[None])
         said = evaluate(spec, columns)
         found.append(
@@ -140,7 +150,16 @@ def _with_press(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats
     """The firmware's features of one stroke in that fat, and its truth by `OUTPUTS`."""
     strokes = LumpStrokes(tuple(simulate(c, STROKES) for c in at_forces([case], FORCE_PARTS)))
     press = tuple(simulate(c, PRESSES) for c in at_forces([case], PRESS_PARTS))
-    seen = observe_at([TissueLump(strokes, press)], [fat_kPa], MADE[FIELD]["noise"], SAMPLE_SEED + k, blob)
+    return _pressed(TissueLump(strokes, press), fat_kPa, blob, k)
+
+
+def _solid(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
+    strokes = simulate_solid(case, [case.F_rel * part for part in FORCE_PARTS], ramp=True)
+    return _pressed(TissueLump(LumpStrokes(tuple(strokes)), press_before(strokes)), fat_kPa, blob, k)
+
+
+def _pressed(lump: TissueLump, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
+    seen = observe_at([lump], [fat_kPa], MADE[FIELD]["noise"], SAMPLE_SEED + k, blob)
     ln_d, ln_depth, ln_t, E_inv23, _, ln_F, ln_fat = seen.Y[0, :7]
     return seen.X[0], np.array([*np.exp([ln_F, ln_t, ln_d, ln_depth - ln_d]), E_inv23, np.exp(ln_fat)])
 
@@ -149,3 +168,6 @@ def _without(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, F
     strokes = StrokeField(*(simulate(c, FIELD_SETTINGS) for c in at_three_forces(case)))
     seen = observe([strokes], MADE[TOLD]["noise"], SAMPLE_SEED, force_map=blob or None, first=k)
     return seen.X[0], np.append(seen.Y[0], fat_kPa)
+
+
+_OBSERVED = {FIELD: _with_press, BALLS: _solid, TOLD: _without}

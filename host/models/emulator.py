@@ -22,18 +22,20 @@ def public_key() -> bytes:
     return (_key() / "public.key").read_bytes()
 
 
-def give_model(port: str) -> str:
-    """Put the field model onto an emulated probe that has none; the id of its model then.
+def give_model(port: str, name: str = models.FIELD) -> str:
+    """Put a model onto an emulated probe that has none; the id of its model then.
 
     Parameters
     ----------
     port : str
         Where the probe answers.
+    name : str
+        Of `models.NAMES`.
     """
     with Probe.open(port) as probe:
         if probe.identity.has_model:
             return probe.identity.model_id
-        return flash(probe, image()).model_id
+        return flash(probe, image(name)).model_id
 
 
 def image(name: str = models.FIELD) -> bytes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from os import PathLike
@@ -92,8 +93,9 @@ def fit(
     Parameters
     ----------
     directory : path
-        thesis: a sweep of the thesis' design. field: strokes over lumps of all kinds; what is missing is
-        simulated into it first.
+        thesis: a sweep of the thesis' design. field: strokes over lumps of all kinds, endless cylinders; what
+        is missing is simulated into it first. Where it holds balls.parquet (`palpate sweep --keep`) the model
+        is for the balls and ellipsoids in there.
     kind : str
         "thesis" (the 29 runs and the thesis' equations) or "field" (for use).
     noise : str
@@ -170,11 +172,16 @@ def _field(
     progress: ProgressCallback | None,
     note: Callable[[str], None] | None,
 ) -> Fit:
+    from palpate.regression.balls.lumps import holds_balls
     from palpate.regression.field.data import LUMPS, check_begun, prepare
     from palpate.regression.field.fit import fit_field
     from palpate.regression.field.recipe import FIELD, PRESSURE_ONLY
 
     check_begun(directory, lumps)
+    if holds_balls(Path(directory)):
+        if tissue is not None:
+            raise UsageError(f"the balls in {directory} lie in tissue of all kinds: leave --tissue out")
+        return _balls(Path(directory), noise, seed, workers, progress)
     if tissue is None:
         return _any_tissue(directory, noise, seed, lumps, workers, progress)
     strokes = prepare(directory, lumps or LUMPS, workers=workers, tissue=tissue, progress=progress)
@@ -200,6 +207,20 @@ def _any_tissue(
     strokes = prepare_strokes(directory, lumps or LUMPS, workers, progress)
     with one_blas_thread():
         result = fit_in_any_tissue(strokes, noise, seed, progress=progress)
+    return Fit("field", result.spec, result)
+
+
+def _balls(
+    directory: Path, noise: str, seed: int, workers: int | None, progress: ProgressCallback | None
+) -> Fit:
+    from palpate.regression.balls.fit import fit_to_balls
+    from palpate.regression.balls.lumps import read_lumps
+    from palpate.sim.tissue.stroke import one_blas_thread
+
+    with one_blas_thread():
+        result = fit_to_balls(
+            read_lumps(directory), noise, seed, workers=workers or os.cpu_count() or 1, progress=progress
+        )
     return Fit("field", result.spec, result)
 
 

@@ -56,6 +56,10 @@ class ObservedInTissue:
         Whether the stroke is whole and shows a lump.
     group : (n), int
         Which lump.
+    columns : (n, columns)
+        How much of the bump each column sees (`firmware_py.columns`).
+    across : (n, 2)
+        Of solid lumps: ln of the width across the stroke, mm, and the distance from its line, mm.
     """
 
     X: Floats
@@ -63,6 +67,8 @@ class ObservedInTissue:
     Y: Floats
     found: NDArray[np.bool_]
     group: NDArray[np.int64]
+    columns: Floats
+    across: Floats
 
     def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> ObservedInTissue:
         """Some of the strokes: a mask (n), or indices."""
@@ -141,7 +147,7 @@ def observe_at(
 ) -> ObservedInTissue:
     """The same in fat of these moduli, one for each lump; None: at random, as `random_scale` draws them."""
     level, replay = noise_named(noise), Replay(force_map)
-    X, press, Y, whole = [], [], [], []
+    X, press, Y, whole, columns, across = [], [], [], [], [], []
     for k, lump in enumerate(lumps):
         rng = np.random.default_rng([seed, first + k])
         s = random_scale(lump.strokes.case, rng)
@@ -158,8 +164,12 @@ def observe_at(
         case = lump.strokes.case
         Y.append(_truth(case, stream.truth.F_N_per_m, s * case.fat_kPa))
         whole.append(code == 0)
+        columns.append(np.array(replay.pipeline.columns, float))
+        across.append([np.log(2 * case.half_axes_mm[1]), case.offset_mm])
     found = np.array(whole) & shows_lump(np.array(X), NAMES)
-    seen = ObservedInTissue(np.array(X), np.array(press), np.array(Y), found, first + np.arange(len(lumps)))
+    group = first + np.arange(len(lumps))
+    rest = found, group, np.array(columns), np.array(across)
+    seen = ObservedInTissue(np.array(X), np.array(press), np.array(Y), *rest)
     return seen.take(seen.press[:, 0] != ABSENT)
 
 
@@ -175,7 +185,7 @@ def _truth(case: Case, F: float, fat_kPa: float) -> list[float]:
     """By `TRUTH`."""
     lengths = np.log([case.d_mm, case.depth_mm, case.t_mm])
     ratios = np.log([F / fat_kPa, F, fat_kPa])
-    return [*lengths, case.E_ratio ** (-2 / 3), *ratios, case.gland_ratio, case.gland_mm]
+    return [*lengths, case.E_inv23, *ratios, case.gland_ratio, case.gland_mm]
 
 
 def joined(parts: Sequence[ObservedInTissue]) -> ObservedInTissue:

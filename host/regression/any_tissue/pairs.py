@@ -68,16 +68,19 @@ def pairs_table(
     model = fit_tissue_model(train, True, rim)
     fit_to = watch(lumps, APART_MM, 0)
     check = pair_check(model, train, fit_to.take(fit_to.group % 2 == 0))
-    rows = [_row("one lump", model, check, test)]
+    rows = [pairs_row("one lump", model, check, test)]
     for k, apart in enumerate(DISTANCES_MM):
         pairs = watch(lumps, (apart, apart), 1 + k)
         rows.append(
-            _row(f"two, {apart:g} mm apart", model, check, pairs.take((pairs.group % 2 == 1) & pairs.found))
+            pairs_row(
+                f"two, {apart:g} mm apart", model, check, pairs.take((pairs.group % 2 == 1) & pairs.found)
+            )
         )
     return pd.DataFrame(rows)
 
 
-def _row(words: str, model: TissueModel, check: FirstStage, seen: ObservedInTissue) -> dict[str, object]:
+def pairs_row(words: str, model: TissueModel, check: FirstStage, seen: ObservedInTissue) -> dict[str, object]:
+    """A row of `pairs_table`, of strokes that find a lump."""
     said, d = model.answer(seen), OUTPUTS.index("ln d")
     wrong = np.abs(said.y[:, d] - truth(seen)[:, d]) > said.half[:, d]
     flagged = ~model.in_domain(seen)

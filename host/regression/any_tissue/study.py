@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -48,14 +50,13 @@ TARGETS = {
     "d_r2": 0.94,
     "E_inv23_r2": 0.83,
     "hard_soft": 0.87,
+    "worst_quarter": 0.86,
 }
-"""Of one stroke with its press at typical noise: median errors, R2, hard or soft right."""
+"""Of one stroke with its press at typical noise: median errors, R2, hard or soft right, coverage in every
+quarter."""
 
 _LEAST_MM = 1e-3
 """Of a depth: where t and d contradict each other it would be none."""
-
-WORST_COVERED = 0.86
-"""What the intervals should cover in every quarter."""
 
 
 def prepare(
@@ -198,30 +199,50 @@ def _rows(
         yield held_out(seen, True, step=step).row(f"{level}, with its press")
 
 
-def text_of(result: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
+_COLUMNS = {
+    "d": "d",
+    "width": "width across",
+    "depth": "depth",
+    "t": "t",
+    "h": "h",
+    "E_inv23": "E^-2/3",
+    "E_fat": "E_fat",
+    "F": "F",
+    "place": "place across",
+}
+
+
+def text_of(
+    result: pd.DataFrame, targets: Mapping[str, float] = MappingProxyType(TARGETS)
+) -> tuple[list[str], list[list[str]]]:
     """Heads and rows: R2 / median error / the intervals' coverage of each output, and what is wanted."""
-    columns = {
-        "d": "d",
-        "depth": "depth",
-        "t": "t",
-        "h": "h",
-        "E_inv23": "E^-2/3",
-        "E_fat": "E_fat",
-        "F": "F",
-    }
+    names = [name for name in _COLUMNS if f"{name}_error" in result]
+    share = ("hard_soft", "worst_quarter", "not_found")
+    shares = (*share, *(("flagged",) if "flagged" in result else ()))
     rows = [
-        ["wanted", f"{TARGETS['d_r2']} / {100 * TARGETS['d']:g} %"]
-        + [f"{100 * TARGETS[n]:g} %" if n in TARGETS else "" for n in ("depth", "t")]
-        + ["", f"{TARGETS['E_inv23_r2']}", f"{100 * TARGETS['E_fat']:g} %", ""]
-        + [f"{100 * TARGETS['hard_soft']:.0f}", f"{100 * WORST_COVERED:.0f}", "", ""]
+        ["wanted", *(_wanted(name, targets) for name in names), *(_share(targets, n) for n in shares), ""]
     ]
     for row in result.to_dict("records"):
-        cells = []
-        for name in columns:
-            error = row[f"{name}_error"]
-            size = f"{error:.3f}" if name == "E_inv23" else f"{100 * error:.1f} %"
-            cells.append(f"{row[f'{name}_r2']:.3f} / {size} / {100 * row[f'{name}_covered']:.0f}")
-        tail = [f"{100 * row[name]:.0f}" for name in ("hard_soft", "worst_quarter", "not_found")]
-        rows.append([str(row["setting"]), *cells, *tail, str(row["lumps"])])
-    heads = ["noise, input", *columns.values(), "hard/soft", "worst quarter", "not found", "lumps"]
-    return heads, rows
+        cells = [_cell(row, name) for name in names]
+        rows.append([str(row["setting"]), *cells, *(_share(row, name) for name in shares), str(row["lumps"])])
+    words = [name.replace("hard_soft", "hard/soft").replace("_", " ") for name in shares]
+    return ["noise, input", *(_COLUMNS[name] for name in names), *words, "lumps"], rows
+
+
+def _wanted(name: str, targets: Mapping[str, float]) -> str:
+    r2 = [f"{targets[f'{name}_r2']}"] if f"{name}_r2" in targets else []
+    return " / ".join([*r2, *([f"{100 * targets[name]:g} %"] if name in targets else [])])
+
+
+def _cell(row: Mapping[Any, Any], name: str) -> str:
+    error, r2, covered = (row.get(f"{name}_{word}") for word in ("error", "r2", "covered"))
+    if not isinstance(error, float) or np.isnan(error):
+        return ""
+    size = {"E_inv23": f"{error:.3f}", "place": f"{error:.1f} mm"}.get(name, f"{100 * error:.1f} %")
+    known = [f"{r2:.3f}"] if isinstance(r2, float) else []
+    return " / ".join([*known, size, *([f"{100 * covered:.0f}"] if isinstance(covered, float) else [])])
+
+
+def _share(row: Mapping[Any, Any], name: str) -> str:
+    value = row.get(name)
+    return "" if not isinstance(value, float) or np.isnan(value) else f"{100 * value:.0f}"

@@ -11,7 +11,7 @@ from palpate.features.map_features import Floats
 from palpate.sim.probe.cells import COLUMN_MM
 
 _WIDTHS_MM = np.geomspace(1.6, 18.0, 14)
-_PLACES_MM = np.arange(-18.0, 18.01, 0.75)
+_PLACES_MM = np.arange(-18.0, 18.01, 0.5)
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,11 @@ def across(responses: NDArray[np.int64] | Floats) -> Across:
     ground = r.mean() - height * _MEANS
     share = np.clip(r.mean() / np.maximum(ground + height, 1e-9), 0.0, 1.5)
     return Across(float(place), float(np.exp(ln_width)), float(weight @ share))
+
+
+def place_mm(responses: Floats) -> Floats:
+    """Where bumps lie across, (n,), from the columns' responses (n, columns)."""
+    return np.array([across(row).place_mm for row in responses])
 
 
 def _grid() -> tuple[Floats, Floats, Floats, Floats]:

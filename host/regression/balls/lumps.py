@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 
@@ -12,61 +12,47 @@ import numpy as np
 from palpate.errors import UsageError
 from palpate.features.map_features import Floats
 from palpate.model_export.fixed_point import force_map as force_maps
-from palpate.regression.any_tissue.observed import random_scale
-from palpate.regression.field.data import sweep_progress
-from palpate.regression.field.design import LumpStrokes, by_lump
-from palpate.regression.progress import ProgressCallback
-from palpate.sim.tissue import Case, Settings, Stroke, sweep
+from palpate.regression.any_tissue.observed import TissueLump, random_scale
+from palpate.regression.field.design import by_lump
+from palpate.sim.tissue import Case, Stroke
 from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M
 from palpate.sim.tissue.face_sensors import WIDTH_MM
-from palpate.sim.tissue.solid.design import ball_cases
-from palpate.sim.tissue.solid.kept import KeptStroke, keep, read_kept
+from palpate.sim.tissue.solid.kept import KeptStroke, read_kept
 from palpate.sim.tissue.solid.result import SolidStroke
 from palpate.sim.tissue.symmetry import both_sides
 
-SEED = 1
 SET = "balls.parquet"
 
 
-@dataclass(frozen=True)
-class SolidLump:
-    """Strokes over one lump at several forces; its press, images of one position at rising forces."""
-
-    strokes: LumpStrokes
-    press: tuple[Stroke, ...]
-
-    @property
-    def case(self) -> Case:
-        """The lump, at its middle force."""
-        return self.strokes.case
+def holds_balls(directory: Path) -> bool:
+    """Whether a kept set of solid lumps lies there."""
+    return (directory / SET).exists()
 
 
-def prepare(
-    directory: Path, lumps: int, workers: int | None = None, progress: ProgressCallback | None = None
-) -> list[SolidLump]:
-    """The lumps of DIRECTORY/balls.parquet; where there is none, so many are simulated into it first."""
-    path = directory / SET
-    if not path.exists():
-        report = sweep_progress("stroking", progress)
-        sweep(ball_cases(lumps, SEED), Settings(), directory, workers=workers, progress=report)
-        keep(directory, path, f"balls:{lumps}:{SEED}")
-    return solid_lumps(read_kept(path))
+def read_lumps(directory: Path) -> list[TissueLump]:
+    """The lumps of DIRECTORY/balls.parquet, which `palpate sweep --design balls:N --keep` writes."""
+    if not holds_balls(directory):
+        raise UsageError(
+            f"{directory} holds no {SET}; palpate sweep --design balls:100 --out {directory} "
+            f"--keep {directory / SET} makes one, half a minute a lump"
+        )
+    return solid_lumps(read_kept(directory / SET))
 
 
-def solid_lumps(kept: Sequence[KeptStroke]) -> list[SolidLump]:
+def solid_lumps(kept: Sequence[KeptStroke]) -> list[TissueLump]:
     """Lumps that have all their forces; `UsageError` where no lump has."""
     out = []
     for _, partners in groupby(kept, key=lambda k: replace(k.case, F_rel=1.0)):
         rising = sorted(partners, key=lambda k: k.case.F_rel)
         lumps, _ = by_lump([felt(k.case, k.positions_mm, k.displacement_mm, k.images_kPa) for k in rising])
-        out += [SolidLump(lump, _press(rising)) for lump in lumps]
+        out += [TissueLump(lump, press_before(rising)) for lump in lumps]
     if not out:
         raise UsageError("the set holds no lump at three forces")
     return out
 
 
-def _press(rising: Sequence[KeptStroke]) -> tuple[Stroke, ...]:
-    """The ramp below the least force, and where each stroke begins."""
+def press_before(rising: Sequence[KeptStroke | SolidStroke]) -> tuple[Stroke, ...]:
+    """The press before strokes at rising forces: the ramp below the least, and where each stroke begins."""
     first = rising[0]
     unit_N = FORCE_UNIT_N_PER_M * WIDTH_MM / 1000
     at, parts = first.positions_mm[:1], []
@@ -112,21 +98,14 @@ def beside(stroke: Stroke) -> Stroke:
     return replace(stroke, case=case, images_kPa=stroke.images_kPa[:, :, ::-1])
 
 
-def scaled(stroke: Stroke, s: float) -> Stroke:
-    """The same stroke with all moduli and the force times s: displacements stay, pressures go times s."""
-    case = replace(stroke.case, fat_kPa=stroke.case.fat_kPa * s, F_rel=stroke.case.F_rel * s)
-    return replace(stroke, case=case, images_kPa=stroke.images_kPa * s)
-
-
-def force_map_of(lumps: Sequence[SolidLump]) -> bytes:
+def learnt_force_map(lumps: Sequence[TissueLump]) -> force_maps.ForceMap:
     """The map that moves a frame to another force, learnt from the rows' means over every fat at once."""
     ends: list[list[tuple[Floats, Floats]]] = []
     for k, lump in enumerate(lumps):
-        s = random_scale(lump.case, np.random.default_rng(k))
+        s = random_scale(lump.strokes.case, np.random.default_rng(k))
         ends.append([_rows(stroke, s) for stroke in (lump.strokes.low, lump.strokes.high)])
     low, high = ([np.concatenate([e[side][k] for e in ends]) for k in (0, 1)] for side in (0, 1))
-    blob: bytes = force_maps.blob(force_maps.fit(low[0], low[1], high[0], high[1]))
-    return blob
+    return force_maps.fit(low[0], low[1], high[0], high[1])
 
 
 def _rows(stroke: Stroke, s: float) -> tuple[Floats, Floats]:

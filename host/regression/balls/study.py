@@ -1,189 +1,151 @@
-"""How good an answer is over balls and ellipsoids: every lump predicted without itself.
+"""What can be seen of balls and ellipsoids, and what cannot: which are found, how well each kind is told, how
+many computed lumps that takes.
 
-Beside it stands what the bundled plane-strain model makes of the same strokes.
+Every lump is predicted by an emulator and a model that have not met it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import product
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from palpate import models
 from palpate.features.map_features import Floats
-from palpate.link import answer
-from palpate.link.events import OUTPUTS as WIRE
 from palpate.model_export.fixed_point import force_map as force_maps
-from palpate.model_export.fixed_point.reference import evaluate, inputs
-from palpate.regression.balls.lumps import SolidLump, force_map_of
-from palpate.regression.balls.model import OUTPUTS, STIFFNESS, fit_ball_model, quarters, truth
-from palpate.regression.balls.observed import ObservedBalls, joined, observe
+from palpate.regression.any_tissue.model import OUTPUTS, STIFFNESS, truth
+from palpate.regression.any_tissue.observed import TRUTH, ObservedInTissue, TissueLump
+from palpate.regression.balls.emulator import fit_emulator
+from palpate.regression.balls.fit import held_out_folds
+from palpate.regression.balls.lumps import learnt_force_map
+from palpate.regression.balls.training import BallStudy, emulated, judged, observed, train
 from palpate.regression.probe_model import HARD_BELOW
-from palpate.regression.table import r_squared
 
-DRAWS, FOLDS = 6, 8
-LEVELS = ("typical", "real")
-"""Of the table, unless others are asked for."""
-
-TARGETS = {"d": 0.08, "width": 0.10, "depth": 0.05, "t": 0.03, "E_fat": 0.02, "hard_soft": 0.85}
-"""Of one stroke with its press at typical noise: median errors, hard or soft right."""
-
-_SAME = {"d": "d_mm", "t": "t_mm", "F": "F_N_per_m"}
-"""Logarithms among our outputs, and the bundled model's names."""
-
-_LEAST_MM = 0.01
-
-ABSOLUTE = ("E_inv23", "offset")
-"""Outputs whose error is a difference; of the others it is relative."""
+PARTS = 3
+"""Into how many classes of d, and of h, lumps are divided."""
 
 
-@dataclass(frozen=True)
-class BallStudy:
-    """Estimates of lumps by models that have not seen them.
-
-    seen: the strokes that found a lump; y, low, high : (n, outputs), by `model.OUTPUTS`, NaN where a model
-    does not say; hard : (n), bool; lost: the share of strokes that found none.
-    """
-
-    seen: ObservedBalls
-    y: Floats
-    low: Floats
-    high: Floats
-    hard: NDArray[np.bool_]
-    lost: float
-
-    def row(self, words: str) -> dict[str, object]:
-        """R2, median errors and coverage; lengths, forces and moduli relative, E^-2/3 and the offset not."""
-        Y = truth(self.seen)
-        inside = (self.low <= Y) & (self.high >= Y)
-        told = np.isfinite(self.y).all(0)
-        out: dict[str, object] = {"setting": words, "n": len(Y), "lumps": len(np.unique(self.seen.group))}
-        for j in np.flatnonzero(told):
-            name, error = short(OUTPUTS[j]), np.abs(self.y[:, j] - Y[:, j])
-            out[f"{name}_r2"] = r_squared(Y[:, j], self.y[:, j])
-            out[f"{name}_error"] = float(np.median(error if name in ABSOLUTE else np.expm1(error)))
-            out[f"{name}_covered"] = float(inside[:, j].mean())
-        out["hard_soft"] = float((self.hard == (Y[:, STIFFNESS] <= HARD_BELOW)).mean())
-        worst = [inside[rows][:, told].mean(0) for rows in quarters(self.seen).values() if rows.any()]
-        out["worst_quarter"] = float(np.min(worst))
-        return out | {"not_found": self.lost}
+def classes_of(
+    lumps: Sequence[TissueLump],
+    noise: str = "typical",
+    seed: int = 1,
+    workers: int = 1,
+    step: Callable[[str], None] | None = None,
+) -> pd.DataFrame:
+    """`table_of` all of these lumps, each asked about by a model fitted without it."""
+    blob = force_maps.blob(learnt_force_map(lumps))
+    folds = held_out_folds(lumps, (noise,), seed, blob, workers, step=step)
+    study = judged([fold.studies[noise, True] for fold in folds])
+    return table_of(observed(lumps, noise, seed, blob), study)
 
 
-def short(name: str) -> str:
-    """An output's name without its link."""
-    return {"E^-2/3": "E_inv23", "ln F/E_fat": "reach"}.get(name, name.removeprefix("ln "))
-
-
-def held_out(seen: ObservedBalls, with_press: bool = True, folds: int = FOLDS) -> BallStudy:
-    """Every lump predicted by models fitted, both stages and the intervals, without it.
-
-    The force map alone has seen every lump: it knows nothing of what lies below.
-    """
-    fold = seen.group % folds
-    parts, answers = [], []
-    for k in range(folds):
-        test = seen.take((fold == k) & seen.found)
-        if len(test.found):
-            parts.append(test)
-            answers.append(fit_ball_model(seen.take(fold != k), with_press).answer(test))
-    y, half = (np.concatenate([getattr(a, name) for a in answers]) for name in ("y", "half"))
-    return BallStudy(
-        joined(parts),
-        y,
-        y - half,
-        y + half,
-        np.concatenate([a.hard for a in answers]),
-        float((~seen.found).mean()),
-    )
-
-
-def bundled(seen: ObservedBalls) -> tuple[BallStudy, float]:
-    """What the bundled model, of endless cylinders, says of the same strokes; and of what share
-    of them it says itself that they lie outside its domain."""
-    spec = models.load()
-    found = seen.take(seen.found)
-    said = evaluate(spec, inputs(spec, found.X))
-    # value, low and high of each of its outputs, (n, outputs, 3)
-    spans = np.stack([said[part] for part in ("value", "low", "high")], axis=2)
-    at = {name: spans[:, WIRE.index(name)] for name in WIRE}
-    told = {f"ln {name}": np.log(at[wire]) for name, wire in _SAME.items()} | {"E^-2/3": at["E_inv23"]}
-    depth = [answer.depth_mm(*map(tuple, of)) for of in zip(at["t_mm"], at["d_mm"], at["h"], strict=True)]
-    told["ln depth"] = np.log(np.maximum(depth, _LEAST_MM))
-    ends = np.full((3, *truth(found).shape), np.nan)
-    for name, three in told.items():
-        ends[:, :, OUTPUTS.index(name)] = three.T
-    y, low, high = ends
-    hard = y[:, STIFFNESS] < spec.hard_below
-    study = BallStudy(found, y, low, high, hard, float((~seen.found).mean()))
-    return study, float((~np.asarray(said["in_domain"])).mean())
-
-
-def table_of(
-    lumps: Sequence[SolidLump],
-    levels: Sequence[str] = LEVELS,
-    draws: int = DRAWS,
+def learning_of(
+    lumps: Sequence[TissueLump],
+    noise: str = "typical",
     seed: int = 1,
     step: Callable[[str], None] | None = None,
 ) -> pd.DataFrame:
-    """Rows for each level of noise: the stroke alone, with its press, and the bundled model."""
-    return pd.DataFrame(list(_rows(lumps, levels, draws, seed, step or (lambda what: None))))
+    """Models learnt from ever more of the first three quarters of the lumps, asked about the last quarter.
+
+    Returns
+    -------
+    DataFrame
+        Rows of `training.BallStudy.row`, and `computed`, how many lumps the emulator knew.
+    """
+    blob = force_maps.blob(learnt_force_map(lumps))
+    known = 3 * len(lumps) // 4
+    asked = observed(lumps[known:], noise, seed, blob, known)
+    rows = []
+    for n in (known // 8, known // 4, known // 2, known):
+        trained = train(emulated(fit_emulator(lumps[:n]), noise, seed, blob))
+        rows.append({"computed": n, **trained.study(asked, with_press=True).row(f"{n} lumps computed")})
+        if step:
+            step(f"learnt from {n} lumps")
+    return pd.DataFrame(rows)
 
 
-def _rows(
-    lumps: Sequence[SolidLump], levels: Sequence[str], draws: int, seed: int, step: Callable[[str], None]
-) -> Iterator[dict[str, object]]:
-    ours, spec = force_map_of(lumps), models.load()
-    theirs = None if spec.force_map is None else force_maps.blob(spec.force_map)
-    for level in levels:
-        seen = joined([observe(lumps, level, 1000 * seed + k, ours) for k in range(draws)])
-        step(f"{level}: seen")
-        for with_press, words in ((False, "the stroke alone"), (True, "with its press")):
-            yield held_out(seen, with_press).row(f"{level}, {words}")
-            step(f"{level}, {words}: fitted")
-        same = joined([observe(lumps, level, 1000 * seed + k, theirs) for k in range(draws)])
-        study, flagged = bundled(same)
-        yield study.row(f"{level}, plane-strain model") | {"flagged": flagged}
-        step(f"{level}: bundled model asked")
+def table_of(asked: ObservedInTissue, study: BallStudy) -> pd.DataFrame:
+    """Rows by d and h, then hard and soft: the share found, median errors, coverage.
+
+    Parameters
+    ----------
+    asked : ObservedInTissue
+        All strokes, those that found nothing too.
+    study : BallStudy
+        What was said of those that found a lump.
+
+    Returns
+    -------
+    DataFrame
+        lumps; found; d_error, depth_error, E_fat_error, hard_soft and d_covered of those found.
+    """
+    rows = [_row(words, asked.take(pick(asked)), study, pick(study.seen)) for words, pick in _classes(asked)]
+    return pd.DataFrame(rows)
+
+
+Pick = Callable[[ObservedInTissue], NDArray[np.bool_]]
+
+
+def _classes(asked: ObservedInTissue) -> list[tuple[str, Pick]]:
+    """Words of each class, and which strokes are of it."""
+    ends = {name: np.quantile(_value(asked, name), np.linspace(0, 1, PARTS + 1)) for name in _BY}
+    out: list[tuple[str, Pick]] = [("all", lambda seen: np.ones(len(seen.X), bool))]
+    for i, j in product(range(PARTS), repeat=2):
+        (d, d_end), (h, h_end) = (ends[name][k : k + 2] for name, k in zip(_BY, (i, j)))
+        words = f"d {d:.0f} to {d_end:.0f} mm, h {h:.1f} to {h_end:.1f}"
+        out.append((words, partial(_in_class, ends, (i, j))))
+    out.append(("hard", lambda seen: truth(seen)[:, STIFFNESS] <= HARD_BELOW))
+    out.append(("soft", lambda seen: truth(seen)[:, STIFFNESS] > HARD_BELOW))
+    out.append(("beside the line", lambda seen: seen.across[:, 1] > 0))
+    return out
+
+
+_BY = ("d", "h")
+
+
+def _value(seen: ObservedInTissue, name: str) -> Floats:
+    d, depth = (np.exp(seen.Y[:, TRUTH.index(of)]) for of in ("ln d", "ln depth"))
+    return d if name == "d" else depth / d
+
+
+def _in_class(ends: dict[str, Floats], which: tuple[int, int], seen: ObservedInTissue) -> NDArray[np.bool_]:
+    inside = np.ones(len(seen.X), bool)
+    for name, k in zip(_BY, which):
+        part = np.searchsorted(ends[name][1:-1], _value(seen, name), side="right")
+        inside &= part == k
+    return inside
+
+
+def _row(words: str, asked: ObservedInTissue, study: BallStudy, rows: NDArray[np.bool_]) -> dict[str, object]:
+    y, Y, half, hard = study.y[rows], truth(study.seen)[rows], study.half[rows], study.hard[rows]
+    error = np.median(np.abs(y - Y), axis=0) if len(y) else np.full(len(OUTPUTS), np.nan)
+    d, h, fat = (OUTPUTS.index(name) for name in ("ln d", "ln h", "ln E_fat"))
+    deep = np.abs((y - Y)[:, [d, h]].sum(1))
+    return {
+        "lumps of this kind": words,
+        "lumps": len(np.unique(asked.group)),
+        "found": float(asked.found.mean()) if len(asked.found) else float("nan"),
+        "d_error": float(np.expm1(error[d])),
+        "depth_error": float(np.expm1(np.median(deep))) if len(deep) else float("nan"),
+        "E_fat_error": float(np.expm1(error[fat])),
+        "hard_soft": float((hard == (Y[:, STIFFNESS] <= HARD_BELOW)).mean()) if len(y) else np.nan,
+        "d_covered": float((np.abs(y - Y) <= half)[:, d].mean()) if len(y) else float("nan"),
+    }
 
 
 def text_of(result: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
-    """Heads and rows: R2 / median error / the intervals' coverage of each output, and what is wanted."""
-    columns = {
-        "d": "d",
-        "width": "width across",
-        "depth": "depth",
-        "t": "t",
-        "E_inv23": "E^-2/3",
-        "reach": "F/E_fat",
-        "E_fat": "E_fat",
-        "F": "F",
-        "offset": "offset",
-    }
-    wanted = [f"{100 * TARGETS[n]:g} %" if n in TARGETS else "" for n in columns]
-    rows = [["wanted", *wanted, f"{100 * TARGETS['hard_soft']:.0f}", "", "", "", ""]]
-    for row in result.to_dict("records"):
-        cells = [_cell(row, name) for name in columns]
-        tail = [_percent(row, name) for name in ("hard_soft", "worst_quarter", "not_found", "flagged")]
-        rows.append([str(row["setting"]), *cells, *tail, str(row["lumps"])])
-    tail = ["hard/soft", "worst quarter", "not found", "flagged", "lumps"]
-    return ["noise, input", *columns.values(), *tail], rows
+    """Heads and rows: shares and errors in %."""
+    heads = ["lumps of this kind", "lumps", "found", "d", "depth", "E_fat", "hard/soft", "d's interval holds"]
+    shares = ("found", "d_error", "depth_error", "E_fat_error", "hard_soft", "d_covered")
+    rows = [
+        [str(row["lumps of this kind"]), str(row["lumps"]), *(_percent(float(row[name])) for name in shares)]
+        for row in result.to_dict("records")
+    ]
+    return heads, rows
 
 
-def _percent(row: Mapping[Any, Any], name: str) -> str:
-    value = row.get(name)
-    return "" if not isinstance(value, float) or np.isnan(value) else f"{100 * value:.0f}"
-
-
-def _cell(row: Mapping[Any, Any], name: str) -> str:
-    error, r2 = row.get(f"{name}_error"), row.get(f"{name}_r2")
-    if not isinstance(error, float) or not isinstance(r2, float) or np.isnan(error):
-        return ""
-    if name == "E_inv23":
-        size = f"{error:.3f}"
-    else:
-        size = f"{error:.1f} mm" if name in ABSOLUTE else f"{100 * error:.1f} %"
-    return f"{r2:.2f} / {size} / {_percent(row, f'{name}_covered')}"
+def _percent(value: float) -> str:
+    return "" if np.isnan(value) else f"{100 * value:.0f} %"

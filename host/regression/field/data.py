@@ -141,7 +141,7 @@ def check_begun(directory: str | PathLike[str], lumps: int | None) -> None:
 
     That is: the directory holds none, and nobody has said how many lumps are wanted.
     """
-    if lumps is not None or (Path(directory) / "lumps").exists():
+    if lumps is not None or any((Path(directory) / name).exists() for name in ("lumps", "balls.parquet")):
         return
     what = "holds no strokes for a field model" if Path(directory).exists() else "does not exist"
     raise UsageError(

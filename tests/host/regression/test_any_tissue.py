@@ -125,7 +125,7 @@ def made_up(groups, draws, rng):
     press_ = np.column_stack([u[:, 4] + 0.1 * k * u[:, 2] + 0.05 * u[:, 5] for k in range(9)])
     press_ += 0.005 * noise(press_.shape)
     found = np.ones(len(g), bool)
-    return observed.ObservedInTissue(X, press_, Y, found, g)
+    return observed.ObservedInTissue(X, press_, Y, found, g, np.zeros((len(g), 26)), np.zeros((len(g), 2)))
 
 
 def test_two_stages_learn_from_lumps_and_cover_those_left_out():

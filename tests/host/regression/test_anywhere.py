@@ -42,7 +42,9 @@ def made_up(lumps, rng):
     X[:, NAMES.index("ln_base")] = ln_F + 0.3 * u[:, 2]
     press = np.column_stack([u[:, 4] + 0.1 * k * u[:, 2] + 0.05 * u[:, 5] for k in range(9)])
     press += 0.005 * rng.standard_normal(press.shape)
-    return ObservedInTissue(X, press, Y, np.ones(len(g), bool), g)
+    return ObservedInTissue(
+        X, press, Y, np.ones(len(g), bool), g, np.zeros((len(g), 26)), np.zeros((len(g), 2))
+    )
 
 
 def test_lumps_left_out_are_covered_and_their_place_is_told():

@@ -26,7 +26,7 @@ from tests.host.view.chromium import CHROMIUM_OPTIONS, chromium
 from tests.host.view.waiting import settled
 
 PICTURES = Path(__file__).parents[3] / "docs" / "pictures"
-FIRST, SECOND = "d12h07e20f09", "d15h05e20f09"
+FIRST, SECOND = "d12h06e20f07_ball", "d15h05e20f06_ball"
 STROKES, FRAMES = 5, 150
 
 

@@ -1,0 +1,138 @@
+"""A Gaussian process for one smooth number of many inputs: a straight line, and what departs from it.
+
+Rasmussen & Williams, Gaussian Processes for Machine Learning (2006): equations 2.25, 5.8 and 5.9; Matern's
+covariance with nu = 5/2, a length for each input. The lengths are those of greatest posterior density.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.optimize import minimize
+
+from palpate.features.map_features import Floats
+
+MOST = 200
+"""Rows, drawn at random, that the lengths are found from; all rows then share them."""
+
+_STEPS = 50
+_USUAL_LN_LENGTH, _SPREAD_LN_LENGTH = 1.5, 1.2
+"""Before any row is seen: over four spreads of an input nothing much bends."""
+_LN_LENGTHS, _LN_SIZE, _LN_NOISE = (-1.5, 5.0), (-4.0, 4.0), (-7.0, 1.0)
+_LEAST_NOISE = 1e-8
+_LINE = 1e-4
+"""Ridge on the straight line, over the number of rows."""
+_AT_ONCE = 2000
+"""Rows that are predicted together: their covariances take memory."""
+
+
+@dataclass(frozen=True)
+class GaussianProcess:
+    """Fitted by `fit_process`.
+
+    Attributes
+    ----------
+    centre, scale : (inputs,)
+    line : (1 + inputs,)
+    unit : float
+        Size of what departs from the line.
+    theta : (inputs + 2,)
+        ln of the size, of the lengths, and of the noise, in units of `unit`.
+    z : (rows, inputs)
+        What it was fitted to, standardised.
+    weights : (rows,)
+    """
+
+    centre: Floats
+    scale: Floats
+    line: Floats
+    unit: float
+    theta: Floats
+    z: Floats
+    weights: Floats
+
+    def predict(self, x: Floats) -> Floats:
+        """Values, (n,), at inputs x (n, inputs)."""
+        z = (x - self.centre) / self.scale
+        parts = [z[k : k + _AT_ONCE] for k in range(0, len(z), _AT_ONCE)]
+        bent = [_covariance(part, self.z, self.theta) @ self.weights for part in parts]
+        out: Floats = _line(z) @ self.line + self.unit * np.concatenate(bent)
+        return out
+
+
+def fit_process(x: Floats, y: Floats, seed: int = 0) -> GaussianProcess:
+    """Learn y (n,) as a function of x (n, inputs); the same seed finds the same lengths."""
+    centre, scale = x.mean(0), x.std(0) + 1e-9
+    z = (x - centre) / scale
+    A = _line(z)
+    ridge = np.diag([1e-9, *[_LINE * len(z)] * z.shape[1]])
+    line = np.linalg.solve(A.T @ A + ridge, A.T @ y)
+    left = y - A @ line
+    unit = float(left.std()) + 1e-12
+    left = left / unit
+    some = np.random.default_rng(seed).permutation(len(z))[:MOST]
+    theta = _most_likely(z[some], left[some])
+    K = _covariance(z, z, theta)
+    K[np.diag_indices_from(K)] += _noise(theta)
+    weights = cho_solve(cho_factor(K, lower=True, overwrite_a=True), left)
+    return GaussianProcess(centre, scale, line, unit, theta, z, weights)
+
+
+def _line(z: Floats) -> Floats:
+    return np.column_stack([np.ones(len(z)), z])
+
+
+def _noise(theta: Floats) -> float:
+    return float(np.exp(2 * theta[-1])) + _LEAST_NOISE
+
+
+def _covariance(a: Floats, b: Floats, theta: Floats) -> Floats:
+    """(rows of a, rows of b), without noise."""
+    lengths = np.exp(theta[1:-1])
+    a, b = a / lengths, b / lengths
+    squared = (a**2).sum(1)[:, None] + (b**2).sum(1) - 2 * a @ b.T
+    return _matern(np.sqrt(5 * np.maximum(squared, 0.0)), theta)
+
+
+def _matern(r: Floats, theta: Floats) -> Floats:
+    out: Floats = np.exp(2 * theta[0] - r) * (1 + r + r * r / 3)
+    return out
+
+
+def _most_likely(z: Floats, y: Floats) -> Floats:
+    n, inputs = z.shape
+    apart = [np.subtract.outer(column, column) ** 2 for column in z.T]
+    diagonal = np.diag_indices(n)
+
+    def loss(theta: Floats) -> tuple[float, Floats]:
+        """-ln of the posterior density, and its gradient."""
+        shrink = np.exp(-2 * theta[1:-1])
+        r = np.sqrt(5 * sum(s * d for s, d in zip(shrink, apart)))
+        K = _matern(r, theta)
+        with_noise = K.copy()
+        with_noise[diagonal] += _noise(theta)
+        try:
+            L = np.linalg.cholesky(with_noise)
+        except np.linalg.LinAlgError:
+            return 1e9, np.zeros_like(theta)
+        half = solve_triangular(L, np.eye(n), lower=True)
+        inverse: NDArray[np.float64] = half.T @ half
+        a = inverse @ y
+        W = inverse - np.outer(a, a)
+        slope = W * (np.exp(2 * theta[0] - r) * (5 / 3) * (1 + r))
+        off = (theta[1:-1] - _USUAL_LN_LENGTH) / _SPREAD_LN_LENGTH
+        gradient = np.empty_like(theta)
+        gradient[0] = (W * K).sum()
+        gradient[1:-1] = [0.5 * s * (slope * d).sum() for s, d in zip(shrink, apart)]
+        gradient[1:-1] += off / _SPREAD_LN_LENGTH
+        gradient[-1] = np.trace(W) * np.exp(2 * theta[-1])
+        return float(0.5 * y @ a + np.log(np.diag(L)).sum() + 0.5 * off @ off), gradient
+
+    start = np.array([0.0, *[_USUAL_LN_LENGTH] * inputs, -3.0])
+    bounds = [_LN_SIZE, *[_LN_LENGTHS] * inputs, _LN_NOISE]
+    found = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": _STEPS})
+    theta: Floats = found.x
+    return theta
