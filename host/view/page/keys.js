@@ -52,6 +52,7 @@ export function startKeys({ get, history, page, replay, selected, toggleTheme, t
 /** Does the control that has the focus use this key itself? */
 function isForControl({ key, target }) {
   if (target.closest("input[type=range]")) return key.startsWith("Arrow");
+  if (target.closest("input[type=checkbox]")) return key === " ";
   if (target.closest("input, select, textarea")) return true;
   return Boolean(target.closest("button, summary, a")) && (key === " " || key === "Enter");
 }

@@ -27,9 +27,8 @@ def clear_beside() -> SolidLump:
 
 def clear_on_line() -> SolidLump:
     """The stiffest kept lump under the line that is not deep, and stroked as hard as a model wants it."""
-    return min(
-        (k for k in _kept() if k.case.depth_mm < 10 and k.case.offset_mm == 0), key=lambda k: k.case.E_inv23
-    )
+    clear = [k for k in _kept() if k.case.depth_mm < 10 and k.case.offset_mm == 0 and k.case.F_N_per_m > 35]
+    return min(clear, key=lambda k: k.case.E_inv23)
 
 
 def felt(lump: SolidLump, frames: int, *, turned: bool = False, noise: str = "typical") -> FrameStream:

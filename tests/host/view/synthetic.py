@@ -44,6 +44,7 @@ class Bump:
     kind: str = "lump"
     hardness: str = "hard"
     E_inv23: float = 0.21
+    E_fat_kPa: float | None = None
     across_mm: float = 3.0
     columns: tuple[int, int] = (11, 19)
 
@@ -61,6 +62,7 @@ def estimate(bump: Bump, time_s: float) -> Estimate:
         d_mm=_around(bump.d_mm, 0.07),
         h=_around(bump.h, 0.09),
         E_inv23=Interval(bump.E_inv23, bump.E_inv23 - 0.12, bump.E_inv23 + 0.12),
+        further={} if bump.E_fat_kPa is None else {"E_fat_kPa": _around(bump.E_fat_kPa, 0.06)},
         lump=bump.kind in ("lump", "outside"),
         hardness=bump.hardness,
         in_domain=bump.kind == "lump",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from playwright.sync_api import expect
 
@@ -47,15 +49,20 @@ def test_everything_fits_the_window(viewer, open_page, name, width, height, sche
 
 
 def test_the_comparison_of_visits_fits_below_the_longest_card(viewer, open_page):
-    """At 1280 x 800 its last line was cut when the stroke was outside what the model knows."""
-    source = once(LUMP, LUMP, LUMP)
+    """At 1280 x 800 its last line was cut when the stroke was outside what the model knows, and when a model
+    told the fat, too."""
+    fat = Bump(d_mm=10.0, E_fat_kPa=10.4)
+    source = once(fat, fat, fat)
     page = open_page(viewer(source), 1280, 800)
     expect(page.locator("#stroke-3")).to_be_visible()
     page.keyboard.press("v")
     page.locator("#text-value").fill("After six months")
     page.keyboard.press("Enter")
     expect(page.locator("#visit-b option:checked")).to_have_text("After six months")
-    source.bumps, source.limit = [Bump(d_mm=13.0), Bump(d_mm=13.2), Bump(kind="outside", d_mm=23.0)], 6
+    source.bumps, source.limit = (
+        [replace(fat, d_mm=13.0), replace(fat, d_mm=13.2), replace(fat, kind="outside", d_mm=23.0)],
+        6,
+    )
     expect(page.locator("#stroke-6")).to_be_visible()
     expect(page.locator("#card .verdict")).to_have_text("Outside what the model knows")
     expect(page.locator("#comparison .result")).to_contain_text(

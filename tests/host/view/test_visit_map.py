@@ -50,6 +50,9 @@ def by_lanes(page, next_mm=0, step_mm=20):
     page.keyboard.press("l")
     page.locator("#lanes-told").focus()
     page.keyboard.press("Space")
+    page.keyboard.press("l")  # a tick is no text: the page's keys go on
+    expect(page.locator("#visit-map")).to_be_hidden()
+    page.keyboard.press("l")
     for field, value in (("#lane-next", next_mm), ("#lane-step", step_mm)):
         page.locator(field).fill(str(value))
         page.keyboard.press("Enter")
