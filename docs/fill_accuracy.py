@@ -1,4 +1,4 @@
-"""Rewrite the tables and figures of docs/accuracy.md: `python docs/fill_accuracy.py THESIS_DIR FIELD_DIR`.
+"""Rewrite the tables and figures of docs/accuracy*.md: `python docs/fill_accuracy.py THESIS_DIR FIELD_DIR`.
 
 Every block between `<!-- begin NAME -->` and `<!-- end NAME -->` is replaced by what the command named in
 the text above it prints; the words round the blocks are written by hand. Names after the two directories
@@ -34,7 +34,7 @@ from palpate.report.study_figures import save_study_figure
 
 DOCS = Path(__file__).parent
 ANY_TISSUE_LUMPS = 1300
-PAGE = DOCS / "accuracy.md"
+PAGES = [DOCS / f"accuracy{part}.md" for part in ("", "-told", "-thesis")]
 FIGURES = DOCS / "figures"
 
 
@@ -137,12 +137,18 @@ def main(thesis_dir: str, field_dir: str, *names: str) -> None:
     blocks = Numbers(thesis_dir, field_dir).blocks()
     for name in names or blocks:
         text = blocks[name]()
-        page = PAGE.read_text(encoding="utf-8")
         pattern = re.compile(f"(<!-- begin {name} -->\n).*?(<!-- end {name} -->)", re.DOTALL)
-        page, n = pattern.subn(lambda m, text=text: f"{m[1]}\n{text}\n\n{m[2]}", page)  # type: ignore[misc]
-        if not n:
-            sys.exit(f"docs/accuracy.md has no block {name}")
-        PAGE.write_text(page, encoding="utf-8")
+        found = 0
+        for path in PAGES:
+            page, n = pattern.subn(
+                lambda m, text=text: f"{m[1]}\n{text}\n\n{m[2]}",  # type: ignore[misc]
+                path.read_text(encoding="utf-8"),
+            )
+            if n:
+                path.write_text(page, encoding="utf-8")
+            found += n
+        if not found:
+            sys.exit(f"no page of {', '.join(path.name for path in PAGES)} has a block {name}")
         print(f"filled {name}")
 
 

@@ -5,7 +5,7 @@
     python -m tests.foreign_world keep                                       computes foreign_world.npz anew
 
 Tissue that stiffens, friction of .2, a face 5 % too curved; a sensor with hysteresis and creep whose cells
-read 4 % too much. The strokes that tests and docs/accuracy.md rest on are kept, with recipe and hash.
+read 4 % too much. The strokes that tests and docs/accuracy-told.md rest on are kept, with recipe and hash.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ class Noise:
     undulation : float
         How far the tissue's thickness swings along the stroke, as a fraction, over `WAVE_MM`. What it does
         is worked out as a change of stiffness: thicker and softer tissue feel very nearly alike
-        (docs/accuracy.md, "tissue"). That the surface tilts is left out.
+        (docs/accuracy-told.md, "tissue"). That the surface tilts is left out.
     start_mm : float
         The lump lies up to so far from the middle of the stroke.
     quantise : bool
