@@ -67,10 +67,16 @@ class Newton:
         The body, the probe's face on it and the linear solver of its mesh.
     tolerance : float
         Largest nodal imbalance, as a fraction of the force.
+    sparing : bool
+        While the probe is still far from bearing the force, renew the tangent near it only: as many
+        iterations, half the work of each.
     """
 
-    def __init__(self, tissue: Tissue, contact: Contact, solver: LinearSolver, tolerance: float) -> None:
+    def __init__(
+        self, tissue: Tissue, contact: Contact, solver: LinearSolver, tolerance: float, sparing: bool = False
+    ) -> None:
         self.tissue, self.contact, self.solver, self.tolerance = tissue, contact, solver, tolerance
+        self.sparing = sparing
         self.counts = Counts()
         mesh = tissue.mesh
         self._held = np.nonzero(mesh.fixed.ravel())[0]
@@ -122,9 +128,10 @@ class Newton:
             if not error < 1e6:
                 raise NoConvergence("the iteration diverged")
             slow = error > _GOOD_PROGRESS * error_before
-            if careful or not self._started or error > 1.0:
+            far = error > 1.0
+            if careful or not self._started or (far and not self.sparing):
                 self._factor(state, touching, position, self._all)
-            elif touching_before is None:
+            elif far or touching_before is None:
                 self._factor(state, touching, position, self._near(position))
             elif slow:
                 self._factor(state, touching, position, self._all)

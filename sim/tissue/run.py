@@ -45,7 +45,7 @@ class Run:
         self.newton: Equilibrium = (
             ReferenceNewton(self.mesh, self.tissue.constants, shape, case.friction, settings.tolerance)
             if settings.solver == "reference"
-            else Newton(self.tissue, self.contact, geometry.solver, settings.tolerance)
+            else Newton(self.tissue, self.contact, geometry.solver, settings.tolerance, settings.fine)
         )
         self.predictor = Predictor(geometry.mesh, self.areas)
 

@@ -1,10 +1,11 @@
-"""The stroke in CalculiX: linear elements with reduced integration, node-to-surface contact.
+"""The stroke in CalculiX: linear elements with reduced integration, node-to-surface contact, force given.
 
 What was tried (CalculiX 2.20): CPE4 locks (displacement 4 % short); CPE8R and CPE8 converge while they are
 pressed but not on the way to the next position, with either kind of contact; C3D8I does not get as far.
-CPE4R neither locks nor diverges, if the probe's face does not slide along the surface: here the nodes of a
-long strip move up and down so that its lower side is the face at every position, which without friction is
-the same. Units: mm, kPa, N per metre of width.
+CPE4R neither locks nor diverges. On its way to the next position it needs small increments, and does not
+converge under a force; but without friction a state does not depend on the way to it, so every position is
+an indentation of its own: down to the depth of the position before, then released to the force.
+Units: mm, kPa, N per metre of width.
 """
 
 from __future__ import annotations
@@ -25,71 +26,72 @@ from palpate.sim.tissue.mesh import TissueMesh, build_mesh
 from palpate.sim.tissue.probe_shape import ProbeShape
 from tests.benchmarks.peers import QUARTERS, Peer
 
-_CONTACT_SLOPE = 1e3  # kPa/mm: the probe sinks in by .2 % of the displacement
-_PITCH_MM = 0.25  # of the strip's nodes
-_REACH_MM = 16.0  # of the strip beyond the outermost positions
+_CONTACT_SLOPE = (
+    300.0  # kPa/mm: the probe sinks in by .5 % of the displacement; three times as much does not converge
+)
+_PITCH_MM = 0.25  # of the probe's nodes
+_REACH_MM = 16.0  # of the probe to either side
 _CLEARANCE_MM = 0.01
 _HIGHEST_MM = 5.0  # of the face: farther out it touches nothing
-_EXPONENT = 1.6
-_FIRST = "0.1,1,1e-5,0.25"
-_OTHERS = "0.004,1,1e-6,1"
-"""Increments of a step: the first must be small, since CalculiX extrapolates only from the second on."""
+_FIRST_DEPTH_MM = 2.4
+_DOWN = "0.17,1,1e-4,0.17"
+_RELEASED = "1,1,1e-4,1"
+"""Increments of the two steps: the first, by depth, in a few, the second, by force, in one."""
 
 
-def run(case: Case, settings: Settings, depths_mm: np.ndarray, timeout_s: float = 400.0) -> Peer:
+def run(case: Case, settings: Settings, timeout_s: float = 400.0) -> Peer:
     """Simulate the stroke of `case` on our mesh, every nine-node element cut into four.
-
-    Under a force alone CalculiX does not converge, so the probe's height is given, `depths_mm` (n,), and the
-    force compared: what is returned as displacement is what the given force would need, by F = A D^1.6.
 
     Raises
     ------
     RuntimeError
-        CalculiX stopped before the end, or took longer than `timeout_s`.
+        CalculiX stopped before the end of a position, or took longer than `timeout_s` for it.
     OSError
         It is not installed.
     """
-    positions = settings.positions_mm()
-    mesh = build_mesh(case, settings, positions[0], positions[-1])
     program = shutil.which("ccx")
     if program is None:
         raise FileNotFoundError("CalculiX (Debian calculix-ccx) is not installed")
-    with tempfile.TemporaryDirectory() as folder:
-        work = Path(folder)
-        (work / "stroke.inp").write_text("\n".join(_deck(case, mesh, positions, depths_mm)) + "\n")
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        try:
-            out = subprocess.run(
-                [program, "stroke"], cwd=work, capture_output=True, text=True, timeout=timeout_s
-            )
-        except subprocess.TimeoutExpired:
-            raise RuntimeError(f"CalculiX was stopped after {timeout_s:.0f} s") from None
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        if "Job finished" not in out.stdout:
-            raise RuntimeError("CalculiX stopped: " + " ".join(re.findall(r"\*ERROR.*", out.stdout)))
-        force, images = _read(work, positions, mesh)
+    positions = settings.positions_mm()
+    mesh = build_mesh(case, settings, positions[0], positions[-1])
+    depth, depths, images, iterations = _FIRST_DEPTH_MM, [], [], 0
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    for position in positions:
+        with tempfile.TemporaryDirectory() as folder:
+            work = Path(folder)
+            deck, skin = _deck(case, mesh, float(position), depth)
+            (work / "press.inp").write_text("\n".join(deck) + "\n")
+            command = [program, "press"]
+            try:
+                out = subprocess.run(command, cwd=work, capture_output=True, text=True, timeout=timeout_s)
+            except subprocess.TimeoutExpired:
+                raise RuntimeError(f"CalculiX was stopped after {timeout_s:.0f} s") from None
+            if "Job finished" not in out.stdout:
+                raise RuntimeError("CalculiX stopped: " + " ".join(re.findall(r"\*ERROR.*", out.stdout)))
+            depth, x, pressure = _read(work, mesh, skin)
+            iterations += _iterations((work / "press.sta").read_text())
+        depths.append(depth)
+        images.append(read_sensors(x - position, pressure * case.F_N_per_m / np.trapezoid(pressure, x)))
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    displacement = depths_mm * (case.F_N_per_m / force) ** (1 / _EXPONENT)
-    return Peer("CalculiX CPE4R", len(mesh.nodes_mm), cpu, displacement, images)
+    return Peer("CalculiX CPE4R", len(mesh.nodes_mm), cpu, np.array(depths), np.array(images), iterations)
 
 
-def _deck(case: Case, mesh: TissueMesh, positions: np.ndarray, depths_mm: np.ndarray) -> list[str]:
-    """CalculiX' input, line by line."""
+def _deck(case: Case, mesh: TissueMesh, position: float, depth: float) -> tuple[list[str], np.ndarray]:
+    """CalculiX' input, line by line, and the nodes of the skin that may be touched."""
     constants = elasticity(case, mesh)
     cells = mesh.elements[:, QUARTERS].reshape(-1, 4)
     owner = np.repeat(np.arange(len(mesh.elements)), 4)
     n, m = len(mesh.nodes_mm), len(cells)
     shape = ProbeShape(case.probe_radius_mm, case.face_half_mm, case.fillet_per_mm2)
-    x = np.arange(positions[0] - _REACH_MM, positions[-1] + _REACH_MM + _PITCH_MM / 2, _PITCH_MM)
-    lower, upper = n + 1 + np.arange(len(x)), n + 1 + len(x) + np.arange(len(x))
+    s = np.arange(-_REACH_MM, _REACH_MM + _PITCH_MM / 2, _PITCH_MM)
+    face = case.t_mm + _CLEARANCE_MM + np.minimum(shape.height(s)[0], _HIGHEST_MM)
+    lower, upper = n + 1 + np.arange(len(s)), n + 1 + len(s) + np.arange(len(s))
+    leader = int(upper[len(s) // 2])  # whose height all the others have
+    strip = np.stack([position + s, face], 1)
+    top = np.stack([position + s, np.full(len(s), case.t_mm + _HIGHEST_MM + 3.0)], 1)
 
-    def face(position: float) -> np.ndarray:
-        out: np.ndarray = np.minimum(shape.height(x - position)[0], _HIGHEST_MM)
-        return out
-
-    start = face(positions[0])
-    strip = np.stack([x, case.t_mm + _CLEARANCE_MM + start], 1)
-    nodes = np.concatenate([mesh.nodes_mm, strip, strip + np.array([0.0, 3.0])])
+    nodes = np.concatenate([mesh.nodes_mm, strip, top])
     lines = ["*NODE, NSET=ALL", *(f"{i + 1},{a:.10g},{b:.10g},0" for i, (a, b) in enumerate(nodes))]
     for k, mu in enumerate(np.unique(constants.mu)):
         bulk = constants.bulk[constants.mu == mu][0] - mu / 3
@@ -99,66 +101,65 @@ def _deck(case: Case, mesh: TissueMesh, positions: np.ndarray, depths_mm: np.nda
         lines += [f"*MATERIAL, NAME=M{k}", "*HYPERELASTIC, NEO HOOKE", f"{mu / 2:.10g},{2 / bulk:.10g}"]
         lines += [f"*SOLID SECTION, ELSET=G{k}, MATERIAL=M{k}", "1."]
     lines.append("*ELEMENT, TYPE=CPE4, ELSET=PROBE")
-    lines += [f"{m + 1 + i},{lower[i]},{lower[i + 1]},{upper[i + 1]},{upper[i]}" for i in range(len(x) - 1)]
-    lines += ["*MATERIAL, NAME=PROBE", "*ELASTIC", "0.001,0.0"]  # every node of it is moved by hand
+    lines += [f"{m + 1 + i},{lower[i]},{lower[i + 1]},{upper[i + 1]},{upper[i]}" for i in range(len(s) - 1)]
+    lines += ["*MATERIAL, NAME=PROBE", "*ELASTIC", "0.001,0.0"]  # its nodes move as one
     lines += ["*SOLID SECTION, ELSET=PROBE, MATERIAL=PROBE", "1."]
+    for v in [*lower, *upper]:
+        if v != leader:
+            lines += ["*EQUATION", "2", f"{v},2,1.,{leader},2,-1."]
 
-    skin = _skin_cells(mesh, cells, positions)
-    lines += ["*NSET, NSET=SKIN", *(f"{v + 1}," for v in np.unique(cells[skin][:, [2, 3]]))]
-    lines += ["*NSET, NSET=FLOOR", *(f"{v + 1}," for v in np.nonzero(mesh.fixed[:, 1])[0])]
+    touched = _skin_cells(mesh, cells, position)
+    skin = np.unique(cells[touched][:, [2, 3]])
+    lines += ["*NSET, NSET=SKIN", *(f"{v + 1}," for v in skin)]
     lines += ["*NSET, NSET=FACE", *(f"{v}," for v in [*lower, *upper])]
-    lines += ["*SURFACE, NAME=SLAVE", *(f"{e + 1},S3" for e in skin)]
-    lines += ["*SURFACE, NAME=MASTER", *(f"{m + 1 + i},S1" for i in range(len(x) - 1))]
+    lines += ["*NSET, NSET=LEADER", f"{leader},"]
+    lines += ["*SURFACE, NAME=SLAVE", *(f"{e + 1},S3" for e in touched)]
+    lines += ["*SURFACE, NAME=MASTER", *(f"{m + 1 + i},S1" for i in range(len(s) - 1))]
     lines += ["*SURFACE INTERACTION, NAME=SI", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR"]
     lines += [f"{_CONTACT_SLOPE:g}", "*CONTACT PAIR, INTERACTION=SI, TYPE=NODE TO SURFACE", "SLAVE,MASTER"]
-    lines += ["*BOUNDARY", "FACE,1,1"]
+    held = ["FACE,1,1"]
     for node, (held_x, held_y) in enumerate(mesh.fixed):
-        lines += [f"{node + 1},1,1"] * bool(held_x) + [f"{node + 1},2,2"] * bool(held_y)
-    for k, (position, depth) in enumerate(zip(positions, depths_mm)):
-        lines += ["*STEP, NLGEOM, INC=500", "*STATIC", _OTHERS if k else _FIRST]
-        if k == 0:  # steps may grow by 2.5 in place of 1.5
-            lines += ["*CONTROLS, PARAMETERS=TIME INCREMENTATION", "4,8,9,16,10,4,,5"]
-            lines += ["0.25,0.5,0.75,0.85,,,2.5"]
-        rise = face(position) - start - depth - _CLEARANCE_MM
-        lines += ["*BOUNDARY", *(f"{v},2,2,{r:.8g}" for row in (lower, upper) for v, r in zip(row, rise))]
-        lines += ["*NODE PRINT, NSET=SKIN, FREQUENCY=999", "U", "*CONTACT PRINT, FREQUENCY=999", "CSTR"]
-        lines += ["*NODE PRINT, NSET=FLOOR, TOTALS=ONLY, FREQUENCY=999", "RF", "*END STEP"]
-    return lines
+        held += [f"{node + 1},1,1"] * bool(held_x) + [f"{node + 1},2,2"] * bool(held_y)
+    lines += ["*STEP, NLGEOM, INC=200", "*STATIC", _DOWN, "*BOUNDARY", *held]
+    lines += [f"{leader},2,2,{-depth - _CLEARANCE_MM:.8g}"]
+    lines += ["*CLOAD", f"{leader},2,{-case.F_N_per_m:.8g}", "*END STEP"]  # felt once the depth is let go
+    lines += ["*STEP, NLGEOM, INC=200", "*STATIC", _RELEASED, "*BOUNDARY, OP=NEW", *held]
+    lines += ["*NODE PRINT, NSET=SKIN, FREQUENCY=999", "U", "*NODE PRINT, NSET=LEADER, FREQUENCY=999", "U"]
+    lines += ["*CONTACT PRINT, FREQUENCY=999", "CSTR", "*END STEP"]
+    return lines, skin
 
 
-def _skin_cells(mesh: TissueMesh, cells: np.ndarray, positions: np.ndarray) -> np.ndarray:
+def _skin_cells(mesh: TissueMesh, cells: np.ndarray, position: float) -> np.ndarray:
     """Cells whose third side is the surface that may be touched."""
     surface = np.zeros(len(mesh.nodes_mm), bool)
     surface[mesh.surface] = True
-    x = mesh.nodes_mm[cells[:, 3], 0]
-    near = (x > positions[0] - _REACH_MM + 1) & (x < positions[-1] + _REACH_MM - 2)
+    near = np.abs(mesh.nodes_mm[cells[:, 3], 0] - position) < _REACH_MM - 2
     return np.nonzero(surface[cells[:, 2]] & surface[cells[:, 3]] & near)[0]
 
 
-def _read(work: Path, positions: np.ndarray, mesh: TissueMesh) -> tuple[np.ndarray, np.ndarray]:
-    """Force, N/m, and image at the end of every step."""
-    original = _flat_nodes((work / "stroke.12d").read_text())
-    per_time: dict[float, dict[str, list]] = {}
-    rows: list = []
-    for line in (work / "stroke.dat").read_text().splitlines():
+def _read(work: Path, mesh: TissueMesh, skin: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Depth, mm, the skin's nodes from left to right, mm, and the pressure on them, at the end."""
+    original = _flat_nodes((work / "press.12d").read_text())
+    got: dict[str, list[list[str]]] = {}
+    for line in (work / "press.dat").read_text().splitlines():
         if "time" in line:
-            kind = "stress" if "stress" in line else "floor" if "FLOOR" in line else "skin"
-            rows = per_time.setdefault(round(float(line.split()[-1]), 6), {}).setdefault(kind, [])
+            kind = "stress" if "stress" in line else "leader" if "LEADER" in line else "skin"
+            rows = got[kind] = []  # of the last step
         elif line.strip():
             rows.append(line.split())
-    forces, images = [], []
-    for k, position in enumerate(positions):
-        got = per_time[float(k + 1)]
-        force = float(got["floor"][0][1])
-        place = {int(row[0]): mesh.nodes_mm[int(row[0]) - 1, 0] + float(row[1]) for row in got["skin"]}
-        carried = dict.fromkeys(place, 0.0)
-        for row in got["stress"]:
-            carried[original[int(row[0])]] = float(row[1])
-        order = sorted(place, key=place.__getitem__)
-        x, p = np.array([place[i] for i in order]), np.array([carried[i] for i in order])
-        images.append(read_sensors(x - position, p * force / np.trapezoid(p, x)))
-        forces.append(force)
-    return np.array(forces), np.array(images)
+    place = {int(row[0]): mesh.nodes_mm[int(row[0]) - 1, 0] + float(row[1]) for row in got["skin"]}
+    carried = dict.fromkeys(place, 0.0)
+    for row in got["stress"]:
+        carried[original[int(row[0])]] = float(row[1])
+    order = sorted(place, key=place.__getitem__)
+    depth = -float(got["leader"][0][2]) - _CLEARANCE_MM
+    return depth, np.array([place[i] for i in order]), np.array([carried[i] for i in order])
+
+
+def _iterations(text: str) -> int:
+    """From CalculiX' table of increments, attempts that failed included."""
+    rows = [line.split() for line in text.splitlines()[2:]]
+    return sum(int(row[3]) for row in rows if row)
 
 
 def _flat_nodes(text: str) -> dict[int, int]:
