@@ -6,32 +6,38 @@ from functools import cache
 from pathlib import Path
 
 from firmware_py.calib import Calibration
-from palpate.regression.balls.lumps import SET, SolidLump, beside, prepare
+from palpate.regression.any_tissue.observed import TissueLump
+from palpate.regression.balls.lumps import beside, read_lumps
 from palpate.sim.probe.packed_frames import FrameStream
 from palpate.sim.probe.sensors import LEVELS, PRESS_FRAMES, SensorModel, StrokeField
+from palpate.sim.tissue import Case
 
 KEPT = Path(__file__).parents[2] / "sim" / "tissue" / "data"
 SEED = 5
 
 
 @cache
-def _kept() -> list[SolidLump]:
-    assert (KEPT / SET).exists()
-    return prepare(KEPT, 1)
+def _shallow() -> list[TissueLump]:
+    """Those that are stiff, not deep, and stroked as hard as a model wants it."""
+    return [k for k in read_lumps(KEPT) if _is_clear(k.strokes.case)]
 
 
-def clear_beside() -> SolidLump:
-    """The kept lump farthest beside the line among those that are not deep."""
-    return max((k for k in _kept() if k.case.depth_mm < 10), key=lambda k: k.case.offset_mm)
+def _is_clear(case: Case) -> bool:
+    return case.depth_mm < 9 and case.d_mm > 7 and case.E_inv23 < 0.35 and case.F_N_per_m > 35
 
 
-def clear_on_line() -> SolidLump:
-    """The stiffest kept lump under the line that is not deep, and stroked as hard as a model wants it."""
-    clear = [k for k in _kept() if k.case.depth_mm < 10 and k.case.offset_mm == 0 and k.case.F_N_per_m > 35]
-    return min(clear, key=lambda k: k.case.E_inv23)
+def clear_beside() -> TissueLump:
+    """The clear lump farthest beside the line."""
+    return max(_shallow(), key=lambda k: k.strokes.case.offset_mm)
 
 
-def felt(lump: SolidLump, frames: int, *, turned: bool = False, noise: str = "typical") -> FrameStream:
+def clear_on_line() -> TissueLump:
+    """The stiffest clear lump under the line."""
+    under = [k for k in _shallow() if k.strokes.case.offset_mm == 0]
+    return min(under, key=lambda k: k.strokes.case.E_inv23)
+
+
+def felt(lump: TissueLump, frames: int, *, turned: bool = False, noise: str = "typical") -> FrameStream:
     """One stroke with its press by a steady hand; turned, the lump lies on the other side of the line."""
     field, pressed = (
         StrokeField(*(beside(stroke) if turned else stroke for stroke in some))

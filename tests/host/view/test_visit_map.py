@@ -8,6 +8,7 @@ import struct
 import pytest
 from playwright.sync_api import expect
 
+from palpate import models
 from palpate.cli.emulate import strokes_over
 from palpate.models import emulator
 from palpate.view.live import LiveSource
@@ -345,14 +346,14 @@ def solid():
 def probe(solid, emulated):
     """A probe with the model that comes with Palpate; stroked again and again."""
     _, streams, calibration = solid
-    given = {"public_key": emulator.public_key(), "model": emulator.image(), "repeat": True}
+    given = {"public_key": emulator.public_key(), "model": emulator.image(models.BALLS), "repeat": True}
     return emulated(strokes=streams, calibration=calibration, **given)
 
 
 def test_a_solid_lump_beside_the_line_is_drawn_beside_the_line_and_a_cylinder_all_across(
     probe, solid, viewer, open_page
 ):
-    beside_mm = solid[0].case.offset_mm
+    beside_mm = solid[0].strokes.case.offset_mm
     page = open_page(viewer(LiveSource(probe.port)))
     expect(page.locator("#stroke-3")).to_be_visible()
     shapes = []
