@@ -26,11 +26,12 @@ _FIRST = features.PRESS
 GOOD = const(0)
 FEW = const(1)  # too few frames of the forces that count
 NARROW = const(2)  # they do not reach from about a quarter of the stroke's force to all of it
+NEW = const(3)  # no stroke has come after it yet
 
 _LOWEST = -33554432  # ln(force / stroke's) of a frame that counts: -2 ..
 _HIGHEST = 6710886  # .. to .4
 _LOW_END = -17616077  # -1.05, ln .35: a frame at this part of the force or less is wanted,
-_HIGH_END = -4194304  # and one at this part or more: -.25
+_HIGH_END = -3355443  # and one at this part or more: -.2, ln .82
 _BENT = const(8388)  # 5e-4: the least mean square of the parabola's own part, else it is no parabola
 _STEEPEST = const(67108864)  # 4: of slope and bend
 _HALF_LN = const(11629080)  # ln 2
@@ -198,7 +199,7 @@ class Press:
     ----------
     open : whether frames are taken: from contact to the start of the stroke
     n : how many are kept
-    code : GOOD, FEW or NARROW, of the last `measure`
+    code : GOOD, FEW or NARROW, of the last `measure`; NEW until a stroke has come after the press
     """
 
     def __init__(self):
@@ -212,6 +213,7 @@ class Press:
     def begin(self):
         """The probe has touched the skin: forget the last press."""
         self.open = True
+        self.code = NEW
         self.n = 0
         self._every = 1
         self._wait = 0

@@ -18,7 +18,7 @@ from palpate.errors import UsageError
     "--lumps",
     default=600,
     show_default=True,
-    help="Of any-tissue, anywhere, reference: how many to simulate.",
+    help="Of any-tissue, anywhere, reference, noise-list: how many to simulate.",
 )
 @click.option("--seed", default=1, show_default=True, help="Of the split and of the sensors' noise.")
 @click.option("--noise", default=None,
@@ -46,6 +46,7 @@ def command(
     any-tissue  (needs nothing in DIRECTORY: simulates --lumps lumps in random tissue into it first)
     anywhere  (the same of lumps in the fat, on its border or in the gland; half an hour)
     reference   (the same lumps and a press beside each, the right one or one of another place or person)
+    noise-list  (the bundled model on new lumps, --lumps of them, and what their noise may lack, one by one)
     balls     (which balls and ellipsoids are found, and how well each kind is told; of
               DIRECTORY/balls.parquet, which palpate sweep --design balls:N --keep writes)
 
@@ -76,6 +77,11 @@ def command(
             raise UsageError("reference has no figure: leave --figure out")
         _reference(directory, lumps, seed, noise, as_json)
         return
+    if name == "noise-list":
+        if figure is not None or noise is not None:
+            raise UsageError("noise-list has no figure, and names its noise itself: leave both out")
+        _noise_list(directory, lumps, seed, as_json)
+        return
     if name == "balls":
         if figure is not None:
             raise UsageError("balls has no figure: leave --figure out")
@@ -83,7 +89,7 @@ def command(
         return
     studies = STUDIES | {study.name: study for study in (TISSUE_STUDY, COMPUTED_STUDY)}
     if name not in studies:
-        known = ", ".join((*studies, "any-tissue", "anywhere", "reference", "balls"))
+        known = ", ".join((*studies, "any-tissue", "anywhere", "reference", "noise-list", "balls"))
         raise UsageError(f"there is no study {name!r}; there are {known}")
     study = studies[name]
     with (
@@ -141,6 +147,18 @@ def _reference(directory: Path, lumps: int, seed: int, noise: str | None, as_jso
         return
     heads, rows = text_of(result)
     table(heads, rows, "A reference press beside the lump")
+
+
+def _noise_list(directory: Path, lumps: int, seed: int, as_json: bool) -> None:
+    from palpate.regression.any_tissue.noise_list import prepare, study, text_of
+
+    with showing_progress() as progress:
+        rows = study(*prepare(directory, lumps, progress=progress), seed=seed, step=note)
+    if as_json:
+        print_json({"study": "noise-list", "rows": rows})
+        return
+    for title, heads, cells in text_of(rows):
+        table(heads, cells, title)
 
 
 def _balls(directory: Path, seed: int, noise: str | None, as_json: bool) -> None:

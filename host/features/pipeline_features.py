@@ -128,7 +128,10 @@ def compute(
         if span != (0, geometry.COLUMNS):
             image, depth = moved(p[:, :, span[0] : span[1]].mean(2))
             y, fit = fitted(image)
-    pressed = press_features.curves(*press, calibration) if press else np.empty((0, 4))
+    pressed = np.empty((0, 4))
+    if press:
+        found = steps.hanging(mean_counts, calibration.dead)
+        pressed = press_features.curves(steps.mended(press[0], found), press[1], calibration)
     found = _features(x, image, depth, middle + fit.centre, fit, float(force.mean()), pressed)
     return Reference(found, y, fit, float(middle), (int(span[0]), int(span[1])), answer)
 

@@ -25,7 +25,7 @@ _MODEL_LN = 0.004
 """Errors by which a frame of the press counts: of the displacement, of an image's mean, and of a parabola."""
 
 _COUNTING = (-2.0, 0.4)
-_WANTED = (-1.05, -0.25)
+_WANTED = (-1.05, -0.2)
 """ln(force / stroke's): of the frames that count; the least and the greatest reach this far or further."""
 
 _LEAST_MM = 0.02

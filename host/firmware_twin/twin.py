@@ -29,6 +29,7 @@ STAGES = (
     "profile",
     "features",
     "press",
+    "hanging",
     "feature_chain",
     "pipeline",
     "rowpipeline",

@@ -62,7 +62,7 @@ OUTSIDE = TissueRanges(d_mm=(4.0, 25.0), h=(0.2, 2.0), E_ratio=(1.3, 1000.0))
 def rim_lumps(n: int, seed: int) -> list[Case]:
     """`n` lumps of `OUTSIDE` that lie outside the usual ranges, at their middle force."""
     usual = TissueRanges()
-    rim = [case for case in _lumps(6 * n, seed, OUTSIDE) if not inside(case, usual)]
+    rim = [case for case in random_lumps(6 * n, seed, OUTSIDE) if not inside(case, usual)]
     return rim[:n]
 
 
@@ -71,7 +71,7 @@ def plain_lumps(n: int, seed: int) -> list[Case]:
     of = ("F_rel", "gland_ratio", "gland_mm", "fat_stiffening", "gland_stiffening", "probe_radius_mm")
     return [
         Case.without_lump(c.t_mm, **{name: getattr(c, name) for name in of})
-        for c in _lumps(n, seed, TissueRanges())
+        for c in random_lumps(n, seed, TissueRanges())
     ]
 
 
@@ -91,19 +91,19 @@ def any_tissue_cases(n: int, seed: int, ranges: TissueRanges | None = None) -> l
 
     A lump that is too large for its gland is passed over.
     """
-    return at_forces(_lumps(n, seed, ranges or TissueRanges()), FORCE_PARTS)
+    return at_forces(random_lumps(n, seed, ranges or TissueRanges()), FORCE_PARTS)
 
 
 def press_cases(n: int, seed: int, ranges: TissueRanges | None = None) -> list[Case]:
     """The same lumps at the forces of the press before the stroke, to be simulated with `PRESSES`."""
-    return at_forces(_lumps(n, seed, ranges or TissueRanges()), PRESS_PARTS)
+    return at_forces(random_lumps(n, seed, ranges or TissueRanges()), PRESS_PARTS)
 
 
 def reference_cases(n: int, seed: int, ranges: TissueRanges | None = None) -> list[Case]:
     """The tissues of the same lumps without them, at the forces of a reference press; with `PRESSES`."""
     return [
         replace(plain, F_rel=plain.F_rel * part)
-        for plain in map(without_its_lump, _lumps(n, seed, ranges or TissueRanges()))
+        for plain in map(without_its_lump, random_lumps(n, seed, ranges or TissueRanges()))
         for part in REFERENCE_PARTS
     ]
 
@@ -112,7 +112,7 @@ def elsewhere_cases(n: int, seed: int, share: float, ranges: TissueRanges | None
     """Reference presses at other places: the fat is thicker or, at every other lump, thinner so."""
     return [
         replace(plain, F_rel=plain.F_rel * part)
-        for k, case in enumerate(_lumps(n, seed, ranges or TissueRanges()))
+        for k, case in enumerate(random_lumps(n, seed, ranges or TissueRanges()))
         for plain in [without_its_lump(case, thicker(k, share))]
         for part in REFERENCE_PARTS
     ]
@@ -135,7 +135,8 @@ def without_its_lump(case: Case, thickness: float = 1.0) -> Case:
     return replace(same, d_mm=plain.d_mm, h=plain.h)
 
 
-def _lumps(n: int, seed: int, r: TissueRanges) -> list[Case]:
+def random_lumps(n: int, seed: int, r: TissueRanges) -> list[Case]:
+    """`n` lumps of a scrambled Sobol sequence over these ranges, at their middle force."""
     found: list[Case] = []
     for of_d, of_h, of_E, of_force, of_ratio, of_gland, of_fat_b, of_gland_b, of_radius in _points(n, seed):
         d, gland = even(of_d, r.d_mm), even(of_gland, r.gland_mm)
