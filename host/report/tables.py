@@ -56,8 +56,9 @@ def table_1(fit: ThesisFit) -> Item:
         "is the forward model inverted by least squares. A (*) marks the equation to use for an input: the "
         "thesis' by its R2 in sample; ours by that of runs left out, with displacement only where it brings "
         f"{STAR_FROM:g} or more. The thesis finds h better from pressure. In sample a further term can only "
-        "help: its equation with displacement must leave out features of the map, and ours does worse too "
-        "where displacement takes their place (below, one linear term each).",
+        "help: its equation with displacement must leave out features of the map (which ones is lost), and "
+        "ours does worse too where displacement takes the place of Base and Curvature (below, one linear "
+        "term each).",
         [
             Beside("in-sample R2 reached (to .005)", f"{known} values", f"{reached} of {known}"),
             Beside("(*) with displacement", thesis_names, our_names),

@@ -167,7 +167,7 @@ class Stroke:
     def strip(self) -> Strip:
         """Its strip of the visit's map; ask only once it is over."""
         if self._strip is None:
-            images = np.stack(self.images) * _IMAGE_STEP_KPA if self.images else np.empty((0, *SHAPE))
+            images = self.images_kPa() if self.images else np.empty((0, *SHAPE))
             self._strip = strip(np.asarray(self.image_position_mm), images)
         return self._strip
 

@@ -18,7 +18,7 @@ import pandas as pd
 from palpate.features.map_features import curvature
 from palpate.regression.runs import features_table
 from palpate.regression.table import HARD_FROM, check_table
-from palpate.regression.thesis.depth import CHOICES, linear_r2
+from palpate.regression.thesis.depth import CHOICES, linear_r2, two_kept
 from palpate.regression.thesis.direct import fit_direct
 from palpate.regression.thesis.forward import one_factor_curve
 from palpate.sim.tissue import THESIS_CODES, Case, Settings, Stroke, TissueError, simulate
@@ -140,6 +140,9 @@ def main(*words: str) -> None:
         print("\n| " + " | ".join(heads) + " |\n|" + "---|" * len(heads))
         for row in rows:
             print("| " + " | ".join(row) + " |")
+    print("\n| kept beside the displacements | R2 of h | E >= 10 |\n|---|---|---|")
+    for kept, every, hard in two_kept(table_of(VARIANTS[0])[0]):
+        print(f"| {kept} | {every:.3f} | {hard:.3f} |")
 
 
 if __name__ == "__main__":

@@ -2,12 +2,14 @@
 
 In sample an equation can only gain by a further term. The thesis' R2 of h falls from .824 to .800 with
 displacement (E >= 10: .957 to .882), so its equation with displacement leaves features of the map out:
-"using Displacement values rather than the Tactile Map". With one linear term each, that is what comes out.
+"using Displacement values rather than the Tactile Map". Which ones is lost. With one linear term each, that
+is what comes out where displacement takes the place of two of the four, but for one pair.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 import pandas as pd
@@ -39,12 +41,15 @@ def linear_r2(table: pd.DataFrame, features: Sequence[str], rows: NDArray[np.boo
 
 def depth_choices(table: pd.DataFrame) -> list[tuple[str, float, float]]:
     """For each of `CHOICES` its features in words, and R2 of h: all runs, those with E >= 10."""
+    return [(", ".join(NAMES[f] for f in features), *_both(table, features)) for features in CHOICES]
+
+
+def two_kept(table: pd.DataFrame) -> list[tuple[str, float, float]]:
+    """The two displacements with each two of the map's four features: the two kept, and R2 as above."""
+    pairs = combinations(PRESSURE, 2)
+    return [(", ".join(NAMES[f] for f in kept), *_both(table, (*kept, *DISPLACEMENT))) for kept in pairs]
+
+
+def _both(table: pd.DataFrame, features: Sequence[str]) -> tuple[float, float]:
     every, hard = np.ones(len(table), bool), (table["E_ratio"] >= HARD_FROM).to_numpy()
-    return [
-        (
-            ", ".join(NAMES[f] for f in features),
-            linear_r2(table, features, every),
-            linear_r2(table, features, hard),
-        )
-        for features in CHOICES
-    ]
+    return linear_r2(table, features, every), linear_r2(table, features, hard)

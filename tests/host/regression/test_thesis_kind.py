@@ -14,7 +14,7 @@ import palpate
 from palpate.features.map_features import curvature
 from palpate.regression.table import PRESSURE, TARGETS, TableError, check_table, r_squared, relative
 from palpate.regression.thesis import forward, inverted, strain, subsets
-from palpate.regression.thesis.depth import depth_choices
+from palpate.regression.thesis.depth import depth_choices, two_kept
 from palpate.regression.thesis.direct import permutation_test
 from palpate.regression.thesis.fit import fit_thesis
 from palpate.regression.thesis.table_1 import NESTED_TARGETS, TABLE_1, stars
@@ -210,6 +210,8 @@ def test_displacement_in_the_place_of_pressure_finds_h_worse_and_beside_it_bette
     assert instead < pressure < both and instead_hard < pressure_hard < both_hard
     for ours, thesis in zip((pressure, instead, pressure_hard, instead_hard), (0.824, 0.800, 0.957, 0.882)):
         assert ours == pytest.approx(thesis, abs=0.03)
+    worse = {kept for kept, every, _ in two_kept(fit.table) if every < pressure}
+    assert len(worse) == 5 and "ln Base, ln Stdev" not in worse
 
 
 def test_the_equation_to_use_is_marked_once_in_each_row(fit):
