@@ -120,24 +120,25 @@ export class TactileImage {
     c.rect(x0, y0, w, h);
     c.clip();
     drawOutline(c, { ...shape, along: off }, (v) => x0 + w / 2 + v * perMm, (v) => y0 + h / 2 - v * perMm);
-    this.tell(c, x0 + 5, y0 + h - 4);
+    this.tell(c, x0 + 5, y0 + h - 4, w - 10);
     c.restore();
   }
 
   /** The outline in words, in the corner: light on dark, to be read on any colour. */
-  tell(c, x, bottom) {
+  tell(c, x, bottom, room) {
     c.font = font();
     c.textAlign = "left";
     c.textBaseline = "bottom";
     const step = 14 * textScale();
-    const width = Math.max(...this.outlined.map((line) => c.measureText(line).width));
-    const height = step * this.outlined.length;
+    const lines = this.outlined.flatMap((line) => (c.measureText(line).width > room ? line.split(/(?<=,) /) : [line]));
+    const width = Math.max(...lines.map((line) => c.measureText(line).width));
+    const height = step * lines.length;
     c.fillStyle = "rgb(0 0 0 / 65%)";
     c.beginPath();
     c.roundRect(x - 3, bottom - height - 1, width + 7, height + 3, 3);
     c.fill();
     c.fillStyle = "#fff";
-    this.outlined.forEach((line, n) => c.fillText(line, x, bottom - step * (this.outlined.length - 1 - n)));
+    lines.forEach((line, n) => c.fillText(line, x, bottom - step * (lines.length - 1 - n)));
   }
 
   /** Frame, axes and colour bar, redrawn only when size, scale, colours or theme change. */
