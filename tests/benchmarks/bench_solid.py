@@ -1,19 +1,21 @@
 """How long a stroke over a solid lump takes, beside its floor: python -m tests.benchmarks.bench_solid
+[--peer]
 
 One process, one thread, CPU seconds, set-up of a fresh geometry included; medians of rounds taken by turns
 with the floor: as many partial factorisations (the elements near the probe at each position) as there are
-positions.
+positions. With --peer the ball on the line in felupe (PyPI) instead, between two strokes of ours.
 """
 
 from __future__ import annotations
 
 import resource
 import statistics
+import sys
 import time
 
 import numpy as np
 
-from palpate.sim.tissue import Case, Settings, simulate
+from palpate.sim.tissue import Case, Settings, Stroke, simulate
 from palpate.sim.tissue.solid.element import elasticity
 from palpate.sim.tissue.solid.grid import lay_grid
 from palpate.sim.tissue.solid.multifrontal import Multifrontal
@@ -52,7 +54,41 @@ class Floor:
         return time.process_time() - began
 
 
+def peer() -> None:
+    """The same stroke in felupe, on the same mesh cut into hexahedra of eight nodes."""
+    from tests.benchmarks.peers import felupe_solid
+
+    case, settings = Case.from_code(CASES[0][1]), Settings()
+    positions = [float(x) for x in settings.solid_positions_mm()]
+
+    def ours() -> Stroke:
+        forget_geometry()
+        return simulate(case, settings)
+
+    ours()
+    before = ours()
+    theirs = felupe_solid.run(case, settings, positions)
+    s = ours()
+    cpu = (before.cpu_s + s.cpu_s) / 2
+    depth = np.abs(theirs.displacement_mm / s.displacement_mm - 1).max()
+    rms = (np.sqrt(np.mean((theirs.images_kPa - s.images_kPa) ** 2, axis=(1, 2))) / s.peak_kPa).max()
+    print(f"{case.code}, {len(positions)} positions\n")
+    print("| program | nodes | solutions | CPU s | times ours | displacement | pressure |\n|" + "---|" * 7)
+    print(f"| Palpate | {s.nodes:,} | {s.iterations.sum()} | {cpu:.1f} | 1 | | |")
+    print(
+        f"| {theirs.name} | {theirs.nodes:,} | {theirs.iterations} | {theirs.cpu_s:.1f} | "
+        f"{theirs.cpu_s / cpu:.0f} | {100 * depth:.2f} % | {100 * rms:.1f} % |"
+    )
+    print(
+        "displacement (largest difference, 1 % allowed) and pressure (rms over the sensors, of the peak, 3 %"
+    )
+    print("allowed) against ours")
+
+
 def main() -> None:
+    if "--peer" in sys.argv:
+        peer()
+        return
     for words, code in CASES:
         case, settings = Case.from_code(code), Settings()
         simulate(case, settings)

@@ -138,9 +138,14 @@ class Sliding:
                 break
             # Without the field it goes on with the pressures of the last step; given it, they would be put
             # back to what the displacements say, and moves of more than half a millimetre would diverge.
-            K = self.body.assemble.matrix() + contact.matrix(pull, normals, curvatures)
+            K = self.body.assemble.matrix()
             step = np.zeros(self.values.size)
-            step[free] = self._solve(K[free][:, free], -r[free])
+            try:
+                whole = K + contact.matrix(pull, normals, curvatures)
+                step[free] = self._solve(whole[free][:, free], -r[free])
+            except ArithmeticError:  # far from balance the face's curvature can destroy definiteness
+                flat = K + contact.matrix(pull, normals, 0.0 * curvatures)
+                step[free] = self._solve(flat[free][:, free], -r[free])
             step = step.reshape(self.values.shape)
             linear = gap + (normals * step[contact.nodes]).sum(1) - step[-1, 1]
             self.values += step
