@@ -13,11 +13,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from palpate.regression.balls.lumps import read_lumps
 from palpate.report import style
-from palpate.sim.tissue import Case, load_curve
+from palpate.sim.tissue import Case, load_curve, simulate
 
 PAGE = Path(__file__).parent / "accuracy.md"
 FIGURES = Path(__file__).parent / "figures"
+SET = Path("tests/sim/tissue/data")
 FATS_KPA = (5.0, 10.0, 25.0)
 PRESSES = (0.25, 0.5, 1.0)
 PERCENT_OF = ("d", "depth", "t", "E_fat", "F")
@@ -179,11 +181,65 @@ def noise(found: Sequence[Rows]) -> Figure:
     return figure
 
 
+def balls(found: Sequence[Rows]) -> Figure:
+    """A ball and a cylinder under the same force; errors beside the plane's and the limit; what is found."""
+    figure = style.new(9.6, 5.6)
+    above, below = figure.subfigures(2, 1, height_ratios=(1, 1))
+    _ball_and_cylinder(*above.subplots(1, 3, width_ratios=(1, 1, 1.1)))
+    errors, shares = below.subplots(1, 2, width_ratios=(1.5, 1))
+    told = table_with(found, "typical, plane-strain model", "d")
+    limits = table_with(found, "soft", "place across")
+    rows = {
+        "the model of cylinders": lambda name: percent(told["typical, plane-strain model"][name]),
+        "the model of balls": lambda name: percent(told["typical, with its press"][name]),
+        "what the images allow": lambda name: number(limits["all"][name]),
+    }
+    words = {word: word for word in rows}
+    _bars(errors, PERCENT_OF[:4], words, lambda row, name: rows[row](name))
+    errors.set(ylabel="median error (%)", yscale="log", ylim=(0.3, 400), title="over balls and ellipsoids")
+    errors.legend(ncol=3, loc="upper center")
+    _found(shares, table_with(found, "beside the line", "found"))
+    return figure
+
+
+def _ball_and_cylinder(ball: Axes, cylinder: Axes, dips: Axes) -> None:
+    """Images over the clearest of the first lumps and over a cylinder like it; displacements on the way."""
+    lump = max(read_lumps(SET)[:32], key=lambda one: float(np.ptp(one.strokes.low.images_kPa[-1])))
+    stroke = lump.strokes.low
+    same = ("d_mm", "h", "E_ratio", "F_rel", "gland_ratio", "gland_mm", "probe_radius_mm")
+    stiffening = {n: getattr(stroke.case, n) for n in ("fat_stiffening", "gland_stiffening")}
+    plane = simulate(Case(**{name: getattr(stroke.case, name) for name in same}, **stiffening))
+    rows = plane.images_kPa[-1]
+    images = (stroke.images_kPa[-1], np.repeat(rows[:, None], stroke.images_kPa.shape[2], axis=1))
+    most = max(image.max() for image in images)
+    for ax, image, words in zip((ball, cylinder), images, ("a ball", "a cylinder")):
+        ax.imshow(image, extent=(-19.5, 19.5, -12, 12), vmin=0, vmax=most)
+        ax.set(xlabel="across (mm)", title=f"{words} of {stroke.case.d_mm:.0f} mm")
+        ax.grid(visible=False)
+    ball.set(ylabel="along (mm)")
+    for felt, words in ((stroke, "ball"), (plane, "cylinder")):
+        dips.plot(felt.positions_mm, felt.displacement_mm, label=words)
+    dips.set(xlabel="place of the probe (mm)", title="displacement (mm)", xlim=(-28, 0))
+    dips.legend()
+
+
+def _found(ax: Axes, rows: Rows) -> None:
+    kinds = [(row, cells) for row, cells in rows.items() if row.startswith("d ")]
+    shares = np.array([number(cells["found"]) for _, cells in kinds]).reshape(3, 3)
+    ax.imshow(shares.T, vmin=40, vmax=150, cmap="Greens", origin="lower", aspect="auto")
+    for k, (_, cells) in enumerate(kinds):
+        ax.text(k // 3, k % 3, f"{cells['found']}\nd to {cells['d']}", ha="center", va="center", fontsize=8)
+    ax.set_xticks(range(3), [kinds[3 * k][0].split(",")[0].removeprefix("d ") for k in range(3)])
+    ax.set_yticks(range(3), [kinds[k][0].split(", h ")[1] for k in range(3)])
+    ax.set(xlabel="d", ylabel="h", title="share found, and how well d is told")
+    ax.grid(visible=False)
+
+
 def main() -> None:
-    """Draw all three."""
+    """Draw all four."""
     found = tables(PAGE.read_text(encoding="utf-8"))
     with style.look():
-        for name, draw in (("tissue", tissue), ("place", place), ("noise", noise)):
+        for name, draw in (("tissue", tissue), ("place", place), ("noise", noise), ("balls", balls)):
             path = FIGURES / f"accuracy-{name}.svg"
             draw(found).savefig(path, metadata={"Date": None})
             print(f"wrote {path.name}")
