@@ -130,8 +130,8 @@ def compute(
             y, fit = fitted(image)
     pressed = np.empty((0, 4))
     if press:
-        found = steps.hanging(mean_counts, calibration.dead)
-        pressed = press_features.curves(steps.mended(press[0], found), press[1], calibration)
+        whole = steps.mended(press[0], steps.hanging(mean_counts, calibration.dead))
+        pressed = press_features.curves(whole, press[1], calibration)
     found = _features(x, image, depth, middle + fit.centre, fit, float(force.mean()), pressed)
     return Reference(found, y, fit, float(middle), (int(span[0]), int(span[1])), answer)
 

@@ -201,8 +201,9 @@ SHOWN = ("F", "t", "d", "h", "E^-2/3", "E_fat", "depth")
 def row(seen: Seen, spec: ModelSpec) -> dict[str, Any]:
     """What becomes of strokes over lumps, as shares of all; coverage and d's error of those with an answer.
 
-    `refused`: how many, by status; `flagged`: of those with an answer; `wrong`: d's interval misses and no
-    flag, of all strokes.
+    `refused`: how many, by status; `flagged`: of those with an answer; `right`, `wrong`: d's interval holds,
+    or misses, and no flag, of all strokes; `d_error_of_all`: the median where a stroke without an answer
+    errs more than any other.
     """
     whole = (seen.codes == status.OK) | (seen.codes == status.NO_FIT)
     found = whole & (seen.codes == status.OK) & shows_lump(seen.X, NAMES)
@@ -226,9 +227,16 @@ def row(seen: Seen, spec: ModelSpec) -> dict[str, Any]:
         "covered": dict(zip(SHOWN, inside.mean(0).tolist())),
         "covered_unflagged": dict(zip(SHOWN, inside[~flagged].mean(0).tolist())) if not flagged.all() else {},
         "d_error": float(np.median(error)),
+        "d_error_of_all": _of_all(error, len(seen.X)),
+        "right": float((inside[:, d] & ~flagged).sum() / len(seen.X)),
         "wrong": float((~inside[:, d] & ~flagged).sum() / len(seen.X)),
     }
     return out
+
+
+def _of_all(error: Floats, strokes: int) -> float:
+    share = 0.5 * strokes / len(error)
+    return float(np.quantile(error, share)) if share <= 1 else float("inf")
 
 
 def _held(spec: ModelSpec, said: dict[str, Any], Y: Floats) -> tuple[np.ndarray, Floats]:
@@ -292,14 +300,24 @@ def text_of(rows: Sequence[dict[str, Any]]) -> list[tuple[str, list[str], list[l
                 f"{100 * r['flagged']:.0f}" if "flagged" in r else "",
                 *(f"{100 * covered[name]:.0f}" if covered else "" for name in SHOWN),
                 f"{100 * r['d_error']:.1f} %" if "d_error" in r else "",
-                f"{100 * r['wrong']:.0f}" if "wrong" in r else "",
+                *(f"{100 * r[name]:.0f}" if name in r else "" for name in ("right", "wrong")),
                 str(r["n"]),
             ]
         )
         if "plain_lump" in r:
             shares = (r["plain_lump"], r["plain_not_flagged"])
             tissue.append([r["item"], *(f"{100 * s:.1f}" for s in shares), str(r["plain_strokes"])])
-    heads = ["stroke", "refused", "not found", "flagged", *SHOWN, "d off by", "d silently wrong", "n"]
+    heads = [
+        "stroke",
+        "refused",
+        "not found",
+        "flagged",
+        *SHOWN,
+        "d off by",
+        "d right",
+        "d silently wrong",
+        "n",
+    ]
     return [
         ("Lumps, %: coverage of the 90 % intervals of those found and not flagged", heads, lumps),
         (
