@@ -30,13 +30,15 @@ Floats = NDArray[np.float64]
 
 _HALVINGS = 6
 _LEAST_SHARE = 1e-3
+_FINE_START = 0.5
+"""Part of the expected depth at which Newton starts on a fine mesh: from deeper the first steps overshoot."""
 
 
 class Run:
     """One case on one geometry."""
 
     def __init__(self, case: Case, settings: Settings, geometry: Geometry) -> None:
-        self.case, self.mesh = case, geometry.mesh
+        self.case, self.mesh, self.fine = case, geometry.mesh, settings.fine
         self.surface_mm = geometry.mesh.border_mm + case.t_mm
         self.areas = geometry.integrals.dx.sum(1)
         self.tissue = Tissue(geometry.mesh, geometry.integrals, elasticity(case, geometry.mesh))
@@ -59,10 +61,9 @@ class Run:
     def _press(self, position: float, pressed: State | None) -> State:
         if pressed is not None:
             return self._raise_force(pressed, position, self.case.F_N_per_m / 2)
+        depth = self._expected_depth() * (_FINE_START if self.fine else 1.0)
         try:
-            return self.newton.solve(
-                self._unloaded(self._expected_depth()), position, self.case.F_N_per_m, 15
-            )
+            return self.newton.solve(self._unloaded(depth), position, self.case.F_N_per_m, 15)
         except NoConvergence:
             return self._raise_force(self._unloaded(0.1), position, 0.0)
 

@@ -21,7 +21,7 @@ SOLVER_VERSION = "tissue-3"
 """Changes whenever the same case and settings would give other numbers."""
 
 FINE_SOLVER_VERSION = "tissue-4"
-"""The same for meshes finer than the default's: pressing renews less of the tangent there."""
+"""The same for finer meshes than the default's: pressing starts higher and renews less of the tangent."""
 
 SOLID_SOLVER_VERSION = "solid-1"
 """The same for solid lumps."""
