@@ -73,8 +73,9 @@ class Pipeline(feature_chain.Chain):
         self.bins = bins.Bins(n_bins, width_um)
         self.fixed_columns = fixed_columns
         self.columns = array("i", bytes(4 * _COLUMNS))  # how much of the bump each column sees, Q3 counts
-        self.stuck = 0  # how many cells hung all along, and were mended
+        self.stuck = 0  # how many cells stood at a rail all along, and were mended
         self.full = 0  # how many cells, at most, read full scale in one bin
+        self._found = bytearray(geometry.MASK_BYTES)
         self._slot = bytearray(n_bins)
         # rows over all columns, before cells were rounded
         self._exact = self._rows if once else array("i", bytes(4 * _ROWS * n_bins))
@@ -143,11 +144,8 @@ class Pipeline(feature_chain.Chain):
             self.done = True
             self.n = b.order(self._x, self._raw_depth, self._slot)
             self.stuck = 0
-            if self.n >= feature_chain.FEWEST and stuck.find(
-                b.cells, self._slot, self.n, b.count, c.dead, self._wide
-            ):
-                self._mend()
-            self.press.code = press.FEW
+            if self.n >= feature_chain.FEWEST:
+                self.stuck = stuck.mend(b.cells, self._slot, self.n, b.count, c.offset, c.dead, self._found)
             self._count_full()
             calib.calibrate_bins(
                 b.cells,
@@ -166,18 +164,6 @@ class Pipeline(feature_chain.Chain):
         elif self._exact is not self._rows:
             for i in range(_ROWS * self.n):
                 self._rows[i] = self._exact[i]
-
-    def _mend(self):
-        """Mend the cells that hang, which `_wide` has a mask of; the press at the first stroke after it."""
-        from firmware_py import hanging, memory  # seldom needed: a board has no room for it at other times
-
-        b = self.bins
-        c = self.calibration
-        found = self._wide
-        self.stuck = hanging.mend(b.cells, self._slot, self.n, b.count, c.dead, found)
-        if self.press.code == press.NEW:
-            hanging.mend_press(self.press.kept, self.press.n, found, self.stuck, c.offset, c.gain)
-        memory.forget(("hanging",))
 
     def _count_full(self):
         """Fill `full` from the raw sums; the greatest of a bin is soon found, and seldom at full scale."""

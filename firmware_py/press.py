@@ -26,7 +26,6 @@ _FIRST = features.PRESS
 GOOD = const(0)
 FEW = const(1)  # too few frames of the forces that count
 NARROW = const(2)  # they do not reach from about a quarter of the stroke's force to all of it
-NEW = const(3)  # no stroke has come after it yet
 
 _LOWEST = -33554432  # ln(force / stroke's) of a frame that counts: -2 ..
 _HIGHEST = 6710886  # .. to .4
@@ -199,7 +198,7 @@ class Press:
     ----------
     open : whether frames are taken: from contact to the start of the stroke
     n : how many are kept
-    code : GOOD, FEW or NARROW, of the last `measure`; NEW until a stroke has come after the press
+    code : GOOD, FEW or NARROW, of the last `measure`
     """
 
     def __init__(self):
@@ -213,7 +212,6 @@ class Press:
     def begin(self):
         """The probe has touched the skin: forget the last press."""
         self.open = True
-        self.code = NEW
         self.n = 0
         self._every = 1
         self._wait = 0

@@ -128,10 +128,7 @@ def compute(
         if span != (0, geometry.COLUMNS):
             image, depth = moved(p[:, :, span[0] : span[1]].mean(2))
             y, fit = fitted(image)
-    pressed = np.empty((0, 4))
-    if press:
-        whole = steps.mended(press[0], steps.hanging(mean_counts, calibration.dead))
-        pressed = press_features.curves(whole, press[1], calibration)
+    pressed = press_features.curves(*press, calibration) if press else np.empty((0, 4))
     found = _features(x, image, depth, middle + fit.centre, fit, float(force.mean()), pressed)
     return Reference(found, y, fit, float(middle), (int(span[0]), int(span[1])), answer)
 

@@ -29,7 +29,6 @@ STAGES = (
     "profile",
     "features",
     "press",
-    "hanging",
     "feature_chain",
     "pipeline",
     "rowpipeline",

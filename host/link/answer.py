@@ -27,7 +27,8 @@ def depth_mm(t_mm: Span, d_mm: Span, h: Span) -> Span:
 
     The thesis' t = d (h + 1/2) ties the three: ln(h + 1/2) = ln t - ln d, so the widths of t, d and h tell
     how the errors of t and d go together, and that they do is what makes the depth surer than two
-    independent errors would. Of an ellipsoid the tie holds nearly; its model's widths of h make up for it.
+    independent errors would. Where the three contradict the tie, as of an ellipsoid or where each was adapted
+    on its own, the interval is wider by how far t - d/2 lies from d h.
 
     Parameters
     ----------
@@ -48,6 +49,8 @@ def depth_mm(t_mm: Span, d_mm: Span, h: Span) -> Span:
     together = min(max(together, -width_t * width_d), width_t * width_d)
     a, b = t_mm[0] / value, d_mm[0] / 2 / value
     width = sqrt(max((a * width_t) ** 2 + (b * width_d) ** 2 - 2 * a * b * together, 0.0))
+    tied = max(t_mm[0] - d_mm[0] / 2, 0.5 * value)
+    width = sqrt(width**2 + log(tied / value) ** 2)
     return value, value * exp(-width), value * exp(width)
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware_py import calib, features, geometry, hanging, press, status, stroke_state
+from firmware_py import calib, features, geometry, press, status, stroke_state
 from firmware_py import settings as probe_settings
 from palpate.features import pipeline_features, press_features
 from palpate.firmware_twin.replay_core import Replay
@@ -101,10 +101,6 @@ def test_no_frames_whatever_lead_out_of_range():
                     rng.integers(-size, size + 1, geometry.ROWS) if k % 3 else np.full(geometry.ROWS, size)
                 )
                 one.add(checked_int.ints(shape), int(rng.integers(-131_071, 131_072)))
-        hung = np.column_stack([rng.integers(0, calib.CELLS, 25), rng.integers(0, 32_761, (25, 2))]).ravel()
-        cells = checked_int.ints([*[0] * hanging.TOLD, *hung])
-        ends = (checked_int.ints(rng.choice(of, calib.CELLS)) for of in ([0, 655, 32767], [8192, 32767]))
-        watched.hanging.mend_press(one.kept, one.n, cells, 25, *ends)
         out = checked_int.ints([0] * features.COUNT)
         force, unit = int(rng.integers(1, 16 * size + 1)), int(rng.choice([1, 6105, (1 << 24) - 1]))
         one.measure(force, unit, out, checked_int.ints([0] * 64))
@@ -202,8 +198,8 @@ def test_on_micropython_the_same_integers_and_nothing_allocated_while_pressing(f
     calibration.set_dead([3, 77, 78, 400])
     raw, expected = b"", []
     for k, frames in enumerate((24, 80, 4)):
-        noise = LEVELS["typical"].with_(stuck=0.01 * k)
-        stream = touched(SensorModel(fields[k], noise, k).stroke(40, press=frames))
+        stream = SensorModel(fields[k], LEVELS["typical"], k).stroke(40, press=frames)
+        stream = touched(stream)
         frames = stream.press
         raw += struct.pack("<ii", len(stream.packed), frames)
         for packed, x, d in zip(stream.packed, stream.positions_um, stream.displacements_um):

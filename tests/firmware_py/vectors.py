@@ -93,7 +93,7 @@ def _choose(random, total):
         yield array("i", answer.astype(int).tolist()), array("i", bytes(104)), array("i", bytes(8))
 
 
-def _find(random, total):
+def _mend(random, total):
     for _ in range(total):
         n = int(random.integers(2, 5))
         counts = bytearray(random.integers(1, 17, n).tolist())
@@ -101,12 +101,12 @@ def _find(random, total):
         for i in range(416 * n):
             cells[i] *= counts[i // 416]
         for i in random.integers(0, 416, 30).tolist():
-            reads = (0, 4095, 2000)[i % 3]
+            high = i % 2
             for k in range(n):
-                cells[416 * k + i] = (reads + (k % 2 if i % 3 == 2 else 0)) * counts[k]
+                cells[416 * k + i] = high * 4095 * counts[k]
         dead = bytearray((random.integers(0, 256, 52) & random.integers(0, 256, 52)).tolist())
         slot = bytearray(random.permutation(n).tolist())
-        yield cells, slot, n, counts, dead, array("i", bytes(512))
+        yield cells, slot, n, counts, _words(random, 416, 0, 1000), dead, bytearray(52)
 
 
 def _plan_fill(random, total):
@@ -138,7 +138,7 @@ _MAKERS = {
     "columns.make_bump": _bump,
     "columns.respond": _respond,
     "columns.choose": _choose,
-    "stuck.find": _find,
+    "stuck.mend": _mend,
     "stuck.full": _full,
 }
 NAMES = tuple(_MAKERS)

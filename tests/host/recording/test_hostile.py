@@ -17,7 +17,6 @@ from palpate.link.events import Frame, Gap
 from palpate.recording import channels, chunks
 from palpate.recording.playback import open_recording
 from palpate.recording.reader import Recording
-from palpate.view.replay import ReplaySource
 from tests.host.link import wires
 from tests.host.recording.test_damage import FRAMES, HEAD, read, records_of, session
 
@@ -128,6 +127,3 @@ def test_json_of_the_wrong_shape_is_passed_over(tmp_path):
         events = list(played.events())
     assert [e.seq for e in events if isinstance(e, Frame)] == [0, 1]
     assert [(e.seconds, e.reason, e.restarted) for e in events if isinstance(e, Gap)] == [(2.0, "back", True)]
-    source = ReplaySource(path)
-    for text in WRONG_JSON:
-        source._note_mark(0.0, text)

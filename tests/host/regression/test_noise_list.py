@@ -33,7 +33,7 @@ def test_each_item_is_tried_on_every_lump_and_shares_are_of_all_strokes(few):
             assert parts == pytest.approx(answered)
     whole, hanging, sparse, short = rows
     assert whole["hanging"] == whole["mended"] == 0
-    assert 0 < hanging["mended"] <= hanging["hanging"]
+    assert hanging["hanging"] > 0 and hanging["mended"] <= hanging["hanging"]
     assert sparse["n"] == 0 and sum(sparse["refused"].values()) == 1
     assert short["n"] < whole["n"]
     assert whole["plain_lump"] == 0 and "plain_lump" not in sparse
