@@ -152,7 +152,7 @@ def fit_to_balls(
         study=study,
         pairs=pd.DataFrame(pairs),
         facts={"flagged_inside": float("nan") if inside is None else float((~inside).mean())},
-        excluded={"no lump found, of all strokes in a thousand": round(1000 * study.lost)},
+        excluded={"no lump found": round(len(study.y) * study.lost / (1 - study.lost))},
         targets=TARGETS,
     )
 
