@@ -38,3 +38,25 @@ class ProgressLines:
         if now - self._last >= self._seconds:
             self._last = now
             self._write(f"{what}: {done} of {total}")
+
+
+class Steps:
+    """Counts the steps of one piece of work, and reports it.
+
+    Parameters
+    ----------
+    words : str
+        What is being done.
+    total : int
+        How many steps there are.
+    progress : callable, optional
+        Told after each.
+    """
+
+    def __init__(self, words: str, total: int, progress: ProgressCallback | None) -> None:
+        self.words, self.total, self.progress, self.done = words, total, progress, 0
+
+    def __call__(self, what: str) -> None:
+        self.done += 1
+        if self.progress is not None:
+            self.progress(self.words, min(self.done, self.total), self.total)

@@ -34,7 +34,7 @@ from palpate.regression.any_tissue.result import TissueFit
 from palpate.regression.any_tissue.spec import tissue_spec
 from palpate.regression.any_tissue.study import FOLDS, held_out, learnt_force_map
 from palpate.regression.probe_model import training_hash
-from palpate.regression.progress import ProgressCallback
+from palpate.regression.progress import ProgressCallback, Steps
 from palpate.sim.probe.two_lumps import APART_MM
 
 DRAWS, RIM_DRAWS, PLAIN_DRAWS = 3, 2, 4
@@ -65,7 +65,7 @@ def fit_in_any_tissue(
     progress : callable, optional
         See `progress.ProgressCallback`.
     """
-    tell = _Steps(len((noise, *others)) * (2 * FOLDS + DRAWS) + 4, progress)
+    tell = Steps("observing and fitting", len((noise, *others)) * (2 * FOLDS + DRAWS) + 4, progress)
     force_map = learnt_force_map(strokes.lumps)
     blob = force_maps.blob(force_map)
     rows = []
@@ -116,18 +116,6 @@ def fit_in_any_tissue(
         facts=_facts(model, study.row("")["flagged"], outside, plain),
         excluded=strokes.excluded | {"no lump found": int((~seen.found).sum())},
     )
-
-
-class _Steps:
-    """Counts what has been done, and reports it."""
-
-    def __init__(self, total: int, progress: ProgressCallback | None) -> None:
-        self.total, self.progress, self.done = total, progress, 0
-
-    def __call__(self, what: str) -> None:
-        self.done += 1
-        if self.progress is not None:
-            self.progress("observing and fitting", min(self.done, self.total), self.total)
 
 
 def _seed(seed: int, draw: int) -> int:

@@ -46,7 +46,7 @@ from palpate.regression.balls.training import (
     width_factors,
 )
 from palpate.regression.probe_model import E_INV23, to_link, training_hash
-from palpate.regression.progress import ProgressCallback
+from palpate.regression.progress import ProgressCallback, Steps
 from palpate.sim.probe.two_lumps import APART_MM
 from palpate.sim.tissue.solid.design import ball_cases
 from palpate.sim.tissue.workers import pool
@@ -95,7 +95,7 @@ def fit_to_balls(
         Emulated lumps.
     """
     levels = (noise, *(other for other in others if other != noise))
-    tell = _Steps(FOLDS + len(levels) + 3, progress)
+    tell = Steps("emulating and fitting", FOLDS + len(levels) + 3, progress)
     force_map = learnt_force_map(lumps)
     blob = force_maps.blob(force_map)
     folds = held_out_folds(lumps, levels, seed, blob, workers, count, tell)
@@ -155,18 +155,6 @@ def fit_to_balls(
         excluded={"no lump found": round(len(study.y) * study.lost / (1 - study.lost))},
         targets=TARGETS,
     )
-
-
-class _Steps:
-    """Counts what has been done, and reports it."""
-
-    def __init__(self, total: int, progress: ProgressCallback | None) -> None:
-        self.total, self.progress, self.done = total, progress, 0
-
-    def __call__(self, what: str) -> None:
-        self.done += 1
-        if self.progress is not None:
-            self.progress("emulating and fitting", min(self.done, self.total), self.total)
 
 
 def held_out_folds(

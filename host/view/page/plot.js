@@ -208,3 +208,18 @@ function line(c, x0, y0, x1, y1) {
   c.lineTo(x1, y1);
   c.stroke();
 }
+
+/** A bar of the colours in `table` (256 times red, green, blue), its least value at the bottom; then the text
+ *  style of the values beside it. */
+export function scaleBar(c, table, x, y, h, k) {
+  const gradient = c.createLinearGradient(0, y + h, 0, y);
+  for (let i = 0; i <= 16; i++) {
+    const e = 3 * Math.round((i / 16) * 255);
+    gradient.addColorStop(i / 16, `rgb(${table[e]},${table[e + 1]},${table[e + 2]})`);
+  }
+  c.fillStyle = gradient;
+  c.fillRect(x, y, 11 * k, h);
+  c.fillStyle = color("soft");
+  c.textAlign = "left";
+  c.textBaseline = "middle";
+}

@@ -3,7 +3,7 @@
 
 import { COLUMNS, FULL_SCALE_KPA, PITCH_MM, ROWS } from "./array.js";
 import { drawOutline, outline, words } from "./outline.js";
-import { font, prepare, textScale, ticks } from "./plot.js";
+import { font, prepare, scaleBar, textScale, ticks } from "./plot.js";
 import { color } from "./theme.js";
 
 const SCALES = [2, 3, 5, 7.5, 10, 15, 20, 25, 40, 60, 100];
@@ -203,16 +203,7 @@ export class TactileImage {
   }
 
   bar(c, table, x, y, h, k) {
-    const gradient = c.createLinearGradient(0, y + h, 0, y);
-    for (let i = 0; i <= 16; i++) {
-      const e = 3 * Math.round((i / 16) * 255);
-      gradient.addColorStop(i / 16, `rgb(${table[e]},${table[e + 1]},${table[e + 2]})`);
-    }
-    c.fillStyle = gradient;
-    c.fillRect(x, y, 11 * k, h);
-    c.fillStyle = color("soft");
-    c.textAlign = "left";
-    c.textBaseline = "middle";
+    scaleBar(c, table, x, y, h, k);
     const inside = ticks(0, this.top, Math.min(5, h / (30 * k))).filter((v) => (this.top - v) * h > 14 * k * this.top);
     for (const v of [...inside, this.top]) c.fillText(`${+v.toFixed(1)}`, x + 16 * k, y + h - (v / this.top) * h);
     c.textBaseline = "top";

@@ -1,7 +1,7 @@
 // The map of a visit on a canvas: the strips in colours, the lumps' outlines with their estimates, axes and colour bar.
 
 import { drawOutline } from "./outline.js";
-import { font, textScale, ticks } from "./plot.js";
+import { font, scaleBar, textScale, ticks } from "./plot.js";
 import { color } from "./theme.js";
 import { HALF_FACE_MM, arranged, blend, extent, label, onMap, placed, scaleTop, told, without } from "./visit_map.js";
 
@@ -144,16 +144,7 @@ function coming(c, lane_mm, word, shown, toX, toY, k) {
 }
 
 function bar(c, table, top, x, y, h, k) {
-  const gradient = c.createLinearGradient(0, y + h, 0, y);
-  for (let i = 0; i <= 16; i++) {
-    const e = 3 * Math.round((i / 16) * 255);
-    gradient.addColorStop(i / 16, `rgb(${table[e]},${table[e + 1]},${table[e + 2]})`);
-  }
-  c.fillStyle = gradient;
-  c.fillRect(x, y, 11 * k, h);
-  c.fillStyle = color("soft");
-  c.textAlign = "left";
-  c.textBaseline = "middle";
+  scaleBar(c, table, x, y, h, k);
   for (const v of ticks(0, 100 * top, Math.max(1, Math.min(5, h / (30 * k))))) {
     if (v <= 100 * top) c.fillText(`${v} %`, x + 15 * k, y + h - (v / (100 * top)) * h);
   }
