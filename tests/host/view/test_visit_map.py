@@ -369,9 +369,10 @@ def test_a_solid_lump_beside_the_line_is_drawn_beside_the_line_and_a_cylinder_al
 
 def test_a_recording_shows_the_map_of_the_visit_that_it_is_of(probe, viewer, open_page, tmp_path):
     running = viewer(LiveSource(probe.port))
+    # not from the keyboard: this probe strokes on and on, and each stroke moves what would be typed over
+    running.session.set_lanes(True, -20.0, 17.5)
     page = open_page(running)
     expect(page.locator("#link-text")).to_have_text("Connected")
-    by_lanes(page, -20, 17.5)
     page.locator("#strokes").focus()
     recording_begun(page)
     begun = page.locator("#strokes [data-number]").count()
