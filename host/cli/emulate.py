@@ -106,14 +106,16 @@ def command(
         raise UsageError(f"there is no runtime {runtime!r} to stream from; use {' or '.join(RUNTIMES)}")
     public = public_key(key)
     own_model = key is None and not no_model
-    from palpate import models
-    from palpate.models import emulator
-    from palpate.sim.tissue import Case
-
+    name = ""
     if own_model:
+        from palpate import models
+        from palpate.models import emulator
+        from palpate.sim.tissue import Case
+
         own_model = models.suits_array()
         if own_model:
             public = emulator.public_key()
+            name = models.suited_to(Case.from_code(code))
     check_arguments(code, noise, listen)
     check_runtime(runtime)
     if board:
@@ -126,7 +128,6 @@ def command(
     if reference and not still:
         streams = [reference_beside(code, noise, seed, steady), *streams]
     # over its wire a model would take the board minutes
-    name = models.suited_to(Case.from_code(code)) if own_model else ""
     model = emulator.image(name) if own_model and board else None
     probe = EmulatedProbe(
         runtime, streams, listen, store, True, public_key=public, calibration=calibration, roomy=True,
@@ -190,7 +191,6 @@ def strokes_over(
     """
     import numpy as np
 
-    from palpate.regression.balls.lumps import press_before
     from palpate.sim.probe.noise import level_named
     from palpate.sim.probe.sensors import FORCE_RATIO, PRESS_FRAMES, SensorModel, StrokeField
     from palpate.sim.tissue import Case, Settings, simulate_forces
@@ -212,6 +212,8 @@ def strokes_over(
     if not press:
         return [probe.stroke(frames) for probe in probes], calibration
     if ramped:
+        from palpate.regression.balls.lumps import press_before
+
         pressed = StrokeField(*press_before(ramped))
     else:
         pressed = StrokeField(*simulate_forces(case, [case.F_rel * part for part in PRESS_PARTS], PRESSES))

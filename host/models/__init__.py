@@ -15,11 +15,13 @@ from __future__ import annotations
 import json
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from firmware_py import geometry
 from palpate.model_export.schema import ModelSpec
-from palpate.sim.tissue import Case
+
+if TYPE_CHECKING:
+    from palpate.sim.tissue import Case
 
 FIELD, BALLS, TOLD = "field", "balls", "thesis-tissue"
 NAMES = (FIELD, BALLS, TOLD)

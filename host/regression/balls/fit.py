@@ -100,21 +100,20 @@ def fit_to_balls(
     blob = force_maps.blob(force_map)
     folds = held_out_folds(lumps, levels, seed, blob, workers, count, tell)
     rows: list[dict[str, object]] = []
+    studies = {key: judged([fold.studies[key] for fold in folds]) for key in folds[0].studies}
     for level in levels:
         for with_press, words in ((False, "the stroke alone"), (True, "with its press")):
-            study = judged([fold.studies[level, with_press] for fold in folds])
-            rows.append(study.row(f"{level}, {words}"))
+            rows.append(studies[level, with_press].row(f"{level}, {words}"))
         rows.append(
             plane_study(observed(lumps, level, seed, _plane_map())).row(f"{level}, plane-strain model")
         )
         tell("plane-strain model asked")
-    parts = [fold.studies[noise, True] for fold in folds]
-    study = judged(parts)
+    study = studies[noise, True]
     emulator = fit_emulator(lumps)
     seen = emulated(emulator, noise, seed, blob, count)
     tell("emulated")
     trained = train(seen)
-    model = widened(trained.model, width_factors(parts))
+    model = widened(trained.model, width_factors([fold.studies[noise, True] for fold in folds]))
     some = emulator.lumps(ball_cases(count, EMULATED_SEED)[: 3 * _REFERRED])
     joining = _joining(some, noise, seed, seen, model)
     watch = observer(noise, seed, blob)
