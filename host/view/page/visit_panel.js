@@ -4,7 +4,7 @@ import { element } from "./card.js";
 import { prepare } from "./plot.js";
 import { reveal } from "./stroke_list.js";
 import { color } from "./theme.js";
-import { HALF_FACE_MM, described, told } from "./visit_map.js";
+import { described, told } from "./visit_map.js";
 import { drawVisit } from "./visit_picture.js";
 
 const NOT_TOLD = "No lanes were told: the strokes stand side by side in their order, not where they were.";
@@ -30,6 +30,7 @@ export class VisitPanel {
     });
     get("lanes-told").addEventListener("change", () => this.setLanes(get("lanes-told").checked));
     for (const id of ["lane-next", "lane-step"]) get(id).addEventListener("change", () => this.setLanes(true));
+    new ResizeObserver(hooks.redraw).observe(get("visit-map")); // else a click would count on a picture stretched to its new size
   }
 
   get open() {
@@ -118,13 +119,18 @@ export class VisitPanel {
     this.fetch(strokes);
     const { picked, current } = this.history;
     const table = this.image.tables[this.image.name];
-    const { context, width, height } = prepare(this.get("visit-map"));
+    this.describe(strokes); // first: the words take room from the map
+    const canvas = this.get("visit-map");
+    const { context, width, height } = prepare(canvas);
     const running = this.page.running?.visit === this.visit ? this.page.running : null;
     const live = document.body.dataset.mode === "live" && this.visit === current;
     const next_mm = live && this.lanes?.told ? this.lanes.next_mm : null;
     const byLanes = this.byLanes(strokes);
     this.place = table ? drawVisit(context, width, height, { strokes, byLanes, table, picked, next_mm, running }) : null;
-    this.describe(strokes);
+    canvas.dataset.strips = strokes.filter((s) => s.strip).map((s) => s.number).join(" ");
+    canvas.dataset.drawn = JSON.stringify(this.place?.strips ?? []);
+    canvas.dataset.shapes = JSON.stringify(this.place?.shapes ?? []);
+    canvas.dataset.top = this.place?.top ?? "";
   }
 
   /** What must be said of where the strokes stand. */
@@ -151,11 +157,7 @@ export class VisitPanel {
       const line = list.querySelector("[aria-current]");
       if (line) reveal(list, line);
     }
-    const canvas = this.get("visit-map");
-    canvas.setAttribute("aria-label", `Map of the visit, ${strokes.length} ${strokes.length === 1 ? "stroke" : "strokes"}; the list below says what is on it`);
-    canvas.dataset.strips = strokes.filter((s) => s.strip).map((s) => s.number).join(" ");
-    canvas.dataset.shapes = JSON.stringify(this.place?.shapes ?? []);
-    canvas.dataset.top = this.place?.top ?? "";
+    this.get("visit-map").setAttribute("aria-label", `Map of the visit, ${strokes.length} ${strokes.length === 1 ? "stroke" : "strokes"}; the list below says what is on it`);
   }
 
   /** Ask for the strips that are not here yet, each once; where no answer comes, again with the next drawing. */
@@ -174,15 +176,10 @@ export class VisitPanel {
   }
 
   /** A click on a strip picks its stroke; where several lie there, the one whose middle is nearest, and the newest of those. */
-  hit({ offsetX, offsetY }) {
-    if (!this.place) return;
-    const { toX, toY } = this.place;
-    const [x, y] = [(v) => Math.abs(toX(v) - offsetX), (v) => toY(v) - offsetY];
-    const under = this.place.strokes.filter(({ lane_mm, strip }) => {
-      if (!strip?.places || x(lane_mm) > toX(HALF_FACE_MM) - toX(0)) return false;
-      return y(strip.from_mm) >= 0 && y(strip.from_mm + strip.places) <= 0;
-    });
-    const [nearest] = under.sort((a, b) => x(a.lane_mm) - x(b.lane_mm) || b.number - a.number);
+  hit({ offsetX: x, offsetY: y }) {
+    const under = this.place?.strips.filter((s) => s.left <= x && x <= s.right && s.top <= y && y <= s.bottom) ?? [];
+    const off = ({ left, right }) => Math.abs((left + right) / 2 - x);
+    const [nearest] = under.sort((a, b) => off(a) - off(b) || b.number - a.number);
     if (nearest) this.hooks.pick(nearest.number);
   }
 

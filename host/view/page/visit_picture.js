@@ -9,7 +9,8 @@ import { HALF_FACE_MM, arranged, blend, extent, label, onMap, placed, scaleTop, 
  * Draw the strokes' map on a context of this size. strokes: those of the visit, each with its strip; byLanes: those whose lanes
  * are told, each in its lane, else the newest of all in their order; table: the colour map; next_mm: where the next stroke goes,
  * or null; running: {lane_mm} of the stroke that runs, or null.
- * Returns where things stand: {strokes, toX, toY, top, shapes}; null where there is nothing to draw.
+ * Returns where things stand: {strips, top, shapes}, strips as boxes in pixels with their strokes' numbers; null where there is
+ * nothing to draw.
  */
 export function drawVisit(c, width, height, { strokes: all, byLanes, table, picked = null, next_mm = null, running = null }) {
   const k = textScale();
@@ -33,11 +34,11 @@ export function drawVisit(c, width, height, { strokes: all, byLanes, table, pick
   else measure(c, x0, y0 + h + 10 * k, scale, k);
   c.imageSmoothingEnabled = true;
   c.drawImage(picture(map, top, table), toX(box.left), toY(box.bottom + map.height), map.width * scale, map.height * scale);
-  const empty = lanes(c, strokes, { toX, toY, picked, k });
+  const { strips, empty } = lanes(c, strokes, { toX, toY, picked, k });
   for (const [at, word] of ahead) coming(c, at, word, shown, toX, toY, k);
   bar(c, table, top, x0 + w + 12 * k, y0, h, k);
   const shapes = lumps(c, strokes, { toX, toY, picked, scale, k, empty, room: { left: x0, right: x0 + w, top: y0, bottom: y0 + h } });
-  return { strokes, toX, toY, top, shapes };
+  return { strips, top, shapes };
 }
 
 /** The box, wide enough for these lanes too. */
@@ -94,8 +95,12 @@ function measure(c, x, y, scale, k) {
   c.fillText("20 mm", x + 20 * scale + 6 * k, y);
 }
 
-/** A frame round each strip, with the numbers of its strokes over it; where there is no lump it says why. Returns those boxes. */
+/**
+ * A frame round each strip, with the numbers of its strokes over it; where there is no lump it says why. Returns the strips' boxes,
+ * and those of these words.
+ */
 function lanes(c, strokes, { toX, toY, picked, k }) {
+  const strips = [];
   const over = new Map();
   for (const stroke of strokes) {
     const { lane_mm, strip, number } = stroke;
@@ -105,6 +110,7 @@ function lanes(c, strokes, { toX, toY, picked, k }) {
     c.strokeStyle = color(number === picked ? "accent" : "line");
     c.lineWidth = number === picked ? 2.5 : 1;
     c.strokeRect(left, top, right - left, bottom - top);
+    strips.push({ number, left, right, top, bottom });
     const place = `${lane_mm} ${strip.row ?? 0}`;
     const here = over.get(place) ?? { x: toX(lane_mm), strokes: [], top, bottom };
     here.strokes.push(stroke);
@@ -124,7 +130,7 @@ function lanes(c, strokes, { toX, toY, picked, k }) {
     empty.push({ x: x - width / 2, y: bottom - height - 5 * k, width, height });
     box(c, words, empty.at(-1).x, empty.at(-1).y, k);
   }
-  return empty;
+  return { strips, empty };
 }
 
 /** Where the stroke that runs, or the next one, has its lane. */
