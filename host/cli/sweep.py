@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 @click.option(
     "--design",
     required=True,
-    help="thesis | one-factor | sobol:N[:SEED] | balls[:N[:SEED]] | any:N[:SEED] | any-press:N[:SEED] | "
-    "anywhere:N[:SEED] | anywhere-press:N[:SEED] | a file with one code per line.",
+    help="thesis | one-factor | sobol:N[:SEED] | balls[:N[:SEED]] | balls-rim:N[:SEED] | any:N[:SEED] | "
+    "any-press:N[:SEED] | anywhere:N[:SEED] | anywhere-press:N[:SEED] | a file with one code per line.",
 )
 @click.option(
     "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Directory of the strokes."
@@ -61,6 +61,7 @@ def command(
       anywhere:N[:SEED]  N lumps in the fat, on its border or in the gland, in random tissue, at three forces
       anywhere-press:N[:SEED]  the press before each of these
       balls:N[:SEED]   N balls and ellipsoids in random tissue, at three forces each (seconds a stroke)
+      balls-rim:N[:SEED]  N of them outside the sizes and stiffnesses that a model is for
       FILE             one case code per line
 
     \b

@@ -22,7 +22,7 @@ from palpate.regression.any_tissue.fit import fit_in_any_tissue
 from palpate.regression.any_tissue.observed import TissueLump, observe_at
 from palpate.regression.any_tissue.result import TissueFit
 from palpate.regression.balls.fit import fit_to_balls
-from palpate.regression.balls.lumps import press_before, read_lumps
+from palpate.regression.balls.lumps import press_before, read_lumps, read_rim
 from palpate.regression.field.data import prepare
 from palpate.regression.field.design import FIELD_SETTINGS, LumpStrokes
 from palpate.regression.field.design import at_forces as at_three_forces
@@ -88,8 +88,8 @@ def build(name: str, directory: Path, progress: Progress | None = None) -> Field
         fit = fit_in_any_tissue(tissues, made["noise"], made["seed"], progress=progress)
     elif name == BALLS:
         workers = os.cpu_count() or 1
-        lumps = read_lumps(directory)
-        fit = fit_to_balls(lumps, made["noise"], made["seed"], workers=workers, progress=progress)
+        lumps, rim = read_lumps(directory), read_rim(directory)
+        fit = fit_to_balls(lumps, made["noise"], made["seed"], workers=workers, progress=progress, rim=rim)
     else:
         counts = {part: made[part] for part in ("lumps", "rim", "plain", "wide")}
         strokes = prepare(directory, **counts, progress=progress)

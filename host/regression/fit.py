@@ -214,12 +214,17 @@ def _balls(
     directory: Path, noise: str, seed: int, workers: int | None, progress: ProgressCallback | None
 ) -> Fit:
     from palpate.regression.balls.fit import fit_to_balls
-    from palpate.regression.balls.lumps import read_lumps
+    from palpate.regression.balls.lumps import read_lumps, read_rim
     from palpate.sim.tissue.stroke import one_blas_thread
 
     with one_blas_thread():
         result = fit_to_balls(
-            read_lumps(directory), noise, seed, workers=workers or os.cpu_count() or 1, progress=progress
+            read_lumps(directory),
+            noise,
+            seed,
+            workers=workers or os.cpu_count() or 1,
+            progress=progress,
+            rim=read_rim(directory),
         )
     return Fit("field", result.spec, result)
 

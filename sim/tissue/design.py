@@ -42,7 +42,8 @@ _DRAWN: dict[str, Callable[[int, int], list[Case]]] = {
 
 def read_design(text: str) -> list[Case]:
     """Cases of `thesis`, `one-factor`, `sobol:N[:SEED]`, `balls[:N[:SEED]]`, `any:N[:SEED]`,
-    `any-press:N[:SEED]`, `anywhere:N[:SEED]`, `anywhere-press:N[:SEED]` or a file (CSV of fields, or codes).
+    `balls-rim:N[:SEED]`, `any-press:N[:SEED]`, `anywhere:N[:SEED]`, `anywhere-press:N[:SEED]` or a file (CSV
+    of fields, or codes).
 
     Raises
     ------
@@ -54,7 +55,7 @@ def read_design(text: str) -> list[Case]:
     if text == "one-factor":
         return one_factor_cases()
     name, *numbers = text.split(":")
-    if name in ("sobol", *_DRAWN) or (name == "balls" and not Path(text).exists()):
+    if name in ("sobol", "balls-rim", *_DRAWN) or (name == "balls" and not Path(text).exists()):
         usual = [1000] if name == "balls" else []
         try:
             given = [int(number) for number in numbers] or usual
@@ -63,16 +64,16 @@ def read_design(text: str) -> list[Case]:
             n, seed = 0, 0
         if n < 1 or seed < 0 or len(numbers) > 2:
             raise CaseError(f"{text!r} is not a design; write {name}:N or {name}:N:SEED")
-        if name == "balls":
-            from palpate.sim.tissue.solid.design import ball_cases
+        if name.startswith("balls"):
+            from palpate.sim.tissue.solid.design import ball_cases, rim_cases
 
-            return ball_cases(n, seed)
+            return ball_cases(n, seed) if name == "balls" else rim_cases(n, seed)
         return sobol_cases(n, seed) if name == "sobol" else _DRAWN[name](n, seed)
     path = Path(text)
     if not path.is_file():
         raise CaseError(
-            f"{text!r} is not a design (thesis, one-factor, sobol:N:SEED, balls:N:SEED, any:N:SEED, "
-            "any-press:N:SEED, anywhere:N:SEED, anywhere-press:N:SEED) and not a file of cases"
+            f"{text!r} is not a design (thesis, one-factor, sobol:N:SEED, balls:N:SEED, balls-rim:N:SEED, "
+            "any:N:SEED, any-press:N:SEED, anywhere:N:SEED, anywhere-press:N:SEED) and not a file of cases"
         )
     return _read_file(path)
 

@@ -14,14 +14,8 @@ import numpy as np
 
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.regression.any_tissue.data import TissueStrokes
-from palpate.regression.any_tissue.model import (
-    OUTPUTS,
-    RANGES,
-    TissueModel,
-    fit_tissue_model,
-    tissue_truth,
-    truth,
-)
+from palpate.regression.any_tissue.flags import NEAR, beyond, facts_of
+from palpate.regression.any_tissue.model import TissueModel, fit_tissue_model, tissue_truth
 from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe
 from palpate.regression.any_tissue.pairs import observer, pair_check, pairs_table
 from palpate.regression.any_tissue.reference import (
@@ -113,7 +107,7 @@ def fit_in_any_tissue(
         rows=rows,
         study=study,
         pairs=pairs,
-        facts=_facts(model, study.row("")["flagged"], outside, plain),
+        facts=facts_of(model, float(study.row("")["flagged"]), outside, plain),  # type: ignore[arg-type]
         excluded=strokes.excluded | {"no lump found": int((~seen.found).sum())},
     )
 
@@ -153,39 +147,4 @@ def _rim(
     """Strokes over lumps outside the ranges: to train on, and to test the flag."""
     seen = joined([observe(lumps, level, _seed(seed, _RIM_SEED + k), blob) for k in range(RIM_DRAWS)])
     tested = seen.group % _RIM_TESTED == 0
-    return seen.take(~tested & (_beyond(seen) < NEAR)), seen.take(tested)
-
-
-def _facts(
-    model: TissueModel, flagged_inside: object, outside: ObservedInTissue, plain: ObservedInTissue
-) -> dict[str, float]:
-    """Shares flagged inside and outside the ranges; false alarms on plain tissue."""
-    caught = ~model.in_domain(outside) & outside.found
-    far = outside.found & (_beyond(outside) > WELL_OUTSIDE)
-    alarms = plain.found
-    return {
-        "flagged_inside": float(flagged_inside),  # type: ignore[arg-type]
-        "flag_margin_half_widths": model.domain.margin,
-        "outside_strokes": float(len(outside.found)),
-        "outside_no_lump": float((~outside.found).mean()),
-        "flagged_outside": float(caught[outside.found].mean()),
-        "flagged_well_outside": float(caught[far].mean()) if far.any() else float("nan"),
-        "plain_strokes": float(len(plain.found)),
-        "false_alarms": float(alarms.mean()),
-        "false_alarms_not_flagged": float((alarms & model.in_domain(plain)).mean()),
-    }
-
-
-WELL_OUTSIDE, NEAR = np.log(1.05), np.log(1.13)
-"""By 5 % of an end; lumps further out would cost those within the ranges more than they bring."""
-
-
-def _beyond(seen: ObservedInTissue) -> np.ndarray:
-    """How far the truth lies beyond the ranges, (n), on a logarithmic scale."""
-    Y, out = truth(seen), np.full(len(seen.X), -np.inf)
-    for name, ends in RANGES.items():
-        y = Y[:, OUTPUTS.index(name)]
-        low, high = (-np.inf, float(np.log(ends[1]))) if name == "E^-2/3" else ends
-        beyond = np.maximum(low - y, (np.log(y) if name == "E^-2/3" else y) - high)
-        out = np.maximum(out, beyond)
-    return out
+    return seen.take(~tested & (beyond(seen) < NEAR)), seen.take(tested)

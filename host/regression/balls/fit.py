@@ -16,6 +16,7 @@ import pandas as pd
 from palpate import models
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.fixed_point.reference import evaluate, inputs
+from palpate.regression.any_tissue.flags import facts_of
 from palpate.regression.any_tissue.model import TissueModel, tissue_truth
 from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump
 from palpate.regression.any_tissue.pairs import DISTANCES_MM, observer, pair_check, pairs_row
@@ -29,7 +30,7 @@ from palpate.regression.any_tissue.reference import (
 from palpate.regression.any_tissue.result import TissueFit
 from palpate.regression.any_tissue.spec import tissue_spec
 from palpate.regression.balls.emulator import fit_emulator
-from palpate.regression.balls.lumps import learnt_force_map
+from palpate.regression.balls.lumps import learnt_force_map, without_lump
 from palpate.regression.balls.training import (
     EMULATED,
     EMULATED_SEED,
@@ -74,6 +75,7 @@ def fit_to_balls(
     workers: int = 1,
     progress: ProgressCallback | None = None,
     count: int = EMULATED,
+    rim: Sequence[TissueLump] = (),
 ) -> TissueFit:
     """Fit the model at one noise level, and the held-out table.
 
@@ -93,6 +95,8 @@ def fit_to_balls(
         See `progress.ProgressCallback`.
     count : int
         Emulated lumps.
+    rim : sequence of TissueLump, optional
+        Lumps outside the ranges (`lumps.read_rim`), to test the flag; nothing is fitted to them.
     """
     levels = (noise, *(other for other in others if other != noise))
     tell = Steps("emulating and fitting", FOLDS + len(levels) + 3, progress)
@@ -142,6 +146,8 @@ def fit_to_balls(
         check,
         held_out={k: v for k, v in rows[1].items() if isinstance(v, float)},
     )
+    outside = observed(rim, noise, seed, blob, len(lumps)) if rim else None
+    plain = observed([without_lump(lump) for lump in lumps], noise, seed, blob, draws=1)
     inside = study.in_domain
     return TissueFit(
         spec=spec,
@@ -150,7 +156,7 @@ def fit_to_balls(
         rows=rows,
         study=study,
         pairs=pd.DataFrame(pairs),
-        facts={"flagged_inside": float("nan") if inside is None else float((~inside).mean())},
+        facts=facts_of(model, float("nan") if inside is None else float((~inside).mean()), outside, plain),
         excluded={"no lump found": round(len(study.y) * study.lost / (1 - study.lost))},
         targets=TARGETS,
     )

@@ -13,7 +13,7 @@ from palpate.errors import UsageError
 from palpate.features.map_features import Floats
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.regression.any_tissue.observed import TissueLump, random_scale
-from palpate.regression.field.design import by_lump
+from palpate.regression.field.design import LumpStrokes, by_lump
 from palpate.sim.tissue import Case, Stroke
 from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M
 from palpate.sim.tissue.face_sensors import WIDTH_MM
@@ -21,7 +21,7 @@ from palpate.sim.tissue.solid.kept import KeptStroke, read_kept
 from palpate.sim.tissue.solid.result import SolidStroke
 from palpate.sim.tissue.symmetry import both_sides
 
-SET = "balls.parquet"
+SET, RIM_SET = "balls.parquet", "balls-rim.parquet"
 
 
 def holds_balls(directory: Path) -> bool:
@@ -37,6 +37,22 @@ def read_lumps(directory: Path) -> list[TissueLump]:
             f"--keep {directory / SET} makes one, half a minute a lump"
         )
     return solid_lumps(read_kept(directory / SET))
+
+
+def read_rim(directory: Path) -> list[TissueLump]:
+    """The lumps outside the ranges in DIRECTORY/balls-rim.parquet, to test flags; none if it is not there."""
+    path = directory / RIM_SET
+    return solid_lumps(read_kept(path)) if path.exists() else []
+
+
+def without_lump(lump: TissueLump) -> TissueLump:
+    """Strokes over the same tissue where it is plain: all along they feel what they feel where they begin."""
+    plain = []
+    for stroke in lump.strokes.strokes:
+        n = len(stroke.positions_mm)
+        image, depth = np.repeat(stroke.images_kPa[:1], n, axis=0), np.repeat(stroke.displacement_mm[:1], n)
+        plain.append(felt(stroke.case, stroke.positions_mm, depth, image))
+    return TissueLump(LumpStrokes(tuple(plain)), lump.press)
 
 
 def solid_lumps(kept: Sequence[KeptStroke]) -> list[TissueLump]:

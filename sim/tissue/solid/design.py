@@ -81,6 +81,27 @@ def ball_cases(n: int, seed: int, ranges: SolidRanges | None = None) -> list[Cas
     return [replace(lump, F_rel=lump.F_rel * part) for lump in lumps for part in FORCE_PARTS]
 
 
+RIM = SolidRanges(d_mm=(4.0, 25.0), h=(0.2, 2.0), E_ratio=(1.3, 1000.0), on_line=1.0)
+"""Wider in every input than what a model of solid lumps is for; on the line, where lumps are cheap."""
+
+
+def rim_cases(n: int, seed: int) -> list[Case]:
+    """3 n cases: lumps in `RIM` but not within the usual ranges, to test what a model says of them.
+
+    As of `ball_cases`, a longer design begins with the shorter.
+    """
+    usual = SolidRanges()
+    drawn = ball_cases(4 * n, seed, RIM)
+    middle = drawn[1 :: len(FORCE_PARTS)]
+    outside = [k for k, case in enumerate(middle) if not _inside(case, usual)][:n]
+    return [case for k in outside for case in drawn[len(FORCE_PARTS) * k : len(FORCE_PARTS) * (k + 1)]]
+
+
+def _inside(case: Case, ranges: SolidRanges) -> bool:
+    of = ((case.d_mm, ranges.d_mm), (case.h, ranges.h), (case.E_ratio, ranges.E_ratio))
+    return all(low <= value <= high for value, (low, high) in of)
+
+
 def _lump(point: Floats, r: SolidRanges) -> Case:
     """The lump of a point (14,) of the unit cube, at its middle force."""
     of_d, of_h, of_E, of_shape, of_line, of_across, of_down, of_gland, *rest = point

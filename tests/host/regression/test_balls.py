@@ -16,6 +16,7 @@ from palpate.regression.balls import emulator, fit, gaussian_process, lumps, stu
 from palpate.regression.balls.across import across, place_mm
 from palpate.regression.field.design import LumpStrokes
 from palpate.sim.probe.cells import COLUMN_MM
+from palpate.sim.tissue import read_design
 from palpate.sim.tissue.solid.design import ball_cases
 from palpate.sim.tissue.solid.kept import read_kept
 
@@ -140,8 +141,8 @@ def test_lumps_on_the_line_are_emulated_alike_on_both_sides_and_mirrored_ones_as
 
 @pytest.fixture(scope="module")
 def fitted(kept):
-    """A model of few lumps."""
-    return fit.fit_to_balls(kept[:40], others=(), count=250)
+    """A model of few lumps; the last ones stand for lumps outside its ranges."""
+    return fit.fit_to_balls(kept[:40], others=(), count=250, rim=kept[-4:])
 
 
 def test_the_fit_is_judged_on_lumps_that_neither_emulator_nor_model_has_met(fitted):
@@ -154,6 +155,20 @@ def test_the_fit_is_judged_on_lumps_that_neither_emulator_nor_model_has_met(fitt
     assert fitted.spec.first is not None and fitted.spec.checks is not None
     assert fitted.missed_targets()  # with so few lumps
     assert len(fitted.tables()) == 5 and fitted.coverage().loc["all", "n"] == ours["n"]
+
+
+def test_flags_are_counted_on_lumps_outside_and_on_plain_tissue(fitted):
+    facts = fitted.facts
+    assert facts["outside_strokes"] == 4 * training.DRAWS and 35 < facts["plain_strokes"] <= 40
+    assert 0 <= facts["flagged_outside"] <= 1
+    assert facts["false_alarms_not_flagged"] <= facts["false_alarms"] < 0.2
+
+
+def test_a_rim_design_holds_lumps_outside_the_ranges_and_begins_with_the_shorter_one():
+    cases = read_design("balls-rim:12:3")
+    assert len(cases) == 36 and cases[:15] == read_design("balls-rim:5:3")
+    for case in cases:
+        assert not (5 <= case.d_mm <= 20 and 0.3 <= case.h <= 1.5 and case.E_ratio >= 2)
 
 
 def test_what_can_be_seen_is_said_by_size_and_depth(kept, fitted):
