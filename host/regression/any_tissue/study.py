@@ -72,7 +72,7 @@ def prepare(
 
 
 def learnt_force_map(lumps: Sequence[TissueLump]) -> force_maps.ForceMap:
-    """The map that moves frames to another force, learnt over every fat at once."""
+    """The map that moves frames to another force, learnt over every fat at once; of solid lumps too."""
     over_any_fat = []
     for k, lump in enumerate(lumps):
         s = random_scale(lump.strokes.case, np.random.default_rng(k))

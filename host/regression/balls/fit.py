@@ -29,8 +29,9 @@ from palpate.regression.any_tissue.reference import (
 )
 from palpate.regression.any_tissue.result import TissueFit
 from palpate.regression.any_tissue.spec import tissue_spec
+from palpate.regression.any_tissue.study import learnt_force_map
 from palpate.regression.balls.emulator import fit_emulator
-from palpate.regression.balls.lumps import learnt_force_map, without_lump
+from palpate.regression.balls.lumps import without_lump
 from palpate.regression.balls.training import (
     EMULATED,
     EMULATED_SEED,

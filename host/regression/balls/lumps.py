@@ -11,15 +11,13 @@ import numpy as np
 
 from palpate.errors import UsageError
 from palpate.features.map_features import Floats
-from palpate.model_export.fixed_point import force_map as force_maps
-from palpate.regression.any_tissue.observed import TissueLump, random_scale
+from palpate.regression.any_tissue.observed import TissueLump
 from palpate.regression.field.design import LumpStrokes, by_lump
 from palpate.sim.tissue import Case, Stroke
 from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M
 from palpate.sim.tissue.face_sensors import WIDTH_MM
 from palpate.sim.tissue.solid.kept import KeptStroke, read_kept
 from palpate.sim.tissue.solid.result import SolidStroke
-from palpate.sim.tissue.symmetry import both_sides
 
 SET, RIM_SET = "balls.parquet", "balls-rim.parquet"
 
@@ -112,19 +110,3 @@ def beside(stroke: Stroke) -> Stroke:
     """The same stroke with the lump on the other side of the line."""
     case = replace(stroke.case, offset_mm=-stroke.case.offset_mm)
     return replace(stroke, case=case, images_kPa=stroke.images_kPa[:, :, ::-1])
-
-
-def learnt_force_map(lumps: Sequence[TissueLump]) -> force_maps.ForceMap:
-    """The map that moves a frame to another force, learnt from the rows' means over every fat at once."""
-    ends: list[list[tuple[Floats, Floats]]] = []
-    for k, lump in enumerate(lumps):
-        s = random_scale(lump.strokes.case, np.random.default_rng(k))
-        ends.append([_rows(stroke, s) for stroke in (lump.strokes.low, lump.strokes.high)])
-    low, high = ([np.concatenate([e[side][k] for e in ends]) for k in (0, 1)] for side in (0, 1))
-    return force_maps.fit(low[0], low[1], high[0], high[1])
-
-
-def _rows(stroke: Stroke, s: float) -> tuple[Floats, Floats]:
-    """Means over the columns (n, 16) and displacements (n,), to both sides of the lump."""
-    _, images, depth = both_sides(stroke.positions_mm, stroke.images_kPa, stroke.displacement_mm)
-    return s * images.mean(2), depth

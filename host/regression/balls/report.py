@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 
 from palpate.regression.any_tissue.observed import TissueLump
+from palpate.regression.any_tissue.study import force_map_of
 from palpate.regression.any_tissue.study import text_of as outputs_text
 from palpate.regression.balls import limit, study
 from palpate.regression.balls.emulator import fit_emulator
@@ -39,13 +40,14 @@ def tables_of(
     step: Callable[[str], None] | None = None,
 ) -> list[StudyTable]:
     """Kinds of lumps, the images' limit, and learning from ever more lumps."""
-    kinds = study.classes_of(lumps, noise, seed, workers, step)
+    force_map = force_map_of(lumps)
+    kinds = study.classes_of(lumps, force_map, noise, seed, workers, step)
     emulator = fit_emulator(lumps)
     # the first ones, since any part of a Sobol sequence but its beginning is no fair sample
     bound = limit.table_of([limit.limit_of(emulator, lump, noise) for lump in lumps[:LIMITS]])
     if step:
         step("limits worked out")
-    learnt = study.learning_of(lumps, noise, seed, step)
+    learnt = study.learning_of(lumps, force_map, noise, seed, step)
     return [
         StudyTable("kinds", f"Balls and ellipsoids, noise {noise}", study.text_of(kinds), kinds),
         StudyTable("limit", "Least median error that the images allow", limit.text_of(bound), bound),

@@ -15,12 +15,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from palpate.features.map_features import Floats
-from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.regression.any_tissue.model import OUTPUTS, STIFFNESS, truth
 from palpate.regression.any_tissue.observed import TRUTH, ObservedInTissue, TissueLump
 from palpate.regression.balls.emulator import fit_emulator
 from palpate.regression.balls.fit import held_out_folds
-from palpate.regression.balls.lumps import learnt_force_map
 from palpate.regression.balls.training import BallStudy, emulated, judged, observed, train
 from palpate.regression.probe_model import HARD_BELOW
 
@@ -30,20 +28,21 @@ PARTS = 3
 
 def classes_of(
     lumps: Sequence[TissueLump],
+    force_map: bytes,
     noise: str = "typical",
     seed: int = 1,
     workers: int = 1,
     step: Callable[[str], None] | None = None,
 ) -> pd.DataFrame:
     """`table_of` all of these lumps, each asked about by a model fitted without it."""
-    blob = force_maps.blob(learnt_force_map(lumps))
-    folds = held_out_folds(lumps, (noise,), seed, blob, workers, step=step)
+    folds = held_out_folds(lumps, (noise,), seed, force_map, workers, step=step)
     study = judged([fold.studies[noise, True] for fold in folds])
-    return table_of(observed(lumps, noise, seed, blob), study)
+    return table_of(observed(lumps, noise, seed, force_map), study)
 
 
 def learning_of(
     lumps: Sequence[TissueLump],
+    force_map: bytes,
     noise: str = "typical",
     seed: int = 1,
     step: Callable[[str], None] | None = None,
@@ -55,12 +54,11 @@ def learning_of(
     DataFrame
         Rows of `training.BallStudy.row`, and `computed`, how many lumps the emulator knew.
     """
-    blob = force_maps.blob(learnt_force_map(lumps))
     known = 3 * len(lumps) // 4
-    asked = observed(lumps[known:], noise, seed, blob, known)
+    asked = observed(lumps[known:], noise, seed, force_map, known)
     rows = []
     for n in (known // 8, known // 4, known // 2, known):
-        trained = train(emulated(fit_emulator(lumps[:n]), noise, seed, blob))
+        trained = train(emulated(fit_emulator(lumps[:n]), noise, seed, force_map))
         rows.append({"computed": n, **trained.study(asked, with_press=True).row(f"{n} lumps computed")})
         if step:
             step(f"learnt from {n} lumps")

@@ -38,6 +38,7 @@ from palpate.regression.probe_model import (
     to_link,
     training_hash,
 )
+from palpate.sim.tissue import Stroke
 
 RANGE_LO, RANGE_HI, LOWEST, HIGHEST = (
     tuple(float(row[k]) for row in outputs.TABLE[: outputs.E_FAT]) for k in range(4, 8)
@@ -132,16 +133,24 @@ class FieldModel:
 
 
 def learn_force_map(lumps: Sequence[LumpStrokes], displacement: bool = True) -> force_maps.ForceMap:
-    """The map that moves a frame to another force, from the outer strokes of training lumps."""
+    """The map that moves a frame to another force, from the outer strokes of training lumps.
+
+    Images are those of rows, or of whole faces, whose columns' mean then counts.
+    """
     low = [lump.low.full() for lump in lumps]
     high = [lump.high.full() for lump in lumps]
     return force_maps.fit(
-        np.concatenate([s.images_kPa for s in low]),
+        np.concatenate([_rows(s) for s in low]),
         np.concatenate([s.displacement_mm for s in low]),
-        np.concatenate([s.images_kPa for s in high]),
+        np.concatenate([_rows(s) for s in high]),
         np.concatenate([s.displacement_mm for s in high]),
         displacement=displacement,
     )
+
+
+def _rows(stroke: Stroke) -> Floats:
+    """What its rows feel (n, 16)."""
+    return stroke.images_kPa if stroke.images_kPa.ndim == 2 else stroke.images_kPa.mean(2)
 
 
 def fit_field_model(

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from palpate.errors import UsageError
-from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.regression.any_tissue import observed
 from palpate.regression.any_tissue.model import OUTPUTS, truth
 from palpate.regression.any_tissue.observed import TissueLump, observe
+from palpate.regression.any_tissue.study import force_map_of
 from palpate.regression.balls import emulator, fit, gaussian_process, lumps, study, training
 from palpate.regression.balls.across import across, place_mm
 from palpate.regression.field.design import LumpStrokes
@@ -172,7 +172,7 @@ def test_a_rim_design_holds_lumps_outside_the_ranges_and_begins_with_the_shorter
 
 
 def test_what_can_be_seen_is_said_by_size_and_depth(kept, fitted):
-    blob = force_maps.blob(lumps.learnt_force_map(kept[:40]))
+    blob = force_map_of(kept[:40])
     asked = training.observed(kept[:40], "typical", 1, blob)
     table = study.table_of(asked, fitted.study).set_index("lumps of this kind")
     kinds = table.iloc[1 : 1 + study.PARTS**2]
