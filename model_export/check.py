@@ -7,7 +7,7 @@ import sys
 from typing import Any
 
 from palpate.model_export.errors import ModelError
-from palpate.model_export.model_data import FirstStage, Joining, ModelData
+from palpate.model_export.model_data import Across, FirstStage, Joining, ModelData
 from palpate.model_export.vocabulary import KINDS, LINKS, OUTPUTS
 
 MAX_FEATURES = 24
@@ -18,6 +18,8 @@ MAX_MARGIN = 4  # half-widths
 JOINED = ("ln_reach", "ln_t", "ln_layers")
 MAX_STEEPNESS = 500
 MAX_SQUARE = 500
+MOST_SPREAD = 100
+MOST_STRETCH = 5
 
 
 def _short(value: Any) -> str:
@@ -75,6 +77,8 @@ def spec(model: ModelData) -> None:
         _need(not strange, f"the checks take {strange[:1]}, which is none of the model's features")
         ends = all(e.lo < 0 < e.hi for e in model.checks.estimates)
         _need(ends, "a check must be held within ends on both sides of 0")
+    if model.across is not None:
+        _across(model.across, model.features)
     _terms(model.terms, n, "terms")
     _outputs(model)
     _interval(model, n)
@@ -164,6 +168,23 @@ def _joining(joining: Joining, names: tuple[str, ...]) -> None:
     _need(
         0 < _number(joining.limit, "joining.limit") <= MAX_SQUARE, "joining.limit must lie within 0 and 500"
     )
+
+
+def _across(across: Across, features: tuple[str, ...]) -> None:
+    level = _number(across.level, "across.level")
+    _need(0 < level < 1, f"across.level must lie between 0 and 1, not {level}")
+    width = across.width
+    _need(isinstance(width, FirstStage), "across.width must be an object")
+    _stage(width, "across.width")
+    _need(width.joining is None, "a reference joins the first stage, not the width across")
+    _need(len(width.estimates) == 1, f"across.width has one estimate, not {len(width.estimates)}")
+    strange = [name for name in width.features if name not in features]
+    _need(not strange, f"the width across takes {strange[:1]}, which is none of the model's features")
+    spread = _numbers(across.width_spread, len(width.features) + 2, "across.width_spread")
+    spread += _numbers(across.place_spread, 2, "across.place_spread")
+    _need(all(abs(v) < MOST_SPREAD for v in spread), f"across: a spread must lie within +-{MOST_SPREAD}")
+    stretch = _number(across.place_stretch, "across.place_stretch")
+    _need(0 < stretch <= MOST_STRETCH, f"across.place_stretch must lie within 0 and {MOST_STRETCH}")
 
 
 def _outputs(model: ModelData) -> None:

@@ -156,6 +156,36 @@ class FirstStage:
 
 
 @dataclass(frozen=True)
+class Across:
+    """What the host adds to the probe's answer about a solid lump: width and place across the stroke.
+
+    With z the standardised features of `width`, y its estimate, and a Gaussian through the columns' responses
+    (`palpate.features.across`) that lies at x mm:
+
+        width = exp(y), from exp(y - w) to exp(y + w),     ln w = width_spread . (1, z_1, .., z_n, y)
+        place = place_stretch x -+ p,                      ln p = place_spread . (1, ln_blur)
+
+    Attributes
+    ----------
+    level : float
+        Coverage of both intervals, 0 < level < 1; the place's over lumps beside the line.
+    width : FirstStage
+        Of features among the model's own; its one estimate is ln of the width, mm.
+    width_spread : tuple of float
+        As many as `width` has features, and two.
+    place_stretch : float
+        A curved face shows bumps nearer to its middle than they are.
+    place_spread : (float, float)
+    """
+
+    level: float
+    width: FirstStage
+    width_spread: tuple[float, ...]
+    place_stretch: float
+    place_spread: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class ModelData:
     """A whole fitted model as plain data; `schema.ModelSpec` checks it, reads it and writes it.
 
@@ -192,6 +222,8 @@ class ModelData:
     checks : FirstStage or None
         Its estimates say what a stroke is unlike: where one of them is above 0 it is outside the domain. Of
         features among the model's own.
+    across : Across or None
+        No part of the image: the host works it out.
     """
 
     kind: str
@@ -214,3 +246,4 @@ class ModelData:
     notes: dict[str, Any] = field(default_factory=dict)
     first: FirstStage | None = None
     checks: FirstStage | None = None
+    across: Across | None = None

@@ -15,6 +15,7 @@ from palpate.files import whole_file
 from palpate.model_export import check
 from palpate.model_export.errors import ModelError
 from palpate.model_export.model_data import (
+    Across,
     Domain,
     Estimate,
     FirstStage,
@@ -30,6 +31,7 @@ __all__ = [
     "KINDS",
     "LINKS",
     "OUTPUTS",
+    "Across",
     "Domain",
     "Estimate",
     "FirstStage",
@@ -61,11 +63,12 @@ class ModelSpec(ModelData):
     def to_dict(self) -> dict[str, Any]:
         """Plain dict as written to model.json."""
         body = asdict(self)
-        for part in ("first", "checks"):  # without them as it was written before there were any
+        for part in ("first", "checks", "across"):  # without them as it was written before there were any
             if body[part] is None:
                 del body[part]
-            elif body[part]["joining"] is None:
-                del body[part]["joining"]
+        for stage in (body.get("first"), body.get("checks"), (body.get("across") or {}).get("width")):
+            if stage is not None and stage["joining"] is None:
+                del stage["joining"]
         return {"format": FORMAT, "version": VERSION, **body}
 
     @staticmethod
@@ -131,7 +134,7 @@ def _deeper_than(value: Any, levels: int) -> bool:
 
 _PARTS: dict[str, Any] = {"outputs": Output, "interval": Interval, "domain": Domain, "lump": Limit,
                            "first": FirstStage, "checks": FirstStage, "estimates": Estimate,
-                           "joining": Joining}  # fmt: skip
+                           "joining": Joining, "across": Across, "width": FirstStage}  # fmt: skip
 
 
 def _build(cls: Any, data: Any, where: str) -> Any:
@@ -139,7 +142,7 @@ def _build(cls: Any, data: Any, where: str) -> Any:
     if not isinstance(data, dict):
         raise ModelError(f"{where} must be an object")
     known = {f.name for f in fields(cls)}
-    optional = {"force_map", "notes", "first", "checks", "joining"} | (
+    optional = {"force_map", "notes", "first", "checks", "across", "joining"} | (
         {"lo", "hi"} if cls is Limit else set()
     )
     for key in data:
@@ -151,7 +154,12 @@ def _build(cls: Any, data: Any, where: str) -> Any:
     values: dict[str, Any] = {}
     for key, value in data.items():
         part = _PARTS.get(key)
-        if cls in (ModelSpec, FirstStage) and part is not None and is_dataclass(part) and value is not None:
+        if (
+            cls in (ModelSpec, FirstStage, Across)
+            and part is not None
+            and is_dataclass(part)
+            and value is not None
+        ):
             many = key in ("outputs", "lump", "estimates")
             if many and not isinstance(value, list | tuple):
                 raise ModelError(f"{key} must be a list")

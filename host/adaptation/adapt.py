@@ -196,6 +196,7 @@ def _assemble(
         interval=replace(spec.interval, quantiles=pairs),
         domain=_domain(spec, seen),
         training=training | {"hash": own, "adapted": adapted},
+        across=None,  # nobody has corrected it by real strokes
     ).validate()
 
 

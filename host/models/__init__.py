@@ -43,6 +43,16 @@ def load(name: str = FIELD) -> ModelSpec:
     return ModelSpec.load(path(name))
 
 
+def trained_on(training: str) -> ModelSpec | None:
+    """The model that was fitted to the training set of this hash, 64 hex digits; None if none of them was."""
+    for name in NAMES:
+        if training in path(name).read_text(encoding="utf-8"):  # much quicker than to read them as models
+            found = load(name)
+            if found.training["hash"] == training:
+                return found
+    return None
+
+
 def suited_to(case: Case) -> str:
     """The name of the model for such a lump, in whatever tissue."""
     return BALLS if case.solid else FIELD

@@ -10,6 +10,7 @@ import math
 
 import pytest
 
+from palpate import models
 from palpate.model_export.errors import ExportError, ModelError
 from palpate.model_export.schema import ModelSpec
 
@@ -171,3 +172,47 @@ def test_hostile_json_is_a_sentence(tmp_path, text, says):
 def test_an_integer_beyond_any_float_is_no_number(data):
     with pytest.raises(ModelError, match="an integer of 1329 bits"):
         ModelSpec.from_dict(broken(data, set_("centre", 0, value=10**400)))
+
+
+# ---- what the host adds across the stroke
+
+
+@pytest.fixture(scope="module")
+def solid():
+    """A model that tells width and place across."""
+    return json.loads(json.dumps(models.load(models.BALLS).to_dict()))
+
+
+def test_a_model_may_tell_of_across_the_stroke_or_not(solid):
+    whole = ModelSpec.from_dict(solid)
+    assert whole.across is not None and whole.to_dict() == models.load(models.BALLS).to_dict()
+    without = {key: value for key, value in solid.items() if key != "across"}
+    older = ModelSpec.from_dict(without)
+    assert older == dataclasses.replace(whole, across=None)
+    assert "across" not in older.to_dict()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (set_("across", value=3), "across must be an object"),
+        (lambda d: d["across"].pop("width"), "across lacks 'width'"),
+        (set_("across", "width", value=None), "across.width must be an object"),
+        (set_("across", "surprise", value=1), "surprise"),
+        (set_("across", "level", value=0), "across.level"),
+        (set_("across", "width", "features", 0, value="ln_base"), "none of the model's features"),
+        (set_("across", "width", "terms", 1, value=[99]), "across.width.terms[1]"),
+        (set_("across", "width", "estimates", value=[]), "across.width.estimates"),
+        (lambda d: d["across"]["width"]["estimates"].append(
+            {**d["across"]["width"]["estimates"][0], "name": "other"}), "one estimate"),
+        (lambda d: d["across"]["width_spread"].pop(), "across.width_spread"),
+        (set_("across", "width_spread", 0, value=1e9), "spread must lie within"),
+        (set_("across", "place_stretch", value=-1.0), "across.place_stretch"),
+        (set_("across", "place_spread", value=[1.0]), "across.place_spread"),
+        (set_("across", "place_spread", 1, value="wide"), "across.place_spread[1]"),
+    ],
+)  # fmt: skip
+def test_a_damaged_part_of_across_the_stroke_is_named(solid, change, words):
+    with pytest.raises(ModelError) as caught:
+        ModelSpec.from_dict(broken(solid, change))
+    assert words in str(caught.value) and "\n" not in str(caught.value)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from palpate.model_export import model_data
-from palpate.model_export.schema import Estimate, FirstStage, ModelSpec
+from palpate.model_export.schema import Across, Estimate, FirstStage, ModelSpec
 from palpate.regression.any_tissue.model import ESTIMATES, PRESS, TissueModel
 from palpate.regression.any_tissue.observed import FORCE_N_PER_M
 from palpate.regression.any_tissue.reference import Joining
@@ -19,6 +19,7 @@ def tissue_spec(
     training: dict[str, Any],
     force_map: dict[str, Any] | None,
     checks: FirstStage | None = None,
+    across: Across | None = None,
     **notes: Any,
 ) -> ModelSpec:
     """See `probe_model.spec_of`; the press' polynomials are the first stage, which a reference joins."""
@@ -34,7 +35,7 @@ def tissue_spec(
         hard_below=model.border,
         first=first_stage(model.press, joining),
     )
-    return replace(spec, checks=checks).validate()
+    return replace(spec, checks=checks, across=across).validate()
 
 
 def first_stage(press: Polynomial, joining: Joining) -> FirstStage:

@@ -30,6 +30,7 @@ from palpate.regression.any_tissue.reference import (
 from palpate.regression.any_tissue.result import TissueFit
 from palpate.regression.any_tissue.spec import tissue_spec
 from palpate.regression.any_tissue.study import learnt_force_map
+from palpate.regression.balls.across import across_of, fit_place
 from palpate.regression.balls.emulator import fit_emulator
 from palpate.regression.balls.lumps import without_lump
 from palpate.regression.balls.training import (
@@ -38,6 +39,7 @@ from palpate.regression.balls.training import (
     FOLDS,
     BallStudy,
     Fold,
+    across_factor,
     emulated,
     emulated_seed,
     held_out_fold,
@@ -118,7 +120,9 @@ def fit_to_balls(
     seen = emulated(emulator, noise, seed, blob, count)
     tell("emulated")
     trained = train(seen)
-    model = widened(trained.model, width_factors([fold.studies[noise, True] for fold in folds]))
+    left_out = [fold.studies[noise, True] for fold in folds]
+    model = widened(trained.model, width_factors(left_out))
+    width, place = trained.width.wider(across_factor(left_out)), fit_place([part.seen for part in left_out])
     some = emulator.lumps(ball_cases(count, EMULATED_SEED)[: 3 * _REFERRED])
     joining = _joining(some, noise, seed, seen, model)
     watch = observer(noise, seed, blob)
@@ -145,6 +149,7 @@ def fit_to_balls(
         },
         force_map.as_dict(),
         check,
+        None if place is None else across_of(width, place),
         held_out={k: v for k, v in rows[1].items() if isinstance(v, float)},
     )
     outside = observed(rim, noise, seed, blob, len(lumps)) if rim else None

@@ -17,10 +17,16 @@ from palpate.features.map_features import Floats
 from palpate.regression.any_tissue.model import TissueModel, fit_tissue_model, truth
 from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe
 from palpate.regression.any_tissue.study import TissueStudy
-from palpate.regression.balls.across import place_mm
+from palpate.regression.balls.across import (
+    WidthModel,
+    across_truth,
+    fit_place,
+    fit_width,
+    level_of,
+    width_factor,
+)
 from palpate.regression.balls.emulator import StrokeEmulator, fit_emulator
-from palpate.regression.conformal import LEVEL, conformal_quantile
-from palpate.regression.probe_model import Polynomial, fit_polynomial
+from palpate.regression.conformal import conformal_quantile
 from palpate.regression.table import r_squared
 from palpate.sim.tissue.solid.design import ball_cases
 
@@ -35,50 +41,56 @@ Step = Callable[[str], None]
 class Trained:
     """What emulated strokes teach.
 
-    `alone` does without the press; `across` estimates ln of the width across from the same features, and
+    `alone` does without the press; `width` estimates the width across from the same features as `model`, and
     stays on the host.
     """
 
     model: TissueModel
     alone: TissueModel
-    across: Polynomial
+    width: WidthModel
 
     def study(self, seen: ObservedInTissue, with_press: bool) -> BallStudy:
         """What it says of computed lumps; those of `seen` that show none are only counted."""
         model, found = self.model if with_press else self.alone, seen.take(seen.found)
         said = model.answer(found)
-        width = self.across.predict(self.model.inputs(found))[:, 0] if with_press else None
+        width, half = self.width.answer(self.model.inputs(found)) if with_press else (None, None)
         lost = float((~seen.found).mean())
         inside = model.in_domain(found)
-        return BallStudy(found, said.y, said.half, said.hard, lost, inside, width)
+        return BallStudy(found, said.y, said.half, said.hard, lost, inside, width, half)
 
 
 @dataclass(frozen=True)
 class BallStudy(TissueStudy):
-    """`width` (n,), if it is there: ln of the width across, mm."""
+    """`width` and `place`, (n,), if they are there: ln of the width across, mm, and place across, mm; half of
+    their intervals."""
 
     width: Floats | None = None
+    width_half: Floats | None = None
+    place: Floats | None = None
+    place_half: Floats | None = None
 
     def row(self, words: str) -> dict[str, object]:
         """As of any tissue, and across the stroke: width, relative, and place, mm."""
         out = super().row(words)
         of_width, offset = across_truth(self.seen)
-        if self.width is not None:
+        if self.width is not None and self.width_half is not None:
+            error = np.abs(self.width - of_width)
             out["width_r2"] = r_squared(of_width, self.width)
-            out["width_error"] = float(np.median(np.expm1(np.abs(self.width - of_width))))
-        off = np.abs(place_mm(self.seen.columns) - offset)
-        beside = off[offset > 0]
-        out["place_error"] = float(np.median(beside)) if len(beside) else float("nan")
-        return out | {"place_right": float((off < PLACE_MM).mean())}
+            out["width_error"] = float(np.median(np.expm1(error)))
+            out["width_covered"] = float((error <= self.width_half).mean())
+            out["width_half"] = float(np.median(self.width_half))
+        if self.place is not None and self.place_half is not None and (offset > 0).any():
+            error, beside = np.abs(self.place - offset), offset > 0
+            out["place_error"] = float(np.median(error[beside]))
+            out["place_covered"] = float((error <= self.place_half)[beside].mean())
+            out["place_covered_all"] = float((error <= self.place_half).mean())
+            out["place_half"] = float(np.median(self.place_half[beside]))
+            out["place_right"] = float((error < PLACE_MM).mean())
+        return out
 
 
 PLACE_MM = 2.0
-"""A place across within this is counted as right; the median error is of lumps beside the line."""
-
-
-def across_truth(seen: ObservedInTissue) -> tuple[Floats, Floats]:
-    """ln of the width across the stroke, mm, and the distance from its line, mm; (n,) each."""
-    return seen.across[:, 0], seen.across[:, 1]
+"""A place across within this is counted as right; median error and coverage are of lumps beside the line."""
 
 
 def observed(
@@ -115,10 +127,8 @@ def train(seen: ObservedInTissue) -> Trained:
     """Fit to emulated strokes."""
     model = fit_tissue_model(seen, True)
     found = seen.take(seen.found)
-    X, Y = model.inputs(found), across_truth(found)[0][:, None]
-    stroke = model.stroke
-    across = fit_polynomial(stroke.names, X, Y, found.group, stroke.terms, Y.min(0), Y.max(0))
-    return Trained(model, fit_tissue_model(seen, False), across)
+    width = fit_width(model.stroke, model.inputs(found), found)
+    return Trained(model, fit_tissue_model(seen, False), width)
 
 
 @dataclass(frozen=True)
@@ -151,11 +161,17 @@ def held_out_fold(
 
 def judged(parts: Sequence[BallStudy]) -> BallStudy:
     """The folds as one; each with intervals as wide as the others' lumps ask for."""
-    wide = []
+    wide, halves, found = [], [], []
     for k, part in enumerate(parts):
-        factors = width_factors([*parts[:k], *parts[k + 1 :]])
+        others = [*parts[:k], *parts[k + 1 :]]
+        factors = width_factors(others)
         wide.append(part.half * factors[:, part.hard.astype(int)].T)
+        if part.width_half is not None:
+            halves.append(part.width_half * across_factor(others))
+        if (place := fit_place([other.seen for other in others])) is not None:
+            found.append(place.answer(part.seen.columns))
     widths = [part.width for part in parts if part.width is not None]
+    told = tuple(map(np.concatenate, zip(*found))) if len(found) == len(parts) else (None, None)
     shown = np.array([len(part.seen.found) for part in parts])
     lost = np.array([part.lost for part in parts])
     asked = shown / (1 - lost)
@@ -167,16 +183,27 @@ def judged(parts: Sequence[BallStudy]) -> BallStudy:
         float((lost * asked).sum() / asked.sum()),
         np.concatenate([part.in_domain for part in parts if part.in_domain is not None]),
         np.concatenate(widths) if widths else None,
+        np.concatenate(halves) if halves else None,
+        told[0],
+        told[1],
     )
 
 
+def across_factor(parts: Sequence[BallStudy]) -> float:
+    """By how much the width across must have wider intervals to hold `conformal.LEVEL` of computed lumps; of
+    parts that tell it."""
+    told = [(p.width, p.width_half) for p in parts if p.width is not None and p.width_half is not None]
+    width, half = map(np.concatenate, zip(*told))
+    return width_factor(width, half, joined([part.seen for part in parts]))
+
+
 def width_factors(parts: Sequence[BallStudy]) -> Floats:
-    """By how much intervals must be wider to hold `LEVEL` of computed lumps: (outputs, 2), soft and hard."""
+    """By how much intervals must be wider to hold `conformal.LEVEL` of computed lumps.
+
+    (outputs, 2), soft and hard."""
     score = np.concatenate([np.abs(part.y - truth(part.seen)) / part.half for part in parts])
     hard = np.concatenate([part.hard for part in parts])
-    # strokes over one lump err alike: it is lumps that the quantile has to count
-    lumps = len(np.unique(np.concatenate([part.seen.group for part in parts])))
-    level = min(1.0, LEVEL * (1 + 1 / lumps))
+    level = level_of(np.concatenate([part.seen.group for part in parts]))
     return np.array([[_quantile(of, hard == side, level) for side in (False, True)] for of in score.T])
 
 
