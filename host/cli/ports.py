@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -13,6 +14,7 @@ from palpate.link.answer import HARDNESS, Span, stiffness_kPa, stiffness_words
 from palpate.model_export.vocabulary import SHOWN_UNITS, WORDS
 
 if TYPE_CHECKING:
+    from palpate.across.told import AcrossStroke
     from palpate.link.events import Estimate
     from palpate.link.probe import Probe
 
@@ -22,6 +24,10 @@ NOMINAL_SCALE = (
     f"pressures are by the nominal scale ({geometry.FULL_SCALE_PA / 1000:g} kPa over {geometry.FULL_COUNT} "
     f"counts, {geometry.PEDESTAL_PA / 1000:g} kPa the zero)"
 )
+
+
+STRANGE = "is not of the model that answers: it was fitted to other strokes, and tells no width or place"
+"""Said of a document that does not belong."""
 
 
 def port_option(function: F) -> F:
@@ -48,16 +54,33 @@ def fat_option(function: F) -> F:
     )(function)
 
 
-def estimate_dict(estimate: Estimate, fat_kPa: float | None = None) -> dict[str, Any]:
-    """An estimate for programs, with `E_kPa` where the fat is known, or estimated."""
+def document_option(function: F) -> F:
+    """`--document`, the same words everywhere."""
+    return click.option(
+        "--document",
+        type=click.Path(path_type=Path),
+        metavar="MODEL.JSON",
+        help="What `palpate fit` wrote of the probe's model, for width and place across; "
+        "models that come with Palpate are found.",
+    )(function)
+
+
+def estimate_dict(
+    estimate: Estimate, fat_kPa: float | None = None, across: AcrossStroke | None = None
+) -> dict[str, Any]:
+    """An estimate for programs, with `E_kPa` where the fat is known, or estimated, and what was worked out
+    here."""
     out = estimate.as_dict()
+    out["across"] = None if across is None else across.as_dict()
     fat = estimate.fat_kPa(fat_kPa)
     if fat is not None and "E_inv23" in estimate.outputs:
         out["E_kPa"] = dict(zip(outputs.PARTS, stiffness_kPa(estimate.span("E_inv23"), fat)))
     return out
 
 
-def estimate_lines(estimate: Estimate, fat_kPa: float | None = None) -> list[str]:
+def estimate_lines(
+    estimate: Estimate, fat_kPa: float | None = None, across: AcrossStroke | None = None
+) -> list[str]:
     """An estimate for people: one line each, intervals beside the values, reservations in plain words."""
     head = f"stroke {estimate.stroke}, {estimate.frames} frames"
     if not estimate.lump and estimate.reason == "no lump found":
@@ -70,6 +93,7 @@ def estimate_lines(estimate: Estimate, fat_kPa: float | None = None) -> list[str
         lines.append(_number(WORDS[name], SHOWN_UNITS[name], estimate.span(name), level))
         if name == "h" and (depth := estimate.depth_mm) is not None:
             lines.append(_number("lump depth", "mm", depth, level))
+    lines += _across_lines(across)
     factor = stiffness_words(estimate.span("E_inv23"), estimate.fat_kPa(fat_kPa))
     lines.append(f"  {'stiffness':20} {factor}")
     lines.append(f"  {HARDNESS[estimate.hardness]}")
@@ -79,6 +103,14 @@ def estimate_lines(estimate: Estimate, fat_kPa: float | None = None) -> list[str
         lines.append("  outside what the model was trained on: do not rely on the numbers")
     lines.append("  research use, not a diagnosis")
     return lines
+
+
+def _across_lines(across: AcrossStroke | None) -> list[str]:
+    if across is None:
+        return []
+    level = f"{100 * across.level:g} % interval"
+    spans = (("width across", across.width_mm), ("place across", across.place_mm))
+    return [_number(words, "mm", span, level) for words, span in spans if span is not None]
 
 
 def _number(words: str, unit: str, span: Span, level: str) -> str:

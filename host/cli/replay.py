@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from palpate.cli.output import json_option, note, print_json
-from palpate.cli.ports import estimate_lines, fat_option
+from palpate.cli.ports import STRANGE, document_option, estimate_lines, fat_option
 from palpate.errors import RecordingError, ReplayDiffers
 from palpate.files import read_whole
 from palpate.first_time import announce
@@ -19,9 +19,12 @@ from palpate.first_time import announce
 @click.option(
     "--model", type=click.Path(path_type=Path), help="A model image to use instead of the recorded one."
 )
+@document_option
 @fat_option
 @json_option
-def command(recording: Path, model: Path | None, fat_kPa: float | None, as_json: bool) -> None:
+def command(
+    recording: Path, model: Path | None, document: Path | None, fat_kPa: float | None, as_json: bool
+) -> None:
     """Replay a recording: the same bytes through the same parser and the same integer code.
 
     Says "replay: identical" where every integer of every estimate equals what the probe had sent; exits with
@@ -32,6 +35,7 @@ def command(recording: Path, model: Path | None, fat_kPa: float | None, as_json:
       palpate stream --strokes 1 --record visit.mcap
       palpate replay visit.mcap
     """
+    from palpate.across.documents import Documents, read
     from palpate.model_export.image_builder import inspect
     from palpate.recording.channels import MODEL
     from palpate.recording.reader import Recording
@@ -39,12 +43,17 @@ def command(recording: Path, model: Path | None, fat_kPa: float | None, as_json:
 
     image = read_whole(model, "model image") if model is not None else None
     opened = Recording(recording)
+    named = None if document is None else read(document)
+    documents = Documents(named)
+    documents.learn(image or opened.attachment(MODEL) or b"")
+    if documents.strange:
+        note(f"{document} {STRANGE}")
     announce(solver=False, firmware=True)
     strokes = []
-    for stroke in replay(recording, image):
+    for stroke in replay(recording, image, named):
         strokes.append(stroke)
         if not as_json:
-            click.echo("\n".join(estimate_lines(stroke.probe, fat_kPa)))
+            click.echo("\n".join(estimate_lines(stroke.probe, fat_kPa, stroke.across)))
             click.echo(f"  replay: {stroke.missing or ('identical' if stroke.identical else 'DIFFERENT')}")
     compared = [stroke for stroke in strokes if stroke.host is not None]
     image = image or opened.attachment(MODEL)

@@ -13,6 +13,8 @@ import click
 from palpate.cli.output import json_option, note, plain, print_json
 from palpate.cli.ports import (
     NOMINAL_SCALE,
+    STRANGE,
+    document_option,
     estimate_dict,
     estimate_lines,
     fat_option,
@@ -22,6 +24,7 @@ from palpate.cli.ports import (
 from palpate.errors import CommandTimeout, LinkError
 
 if TYPE_CHECKING:
+    from palpate.across.follower import Follower
     from palpate.link.events import Event
     from palpate.link.lsl import Outlets
     from palpate.link.probe import Probe
@@ -43,6 +46,7 @@ WARNINGS = {
 @click.option("--every", type=click.IntRange(1, 255), default=1, help="Send each n-th frame only.")
 @click.option("--timeout", "timeout_s", type=float, default=60.0, show_default=True,
               help="Give up after so many of the probe's seconds without a sign of it.")  # fmt: skip
+@document_option
 @fat_option
 @click.option("--lsl", is_flag=True, help="Hand everything on to LabStreamingLayer.")
 @click.option("--earlier", is_flag=True, help="First fetch the estimates that an earlier client left behind.")
@@ -57,6 +61,7 @@ def command(
     every: int,
     timeout_s: float,
     earlier: bool,
+    document: Path | None,
     fat_kPa: float | None,
     lsl: bool,
     json_lines: bool,
@@ -72,8 +77,12 @@ def command(
       palpate stream --strokes 3 --record visit.mcap
       palpate stream --port socket://localhost:7624 --strokes 1 --json
     """
+    from palpate.across.documents import Documents, read
+    from palpate.across.follower import Follower
+    from palpate.link.events import Gap
     from palpate.recording.session import both_counts, recorded
 
+    follower = Follower(Documents(None if document is None else read(document)))
     quiet = as_json or json_lines
     estimates: list[dict[str, Any]] = []
     counts: dict[str, int] = {}
@@ -81,6 +90,9 @@ def command(
         if not quiet:
             _greet(probe)
         clock_dict(probe)
+        _meet(follower, probe)
+        if follower.documents.strange:
+            note(f"{document} {STRANGE}")
         outlets = _outlets(probe) if lsl else None
         before = _left_behind(probe, quiet, fat_kPa) if earlier else []
         interrupted = scale_told = False
@@ -90,7 +102,10 @@ def command(
                 if not scale_told and not quiet:
                     _say_scale(probe)
                 scale_told = True
-                _show(event, estimates, quiet, json_lines, fat_kPa)
+                follower.take(event)
+                if isinstance(event, Gap) and event.ended:
+                    _meet(follower, probe)  # it may be another
+                _show(event, follower, estimates, quiet, json_lines, fat_kPa)
                 if not quiet and probe.identity.serial != serial:
                     serial = probe.identity.serial
                     note(f"  it is another one: probe {serial}")
@@ -122,6 +137,11 @@ def command(
             f"no sign of the probe for {timeout_s:g} s, {len(estimates)} of {strokes} strokes came; "
             "check the probe, or give a longer --timeout"
         )
+
+
+def _meet(follower: Follower, probe: Probe) -> None:
+    with suppress(LinkError):  # gone at this moment: it is met when it is back
+        follower.meet(probe)
 
 
 def _outlets(probe: Probe) -> Outlets:
@@ -173,17 +193,23 @@ def _say_scale(probe: Probe) -> None:
 
 
 def _show(
-    event: Event, estimates: list[dict[str, Any]], quiet: bool, json_lines: bool, fat_kPa: float | None
+    event: Event,
+    follower: Follower,
+    estimates: list[dict[str, Any]],
+    quiet: bool,
+    json_lines: bool,
+    fat_kPa: float | None,
 ) -> None:
     from palpate.link.events import Estimate, Gap, Log, StrokeState
 
     if isinstance(event, Estimate):
-        estimates.append(estimate_dict(event, fat_kPa))
+        across = follower.of(event)
+        estimates.append(estimate_dict(event, fat_kPa, across))
         if json_lines:
             sys.stdout.write(json.dumps(plain(estimates[-1])) + "\n")
             sys.stdout.flush()
         elif not quiet:
-            click.echo("\n".join(estimate_lines(event, fat_kPa)))
+            click.echo("\n".join(estimate_lines(event, fat_kPa, across)))
     elif quiet:
         return
     elif isinstance(event, StrokeState) and event.state in WARNINGS:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from palpate.cli.output import note
-from palpate.cli.ports import fat_option
+from palpate.cli.ports import document_option, fat_option
 from palpate.cli.real import load_model
 from palpate.errors import MissingExtra, PalpateError, PortAmbiguous, UsageError
 
@@ -51,6 +52,7 @@ Examples:
     show_default=True,
     help="Folder that the page records to and loads visits from.",
 )
+@document_option
 @fat_option
 @click.option("--data", type=click.Path(path_type=Path, dir_okay=False),
               help="Data set with lumps visited again: what visits differ by themselves.")  # fmt: skip
@@ -63,6 +65,7 @@ def command(
     host: str,
     http_port: int,
     recordings: Path,
+    document: Path | None,
     fat_kPa: float | None,
     data: Path | None,
     model: Path,
@@ -85,13 +88,14 @@ def command(
     from palpate.view.replay import ReplaySource
 
     between = _between(data, model)
+    spec = None if document is None else load_model(document)
     source: LiveSource | ReplaySource
     if recording is not None:
         if recording.suffix != ".mcap":
             raise UsageError(f"{recording} is not a recording: its name should end in .mcap")
-        source, mode = ReplaySource(recording), "replay"
+        source, mode = ReplaySource(recording, spec), "replay"
     else:
-        source, mode = LiveSource(port or "auto"), "live"
+        source, mode = LiveSource(port or "auto", spec), "live"
         _check(port or "auto")
     try:
         viewer = Viewer(
@@ -100,7 +104,7 @@ def command(
             host=host,
             port=http_port,
             recordings=recordings,
-            load_strokes=load_strokes,
+            load_strokes=partial(load_strokes, document=spec),
             token=_kept_token(),
             fat_kPa=fat_kPa,
             between=between,

@@ -243,8 +243,11 @@ class Commandable(EventSource):
         self._line.identity = identity = Identity.from_answer(self.command("identify", nonce))
         return identity
 
-    def read_back(self, what: int) -> bytes:
-        """The stored calibration (0) or the live model image (1), bit for bit; b"" where there is none."""
+    def read_back(self, what: int, enough: int | None = None) -> bytes:
+        """The stored calibration (0) or the live model image (1), bit for bit; b"" where there is none.
+
+        `enough`: so many bytes will do, from its beginning.
+        """
         found = b""
         while True:
             try:
@@ -255,5 +258,5 @@ class Commandable(EventSource):
                 raise
             if offset == len(found):
                 found += piece
-            if len(found) >= size or not piece:
+            if len(found) >= (size if enough is None else min(size, enough)) or not piece:
                 return found

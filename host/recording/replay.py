@@ -8,18 +8,24 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from firmware_py import calib, evaluator, features, messages, outputs, pipeline, status
 from firmware_py.estimator import answer
+from palpate.across.documents import Documents
+from palpate.across.follower import Follower
 from palpate.errors import RecordingError
 from palpate.link.events import Estimate, Features, Frame, StrokeState
 from palpate.recording.channels import CALIBRATION, MODEL
 from palpate.recording.playback import open_recording
 from palpate.recording.presses import Presses
 from palpate.recording.reader import Recording
+
+if TYPE_CHECKING:
+    from palpate.across.told import AcrossStroke
+    from palpate.model_export.schema import ModelSpec
 
 FRAMES_KEPT = 1 << 16
 """Frames kept for a stroke's estimate, at most; 41 MB."""
@@ -40,12 +46,15 @@ class ReplayedStroke:
         probe sent none.
     missing : str
         Why there is no comparison; "" where there is one.
+    across : AcrossStroke or None
+        Width and place across the stroke, where the model tells them.
     """
 
     probe: Estimate
     host: Estimate | None
     features_equal: bool | None
     missing: str = ""
+    across: AcrossStroke | None = None
 
     @property
     def identical(self) -> bool:
@@ -61,6 +70,7 @@ class ReplayedStroke:
             "identical": self.identical,
             "missing": self.missing,
             "estimate": self.probe.as_dict(),
+            "across": None if self.across is None else self.across.as_dict(),
             "replayed": None if self.host is None else self.host.as_dict(),
         }
 
@@ -154,7 +164,9 @@ class Replayer:
         return own, tuple(p.features)
 
 
-def replay(path: str | Path, model: bytes | None = None) -> Iterator[ReplayedStroke]:
+def replay(
+    path: str | Path, model: bytes | None = None, document: ModelSpec | None = None
+) -> Iterator[ReplayedStroke]:
     """Replay every stroke of a recording.
 
     Parameters
@@ -163,6 +175,8 @@ def replay(path: str | Path, model: bytes | None = None) -> Iterator[ReplayedStr
         The recording.
     model : bytes, optional
         A model image to use instead of the recorded one.
+    document : ModelSpec, optional
+        The model's document, where it is none that comes with Palpate.
 
     Yields
     ------
@@ -175,11 +189,15 @@ def replay(path: str | Path, model: bytes | None = None) -> Iterator[ReplayedStr
     recording = Recording(path)
     image = model or recording.attachment(MODEL)
     replayer = Replayer(image, recording.attachment(CALIBRATION) or b"") if image else None
+    documents = Documents(document)
+    documents.learn(image or b"")
+    follower = Follower(documents, recording.attachment(CALIBRATION) or b"")
     frames: dict[int, Frame] = {}
     told: dict[int, tuple[int, ...]] = {}
     presses = Presses()
     with open_recording(path) as session:
         for event in session.events():
+            follower.take(event)
             if isinstance(event, StrokeState):
                 presses.take(event)
             elif isinstance(event, Frame):
@@ -191,7 +209,8 @@ def replay(path: str | Path, model: bytes | None = None) -> Iterator[ReplayedStr
             elif isinstance(event, Estimate):
                 press = presses.of(event.stream, event.stroke, frames)
                 known = told.pop(event.stroke, None)
-                yield _compare(event, frames, press, known, replayer, session.kept_reference)
+                found = _compare(event, frames, press, known, replayer, session.kept_reference)
+                yield replace(found, across=follower.of(event))
 
 
 def _compare(

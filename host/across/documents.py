@@ -1,0 +1,71 @@
+"""The documents of the models that probes and recordings name.
+
+A probe carries its model as an image, which holds only what the probe itself works out, but names the
+training set. The document, model.json, is the one that the user names, or one that comes with Palpate.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from firmware_py import messages, model_image
+from palpate import models
+from palpate.errors import CommandRefused
+from palpate.model_export.schema import ModelSpec
+
+if TYPE_CHECKING:
+    from palpate.link.remote import Commandable
+
+HEAD = model_image.HEAD_SIZE
+
+
+class Documents:
+    """By the id of the image.
+
+    Parameters
+    ----------
+    named : ModelSpec, optional
+        The one that the user says belongs to the probe; it is taken where it does.
+    """
+
+    def __init__(self, named: ModelSpec | None = None) -> None:
+        self._named = named
+        self._known: dict[bytes, ModelSpec | None] = {}
+
+    def learn(self, image: bytes) -> None:
+        """Look the document of this image up; its first `HEAD` bytes are enough. b"": there is none."""
+        if len(image) < HEAD:
+            return
+        head = model_image.Header(lambda at, n: image[at : at + n], model_image.u32(image, _LENGTH))
+        if head.code == 0:
+            self._known[head.model_id] = self._of(head.training.hex())
+
+    def ask(self, probe: Commandable) -> None:
+        """Learn of the model that is live on a probe."""
+        with suppress(CommandRefused):  # of a probe that only streams
+            self.learn(probe.read_back(messages.READ_MODEL, HEAD))
+
+    def of(self, model_id: bytes) -> ModelSpec | None:
+        """The document of the image with this id; None if nobody has it."""
+        return self._known.get(model_id)
+
+    @property
+    def strange(self) -> bool:
+        """Whether the user named one, and it is of none of the models that were met."""
+        return self._named is not None and self._named not in self._known.values()
+
+    def _of(self, training: str) -> ModelSpec | None:
+        if self._named is not None and self._named.training["hash"] == training:
+            return self._named
+        return models.trained_on(training)
+
+
+_LENGTH = 8
+"""Where an image's head says how long it is."""
+
+
+def read(path: Path) -> ModelSpec:
+    """The document of a file, or one that comes with Palpate by its name."""
+    return models.load(str(path)) if str(path) in models.NAMES and not path.exists() else ModelSpec.load(path)

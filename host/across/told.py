@@ -1,0 +1,88 @@
+"""A lump's width across the stroke and its place there, with intervals: the formulas of `schema.Across`.
+
+The probe's answer has six outputs and its memory no room for more, so these two are worked out here, from the
+features that it sends and from how much of the bump each of its columns saw. Units: mm.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from firmware_py import features as firmware_features
+from palpate.features.across import across
+from palpate.link.answer import Span
+from palpate.model_export.fixed_point import reference
+from palpate.model_export.schema import Across, ModelSpec
+
+FEATURE_ONE = 1 << 24
+"""Of the features' integers, as the firmware has them and sends them."""
+_PARTS = ("value", "low", "high")
+
+
+@dataclass(frozen=True)
+class AcrossStroke:
+    """Value, low and high of each, mm; None where it cannot be told.
+
+    Attributes
+    ----------
+    level : float
+        Coverage of the intervals.
+    width_mm : (float, float, float) or None
+    place_mm : (float, float, float) or None
+        Of the lump's middle from the face's, positive towards the last column.
+    """
+
+    level: float
+    width_mm: Span | None = None
+    place_mm: Span | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """As `--json` prints it."""
+        spans = {"width_mm": self.width_mm, "place_mm": self.place_mm}
+        said = {name: None if span is None else dict(zip(_PARTS, span)) for name, span in spans.items()}
+        return {"level": self.level, **said}
+
+
+def told(
+    spec: ModelSpec, features: Sequence[int] | None, columns: Sequence[int] | None
+) -> AcrossStroke | None:
+    """What the model tells of a stroke over a lump; None if it does not tell such things.
+
+    Parameters
+    ----------
+    spec : ModelSpec
+    features : the firmware's, Q24, as the probe sent them or a replay worked them out; None: not known
+    columns : how much of the bump each column saw (`Pipeline.columns`); None: frames are missing, or all saw
+        as much
+    """
+    part = spec.across
+    if part is None:
+        return None
+    width = place = None
+    if features is not None and len(features) == firmware_features.COUNT:
+        width = _width(spec, part, np.array([features], float) / FEATURE_ONE)
+    if columns is not None and any(columns):
+        place = _place(part, columns)
+    return AcrossStroke(part.level, width, place)
+
+
+def _width(spec: ModelSpec, part: Across, X: np.ndarray) -> Span:
+    own = [spec.features.index(name) for name in part.width.features]
+    x = reference.inputs(spec, X)[:, own]
+    (y,) = reference.estimates(part.width, x)[0]
+    (z,) = reference.standardised(part.width, x)
+    half = math.exp(float(np.dot(part.width_spread, [1.0, *z, y])))
+    return math.exp(y), math.exp(y - half), math.exp(y + half)
+
+
+def _place(part: Across, columns: Sequence[int]) -> Span:
+    bump = across(np.array(columns, float))
+    value = part.place_stretch * bump.place_mm
+    first, exponent = part.place_spread
+    half = math.exp(first + exponent * bump.ln_blur)
+    return value, value - half, value + half
