@@ -111,7 +111,8 @@ class Estimate:
     """The probe's answer after a stroke.
 
     `reference` is used, unlike (it does not fit, and was left out) or ""; `status_text` is empty, or says why
-    there are no numbers; `further` holds outputs that have no field here.
+    there are no numbers; `further` holds outputs that have no field here; `width_mm` and `place_mm` are
+    across the stroke, and the host's.
     """
 
     time_s: float
@@ -121,6 +122,8 @@ class Estimate:
     h: Interval | None = None
     E_inv23: Interval | None = None
     further: Mapping[str, Interval] = field(default_factory=dict)
+    width_mm: Interval | None = None
+    place_mm: Interval | None = None
     lump: bool = False
     hardness: str = "unsure"
     in_domain: bool = False

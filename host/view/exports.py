@@ -22,7 +22,10 @@ from palpate.view.events import KNOWN
 from palpate.view.phrases import NOT_A_DIAGNOSIS
 
 STROKE_KINDS = ("json", "csv", "png", "svg")
-_COLUMNS = ("d_mm", "depth_mm", "t_mm", "F_N_per_m", *(n for n in NAMES if n not in KNOWN))
+_COLUMNS = (
+    *("d_mm", "depth_mm", "t_mm", "F_N_per_m", *(n for n in NAMES if n not in KNOWN)),
+    *("width_mm", "place_mm"),
+)
 
 
 def table(snapshot: dict[str, Any]) -> bytes:

@@ -47,10 +47,7 @@ class FoundLump:
 
 
 def found_lump(kind: str, estimate: Estimate | None, probe_map: ProbeMap | None) -> FoundLump | None:
-    """The lump of a stroke whose card is of this kind (`phrases.verdict`); None where it tells of none.
-
-    No model tells width or place across yet: one that does is read here.
-    """
+    """The lump of a stroke whose card is of this kind (`phrases.verdict`); None where it tells of none."""
     if kind not in ("lump", "outside") or estimate is None or estimate.d_mm is None:
         return None
     if probe_map is None or probe_map.fit is None:
@@ -59,6 +56,8 @@ def found_lump(kind: str, estimate: Estimate | None, probe_map: ProbeMap | None)
         along_mm=probe_map.fit.centre_mm,
         d_mm=estimate.d_mm,
         columns_mm=_edges(probe_map.columns),
+        across_mm=estimate.place_mm,
+        width_mm=estimate.width_mm,
         sure=kind == "lump",
     )
 

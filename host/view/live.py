@@ -8,6 +8,8 @@ from collections import deque
 from pathlib import Path
 
 from firmware_py import messages
+from palpate.across.documents import Documents
+from palpate.across.follower import Follower
 from palpate.errors import LinkError, PortAmbiguous, PortMissing, RecordingError, VersionMismatch
 from palpate.link.devices import resolve
 from palpate.link.events import Frame as LinkFrame
@@ -17,6 +19,7 @@ from palpate.link.probe import Probe
 from palpate.link.reference import Reference
 from palpate.link.scale import CellScale
 from palpate.link.source import EventSource
+from palpate.model_export.schema import ModelSpec
 from palpate.recording.channels import MARK_PREFIX
 from palpate.recording.replay import CALIBRATION, MODEL
 from palpate.recording.writer import RecordingWriter
@@ -41,10 +44,13 @@ class LiveSource:
     ----------
     port : str
         A device path, `COM5`, `socket://HOST:PORT`, a serial number, or `auto`.
+    document : ModelSpec, optional
+        Of the probe's model, where it is none that comes with Palpate.
     """
 
-    def __init__(self, port: str) -> None:
+    def __init__(self, port: str, document: ModelSpec | None = None) -> None:
         self.name = port
+        self._documents = Documents(document)
         self._port = port
         self._recorder = LiveRecorder()
         self._probe: Probe | None = None
@@ -112,6 +118,7 @@ class LiveSource:
         probe.stop_stream()
         try:
             done = flash(probe, image)
+            self._documents.learn(image)
         finally:
             probe.start_stream()
         self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", describe(probe, probe.scale)))
@@ -163,8 +170,9 @@ class LiveSource:
             stop.wait(RETRY_S)
 
     def _follow(self, probe: Probe, emit: Emit, stop: threading.Event) -> None:
-        translator = Translator(CellScale())
-        translator.scale.load(probe.read_back(messages.READ_CALIBRATION))
+        translator = Translator(CellScale(), follower := Follower(self._documents))
+        follower.meet(probe)
+        translator.scale.load(follower.calibration)
         probe.reference()  # it may have been taken before this page was opened
         device = describe(probe, translator.scale)
         self.name = device.serial or self._port
@@ -190,7 +198,8 @@ class LiveSource:
                     latency.restart()
                     gone_at = None if event.ended else time.monotonic()
                     if event.ended:
-                        translator.scale.load(probe.read_back(messages.READ_CALIBRATION))
+                        follower.meet(probe)
+                        translator.scale.load(follower.calibration)
                         probe.reference()
                         emit(
                             LinkChanged(LinkState.CONNECTED, "Connected.", describe(probe, translator.scale))

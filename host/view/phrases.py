@@ -129,9 +129,11 @@ def card(
 
     if kind in ("lump", "outside"):
         row("d_mm", "Diameter", "mm", estimate.d_mm)
+        row("width_mm", "Width across", "mm", estimate.width_mm)
         if estimate.t_mm is not None and estimate.d_mm is not None and (h := estimate.h) is not None:
             row("depth_mm", "Depth", "mm", depth_mm(estimate.t_mm, estimate.d_mm, h))
             out["rows"][-1]["beside"] = {"label": "h", "value": h.value, "low": h.low, "high": h.high}
+        row("place_mm", "Place across", "mm", estimate.place_mm)
         row("t_mm", "Tissue thickness", "mm", estimate.t_mm)
         for name, interval in estimate.further.items():
             row(name, WORDS[name][:1].upper() + WORDS[name][1:], SHOWN_UNITS[name], interval)

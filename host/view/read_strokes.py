@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from palpate.across.documents import Documents
+from palpate.across.follower import Follower
 from palpate.link import events as link
 from palpate.link.scale import CellScale
+from palpate.model_export.schema import ModelSpec
 from palpate.recording.playback import open_recording
 from palpate.recording.reader import Recording
-from palpate.recording.replay import CALIBRATION
+from palpate.recording.replay import CALIBRATION, MODEL
 from palpate.view.assemble import Assembler
 from palpate.view.stroke import Stroke
 from palpate.view.translate import Translator
@@ -22,7 +25,14 @@ def calibration(recording: Recording) -> CellScale:
     return scale
 
 
-def load_strokes(path: Path) -> list[Stroke]:
+def follower_of(recording: Recording, document: ModelSpec | None = None) -> Follower:
+    """Tells width and place across of a recording's strokes."""
+    documents = Documents(document)
+    documents.learn(recording.attachment(MODEL) or b"")
+    return Follower(documents, recording.attachment(CALIBRATION) or b"")
+
+
+def load_strokes(path: Path, document: ModelSpec | None = None) -> list[Stroke]:
     """All strokes of a recording.
 
     Raises
@@ -31,7 +41,7 @@ def load_strokes(path: Path) -> list[Stroke]:
         The file is not a readable recording; the text says why.
     """
     with open_recording(path) as session:
-        translator = Translator(calibration(session.recording))
+        translator = Translator(calibration(session.recording), follower_of(session.recording, document))
         assembler = Assembler(lambda t: Stroke(number=0, visit=0, started_s=t))
         strokes: list[Stroke] = []
         for event in session.events():

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from palpate.link import events as link
 from palpate.link.scale import CellScale
+from palpate.model_export.schema import ModelSpec
 from palpate.recording.channels import MARK_PREFIX
 from palpate.recording.playback import RecordedSession, open_recording
 from palpate.recording.reader import Recording
@@ -21,7 +22,7 @@ from palpate.view.assemble import Assembler
 from palpate.view.events import Device, Health, Jumped, LinkChanged, LinkState, Mark, Playback
 from palpate.view.lanes import lane_of
 from palpate.view.live import describe
-from palpate.view.read_strokes import calibration, feed
+from palpate.view.read_strokes import calibration, feed, follower_of
 from palpate.view.source import Emit
 from palpate.view.stroke import Stroke
 from palpate.view.translate import Translator
@@ -38,6 +39,8 @@ class ReplaySource:
     Parameters
     ----------
     path : Path
+    document : ModelSpec, optional
+        Of the recorded model, where it is none that comes with Palpate.
 
     Raises
     ------
@@ -45,8 +48,9 @@ class ReplaySource:
         The file is not there or not a recording.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, document: ModelSpec | None = None) -> None:
         self.path = path
+        self._document = document
         self.name = path.name
         self._recording = Recording(path)
         self._lock = threading.Lock()
@@ -110,7 +114,8 @@ class ReplaySource:
             loader.join()
 
     def _load(self, session: RecordedSession, scale: CellScale, emit: Emit, stop: threading.Event) -> None:
-        translator, assembler = Translator(scale), Assembler(lambda t: Stroke(number=0, visit=0, started_s=t))
+        translator = Translator(scale, follower_of(self._recording, self._document))
+        assembler = Assembler(lambda t: Stroke(number=0, visit=0, started_s=t))
         first_ns: int | None = None
         for event in session.events():
             if stop.is_set():

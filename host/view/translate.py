@@ -7,12 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from firmware_py import outputs, status
+from palpate.across.follower import Follower
 from palpate.link import events as link
+from palpate.link.answer import Span
 from palpate.link.scale import CellScale
 from palpate.recording.channels import MARK_PREFIX
 from palpate.view.events import KNOWN, Estimate, Event, Frame, Interval, MapFit, Mark, ProbeMap, StrokeState
+
+if TYPE_CHECKING:
+    from palpate.across.told import AcrossStroke
 
 WARNING_S = 1.5
 """How long a warning (press harder, too fast) stays on the page."""
@@ -22,10 +28,14 @@ _WARNINGS = {"force_low", "force_high", "too_fast"}
 
 
 class Translator:
-    """Link events in, viewer events out; keeps the state of the stroke."""
+    """Link events in, viewer events out; keeps the state of the stroke.
 
-    def __init__(self, scale: CellScale) -> None:
+    With a follower, which gets every event, estimates tell width and place across.
+    """
+
+    def __init__(self, scale: CellScale, follower: Follower | None = None) -> None:
         self.scale = scale
+        self.follower = follower
         self._state = StrokeState(0.0)
         self._warned_s: float | None = None
         self._map_of = (0, 0)
@@ -34,6 +44,8 @@ class Translator:
 
     def feed(self, event: link.Event) -> Iterator[Event]:
         """What one event of the link means for the page."""
+        if self.follower is not None:
+            self.follower.take(event)
         if isinstance(event, link.Frame):
             yield from self._expire(event.time_us * 1e-6)
             if self._held is not None:
@@ -76,7 +88,7 @@ class Translator:
         """Hand on the estimate that waits for its map: it has come, or will not."""
         if self._held is not None:
             held, self._held = self._held, None
-            yield estimate(held)
+            yield estimate(held, None if self.follower is None else self.follower.of(held))
 
     def reset(self) -> None:
         """The link broke: nothing is known of contact or stroke."""
@@ -125,14 +137,20 @@ def probe_map(event: link.TactileMap) -> ProbeMap | None:
     return ProbeMap(tuple(told["x_mm"]), tuple(told["pressure_kPa"]), fit, columns)
 
 
-def estimate(event: link.Estimate) -> Estimate:
-    """The probe's answer with its numbers as intervals."""
+def _interval(span: Span | None) -> Interval | None:
+    return None if span is None else Interval(*span)
+
+
+def estimate(event: link.Estimate, across: AcrossStroke | None = None) -> Estimate:
+    """The probe's answer with its numbers as intervals, and what the host adds across the stroke."""
     said = {name: Interval(**parts) for name, parts in event.outputs.items()}
     known = {name: said.pop(name) for name in KNOWN & said.keys()}
     return Estimate(
         time_s=event.time_us * 1e-6,
         **known,
         further=said,
+        width_mm=_interval(None if across is None else across.width_mm),
+        place_mm=_interval(None if across is None else across.place_mm),
         lump=event.lump,
         hardness=event.hardness,
         in_domain=event.in_domain,

@@ -1,9 +1,12 @@
 // The estimate card: words and numbers from the server, an interval bar with its scale for each number.
 
-const SPANS = { d_mm: 30, depth_mm: 30, t_mm: 40, F_N_per_m: 150 };
+import { COLUMNS, PITCH_MM } from "./array.js";
+
+const SPANS = { d_mm: 30, width_mm: 30, depth_mm: 30, t_mm: 40, F_N_per_m: 150 };
+const SIDE_MM = (COLUMNS * PITCH_MM) / 2; // of a place, to both sides of the face's middle
 const STIFFEST = 1000; // times fat: the end of the scale, and of what the models are for
 
-const number = (v, unit) => (unit === "N/m" ? v.toFixed(0) : v.toFixed(1));
+const number = (v, unit) => (unit === "N/m" ? v.toFixed(0) : v.toFixed(1)).replace("-", "\u2212");
 
 export function element(tag, attributes = {}, ...children) {
   const node = document.createElement(tag);
@@ -48,7 +51,11 @@ function quantity({ key, label, unit, value, low, high, beside }, hero, level) {
   if (hero) {
     row.append(element("dd", { class: "hero" }, element("b", { class: "number" }, number(value, unit)), element("span", {}, unit), interval));
   } else row.append(element("dd", {}, element("b", { class: "number" }, `${number(value, unit)} ${unit}`), " ", interval));
-  row.append(range({ low: low / span, high: high / span, value: value / span, from: "0", to: `${span} ${unit}` }));
+  if (key === "place_mm") {
+    const share = (v) => (v + SIDE_MM) / (2 * SIDE_MM);
+    const ends = { from: number(-SIDE_MM, unit), to: `${SIDE_MM} ${unit}`, marks: [0.5] };
+    row.append(range({ low: share(low), high: share(high), value: share(value), ...ends }));
+  } else row.append(range({ low: low / span, high: high / span, value: value / span, from: "0", to: `${span} ${unit}` }));
   return row;
 }
 

@@ -1,5 +1,6 @@
 // A lump's outline, as far as it is known: its length along the stroke with its interval, and across the stroke its width,
-// or only the columns that felt it, or nothing. Lengths in mm: across from the middle of the face, along as the encoder counts.
+// or only the columns that felt it, or nothing. Where its middle is known across, a line from end to end of that interval goes
+// through it. Lengths in mm: across from the middle of the face, along as the encoder counts.
 
 import { COLUMNS, PITCH_MM } from "./array.js";
 
@@ -11,29 +12,35 @@ const SOFT = "rgb(255 255 255 / 30%)";
 const halves = ([value, low, high]) => ({ value: value / 2, low: low / 2, high: high / 2 });
 
 /**
- * The shape of a lump as the viewer program tells it. `ring`: length and width are known. `strip`: these columns felt it, and
- * its width is not known. `band`: all columns felt it alike, or nobody knows which.
+ * The shape of a lump as the viewer program tells it. `ring`: length, width and place are known. `strip`: these columns felt it,
+ * and how wide it is there is not known. `band`: all columns felt it alike, or nobody knows which.
  */
 export function outline({ along_mm, d_mm, columns_mm, across_mm, width_mm, sure }) {
   const [left, right] = columns_mm ?? [-EDGE_MM, EDGE_MM];
-  const kind = width_mm ? "ring" : columns_mm ? "strip" : "band";
+  const closed = Boolean(width_mm && across_mm);
+  const kind = closed ? "ring" : columns_mm ? "strip" : "band";
   const across = across_mm ? across_mm[0] : (left + right) / 2;
-  const wide = width_mm ? halves(width_mm) : null;
+  const wide = closed ? halves(width_mm) : null;
   const reach = wide ? [across - wide.value, across + wide.value] : [left, right];
-  return { kind, along: along_mm, across, left: reach[0], right: reach[1], long: halves(d_mm), wide, sure };
+  const between = closed ? [across_mm[1], across_mm[2]] : null;
+  return { kind, along: along_mm, across, between, left: reach[0], right: reach[1], long: halves(d_mm), wide, sure };
 }
 
 const digits = (v) => v.toFixed(1).replace("-", "\u2212");
 
 /** The same in words, in parts that may stand on lines of their own. */
-export function words({ d_mm, columns_mm, width_mm, sure }) {
+export function words({ d_mm, columns_mm, across_mm, width_mm, sure }) {
   const long = `${digits(d_mm[0])} mm along (${digits(d_mm[1])} to ${digits(d_mm[2])})`;
   const wide = width_mm
     ? `${digits(width_mm[0])} mm across (${digits(width_mm[1])} to ${digits(width_mm[2])})`
     : columns_mm
       ? `width not known, felt from ${digits(columns_mm[0])} to ${digits(columns_mm[1])} mm`
       : "width not known";
-  return sure ? [long, wide] : [long, wide, "do not rely on it"];
+  const parts = [long, wide];
+  if (across_mm) {
+    parts.push(`middle at ${digits(across_mm[0])} mm across (${digits(across_mm[1])} to ${digits(across_mm[2])})`);
+  }
+  return sure ? parts : [...parts, "do not rely on it"];
 }
 
 /** Draw an outline. toX and toY turn mm across and mm along into places on the canvas. */
@@ -72,11 +79,14 @@ function between({ kind, along, across, left, right, long, wide }, toX, toY) {
 }
 
 /** The lines of an outline, each with its dashes: where the sides are is not known of a strip, and of a band there are none. */
-function strokes({ kind, along, across, left, right, long, wide }, dash, toX, toY) {
+function strokes({ kind, along, across, between, left, right, long, wide }, dash, toX, toY) {
   const path = new Path2D();
   if (kind === "ring") {
     ellipse(path, across, along, wide.value, long.value, toX, toY);
-    return [[path, dash]];
+    const place = new Path2D();
+    place.moveTo(toX(between[0]), toY(along));
+    place.lineTo(toX(between[1]), toY(along));
+    return [[path, dash], [place, [2, 4]]];
   }
   for (const side of [-1, 1]) {
     path.moveTo(toX(left), toY(along + side * long.value));

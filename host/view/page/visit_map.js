@@ -94,7 +94,8 @@ export function scaleTop({ rise }) {
 export function onMap({ lump, lane_mm }) {
   if (!lump) return null;
   const shape = outline(lump);
-  return { ...shape, across: shape.across + lane_mm, left: shape.left + lane_mm, right: shape.right + lane_mm };
+  const between = shape.between?.map((v) => v + lane_mm) ?? null;
+  return { ...shape, across: shape.across + lane_mm, between, left: shape.left + lane_mm, right: shape.right + lane_mm };
 }
 
 const row = (card, key) => card.rows.find((r) => r.key === key);
@@ -124,7 +125,9 @@ export function described({ number, lane_mm, lump, card }) {
   const parts = [`${d.value.toFixed(1)} mm (${d.low.toFixed(1)} to ${d.high.toFixed(1)})`];
   if (depth) parts.push(`${depth.value.toFixed(1)} mm deep`);
   if (card.hardness) parts.push(card.hardness);
-  if (lump && !lump.width_mm) parts.push("width not known");
+  const wide = row(card, "width_mm");
+  if (wide) parts.push(`${wide.value.toFixed(1)} mm across`);
+  else if (lump) parts.push("width not known");
   if (card.kind === "outside") parts.push("do not rely on it");
   return `${who}: ${parts.join(", ")}`;
 }

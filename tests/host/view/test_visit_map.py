@@ -126,7 +126,6 @@ def test_a_lump_felt_by_all_columns_is_a_band_and_one_that_is_not_vouched_for_sa
 
 
 def test_where_width_and_place_across_are_known_the_outline_is_closed(viewer, open_page):
-    """No model tells them yet."""
     page = open_page(viewer(once()))
     lump = (
         "{along_mm: 2, d_mm: [12, 11, 13], columns_mm: [0, 9], across_mm: [5, 4, 6], width_mm: [8, 7, 10],"
@@ -136,7 +135,10 @@ def test_where_width_and_place_across_are_known_the_outline_is_closed(viewer, op
     ring, words = found
     assert ring["kind"] == "ring" and ring["across"] == 5 and (ring["left"], ring["right"]) == (1, 9)
     assert ring["wide"] == {"value": 4, "low": 3.5, "high": 5}
-    assert words == ["12.0 mm along (11.0 to 13.0)", "8.0 mm across (7.0 to 10.0)"]
+    assert ring["between"] == [4, 6]
+    assert words == [
+        "12.0 mm along (11.0 to 13.0)", "8.0 mm across (7.0 to 10.0)", "middle at 5.0 mm across (4.0 to 6.0)",
+    ]  # fmt: skip
 
 
 def test_lifted_off_after_a_stroke_the_image_over_the_lump_is_shown_until_the_next_touch(viewer, open_page):
@@ -386,7 +388,7 @@ def probe(solid, emulated):
 def test_a_solid_lump_beside_the_line_is_drawn_beside_the_line_and_a_cylinder_all_across(
     probe, solid, viewer, open_page
 ):
-    beside_mm = solid[0].strokes.case.offset_mm
+    case = solid[0].strokes.case
     page = open_page(viewer(LiveSource(probe.port)))
     expect(page.locator("#stroke-3")).to_be_visible()
     shapes = []
@@ -395,9 +397,21 @@ def test_a_solid_lump_beside_the_line_is_drawn_beside_the_line_and_a_cylinder_al
         expect(page.locator("#image-note")).to_have_text(f"stroke {number}")
         shapes.append(outline(page))
     right, left, cylinder = shapes
-    assert right["kind"] == "strip" and 0 < right["left"] < beside_mm < right["right"]
-    assert left["kind"] == "strip" and left["left"] < -beside_mm < left["right"] < 0
+    for ring, side in ((right, 1), (left, -1)):
+        assert ring["kind"] == "ring" and ring["sure"]
+        assert ring["between"][0] < side * case.offset_mm < ring["between"][1]
+        assert ring["wide"]["low"] < case.half_axes_mm[1] < ring["wide"]["high"]
+        assert ring["right"] - ring["left"] == pytest.approx(2 * ring["wide"]["value"])
+    assert right["left"] > 0 > left["right"]
     assert cylinder["kind"] == "band"
+    page.locator("#stroke-2").click()
+    place = page.locator('#estimate [data-key="place_mm"]')
+    expect(place).to_contain_text("Place across")
+    expect(place).to_contain_text("\u2212")
+    expect(page.locator('#estimate [data-key="width_mm"]')).to_contain_text("Width across")
+    page.wait_for_function("() => document.querySelector('#image').ariaLabel.includes('mm across (')")
+    page.keyboard.press("l")
+    expect(page.locator("#visit-map-list")).to_contain_text("mm across, ")
 
 
 def test_a_recording_shows_the_map_of_the_visit_that_it_is_of(probe, viewer, open_page, tmp_path):
