@@ -22,7 +22,7 @@ from palpate.regression.conformal import LEVEL, conformal_quantile, fit_sigma, o
 from palpate.regression.probe_model import Polynomial, fit_polynomial
 
 FOLDS = 4
-FEWEST = 12
+FEWEST = 6
 """Strokes over lumps beside the line; of fewer no place can be learnt."""
 
 _ROUNDS = 6

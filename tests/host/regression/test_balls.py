@@ -13,6 +13,7 @@ from palpate.regression.any_tissue import observed
 from palpate.regression.any_tissue.model import OUTPUTS, truth
 from palpate.regression.any_tissue.observed import TissueLump, observe
 from palpate.regression.any_tissue.study import force_map_of
+from palpate.regression.balls import across as across_of_balls
 from palpate.regression.balls import emulator, fit, gaussian_process, lumps, study, training
 from palpate.regression.field.design import LumpStrokes
 from palpate.sim.probe.cells import COLUMN_MM
@@ -155,6 +156,7 @@ def test_the_fit_is_judged_on_lumps_that_neither_emulator_nor_model_has_met(fitt
     # of a dozen lumps: what it promises of many is in docs/accuracy.md
     assert 0.8 < ours["width_covered"] <= 1 and 0.75 < ours["place_covered"] <= ours["place_covered_all"] <= 1
     assert ours["place_error"] < 2.5
+    assert fitted.spec.across is not None
     assert fitted.spec.first is not None and fitted.spec.checks is not None
     assert fitted.missed_targets()  # with so few lumps
     assert len(fitted.tables()) == 5 and fitted.coverage().loc["all", "n"] == ours["n"]
@@ -185,15 +187,19 @@ def test_what_can_be_seen_is_said_by_size_and_depth(kept, fitted):
     assert all(len(row) == len(heads) for row in rows)
 
 
+def strokes(Y, groups, columns, across):
+    n = len(Y)
+    return observed.ObservedInTissue(
+        np.zeros((n, 40)), np.zeros((n, 9)), Y, np.ones(n, bool), groups, columns, across
+    )
+
+
 def part(seed, too_narrow):
     """Estimates of sixty strokes whose intervals are too narrow by this factor."""
     rng = np.random.default_rng(seed)
     n, outputs = 60, len(OUTPUTS)
     Y = rng.uniform(1, 2, (n, len(observed.TRUTH)))
-    seen = observed.ObservedInTissue(
-        np.zeros((n, 40)), np.zeros((n, 9)), Y, np.ones(n, bool), np.arange(n) + 100 * seed,
-        np.zeros((n, 26)), np.zeros((n, 2)),
-    )  # fmt: skip
+    seen = strokes(Y, np.arange(n) + 100 * seed, np.zeros((n, 26)), np.zeros((n, 2)))
     half = np.full((n, outputs), 1.645 * 0.1 / too_narrow)
     y = truth(seen) + 0.1 * rng.standard_normal((n, outputs))
     return training.BallStudy(seen, y, half, rng.random(n) < 0.5, 0.0, np.ones(n, bool))
@@ -207,3 +213,36 @@ def test_intervals_are_as_wide_as_computed_lumps_ask_for_and_no_fold_sets_its_ow
     others = training.width_factors(parts[1:])
     assert others == pytest.approx(2.0, rel=0.3)
     np.testing.assert_allclose(together.half[:60], parts[0].half * others[:, parts[0].hard.astype(int)].T)
+
+
+def shown_nearer_to_the_middle(seed, lumps=60):
+    """Three strokes over each of some lumps up to 10 mm beside the line, whose bumps the columns show at
+    four fifths of that, each in a noise of its own."""
+    rng = np.random.default_rng(seed)
+    off = np.repeat(rng.uniform(0.1, 10.0, lumps), 3)
+    noise = 10 ** rng.uniform(0.5, 2.3, 3 * lumps)
+    bumps = 400 * np.exp(-((COLUMN_MM - 0.8 * off[:, None]) ** 2) / (2 * 4.0**2))
+    columns = bumps + noise[:, None] * rng.standard_normal(bumps.shape)
+    groups = 1000 * seed + np.repeat(np.arange(lumps), 3)
+    Y = np.zeros((3 * lumps, len(observed.TRUTH)))
+    return strokes(Y, groups, columns, np.column_stack([np.zeros(3 * lumps), off])), noise
+
+
+def test_a_place_is_told_where_the_lump_is_and_a_faint_bump_s_less_exactly_than_a_clear_one_s():
+    model = across_of_balls.fit_place([shown_nearer_to_the_middle(seed)[0] for seed in range(4)])
+    assert model.stretch == pytest.approx(1.25, abs=0.02)
+    fresh, noise = shown_nearer_to_the_middle(9, 400)
+    place, half = model.answer(fresh.columns)
+    off = fresh.across[:, 1]
+    inside = np.abs(place - off) <= half
+    assert inside.mean() == pytest.approx(0.9, abs=0.04)
+    faint = noise > np.median(noise)
+    assert inside[faint].mean() > 0.82 and inside[~faint].mean() > 0.82
+    assert np.median(half[faint]) > 2 * np.median(half[~faint])
+
+
+def test_without_lumps_beside_the_line_no_place_is_told():
+    seen, _ = shown_nearer_to_the_middle(1)
+    on_line = replace(seen, across=np.zeros_like(seen.across))
+    assert across_of_balls.fit_place([on_line, on_line]) is None
+    assert "place_error" not in training.judged([part(seed, 1.0) for seed in range(1, 5)]).row("on the line")
