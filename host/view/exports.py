@@ -19,6 +19,7 @@ from palpate.report import stroke_panels, style
 from palpate.sim.probe.cells import PITCH_MM, SHAPE
 from palpate.view.area import Strip
 from palpate.view.events import KNOWN
+from palpate.view.lump_outline import draw_outline, outline_words
 from palpate.view.phrases import NOT_A_DIAGNOSIS
 
 STROKE_KINDS = ("json", "csv", "png", "svg")
@@ -98,7 +99,7 @@ def strip(found: Strip) -> dict[str, Any]:
 
 
 def stroke_figure(detail: dict[str, Any]) -> Figure:
-    """Image at its highest pressure, tactile map with its fit, displacement, and the card's numbers."""
+    """Image at its highest pressure with the lump's outline, map with its fit, displacement, words."""
     figure = style.new(9.0, 5.6)
     axes = figure.subplots(2, 2, width_ratios=(1, 1.15))
     images = detail["images"]
@@ -112,6 +113,8 @@ def stroke_figure(detail: dict[str, Any]) -> Figure:
         )
         shown = stroke_panels.tactile_image(axes[0, 0], pressure, edges, pressure.max(), title)
         figure.colorbar(shown, ax=axes[0, 0], label="kPa", shrink=0.8)
+        if detail["lump"] is not None:
+            draw_outline(axes[0, 0], detail["lump"], images["position_mm"][best])
     x, fit, curve = np.asarray(detail["map"]["x_mm"]), detail["fit"], None
     if fit is not None and x.size:
         fine = np.linspace(x.min(), x.max(), 300)
@@ -119,18 +122,21 @@ def stroke_figure(detail: dict[str, Any]) -> Figure:
     stroke_panels.tactile_map(axes[0, 1], x.tolist(), detail["map"]["pressure_kPa"], curve)
     traces = detail["traces"]
     stroke_panels.displacement(axes[1, 1], traces["position_mm"], traces["displacement_mm"])
-    _words(axes[1, 0], detail["card"], detail["number"])
+    _words(axes[1, 0], detail)
     return figure
 
 
-def _words(ax: Axes, card: dict[str, Any], number: int) -> None:
-    """What the card says."""
+def _words(ax: Axes, detail: dict[str, Any]) -> None:
+    """What the card says, and what is known of the lump across the stroke."""
+    card, lump, number = detail["card"], detail["lump"], detail["number"]
     ax.axis("off")
     lines = [
         f"{r['label']}: {r['value']:.1f} {r['unit']}  ({r['low']:.1f} to {r['high']:.1f})"
         + (f", {b['label']} {b['value']:.2f}" if (b := r.get("beside")) else "")
         for r in card["rows"]
     ]
+    if lump is not None:
+        lines.append(outline_words(lump))
     if card["hardness"]:
         lines.append(f"Stiffness: {card['hardness']}, {card['stiffness_text']}")
     if card["level"]:

@@ -9,6 +9,7 @@ import resource
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from palpate.view.assemble import Assembler
 from palpate.view.events import (  # fmt: skip
@@ -18,6 +19,8 @@ from palpate.view.events import (  # fmt: skip
     LinkState,
     StrokeState,
 )
+from palpate.view.exports import stroke_figure
+from palpate.view.lump_outline import draw_outline
 from palpate.view.page_connection import to_json
 from palpate.view.phrases import card
 from palpate.view.session import Session
@@ -151,3 +154,42 @@ def test_a_recording_that_a_full_disk_ends_is_told_and_what_was_written_is_kept(
     said = [m["text"] for m in page.take() if isinstance(m, dict) and m["type"] == "notice"]
     assert len(said) == 1 and "full" in said[0]
     assert any(b"before" in getattr(r, "data", b"") for _, r in Recording(path).records())
+
+
+def taken_away(bump):
+    """The picture of a stroke: (its image's panel, the panel of words)."""
+    session = Session(mode="live", name="x")
+    for event in stroke(bump, 0.0, 0, 50.0, 1.0, 1):
+        session.on_event(event)
+    (felt,) = session.visits.strokes()
+    image, _, words, _ = stroke_figure(felt.detail()).axes[:4]
+    return image, "\n".join(text.get_text() for text in words.texts)
+
+
+def test_the_picture_of_a_stroke_has_the_lumps_outline_where_the_page_draws_it():
+    """It had none."""
+    image, words = taken_away(Bump(d_mm=12.0, across_mm=8.0, columns=(15, 22)))
+    ends = [line.get_ydata() for line in image.lines if list(line.get_xdata()) == [3.0, 13.5]]
+    sides = [line.get_xdata()[0] for line in image.lines if line.get_xdata()[0] == line.get_xdata()[1]]
+    assert sides == [3.0, 13.5] and len(ends) == 2
+    assert ends[1][0] - ends[0][0] == pytest.approx(12.0) and abs(ends[0][0] + ends[1][0]) / 2 < 3
+    assert len(image.patches) == 2  # between the ends of the interval
+    assert image.get_xlim() == (-19.5, 19.5)
+    assert "Width not known, felt from 3.0 to 13.5 mm across" in words
+
+
+def test_a_lump_that_is_not_vouched_for_has_a_dashed_outline_and_none_has_none():
+    unsure, _ = taken_away(Bump(kind="outside", d_mm=20.0, columns=(0, 26)))
+    assert [line.get_linestyle() for line in unsure.lines] == ["--", "--"] and not unsure.patches
+    none, words = taken_away(Bump(kind="none"))
+    assert not none.lines and "Width" not in words
+
+
+def test_where_the_width_is_known_the_outline_in_the_picture_is_closed():
+    image = Figure().subplots()
+    image.set(xlim=(-19.5, 19.5), ylim=(-12, 12))
+    lump = {"along_mm": 3.0, "d_mm": [10, 9, 11], "columns_mm": [0, 9], "across_mm": [5, 4, 6]}
+    draw_outline(image, lump | {"width_mm": [8, 7, 10], "sure": True}, 1.0)
+    (ring,) = image.lines
+    assert min(ring.get_xdata()) == pytest.approx(1) and max(ring.get_xdata()) == pytest.approx(9)
+    assert min(ring.get_ydata()) == pytest.approx(-3) and max(ring.get_ydata()) == pytest.approx(7)
