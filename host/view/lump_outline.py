@@ -12,12 +12,12 @@ from palpate.sim.probe.cells import PITCH_MM, SHAPE
 
 _EDGE_MM = SHAPE[1] * PITCH_MM / 2
 _END_MM = SHAPE[0] * PITCH_MM / 2
-_LINE = {
+_LINE: dict[str, Any] = {
     "color": "white",
     "lw": 1.4,
     "path_effects": [withStroke(linewidth=3, foreground="black", alpha=0.6), Normal()],
 }
-_SOFT = {"facecolor": "white", "alpha": 0.3, "lw": 0}
+_SOFT: dict[str, Any] = {"facecolor": "white", "alpha": 0.3, "lw": 0}
 
 
 def draw_outline(ax: Axes, lump: dict[str, Any], position_mm: float) -> None:
