@@ -55,8 +55,8 @@ def draw_outline(ax: Axes, lump: dict[str, Any], position_mm: float) -> None:
             ends = along + side * low, along + side * high
             ax.fill([left, right, right, left], np.repeat(ends, 2), **_SOFT)
     if lump["columns_mm"] is not None:
-        for x in (left, right):
-            ax.plot([x, x], [along - long, along + long], ls=(0, (1.5, 3)), **_LINE)
+        for edge in (left, right):
+            ax.plot([edge, edge], [along - long, along + long], ls=(0, (1.5, 3)), **_LINE)
 
 
 def outline_words(lump: dict[str, Any]) -> str:
