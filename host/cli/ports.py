@@ -110,7 +110,12 @@ def _across_lines(across: AcrossStroke | None) -> list[str]:
         return []
     level = f"{100 * across.level:g} % interval"
     spans = (("width across", across.width_mm), ("place across", across.place_mm))
-    return [_number(words, "mm", span, level) for words, span in spans if span is not None]
+    return [_number(words, "mm", _without_minus_zero(span), level) for words, span in spans if span]
+
+
+def _without_minus_zero(span: Span) -> Span:
+    value, low, high = (round(v, 3) + 0.0 for v in span)
+    return value, low, high
 
 
 def _number(words: str, unit: str, span: Span, level: str) -> str:

@@ -73,10 +73,11 @@ class BallStudy(TissueStudy):
         """As of any tissue, and across the stroke: width, relative, and place, mm."""
         out = super().row(words)
         of_width, offset = across_truth(self.seen)
-        if self.width is not None and self.width_half is not None:
+        if self.width is not None:
             error = np.abs(self.width - of_width)
             out["width_r2"] = r_squared(of_width, self.width)
             out["width_error"] = float(np.median(np.expm1(error)))
+        if self.width is not None and self.width_half is not None:
             out["width_covered"] = float((error <= self.width_half).mean())
             out["width_half"] = float(np.median(self.width_half))
         if self.place is not None and self.place_half is not None and (offset > 0).any():

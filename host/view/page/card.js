@@ -6,7 +6,7 @@ const SPANS = { d_mm: 30, width_mm: 30, depth_mm: 30, t_mm: 40, F_N_per_m: 150 }
 const SIDE_MM = (COLUMNS * PITCH_MM) / 2; // of a place, to both sides of the face's middle
 const STIFFEST = 1000; // times fat: the end of the scale, and of what the models are for
 
-const number = (v, unit) => (unit === "N/m" ? v.toFixed(0) : v.toFixed(1)).replace("-", "\u2212");
+const number = (v, unit) => (unit === "N/m" ? v.toFixed(0) : (+v.toFixed(1) || 0).toFixed(1)).replace("-", "\u2212");
 
 export function element(tag, attributes = {}, ...children) {
   const node = document.createElement(tag);

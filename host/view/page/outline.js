@@ -26,7 +26,7 @@ export function outline({ along_mm, d_mm, columns_mm, across_mm, width_mm, sure 
   return { kind, along: along_mm, across, between, left: reach[0], right: reach[1], long: halves(d_mm), wide, sure };
 }
 
-const digits = (v) => v.toFixed(1).replace("-", "\u2212");
+const digits = (v) => (+v.toFixed(1) || 0).toFixed(1).replace("-", "\u2212");
 
 /** The same in words, in parts that may stand on lines of their own. */
 export function words({ d_mm, columns_mm, across_mm, width_mm, sure }) {
