@@ -27,7 +27,7 @@ from rich.table import Table
 from firmware_py import evaluator
 from firmware_py import features as firmware_features
 from palpate.model_export import image_builder
-from palpate.model_export.fixed_point import accuracy, compiler, sampling
+from palpate.model_export.fixed_point import accuracy, compiler, force_map, sampling
 from palpate.model_export.schema import ModelSpec
 from palpate.model_export.signing import slh_sign
 from palpate.model_export.source import emit
@@ -38,11 +38,11 @@ from tests.benchmarks.evaluator_script import CHECK, SETUP
 from tests.benchmarks.peers import emlearn_c, regressions
 from tests.firmware_py.stages import recorded
 from tests.model_export import synthetic
+from tests.model_export.flashing import a_force_map
 
 VECTORS = 20
 TURNS = 40
 HEAP = 1 << 18
-FORCE_MAP = 392
 
 
 def timed(files: dict[str, bytes]) -> dict[str, float]:
@@ -83,7 +83,7 @@ def size_of_mpy(*names: str) -> int:
 
 def race(console: Console, spec: ModelSpec, title: str) -> dict[str, float]:
     """Print the contenders' table for one model; microseconds an estimate."""
-    key, data = signed_image(spec, bytes(FORCE_MAP) if spec.kind == "field" else None)
+    key, data = signed_image(spec, force_map.blob(a_force_map()) if spec.kind == "field" else None)
     rows = np.round(sampling.in_domain(spec, VECTORS) * compiler.Q24).astype(int).tolist()
     modules = {
         "palpate_model": emit.emit_mpy(spec),

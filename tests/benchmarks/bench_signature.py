@@ -20,10 +20,9 @@ from rich.console import Console
 from rich.table import Table
 
 from firmware_py import slh_dsa, status
+from palpate import models as bundled
 from palpate.model_export.exporter import export
-from palpate.model_export.schema import ModelSpec
 from palpate.model_export.signing import keys, slh_sign
-from palpate.models import FIELD
 from palpate.sim.probe import node
 from palpate.sim.probe.scripts import FIRMWARE, run_micropython, stage
 from tests.model_export import synthetic
@@ -111,7 +110,7 @@ def main() -> None:
         models = {
             "thesis": synthetic.model("thesis"),
             "field": synthetic.model("field"),
-            "field, the one that comes with Palpate": ModelSpec.load(FIELD),
+            **{f"{name}, comes with Palpate": bundled.load(name) for name in bundled.NAMES},
         }
         images = {f"{name}, {len(spec.terms)} terms": export(spec, home)[0] for name, spec in models.items()}
     sizes = Table("model", "its part, B", "signature, B", "image, B", title="Signed images")

@@ -89,6 +89,14 @@ def main() -> None:
     if "--peer" in sys.argv:
         peer()
         return
+    heads = (
+        "lump",
+        "a stroke",
+        "each of two forces, with a press-in ramp",
+        "floor: ten partial factorisations",
+    )
+    print("| " + " | ".join((*heads, "stroke / floor", "nodes", "factorisations", "iterations")) + " |")
+    print("|---" * (len(heads) + 4) + "|", flush=True)
     for words, code in CASES:
         case, settings = Case.from_code(code), Settings()
         simulate(case, settings)
@@ -104,13 +112,13 @@ def main() -> None:
             bare.append(floor.cpu_s())
         a, b, c = map(statistics.median, (alone, together, bare))
         print(
-            f"{words}: {a:.1f} CPU s a stroke, {b:.1f} each of two forces with a ramp; "
-            f"{len(floor.positions)} partial factorisations {c:.1f} (stroke over floor {a / c:.1f}); "
-            f"{stroke.nodes} nodes, {stroke.factorisations} factorisations, "
-            f"{stroke.iterations.sum()} iterations",
+            f"| `{code}`, {words} | {a:.1f} | {b:.1f} | {c:.1f} | {a / c:.1f} | {stroke.nodes:,} | "
+            f"{stroke.factorisations} | {stroke.iterations.sum()} |",
             flush=True,
         )
-    print(f"largest memory of the process {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
+    print(
+        f"\nlargest memory of the process {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB"
+    )
 
 
 if __name__ == "__main__":

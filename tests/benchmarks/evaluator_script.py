@@ -24,7 +24,7 @@ for row in rows:
         x[i] = v
     full.append(x)
 short = [array('i', row) for row in rows]
-out = array('i', [0] * 18)
+out = array('i', [0] * evaluator.OUT_SIZE)
 probe = pipeline.Pipeline(calib.Calibration())
 
 def nothing():
@@ -101,7 +101,7 @@ apart = 0.0
 if generated:
     for x, y in zip(short, full):
         code = model.evaluate(y, out)
-        for j, v in enumerate(generated.estimate(x)[: 0 if code else 15]):  # no lump: zeros
+        for j, v in enumerate(generated.estimate(x)[: 0 if code else evaluator.FLAGS]):  # no lump: zeros
             apart = max(apart, abs(out[j] / 1e6 - v) / max(abs(v), .1))
 print(json.dumps([allocated, apart]))
 """
