@@ -20,14 +20,15 @@ _MAIN = """
 #include "model.h"
 static const float inputs[%d][%d] = {%s};
 int main(void) {
-    float out[5];
+    float out[OUTPUTS];
     struct timespec a, b;
     for (int i = 0; i < %d; i++) {
-        model_regress(inputs[i], %d, out, 5);
-        printf("%%.9g %%.9g %%.9g %%.9g %%.9g\\n", out[0], out[1], out[2], out[3], out[4]);
+        model_regress(inputs[i], %d, out, OUTPUTS);
+        for (int j = 0; j < OUTPUTS; j++) printf("%%.9g ", out[j]);
+        printf("\\n");
     }
     clock_gettime(CLOCK_MONOTONIC, &a);
-    for (int r = 0; r < 200000; r++) model_regress(inputs[r %% %d], %d, out, 5);
+    for (int r = 0; r < 200000; r++) model_regress(inputs[r %% %d], %d, out, OUTPUTS);
     clock_gettime(CLOCK_MONOTONIC, &b);
     printf("%%.9g\\n", ((b.tv_sec - a.tv_sec) * 1e9 + (b.tv_nsec - a.tv_nsec)) / 200000);
     return 0;
@@ -36,7 +37,7 @@ int main(void) {
 
 
 def native(spec: ModelSpec, vectors: int) -> tuple[float, float] | str:
-    """What emlearn makes of the five regressions over the monomials (a network of identities), natively.
+    """What emlearn makes of the regressions over the monomials (a network of identities), natively.
 
     Returns (microseconds for the sums alone, worst error against float64), or why there is none. emlearn
     makes C, which the WASM port cannot load: it is compiled for this machine.
@@ -49,13 +50,13 @@ def native(spec: ModelSpec, vectors: int) -> tuple[float, float] | str:
     if shutil.which("cc") is None:
         return "there is no C compiler here"
     rng = np.random.default_rng(1)
-    terms = spec.terms[1:]
-    network = MLPRegressor(hidden_layer_sizes=(5,), activation="identity", max_iter=1)
+    terms, outputs = spec.terms[1:], len(spec.outputs)
+    network = MLPRegressor(hidden_layer_sizes=(outputs,), activation="identity", max_iter=1)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        network.fit(rng.normal(size=(50, len(terms))), rng.normal(size=(50, 5)))
-    network.coefs_ = [np.array([o.coefficients[1:] for o in spec.outputs]).T, np.eye(5)]
-    network.intercepts_ = [np.array([o.coefficients[0] for o in spec.outputs]), np.zeros(5)]
+        network.fit(rng.normal(size=(50, len(terms))), rng.normal(size=(50, outputs)))
+    network.coefs_ = [np.array([o.coefficients[1:] for o in spec.outputs]).T, np.eye(outputs)]
+    network.intercepts_ = [np.array([o.coefficients[0] for o in spec.outputs]), np.zeros(outputs)]
     features = sampling.in_domain(spec, vectors)
     z = (np.clip(features, spec.clip_lo, spec.clip_hi) - spec.centre) / spec.scale
     inputs = reference.monomials(z, terms)
@@ -69,7 +70,16 @@ def native(spec: ModelSpec, vectors: int) -> tuple[float, float] | str:
                 name="model", file="model.h"
             )
         (folder / "main.c").write_text(_MAIN % (n, k, rows, n, k, n, k))
-        command = ["cc", "-O2", "-o", "main", "main.c", "-lm", f"-I{emlearn.includedir}"]
+        command = [
+            "cc",
+            "-O2",
+            f"-DOUTPUTS={outputs}",
+            "-o",
+            "main",
+            "main.c",
+            "-lm",
+            f"-I{emlearn.includedir}",
+        ]
         subprocess.run(command, cwd=folder, check=True, capture_output=True)
         said = subprocess.run([str(folder / "main")], check=True, capture_output=True, text=True).stdout
     lines = said.splitlines()

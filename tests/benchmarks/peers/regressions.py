@@ -1,6 +1,6 @@
 """The model as other tools write it in Python: floats by hand, m2cgen's with its glue (emlearn_c.py has C).
 
-"Values" are the five outputs; "whole" is values, intervals, domain, hardness and force range. All of
+"Values" are the outputs; "whole" is values, intervals, domain, hardness and force range. All of
 them begin with the features as the firmware has them, integers in Q24, hold them to the clip box and hold
 the predictions to their ends, as the model says. The float tables leave out the ranges that the model is for.
 """
@@ -32,17 +32,17 @@ def whole(x):
             p *= z[i]
         m.append(p)
     ys = []
-    for j in range(5):
+    for j in range(len(COEFFICIENTS)):
         c = COEFFICIENTS[j]
         y = 0.0
         for k in range(len(m)):
             y += c[k] * m[k]
         ys.append(min(max(y, YLO[j]), YHI[j]))
-    values = [math.exp(ys[j]) if LN[j] else ys[j] for j in range(5)]
+    values = [math.exp(ys[j]) if LN[j] else ys[j] for j in range(len(COEFFICIENTS))]
     hard = values[4] < HARD
     s_in = [1.0] + z + ys
     out = []
-    for j in range(5):
+    for j in range(len(COEFFICIENTS)):
         c = SIGMA[j]
         s = 0.0
         for k in range(len(s_in)):
@@ -115,6 +115,7 @@ class _M2cgen:
     def __init__(self, spec: ModelSpec) -> None:
         self.spec = spec
         self.n = len(spec.features)
+        self.outputs = range(len(spec.outputs))
         self.ln = [o.link == "ln" for o in spec.outputs]
         self.ends = _ends(spec)
 
@@ -146,7 +147,7 @@ class _M2cgen:
             yield from _clipped("v", spec.clip_lo[i], spec.clip_hi[i])
             yield f"    z{i} = (v - {spec.centre[i]!r}) / {spec.scale[i]!r}"
         yield f"    m = [{', '.join(' * '.join(f'z{i}' for i in term) for term in spec.terms[1:])}]"
-        for j in range(5):
+        for j in self.outputs:
             yield f"    y{j} = score{j}(m)"
             yield from _clipped(f"y{j}", *self.ends[j])
 
@@ -164,17 +165,17 @@ class _M2cgen:
     def values(self) -> Iterator[str]:
         yield "def values(x):"
         yield from self.predictions()
-        yield f"    return {', '.join(self.linked(f'y{j}', j) for j in range(5))}"
+        yield f"    return {', '.join(self.linked(f'y{j}', j) for j in self.outputs)}"
 
     def estimate(self) -> Iterator[str]:
         spec = self.spec
         features = ", ".join(f"z{i}" for i in range(self.n))
         yield "def estimate(x):"
         yield from self.predictions()
-        yield from (f"    v{j} = {self.linked(f'y{j}', j)}" for j in range(5))
+        yield from (f"    v{j} = {self.linked(f'y{j}', j)}" for j in self.outputs)
         yield f"    hard = v4 < {spec.hard_below!r}"
-        yield f"    m = [{features}, y0, y1, y2, y3, y4]"
-        for j in range(5):
+        yield f"    m = [{features}, {', '.join(f'y{j}' for j in self.outputs)}]"
+        for j in self.outputs:
             soft, hard = spec.interval.quantiles[j]
             lo, hi = self.ends[j]
             yield f"    w{j} = math.exp(spread{j}(m)) * ({hard!r} if hard else {soft!r})"
@@ -199,7 +200,7 @@ class _M2cgen:
             if far:
                 yield f"    if {' or '.join(far)}:"
                 yield "        inside = False"
-        all_of_it = ", ".join(f"v{j}, l{j}, h{j}" for j in range(5))
+        all_of_it = ", ".join(f"v{j}, l{j}, h{j}" for j in self.outputs)
         yield f"    force = {spec.force_range[0]!r} <= v0 <= {spec.force_range[1]!r}"
         yield f"    return {all_of_it}, inside, h4 < {spec.hard_below!r}, l4 >= {spec.hard_below!r}, force, d"
 
