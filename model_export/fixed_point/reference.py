@@ -20,14 +20,14 @@ def monomials(z: np.ndarray, terms: tuple[Term, ...]) -> np.ndarray:
     return out
 
 
-def standardised(spec: ModelSpec, features: np.ndarray) -> np.ndarray:
-    """Features (n x len(spec.features)) as the polynomials take them: clipped, centred, scaled."""
-    return (np.clip(features, spec.clip_lo, spec.clip_hi) - np.array(spec.centre)) / np.array(spec.scale)
+def standardised(of: ModelSpec | FirstStage, features: np.ndarray) -> np.ndarray:
+    """Features (n x len(of.features)) as the polynomials take them: clipped, centred, scaled."""
+    return (np.clip(features, of.clip_lo, of.clip_hi) - np.array(of.centre)) / np.array(of.scale)
 
 
 def estimates(first: FirstStage, features: np.ndarray) -> np.ndarray:
     """The first stage's values (n x estimates) for features (n x len(first.features)), in its order."""
-    z = (np.clip(features, first.clip_lo, first.clip_hi) - np.array(first.centre)) / np.array(first.scale)
+    z = standardised(first, features)
     y = monomials(z, first.terms) @ np.array([e.coefficients for e in first.estimates]).T
     return np.clip(y, [e.lo for e in first.estimates], [e.hi for e in first.estimates])
 

@@ -108,7 +108,7 @@ export function drawCard(box, card, { gone = false, mode = "live", model = null 
   const sure = card.kind === "lump" || card.kind === "none"; // of other strokes nobody knows how often it holds
   const level = sure && card.level ? `${Math.round(card.level * 100)} % interval` : "interval";
   const rows = card.rows.map((row) => quantity(row, row.key === "d_mm", level));
-  if (card.hardness) rows.splice(Math.min(2, rows.length), 0, stiffness(card));
+  if (card.hardness) rows.splice(card.rows.findIndex((row) => row.key === "depth_mm") + 1 || rows.length, 0, stiffness(card));
   box.append(...rows);
   const foot = element("p", { class: "foot" });
   if (sure && card.level && card.rows.length) foot.append(`Each interval holds the truth ${Math.round(card.level * 100)} times in 100. `);
