@@ -19,7 +19,7 @@ from palpate.report import stroke_panels, style
 from palpate.sim.probe.cells import PITCH_MM, SHAPE
 from palpate.view.area import Strip
 from palpate.view.events import KNOWN
-from palpate.view.lump_outline import draw_outline, outline_words
+from palpate.view.lump_outline import draw_outline, felt_across
 from palpate.view.phrases import NOT_A_DIAGNOSIS
 
 STROKE_KINDS = ("json", "csv", "png", "svg")
@@ -135,8 +135,8 @@ def _words(ax: Axes, detail: dict[str, Any]) -> None:
         + (f", {b['label']} {b['value']:.2f}" if (b := r.get("beside")) else "")
         for r in card["rows"]
     ]
-    if lump is not None:
-        lines.append(outline_words(lump))
+    if lump is not None and lump["width_mm"] is None:  # else the card's rows have it
+        lines.append(felt_across(lump))
     if card["hardness"]:
         lines.append(f"Stiffness: {card['hardness']}, {card['stiffness_text']}")
     if card["level"]:

@@ -59,11 +59,8 @@ def draw_outline(ax: Axes, lump: dict[str, Any], position_mm: float) -> None:
             ax.plot([edge, edge], [along - long, along + long], ls=(0, (1.5, 3)), **_LINE)
 
 
-def outline_words(lump: dict[str, Any]) -> str:
-    """What is known of it across the stroke."""
-    if lump["width_mm"] is not None:
-        value, low, high = lump["width_mm"]
-        return f"Width {value:.1f} mm ({low:.1f} to {high:.1f})"
+def felt_across(lump: dict[str, Any]) -> str:
+    """What is known of it across the stroke where no model tells its width."""
     if lump["columns_mm"] is None:
         return "Width not known"
     left, right = lump["columns_mm"]
