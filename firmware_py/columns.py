@@ -3,15 +3,26 @@
 Each column's tactile map is compared with the bump found in their mean. Columns are used from the
 best one outwards for as long as they show at least half of it; unless the bump stands out from the
 columns' own scatter, and is clearly smaller elsewhere, all are used.
+
+Where a hand presses harder the image grows sideways: the columns at the edge gain more than their part of
+the force, those in the middle less. In some columns' rows that would be a bump; `even_out` takes it out.
 """
 
 from firmware_py import fixed, geometry
 
 _exp = fixed.exp
+_ln = fixed.ln
+_mul = fixed.mul
 
 COLS = geometry.COLUMNS
 CLEAR = 6  # the best column must rise this many times the scatter above the columns that see nothing
 NEARLY_ALL = COLS * 11 // 13
+_ROWS = geometry.ROWS
+FEWEST = 8  # bins beside the lump
+_BESIDE_UM = 16000  # from so far off the lump the images tell what the force does to the columns' share
+_LEAST = 2048  # of a bin's image, Q5 counts: less is no contact
+_LEAN = 16777  # .001: with squares of ln force that add up to this the slope leans half way to none
+_NONE = 0x3FFFFFFF
 
 
 def make_bump(points, centre, stdev, bump):
@@ -111,3 +122,56 @@ def choose(answer, out, span):
     span[0] = a
     span[1] = b
     return best
+
+
+def even_out(x_um, n, place_um, rows, part, force, mean):
+    """Take out of some columns' rows (n images) what the hand's force makes of their share of it.
+
+    The logarithm of the share goes as that of the force. The slope is seen off the lump, by least squares
+    that lean to no slope where the force hardly changes.
+
+    part[k]: the k-th image's sum over these columns, which is overwritten; force[k]: over all; mean: of all.
+    """
+    of_mean = _ln(mean)
+    used = 0
+    middle = 0
+    level = 0
+    for k in range(n):
+        if part[k] > _LEAST and force[k] > _LEAST:
+            part[k] = _ln(part[k]) - _ln(force[k])
+            if beside(x_um[k] - place_um):
+                used += 1
+                middle += (_ln(force[k]) - of_mean) >> 6
+                level += part[k] >> 6
+        else:
+            part[k] = _NONE
+    if used < FEWEST:
+        return
+    middle = middle // used << 6
+    level = level // used << 6
+    square = _LEAN
+    product = 0
+    for k in range(n):
+        if part[k] != _NONE and beside(x_um[k] - place_um):
+            u = held(_ln(force[k]) - of_mean - middle)
+            square += _mul(u, u)
+            product += _mul(u, held(part[k] - level))
+    slope = fixed.ratio(product, square)
+    for k in range(n):
+        if part[k] != _NONE:
+            v = held(_mul(slope, held(_ln(force[k]) - of_mean)))
+            v = _exp(-v, 13)
+            for i in range(_ROWS * k, _ROWS * k + _ROWS):
+                rows[i] = rows[i] * v >> 11
+
+
+def beside(x_um):
+    """Whether a place is well off the lump."""
+    return not -_BESIDE_UM < x_um < _BESIDE_UM
+
+
+def held(v):
+    """Within +-.5, Q24."""
+    if v > 0x800000:
+        return 0x800000
+    return v if v > -0x800000 else -0x800000

@@ -10,7 +10,18 @@
 
 from array import array
 
-from firmware_py import bins, calib, columns, feature_chain, gauss, geometry, press, status, stuck, traces
+from firmware_py import (
+    bins,
+    calib,
+    columns,
+    feature_chain,
+    gauss,
+    geometry,
+    press,
+    status,
+    stuck,
+    traces,
+)
 
 POINTS = feature_chain.POINTS
 HALF_UM = feature_chain.HALF_UM
@@ -202,4 +213,5 @@ class Pipeline(feature_chain.Chain):
             return False
         # the force stays that of all columns: a hand presses on the whole face
         sum_rows(cells, self._slot, self.n, span[0], span[1], self._rows, self._work)
+        columns.even_out(self._x, self.n, self._place, self._rows, self._work, self._force, self.force)
         return True

@@ -126,7 +126,7 @@ def compute(
         answer = bump @ maps / (bump @ bump)
         span = steps.choose_columns(answer)
         if span != (0, geometry.COLUMNS):
-            image, depth = moved(p[:, :, span[0] : span[1]].mean(2))
+            image, depth = moved(steps.evened_out(p[:, :, span[0] : span[1]].mean(2), x - middle, force))
             y, fit = fitted(image)
     pressed = press_features.curves(*press, calibration) if press else np.empty((0, 4))
     found = _features(x, image, depth, middle + fit.centre, fit, float(force.mean()), pressed)

@@ -170,3 +170,31 @@ def choose_columns(answer: Floats) -> tuple[int, int]:
     if len(far) >= 4 and far.mean() * 3 > peak:
         return every
     return a, b
+
+
+def evened_out(rows: Floats, beside_mm: Floats, force: Floats) -> Floats:
+    """Some columns' rows (n, rows) without what the hand's force makes of their share of it.
+
+    Parameters
+    ----------
+    beside_mm : (n,)
+        How far each image lies from the lump.
+    force : (n,)
+        Each image's sum over all columns, as a mean over them.
+    """
+    part = rows.sum(1)
+    seen = (part > _LEAST_SUM) & (force > _LEAST_SUM)
+    off = seen & (np.abs(beside_mm) >= _BESIDE_MM)
+    if off.sum() < columns.FEWEST:
+        return rows
+    share = np.log(np.where(seen, part / force, 1.0))
+    press = np.log(np.where(seen, force, 1.0) / force.mean())
+    u = np.clip(press - press[off].mean(), -0.5, 0.5)[off]
+    slope = u @ np.clip(share - share[off].mean(), -0.5, 0.5)[off] / (u @ u + _LEAN)
+    out: Floats = rows * np.where(seen, np.exp(-np.clip(slope * press, -0.5, 0.5)), 1.0)[:, None]
+    return out
+
+
+_LEAST_SUM = 2048 / 32 * geometry.COUNT_MPA / 1e6
+_BESIDE_MM, _LEAN = 16.0, 1e-3
+"""As in `firmware_py.columns`."""

@@ -44,11 +44,16 @@ def read_rim(directory: Path) -> list[TissueLump]:
 
 
 def without_lump(lump: TissueLump) -> TissueLump:
-    """Strokes over the same tissue where it is plain: all along they feel what they feel where they begin."""
+    """Strokes over the same tissue where it is plain: all along they feel what they feel where they begin.
+
+    The images are made alike fore and aft: what is left in them of a large lump ahead would else turn round
+    in the middle of the stroke, which is a bump.
+    """
     plain = []
     for stroke in lump.strokes.strokes:
         n = len(stroke.positions_mm)
-        image, depth = np.repeat(stroke.images_kPa[:1], n, axis=0), np.repeat(stroke.displacement_mm[:1], n)
+        first = (stroke.images_kPa[:1] + stroke.images_kPa[:1, ::-1]) / 2
+        image, depth = np.repeat(first, n, axis=0), np.repeat(stroke.displacement_mm[:1], n)
         plain.append(felt(stroke.case, stroke.positions_mm, depth, image))
     return TissueLump(LumpStrokes(tuple(plain)), lump.press)
 
