@@ -116,8 +116,8 @@ class Numbers:
         return "\n\n".join(of_rich(table) for table in (held_out, flags, pairs, cover))
 
     def _balls(self) -> str:
-        held_out, cover, _, pairs, _ = fit("tests/sim/tissue/data", "field", progress=tell).tables()
-        return "\n\n".join(of_rich(table) for table in (held_out, pairs, cover))
+        held_out, cover, flags, pairs, _ = fit("tests/sim/tissue/data", "field", progress=tell).tables()
+        return "\n\n".join(of_rich(table) for table in (held_out, flags, pairs, cover))
 
     def _balls_study(self) -> str:
         lumps = read_lumps(Path("tests/sim/tissue/data"))
