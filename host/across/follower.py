@@ -8,6 +8,7 @@ from firmware_py import calib, forcemap, messages, pipeline, status
 from palpate.across.documents import Documents
 from palpate.link.events import Estimate, Event, Features, Frame, Gap, StrokeState
 from palpate.recording.presses import Presses
+from palpate.recording.push import push
 
 if TYPE_CHECKING:
     from palpate.across.told import AcrossStroke
@@ -91,13 +92,7 @@ class Follower:
             return None
         p = _Pipeline(calibration)
         p.press_is_whole = press is not None
-        p.begin_press()
-        for frame in press or ():
-            p.add_press(frame.packed, frame.displacement_um)
-        p.reset()
-        for frame in frames:
-            p.add_frame(frame.packed, frame.position_um, frame.displacement_um)
-        code = p.finish(_force_map(spec))
+        code = push(p, frames, _force_map(spec), press)
         return p if code == status.OK else None
 
     def _forget(self) -> None:

@@ -21,6 +21,7 @@ from palpate.link.events import Estimate, Features, Frame, StrokeState
 from palpate.recording.channels import CALIBRATION, MODEL
 from palpate.recording.playback import open_recording
 from palpate.recording.presses import Presses
+from palpate.recording.push import push
 from palpate.recording.reader import Recording
 
 if TYPE_CHECKING:
@@ -136,13 +137,7 @@ class Replayer:
             if reference is not None and first.refers and _met_reference(said):
                 first.set(*reference)
         p = self._pipeline
-        p.begin_press()
-        for frame in press or ():
-            p.add_press(frame.packed, frame.displacement_um)
-        p.reset()
-        for frame in frames:
-            p.add_frame(frame.packed, frame.position_um, frame.displacement_um)
-        code = p.finish(self._force_map)
+        code = push(p, frames, self._force_map, press)
         code, flags, level, distance, values = answer(code, self.model, p.features, self._out)
         own = Estimate(
             said.host_ns,
