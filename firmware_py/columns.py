@@ -160,9 +160,9 @@ def even_out(x_um, n, place_um, rows, part, force, mean):
     for k in range(n):
         if part[k] != _NONE:
             v = held(_mul(slope, held(_ln(force[k]) - of_mean)))
-            v = _exp(-v, 13)
+            v = _exp(-v, 0) - 0x1000000
             for i in range(_ROWS * k, _ROWS * k + _ROWS):
-                rows[i] = rows[i] * v >> 11
+                rows[i] += _mul(rows[i], v)
 
 
 def beside(x_um):

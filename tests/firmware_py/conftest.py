@@ -45,5 +45,5 @@ def map_blob(fitted_map):
 
 @pytest.fixture
 def replay(map_blob):
-    """The compiled pipeline with the force map."""
-    return Replay(map_blob)
+    """The compiled pipeline with the force map; bins for strokes longer than a board has room for."""
+    return Replay(map_blob, n_bins=64)

@@ -93,6 +93,19 @@ def _choose(random, total):
         yield array("i", answer.astype(int).tolist()), array("i", bytes(104)), array("i", bytes(8))
 
 
+def _even_out(random, total):
+    for _ in range(total):
+        n = int(random.integers(2, 25))
+        x_um = array("i", np.cumsum(random.integers(500, 4500, n)).tolist())
+        force = _words(random, n, -5000, 2_097_137, "i")
+        level = int(random.integers(1, 2_097_137))
+        if random.random() < 0.5:  # a hand that wanders by a tenth
+            force = array("i", (level * random.uniform(0.9, 1.1, n)).astype(int).tolist())
+        part = array("i", (np.array(force) * random.uniform(-0.1, 1.2, n)).astype(int).tolist())
+        rows = _words(random, 16 * n, -2000, 131_072, "i")
+        yield x_um, n, int(random.integers(0, 60_000)), rows, part, force, level
+
+
 def _mend(random, total):
     for _ in range(total):
         n = int(random.integers(2, 5))
@@ -138,6 +151,7 @@ _MAKERS = {
     "columns.make_bump": _bump,
     "columns.respond": _respond,
     "columns.choose": _choose,
+    "columns.even_out": _even_out,
     "stuck.mend": _mend,
     "stuck.full": _full,
 }
