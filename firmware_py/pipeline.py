@@ -10,18 +10,7 @@
 
 from array import array
 
-from firmware_py import (
-    bins,
-    calib,
-    columns,
-    feature_chain,
-    gauss,
-    geometry,
-    press,
-    status,
-    stuck,
-    traces,
-)
+from firmware_py import bins, calib, columns, feature_chain, gauss, geometry, press, status, stuck, traces
 
 POINTS = feature_chain.POINTS
 HALF_UM = feature_chain.HALF_UM

@@ -7,7 +7,6 @@ training set. The document, model.json, is the one that the user names, or one t
 from __future__ import annotations
 
 from contextlib import suppress
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from firmware_py import messages, model_image
@@ -64,8 +63,3 @@ class Documents:
 
 _LENGTH = 8
 """Where an image's head says how long it is."""
-
-
-def read(path: Path) -> ModelSpec:
-    """The document of a file, or one that comes with Palpate by its name."""
-    return models.load(str(path)) if str(path) in models.NAMES and not path.exists() else ModelSpec.load(path)

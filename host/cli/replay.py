@@ -9,6 +9,7 @@ import click
 
 from palpate.cli.output import json_option, note, print_json
 from palpate.cli.ports import STRANGE, document_option, estimate_lines, fat_option
+from palpate.cli.real import load_model
 from palpate.errors import RecordingError, ReplayDiffers
 from palpate.files import read_whole
 from palpate.first_time import announce
@@ -35,7 +36,7 @@ def command(
       palpate stream --strokes 1 --record visit.mcap
       palpate replay visit.mcap
     """
-    from palpate.across.documents import Documents, read
+    from palpate.across.documents import Documents
     from palpate.model_export.image_builder import inspect
     from palpate.recording.channels import MODEL
     from palpate.recording.reader import Recording
@@ -43,7 +44,7 @@ def command(
 
     image = read_whole(model, "model image") if model is not None else None
     opened = Recording(recording)
-    named = None if document is None else read(document)
+    named = None if document is None else load_model(document)
     documents = Documents(named)
     documents.learn(image or opened.attachment(MODEL) or b"")
     if documents.strange:

@@ -21,6 +21,7 @@ from palpate.cli.ports import (
     port_option,
     tell_damage,
 )
+from palpate.cli.real import load_model
 from palpate.errors import CommandTimeout, LinkError
 
 if TYPE_CHECKING:
@@ -77,12 +78,12 @@ def command(
       palpate stream --strokes 3 --record visit.mcap
       palpate stream --port socket://localhost:7624 --strokes 1 --json
     """
-    from palpate.across.documents import Documents, read
+    from palpate.across.documents import Documents
     from palpate.across.follower import Follower
     from palpate.link.events import Gap
     from palpate.recording.session import both_counts, recorded
 
-    follower = Follower(Documents(None if document is None else read(document)))
+    follower = Follower(Documents(None if document is None else load_model(document)))
     quiet = as_json or json_lines
     estimates: list[dict[str, Any]] = []
     counts: dict[str, int] = {}

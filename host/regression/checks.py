@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from palpate.features.map_features import Floats
 from palpate.model_export.schema import Estimate, FirstStage
 from palpate.regression.conformal import out_of_fold
-from palpate.regression.probe_model import Polynomial, fit_polynomial, standardised
+from palpate.regression.probe_model import Polynomial, fit_polynomial, floats, stage_of, standardised
 from palpate.regression.ridge import Term, all_terms, fit_ridge, importance, monomials
 
 Groups = NDArray[np.int64]
@@ -76,20 +76,8 @@ def fit_checks(
         border = np.quantile(unseen[: len(X), 0], 1 - false_alarms)
         coefficients = fit(A, y[:, None], g).coefficients[:, 0] * _SIZE
         coefficients[terms.index(())] -= border * _SIZE
-        estimates.append(Estimate(kind, -1.0, 1.0, _floats(coefficients)))
-    return FirstStage(
-        features=part,
-        centre=_floats(known.centre),
-        scale=_floats(known.scale),
-        clip_lo=_floats(known.clip_lo),
-        clip_hi=_floats(known.clip_hi),
-        terms=terms,
-        estimates=tuple(estimates),
-    )
-
-
-def _floats(values: Floats) -> tuple[float, ...]:
-    return tuple(map(float, values))
+        estimates.append(Estimate(kind, -1.0, 1.0, floats(coefficients)))
+    return stage_of(known, estimates)
 
 
 def _together(X: Floats, groups: Groups, other: Floats, their: Groups) -> tuple[Floats, Floats, Groups]:

@@ -18,7 +18,17 @@ from numpy.typing import NDArray
 from firmware_py import features as firmware_features
 from firmware_py import model_image, outputs
 from palpate.features.map_features import Floats
-from palpate.model_export.schema import OUTPUTS, Domain, FirstStage, Interval, Limit, ModelSpec, Output
+from palpate.model_export.schema import (
+    OUTPUTS,
+    Domain,
+    Estimate,
+    FirstStage,
+    Interval,
+    Joining,
+    Limit,
+    ModelSpec,
+    Output,
+)
 from palpate.regression.conformal import Widths
 from palpate.regression.domain import DomainCheck
 from palpate.regression.ridge import STRENGTHS, Term, fit_ridge, monomials
@@ -136,6 +146,28 @@ def standardised(X: Floats) -> Floats:
     return _shape((), X, (), np.empty(0), np.empty(0)).standard(X)
 
 
+def stage_of(model: Polynomial, estimates: Sequence[Estimate], joining: Joining | None = None) -> FirstStage:
+    """These estimates of the model's features as the part of a document that compiles to a stage."""
+    return FirstStage(
+        features=model.names,
+        centre=floats(model.centre),
+        scale=floats(model.scale),
+        clip_lo=floats(model.clip_lo),
+        clip_hi=floats(model.clip_hi),
+        terms=model.terms,
+        estimates=tuple(estimates),
+        joining=joining,
+    )
+
+
+def estimates_of(model: Polynomial, names: Sequence[str]) -> tuple[Estimate, ...]:
+    """The model's outputs under these names."""
+    return tuple(
+        Estimate(name, float(low), float(high), floats(coefficients))
+        for name, low, high, coefficients in zip(names, model.lo, model.hi, model.coefficients.T)
+    )
+
+
 def spec_of(
     kind: str,
     model: Polynomial,
@@ -174,23 +206,23 @@ def spec_of(
         probe=model_image.PROBE.decode(),
         features_version=features_version([n for n in names if n in firmware_features.NAMES]),
         features=model.names,
-        centre=_floats(model.centre),
-        scale=_floats(model.scale),
-        clip_lo=_floats(model.clip_lo),
-        clip_hi=_floats(model.clip_hi),
+        centre=floats(model.centre),
+        scale=floats(model.scale),
+        clip_lo=floats(model.clip_lo),
+        clip_hi=floats(model.clip_hi),
         terms=model.terms,
         outputs=outputs,
         interval=Interval(
             widths.level,
             widths.terms,
-            tuple(_floats(c) for c in widths.coefficients.T),
+            tuple(floats(c) for c in widths.coefficients.T),
             tuple((float(a), float(b)) for a, b in widths.quantiles),
         ),
         domain=Domain(
-            _floats(np.maximum(domain.lo, model.clip_lo)),
-            _floats(np.minimum(domain.hi, model.clip_hi)),
-            _floats(domain.centre),
-            tuple(_floats(row) for row in domain.precision),
+            floats(np.maximum(domain.lo, model.clip_lo)),
+            floats(np.minimum(domain.hi, model.clip_hi)),
+            floats(domain.centre),
+            tuple(floats(row) for row in domain.precision),
             domain.threshold,
             _ranges(model, domain),
             domain.margin,
@@ -259,5 +291,6 @@ def training_hash(*arrays: Floats) -> str:
     return digest.hexdigest()
 
 
-def _floats(values: Floats) -> tuple[float, ...]:
+def floats(values: Floats) -> tuple[float, ...]:
+    """As a document holds them."""
     return tuple(map(float, values))

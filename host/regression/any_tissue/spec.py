@@ -6,11 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 from palpate.model_export import model_data
-from palpate.model_export.schema import Across, Estimate, FirstStage, ModelSpec
-from palpate.regression.any_tissue.model import ESTIMATES, PRESS, TissueModel
+from palpate.model_export.schema import Across, FirstStage, ModelSpec
+from palpate.regression.any_tissue.model import ESTIMATES, TissueModel
 from palpate.regression.any_tissue.observed import FORCE_N_PER_M
 from palpate.regression.any_tissue.reference import Joining
-from palpate.regression.probe_model import Polynomial, spec_of
+from palpate.regression.probe_model import Polynomial, estimates_of, floats, spec_of, stage_of
 
 
 def tissue_spec(
@@ -40,21 +40,6 @@ def tissue_spec(
 
 def first_stage(press: Polynomial, joining: Joining) -> FirstStage:
     """Estimates of `model.ESTIMATES` from the press's features."""
-    ends = zip(press.lo, press.hi)
-    return FirstStage(
-        features=PRESS,
-        centre=tuple(map(float, press.centre)),
-        scale=tuple(map(float, press.scale)),
-        clip_lo=tuple(map(float, press.clip_lo)),
-        clip_hi=tuple(map(float, press.clip_hi)),
-        terms=press.terms,
-        estimates=tuple(
-            Estimate(name, float(low), float(high), tuple(map(float, press.coefficients[:, j])))
-            for j, (name, (low, high)) in enumerate(zip(ESTIMATES, ends))
-        ),
-        joining=model_data.Joining(
-            tuple(map(float, joining.weights)),
-            tuple(tuple(map(float, row[: j + 1])) for j, row in enumerate(joining.triangle)),
-            float(joining.limit),
-        ),
-    )
+    triangle = tuple(floats(row[: j + 1]) for j, row in enumerate(joining.triangle))
+    part = model_data.Joining(floats(joining.weights), triangle, float(joining.limit))
+    return stage_of(press, estimates_of(press, ESTIMATES), part)

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from palpate.features.across import places
 from palpate.features.map_features import Floats
-from palpate.model_export.schema import Across, Estimate, FirstStage
+from palpate.model_export.schema import Across
 from palpate.regression.any_tissue.observed import ObservedInTissue
 from palpate.regression.conformal import LEVEL, conformal_quantile, fit_sigma, out_of_fold
-from palpate.regression.probe_model import Polynomial, fit_polynomial
+from palpate.regression.probe_model import Polynomial, estimates_of, fit_polynomial, floats, stage_of
 
 FOLDS = 4
 FEWEST = 6
@@ -138,19 +138,6 @@ def _fitted(seen: Sequence[tuple[Floats, Floats]], true: Sequence[Floats]) -> Pl
 
 def across_of(width: WidthModel, place: PlaceModel) -> Across:
     """Both as the part of the document that the host reads."""
-    of = width.polynomial
-    stage = FirstStage(
-        features=of.names,
-        centre=_floats(of.centre),
-        scale=_floats(of.scale),
-        clip_lo=_floats(of.clip_lo),
-        clip_hi=_floats(of.clip_hi),
-        terms=of.terms,
-        estimates=(Estimate("ln_width", float(of.lo[0]), float(of.hi[0]), _floats(of.coefficients[:, 0])),),
-    )
+    stage = stage_of(width.polynomial, estimates_of(width.polynomial, ("ln_width",)))
     first, exponent = map(float, place.spread)
-    return Across(LEVEL, stage, _floats(width.spread), place.stretch, (first, exponent))
-
-
-def _floats(values: Floats) -> tuple[float, ...]:
-    return tuple(map(float, values))
+    return Across(LEVEL, stage, floats(width.spread), place.stretch, (first, exponent))
