@@ -25,7 +25,7 @@ from palpate.view.source import Source
 from tests.host.view.chromium import CHROMIUM_OPTIONS, chromium
 from tests.host.view.synthetic import Bump, SyntheticSource
 from tests.host.view.test_layout import SIZES
-from tests.host.view.waiting import PATIENCE_S, recording_begun, settled
+from tests.host.view.waiting import PATIENCE_S, eventually, recording_begun, settled
 
 LUMP = Bump(d_mm=12.1, h=0.71, base_kPa=3.6, amp_kPa=1.1, stdev_mm=4.2, E_inv23=0.13)
 UNSURE = Bump(d_mm=11.8, h=0.69, base_kPa=3.6, amp_kPa=1.1, stdev_mm=4.2, E_inv23=0.2, hardness="unsure")
@@ -42,11 +42,11 @@ class Stage:
         self.folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
 
     def page(self, source: Source, mode: str = "live", **options) -> Page:
-        viewer = self.stack.enter_context(
+        self.viewer = self.stack.enter_context(
             Viewer(source, mode=mode, recordings=self.folder, fat_kPa=10.0, **options)
         )
         page = self.browser.new_page(viewport={"width": 1280, "height": 800}, color_scheme=self.scheme)  # type: ignore[arg-type]
-        page.goto(viewer.url)
+        page.goto(self.viewer.url)
         return page
 
 
@@ -71,6 +71,7 @@ def strokes(stage: Stage) -> Iterator[Shown]:
     expect(page.locator("#visit-map")).to_have_attribute("data-strips", "1 2 3")
     yield "map-in-order", page
     page.locator("#lanes-told").check()
+    eventually(lambda: stage.viewer.session.visits.lanes.told)
     source.bumps, source.limit = (
         [replace(LUMP, across_mm=11.0, columns=(17, 24)), Bump(kind="none", base_kPa=3.6)],
         5,
