@@ -22,6 +22,8 @@ LATTICE_OF_LOCAL = (2 * ElementHex2.doflocs).astype(int) @ np.array([1, 3, 9])
 
 _CORE = 0.5
 _BULGE = 0.12
+_OUTWARDS = 1.5
+"""Shells round the lump thicken outwards by this power: what is round a hard lump bends most beside it."""
 
 
 @dataclass(frozen=True)
@@ -147,7 +149,7 @@ def _fill_box(grid: SolidGrid, lines: list[Floats], outer_id: Ints) -> tuple[Flo
         core_xyz[..., 2] = ball_xyz[..., 2] = box_xyz[..., 2]
 
     layers = [core_xyz + (ball_xyz - core_xyz) * (k / (2 * grid.inner)) for k in range(2 * grid.inner)]
-    layers += [ball_xyz + (box_xyz - ball_xyz) * (k / (2 * grid.outer)) for k in range(2 * grid.outer)]
+    layers += [ball_xyz + (box_xyz - ball_xyz) * share for share in _outwards(grid.outer)]
     count = outer_id.max() + 1
     core_id = count + np.arange(box_id.size).reshape(box_id.shape)
     count += core_id.size
@@ -172,6 +174,12 @@ def _fill_box(grid: SolidGrid, lines: list[Floats], outer_id: Ints) -> tuple[Flo
             shell = np.broadcast_to(np.arange(patches.shape[0])[:, None, None], patches.shape[:3])
             lump.append((shell < grid.inner).ravel())
     return np.concatenate(nodes), np.concatenate(elements), np.concatenate(lump)
+
+
+def _outwards(shells: int) -> Floats:
+    """How far nodes lie from the lump's surface to its box, the box's own left out: shells thicken outwards."""
+    borders = (np.arange(shells + 1) / shells) ** _OUTWARDS
+    return np.stack([borders[:-1], (borders[:-1] + borders[1:]) / 2], -1).ravel()
 
 
 def _inner_layers(grid: SolidGrid) -> slice:
