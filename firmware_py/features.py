@@ -13,7 +13,7 @@ _mul = fixed.mul
 _window = profile.window
 
 # raised when features are added; what was there keeps its place and its meaning, so older models go on
-FEATURES_VERSION = 2
+FEATURES_VERSION = 3
 NAMES = (
     "ln_base",  # ln(Base / kPa)
     "ln_amp",  # ln(Amp / kPa), Amp at least Base / 512
@@ -55,8 +55,11 @@ NAMES = (
     "press_share_half",
     "press_share_full",
     "base_share",  # ln_base - ln_force: with moduli and forces all times the same it stays
+    "press_outer_quarter",  # outer columns' pressure / image mean
+    "press_outer_half",
+    "press_outer_full",
 )
-COUNT = const(40)
+COUNT = const(43)
 # where each stands in the vector: their places in NAMES; a test holds them equal
 _LN_BASE = const(0)
 _LN_AMP = const(1)
@@ -88,8 +91,9 @@ _EDGE_FAR = const(26)
 _LN_PEAK = const(27)
 _TILT_15_19 = const(28)
 _TILT_20_24 = const(29)
-PRESS = const(30)  # the nine of the press; those before it are version 1's
+PRESS = const(30)  # the first nine of the press; those before it are version 1's
 _BASE_SHARE = const(39)
+PRESS_OUTER = const(40)  # three more of the press, version 3's
 # and of the Gaussian's parameters (gauss.py)
 _BASE = const(0)
 _AMP = const(1)
@@ -220,10 +224,16 @@ def spread(q, low, high, total):
     return ((_ln(s) - _ln((total if total > 1024 else 1024) >> 4) + LN_SPREAD) >> 1) + LN_HALF_PITCH
 
 
+def of_press(i):
+    """Whether feature i is one of the press."""
+    return PRESS <= i < _BASE_SHARE or PRESS_OUTER <= i < COUNT
+
+
 def no_press(out):
     """Mark the press's features as absent."""
-    for i in range(PRESS, _BASE_SHARE):
-        out[i] = ABSENT
+    for i in range(PRESS, COUNT):
+        if i != _BASE_SHARE:
+            out[i] = ABSENT
 
 
 def finish(force, count_mpa, out):

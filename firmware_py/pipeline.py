@@ -18,6 +18,7 @@ _ROWS = geometry.ROWS
 _COLUMNS = geometry.COLUMNS
 _CELLS = geometry.CELLS
 _SUM_SHIFT = feature_chain.SUM_SHIFT
+_OUTER = max(1, 4500 // geometry.PITCH_UM)  # columns at either side: 4.5 mm of the face
 _TOGETHER = feature_chain.PLACES // POINTS  # columns whose maps lie in memory at a time
 
 
@@ -111,9 +112,11 @@ class Pipeline(feature_chain.Chain):
         return status.OK
 
     def look(self, packed, at=0):
-        """The rows of the packed frame at packed[at:], Q5 counts, in memory that the next look writes over.
+        """The image of the packed frame at packed[at:], in memory that the next look writes over.
 
-        Before a stroke only: no stroke is in the bins as long as the probe is pressed, so the first is lent.
+        ROWS + 1 numbers, Q5 counts: the rows, and what they would add up to if all columns were as the outer
+        ones. Before a stroke only: no stroke is in the bins as long as the probe is pressed, so the first is
+        lent.
         """
         b = self.bins
         c = self.calibration
@@ -123,7 +126,13 @@ class Pipeline(feature_chain.Chain):
         calib.calibrate_bins(
             b.cells, self._slot, 1, b.count, c.offset, c.gain, c.fill, c.fills, self._exact, self._force
         )
-        return self._exact
+        image = self._exact
+        total = self._small
+        sum_rows(b.cells, self._slot, 1, 0, _OUTER, self._work, total)
+        image[_ROWS] = total[0]
+        sum_rows(b.cells, self._slot, 1, _COLUMNS - _OUTER, _COLUMNS, self._work, total)
+        image[_ROWS] = (image[_ROWS] + total[0]) >> 1
+        return image
 
     def _look_at_press(self, force):
         self.press.measure(force, self.calibration.count_mpa, self.features, self._small)

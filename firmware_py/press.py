@@ -1,9 +1,9 @@
-"""The press before a stroke: how deep, how wide and how peaked the image is at parts of the stroke's force.
+"""The press before a stroke: how deep, wide, peaked and far across the image is at parts of its force.
 
 What lies under the skin is told by how these change with the force, and every stroke begins by pressing.
-Of each frame between contact and the start four logarithms are kept: force, depth, width, centre share. When
-the stroke's force is known a weighted parabola in ln F gives the last three at a quarter, at half and at all
-of it. Q24; docs/features.md has the formulas.
+Of each frame between contact and the start are kept the logarithms of force, depth, width and centre share,
+and the outer columns' share. When the stroke's force is known a weighted parabola in ln F gives the last four
+at a quarter, at half and at all of it. Q24; docs/features.md has the formulas.
 """
 
 from array import array
@@ -17,10 +17,11 @@ _mul = fixed.mul
 _ratio = fixed.ratio
 
 MOST = const(32)  # frames that are kept; of a longer press every second, every fourth and so on
-KEPT = const(4)  # numbers of a frame: ln force (Q5 counts), ln depth (mm), ln width (mm), ln centre share
+KEPT = const(
+    5
+)  # of a frame: ln force (Q5 counts), ln depth (mm), ln width (mm), ln centre share, outer share
 FEWEST = const(6)  # frames
-_CURVES = const(3)
-_FIRST = features.PRESS
+_FIRST = tuple(features.PRESS + 3 * i for i in range(3)) + (features.PRESS_OUTER,)  # feature of each curve
 
 # how good the last press was
 GOOD = const(0)
@@ -33,6 +34,7 @@ _LOW_END = -17616077  # -1.05, ln .35: a frame at this part of the force or less
 _HIGH_END = -3355443  # and one at this part or more: -.2, ln .82
 _BENT = const(8388)  # 5e-4: the least mean square of the parabola's own part, else it is no parabola
 _STEEPEST = const(67108864)  # 4: of slope and bend
+_MOST_SHARE = const(33554432)  # 2
 _HALF_LN = const(11629080)  # ln 2
 _LN_1000 = const(115892902)
 _LEAST_UM = const(20)
@@ -53,7 +55,7 @@ _LN_HALF_PITCH = features.LN_HALF_PITCH
 
 
 def look(rows, depth_um, out, at):
-    """The four logarithms of one frame into out[at..]; rows: the image's, Q5 counts."""
+    """The numbers of one frame into out[at..]; rows: the image's, then the outer columns' sum, Q5 counts."""
     total = 0
     middle = 0
     spread = 0
@@ -72,6 +74,10 @@ def look(rows, depth_um, out, at):
     out[at + 1] = _ln(depth_um if depth_um > _LEAST_UM else _LEAST_UM) - _LN_1000
     out[at + 2] = ((_ln(spread) + _LN_SPREAD - of_total) >> 1) + _LN_HALF_PITCH
     out[at + 3] = _ln(middle) - of_total + _LN_SHARE
+    share = _ratio(rows[_ROWS], total)
+    if share > _MOST_SHARE:
+        share = _MOST_SHARE
+    out[at + 4] = share if share > -_MOST_SHARE else -_MOST_SHARE
 
 
 def halve(kept):
@@ -225,7 +231,7 @@ class Press:
         return True
 
     def add(self, rows, depth_um):
-        """Keep a frame: the image's rows, Q5 counts, and the displacement."""
+        """Keep a frame: the image (`Pipeline.look`), and the displacement."""
         if self.n == MOST:
             halve(self.kept)
             self.n = MOST // 2
@@ -235,19 +241,17 @@ class Press:
         self.n += 1
 
     def measure(self, force, count_mpa, out, w):
-        """Fill the nine features of the press, of a stroke with this mean force (sum of an image, Q5 counts).
+        """Fill the features of the press, of a stroke with this mean force (sum of an image, Q5 counts).
 
         Where the press is not GOOD they stay as they are. w: working space of MOST numbers.
         """
         ln_force = _ln(force)
         ln_noise = _ln(_NOISE_MPA // count_mpa)
         self.code = GOOD if spans(self.kept, self.n, ln_force) else NARROW
-        for i in range(_CURVES):
+        for i in range(len(_FIRST)):
             if i < 2 and weigh(self.kept, self.n, ln_force, ln_noise, i == 0, w) < FEWEST:
                 self.code = FEW
-            if self.code == GOOD and not parabola(
-                self.kept, self.n, ln_force, i + 1, w, out, _FIRST + _CURVES * i
-            ):
+            if self.code == GOOD and not parabola(self.kept, self.n, ln_force, i + 1, w, out, _FIRST[i]):
                 self.code = NARROW
         if self.code != GOOD:
             features.no_press(out)

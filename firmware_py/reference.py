@@ -18,7 +18,8 @@ _DYING = const(24)  # frames after it in which the cells still read something
 _AFTER = const(16)  # and that make the zero after them
 _MOST = const(3000)  # frames until somebody has pressed and let up
 _ALONG_UM = const(2000)  # a press does not move along
-_KEPT = _ROWS + 2  # numbers of a frame: its rows, Q5 counts, the displacement, its number
+_IMAGE = _ROWS + 1  # numbers of Pipeline.look
+_KEPT = _IMAGE + 2  # of a frame: its image, Q5 counts, the displacement, its number
 
 
 def takes(model):
@@ -27,7 +28,7 @@ def takes(model):
     if first is None or not len(first.refers):
         return False
     for i in first.ids:
-        if i != stage.LN_FORCE and not features.PRESS <= i < features.PRESS + 9:
+        if i != stage.LN_FORCE and not features.of_press(i):
             return False
     return True
 
@@ -51,7 +52,7 @@ class Taking:
         self._pipeline = pipeline
         self._first = first
         self._frames = 0
-        # sums over frames in the air before and after: rows, displacement, the frames' numbers; then how many
+        # sums over frames in the air before and after: of what is kept of a frame; then how many
         self._before = array("i", bytes(4 * (_KEPT + 1)))
         self._after = array("i", bytes(4 * (_KEPT + 1)))
         self._last = array("i", bytes(4 * _KEPT))  # one that counts once another one in the air has followed
@@ -91,13 +92,14 @@ class Taking:
 
     def _put(self, out, at, packed, displacement_um):
         """A frame into out[at..]; the sum of its rows."""
-        rows = self._pipeline.look(packed)
+        image = self._pipeline.look(packed)
         total = 0
-        for i in range(_ROWS):
-            out[at + i] = rows[i]
-            total += rows[i]
-        out[at + _ROWS] = displacement_um
-        out[at + _ROWS + 1] = self._frames
+        for i in range(_IMAGE):
+            out[at + i] = image[i]
+            if i < _ROWS:
+                total += image[i]
+        out[at + _IMAGE] = displacement_um
+        out[at + _IMAGE + 1] = self._frames
         return total
 
     def _press(self, packed, position_um, displacement_um):
@@ -139,7 +141,7 @@ class Taking:
                 if i < _ROWS:
                     total += work[i]
             top = max(top, total)
-            p.press.add(work, work[_ROWS])
+            p.press.add(work, work[_IMAGE])
         count_mpa = p.calibration.count_mpa
         x = p.features
         p.press.measure(top, count_mpa, x, array("i", bytes(4 * press.MOST)))

@@ -64,11 +64,19 @@ def told(
     if part is None:
         return None
     width = place = None
-    if features is not None and len(features) == firmware_features.COUNT:
-        width = _width(spec, part, np.array([features], float) / FEATURE_ONE)
+    if features is not None and len(features) >= _least_count(spec):
+        known = [*features, *[firmware_features.ABSENT] * (firmware_features.COUNT - len(features))]
+        width = _width(spec, part, np.array([known], float) / FEATURE_ONE)
     if columns is not None and any(columns):
         place = _place(part, columns)
     return AcrossStroke(part.level, width, place)
+
+
+def _least_count(spec: ModelSpec) -> int:
+    """How many features a firmware must send: an older one than this knows fewer."""
+    first = () if spec.first is None else spec.first.features
+    names = {*spec.features, *first} & {*firmware_features.NAMES}
+    return 1 + max(firmware_features.NAMES.index(name) for name in names)
 
 
 def _width(spec: ModelSpec, part: Across, X: np.ndarray) -> Span:

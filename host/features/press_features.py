@@ -5,6 +5,8 @@ Units: mm, kPa, N/m.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -16,7 +18,10 @@ Floats = NDArray[np.float64]
 PARTS = (0.25, 0.5, 1.0)
 """Of the stroke's force: where the press is looked at."""
 
-NAMES = features.NAMES[features.PRESS : features.PRESS + 9]
+OUTER = features.NAMES[features.PRESS_OUTER : features.PRESS_OUTER + 3]
+NAMES = (*features.NAMES[features.PRESS : features.PRESS + 9], *OUTER)
+PLACES = [features.NAMES.index(name) for name in NAMES]
+"""Where these stand among the firmware's."""
 ABSENT = features.ABSENT / 2**24
 """What stands for each where there was no press, or too little of one."""
 
@@ -30,13 +35,21 @@ _WANTED = (-1.05, -0.2)
 
 _LEAST_MM = 0.02
 _BENT = 5e-4
+_MOST_SHARE = 2.0
+_OUTER_MM = 4.5
+"""At either side of the face: how far the outer columns reach in."""
 _MIDDLE = np.abs(ROW_MM) < PITCH_MM * profile.MIDDLE / 2
+
+
+def named(X: Floats, names: Sequence[str]) -> Floats:
+    """The columns of these names, (n, names), of features of the press, (n, NAMES)."""
+    return X[:, [NAMES.index(name) for name in names]]
 
 
 def curves(
     counts: ArrayLike, displacements_mm: ArrayLike, calibration: calib.Calibration | None = None
 ) -> Floats:
-    """ln F, ln D, ln width and ln centre share of each frame, (n, 4).
+    """ln F, ln D, ln width, ln centre share and outer columns' share of each frame, (n, 5).
 
     Parameters
     ----------
@@ -52,42 +65,45 @@ def curves(
     for i in range(0, calibration.fills, 3):
         cell, a, b = calibration.fill[i : i + 3]
         cells[:, cell] = 0.5 * (cells[:, a] + cells[:, b])
-    rows = cells.reshape(-1, geometry.ROWS, geometry.COLUMNS).mean(2)
+    image = cells.reshape(-1, geometry.ROWS, geometry.COLUMNS)
+    rows, outer = image.mean(2), max(1, int(_OUTER_MM / PITCH_MM))
+    sides = image[:, :, np.r_[:outer, geometry.COLUMNS - outer : geometry.COLUMNS]].mean(2).sum(1)
     least = press.LEAST / 2 / 32 * calibration.count_mpa / 1e6
     rows = np.maximum((rows + rows[:, ::-1]) / 2, least)
     total = rows.sum(1)
     width = 0.5 * np.log(rows @ ROW_MM**2 / total)
     share = np.log(rows[:, _MIDDLE].mean(1) / rows.mean(1))
     depth = np.maximum(np.asarray(displacements_mm, float), _LEAST_MM)
-    return np.column_stack([np.log(PITCH_MM * total), np.log(depth), width, share])
+    of_sides = np.clip(sides / total, -_MOST_SHARE, _MOST_SHARE)
+    return np.column_stack([np.log(PITCH_MM * total), np.log(depth), width, share, of_sides])
 
 
 def at_parts(frames: Floats, ln_force: float) -> Floats:
-    """ln D, ln width, ln centre share at `PARTS` of the force, nine numbers, by weighted parabolas in ln F.
+    """What `curves` gives at `PARTS` of the force, by `NAMES`, by weighted parabolas in ln F.
 
     All are `ABSENT` where the press is too short, or its forces do not reach far enough.
 
     Parameters
     ----------
-    frames : (n, 4)
+    frames : (n, 5)
         Of `curves`.
     ln_force : float
         Of the stroke, N/m.
     """
-    frames = np.asarray(frames, float).reshape(-1, 4)
+    frames = np.asarray(frames, float).reshape(-1, 5)
     x = frames[:, 0] - ln_force
     counting = (x >= _COUNTING[0]) & (x <= _COUNTING[1])
     x, frames = x[counting], frames[counting]
     if len(x) < press.FEWEST or x.min() > _WANTED[0] or x.max() < _WANTED[1]:
-        return np.full(9, ABSENT)
+        return np.full(len(NAMES), ABSENT)
     mean_kPa = np.exp(frames[:, 0]) / PITCH_MM / geometry.ROWS
     of_shape = (_SENSOR_KPA / mean_kPa) ** 2 + _MODEL_LN**2
     of_depth = of_shape + np.minimum((_SENSOR_MM / np.exp(frames[:, 1])) ** 2, 4.0)
     A, wanted = np.vander(x, 3), np.vander(np.log(PARTS), 3)
     out = []
-    for values, variance in zip(frames.T[1:], (of_depth, of_shape, of_shape)):
+    for values, variance in zip(frames.T[1:], (of_depth, of_shape, of_shape, of_shape)):
         if not _bent(x, 1 / variance):
-            return np.full(9, ABSENT)
+            return np.full(len(NAMES), ABSENT)
         weight = 1 / np.sqrt(variance)
         best = np.linalg.lstsq(A * weight[:, None], values * weight, rcond=None)[0]
         out.append(wanted @ best)

@@ -98,7 +98,9 @@ def columns(names: Sequence[str]) -> list[int]:
 def features_version(names: Sequence[str]) -> int:
     """The first version of the firmware's features that has all of these: older probes take such a model."""
     newest = max(columns(names))
-    return 1 if newest < firmware_features.PRESS else firmware_features.FEATURES_VERSION
+    if newest < firmware_features.PRESS:
+        return 1
+    return 2 if newest < firmware_features.PRESS_OUTER else firmware_features.FEATURES_VERSION
 
 
 def fit_polynomial(

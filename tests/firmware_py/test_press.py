@@ -12,25 +12,26 @@ from firmware_py import calib, features, geometry, press, status, stroke_state
 from firmware_py import settings as probe_settings
 from palpate.features import pipeline_features, press_features
 from palpate.firmware_twin.replay_core import Replay
+from palpate.sim.probe.cells import PITCH_MM
 from palpate.sim.probe.scripts import run_micropython
 from palpate.sim.probe.sensors import LEVELS, SensorModel
 from tests.firmware_py import checked_int
 
-OF_THE_PRESS = slice(features.PRESS, features.PRESS + 9)
+OF_THE_PRESS = press_features.PLACES
 LN_COUNTS = np.log(32e9 / (geometry.COUNT_MPA * geometry.PITCH_UM))
 """ln F in N/m, and this, is ln of an image's sum in Q5 counts."""
 
 
-def pressed(rows, depths_um, force):
-    """The nine features in integers, and how good the press was; rows (n, 16) in Q5 counts."""
+def pressed(rows, sides, depths_um, force):
+    """The features in integers, and how good the press was; Q5 counts as of `Pipeline.look`."""
     one = press.Press()
     one.begin()
-    for row, depth in zip(rows, depths_um, strict=True):
+    for row, side, depth in zip(rows, sides, depths_um, strict=True):
         if one.due():
-            one.add(checked_int.ints(row), int(depth))
+            one.add(checked_int.ints([*row, side]), int(depth))
     out = checked_int.ints([0] * features.COUNT)
     one.measure(force, geometry.COUNT_MPA, out, checked_int.ints([0] * 64))
-    return np.array(out[OF_THE_PRESS]) / 2**24, one.code
+    return np.array(out)[OF_THE_PRESS] / 2**24, one.code
 
 
 @st.composite
@@ -46,16 +47,25 @@ def presses(draw):
     rows = force[:, None] * full * shape / shape.mean(1, keepdims=True)
     rows += draw(st.floats(-0.1, 0.1)) * full * place
     depths = draw(st.floats(500, 9000)) * force ** draw(st.floats(0.4, 0.9))
-    return np.rint(rows), np.rint(depths), round(full * geometry.ROWS)
+    share = draw(st.floats(0.0, 1.2)) + draw(st.floats(-0.3, 0.3)) * np.log(force)
+    return np.rint(rows), np.rint(share * rows.sum(1)), np.rint(depths), round(full * geometry.ROWS)
+
+
+def with_sides(rows, share):
+    """Images (n, cells) of these rows (n, 16), whose outer columns have this share (n) of their mean."""
+    outer = int(4.5 / PITCH_MM)
+    across = np.ones((len(rows), geometry.COLUMNS))
+    across[:, :outer] = across[:, -outer:] = share[:, None]
+    across[:, outer:-outer] = (geometry.COLUMNS - 2 * outer * share[:, None]) / (geometry.COLUMNS - 2 * outer)
+    return (rows[:, :, None] * across[:, None]).reshape(len(rows), -1)
 
 
 @given(presses())
 @settings(max_examples=300, deadline=None)
 def test_the_integers_say_what_float64_says(one):
-    rows, depths_um, force = one
-    got, code = pressed(rows, depths_um, force)
-    counts = np.repeat(rows / 32, geometry.COLUMNS, axis=1) + geometry.PEDESTAL_COUNTS
-    counts += (calib.PEDESTAL / 8) - geometry.PEDESTAL_COUNTS
+    rows, sides, depths_um, force = one
+    got, code = pressed(rows, sides, depths_um, force)
+    counts = with_sides(rows / 32, sides / rows.sum(1)) + calib.PEDESTAL / 8
     frames = press_features.curves(counts, depths_um / 1e3)
     assert frames[:, 0] + LN_COUNTS == pytest.approx(np.log(rows.sum(1)), abs=1e-2)
     wanted = press_features.at_parts(frames, np.log(force) - LN_COUNTS)
@@ -66,10 +76,10 @@ def test_the_integers_say_what_float64_says(one):
 @given(presses(), st.data())
 @settings(max_examples=50, deadline=None)
 def test_a_press_that_does_not_reach_from_a_quarter_to_all_of_the_force_counts_as_none(one, data):
-    rows, depths_um, force = one
+    rows, sides, depths_um, force = one
     part = rows.sum(1) / force
     missing = data.draw(st.sampled_from([part > 0.36, part < 0.7, np.arange(len(part)) < 5]))
-    got, code = pressed(rows[missing], depths_um[missing], force)
+    got, code = pressed(rows[missing], sides[missing], depths_um[missing], force)
     assert code in (press.NARROW, press.FEW)
     assert (got == press_features.ABSENT).all()
 
@@ -80,8 +90,11 @@ def test_of_a_long_press_frames_are_kept_evenly_from_its_first_to_its_end(n):
     one.begin()
     for k in range(n):
         if one.due():
-            one.add(checked_int.ints([1000] * geometry.ROWS), 1000 + k)
-    seen = np.rint(np.exp(np.array(one.kept[1 : 4 * one.n : 4]) / 2**24) * 1e3).astype(int) - 1000
+            one.add(checked_int.ints([1000] * (geometry.ROWS + 1)), 1000 + k)
+    seen = (
+        np.rint(np.exp(np.array(one.kept[1 : press.KEPT * one.n : press.KEPT]) / 2**24) * 1e3).astype(int)
+        - 1000
+    )
     step = np.diff(seen)
     assert seen[0] == 0 and (step == step[:1]).all()
     assert one.n <= press.MOST and (n < 32 or one.n >= press.MOST // 2)
@@ -100,7 +113,10 @@ def test_no_frames_whatever_lead_out_of_range():
                 shape = (
                     rng.integers(-size, size + 1, geometry.ROWS) if k % 3 else np.full(geometry.ROWS, size)
                 )
-                one.add(checked_int.ints(shape), int(rng.integers(-131_071, 131_072)))
+                one.add(
+                    checked_int.ints([*shape, rng.integers(-16 * size, 16 * size + 1)]),
+                    int(rng.integers(-131_071, 131_072)),
+                )
         out = checked_int.ints([0] * features.COUNT)
         force, unit = int(rng.integers(1, 16 * size + 1)), int(rng.choice([1, 6105, (1 << 24) - 1]))
         one.measure(force, unit, out, checked_int.ints([0] * 64))

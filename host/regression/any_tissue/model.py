@@ -9,7 +9,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py import features
+from palpate.features import press_features
 from palpate.features.map_features import Floats
 from palpate.link import answer
 from palpate.regression.any_tissue.observed import TRUTH, ObservedInTissue, joined
@@ -37,7 +37,8 @@ SCALE_FREE = tuple(n for n in FIELD_FEATURES if n not in ("ln_force", "ln_base")
 PRESS_TERMS, STROKE_TERMS, FOLDS, GROUPS = 50, 200, 4, 4
 """So many that the board has room for both stages; 120 and 340 err by a fiftieth less."""
 _WIDER_H = (1.0, 1.025, 1.05, 1.075, 1.1)
-PRESS = NAMES[features.PRESS : features.PRESS + 9]
+PRESS = tuple(name for name in press_features.NAMES if name not in press_features.OUTER)
+"""In plane strain the outer columns read what the others do."""
 ESTIMATES = ("ln_reach", "ln_t", "ln_layers")
 DEEPEST = "press_d_full"
 """The one of the press that the second stage has too: where there was no press it is outside the domain."""
@@ -73,7 +74,7 @@ class TissueModel:
     def inputs(self, seen: ObservedInTissue, tissue: Floats | None = None) -> Floats:
         """The second stage's features, (n, features), by `input_names`; tissue as in `answer`."""
         if tissue is None and self.with_press:
-            tissue = self.press.predict(seen.press)
+            tissue = self.press.predict(press_features.named(seen.press, self.press.names))
         return _inputs(seen, tissue)
 
     def answer(self, seen: ObservedInTissue, tissue: Floats | None = None) -> TissueAnswers:
@@ -148,16 +149,17 @@ def _candidates(names: tuple[str, ...]) -> tuple[Term, ...]:
     return (*all_terms(min(alone), 2), *cubic, *((k,) for k in alone))
 
 
-def fit_press(train: ObservedInTissue) -> tuple[Polynomial, Floats]:
-    """The first stage, and what it says of each stroke where it has not seen its lump (n, 3)."""
-    T = tissue_truth(train)
-    terms = best_terms(train.press, T, train.group, all_terms(train.press.shape[1], 3), PRESS_TERMS)
+def fit_press(train: ObservedInTissue, names: tuple[str, ...] = PRESS) -> tuple[Polynomial, Floats]:
+    """The first stage of these features, and what it says of each stroke where it has not seen its lump
+    (n, 3)."""
+    T, X = tissue_truth(train), press_features.named(train.press, names)
+    terms = best_terms(X, T, train.group, all_terms(len(names), 3), PRESS_TERMS)
 
     def fit(x: Floats, y: Floats, g: NDArray[np.int64]) -> Callable[[Floats], Floats]:
-        return _fit(PRESS, x, y, g, terms).predict
+        return _fit(names, x, y, g, terms).predict
 
-    guessed = out_of_fold(train.press, T, train.group, fit, FOLDS)
-    return _fit(PRESS, train.press, T, train.group, terms), guessed
+    guessed = out_of_fold(X, T, train.group, fit, FOLDS)
+    return _fit(names, X, T, train.group, terms), guessed
 
 
 def fit_tissue_model(
@@ -165,17 +167,19 @@ def fit_tissue_model(
     with_press: bool = True,
     rim: ObservedInTissue | None = None,
     step: Callable[[str], None] | None = None,
+    press_names: tuple[str, ...] = PRESS,
 ) -> TissueModel:
     """Fit both stages; strokes that show no lump are left out of the second.
 
     `rim`: strokes over lumps just outside the ranges, for the polynomials alone (see `field.model`).
+    `press_names`: the first stage's features.
     """
     step = step or (lambda what: None)
     within = len(train.X)
     if rim is not None:
         train = joined([train, replace(rim, group=-1 - rim.group)])
     # The second stage learns from estimates as good as those it will get: of lumps left out.
-    press, guessed = fit_press(train)
+    press, guessed = fit_press(train, press_names)
     step("press")
     within = int(train.found[:within].sum())
     found = train.take(train.found)

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py import features as firmware_features
 from palpate.errors import UsageError
+from palpate.features import press_features
 from palpate.features.map_features import Floats
 from palpate.features.press_features import ABSENT
 from palpate.firmware_twin.replay_core import Replay
@@ -29,7 +29,6 @@ from palpate.sim.tissue import Case, Stroke, load_strokes
 FAT_KPA = (5.0, 25.0)
 FORCE_N_PER_M = (25.0, 150.0)
 TRUTH = ("ln d", "ln depth", "ln t", "E^-2/3", "ln F/E_fat", "ln F", "ln E_fat", "gland_ratio", "gland_mm")
-_OF_THE_PRESS = slice(firmware_features.PRESS, firmware_features.PRESS + 9)
 
 
 @dataclass(frozen=True)
@@ -48,8 +47,8 @@ class ObservedInTissue:
     ----------
     X : (n, features)
         The stroke's, by the firmware's names.
-    press : (n, 9)
-        Those of X that tell of the press.
+    press : (n, 12)
+        Those of X that tell of the press, by `press_features.NAMES`.
     Y : (n, 9)
         By `TRUTH`; lengths in mm, F in N/m, E_fat in kPa.
     found : (n), bool
@@ -160,7 +159,7 @@ def observe_at(
         stream = sensors.stroke(press=PRESS_FRAMES, pressed=pressed)
         code = replay.stream(stream, sensors.calibration())
         X.append(replay.features())
-        press.append(X[-1][_OF_THE_PRESS])
+        press.append(X[-1][press_features.PLACES])
         case = lump.strokes.case
         Y.append(_truth(case, stream.truth.F_N_per_m, s * case.fat_kPa))
         whole.append(code == 0)

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py import features as firmware_features
 from firmware_py import reference as firmware_reference
 from firmware_py import settings, status, stroke_state
+from palpate.features import press_features
 from palpate.features.map_features import Floats
 from palpate.features.press_features import ABSENT
 from palpate.firmware_twin.replay_core import Replay
@@ -46,7 +46,6 @@ FORCE_PARTS = (0.9, 1.1)
 FALSE_ALARMS = 0.02
 """Share of good references that are called of another place."""
 
-_OF_THE_PRESS = slice(firmware_features.PRESS, firmware_features.PRESS + 9)
 _LN_FORCE = NAMES.index("ln_force")
 
 
@@ -54,7 +53,8 @@ _LN_FORCE = NAMES.index("ln_force")
 class References:
     """One reference for each of n strokes.
 
-    press (n, 9): features, all `press_features.ABSENT` where the probe refused it; ln_force (n): of N/m.
+    press (n, 12): by `press_features.NAMES`, all `press_features.ABSENT` where the probe refused it; ln_force
+    (n): of N/m.
     """
 
     press: Floats
@@ -73,7 +73,8 @@ class References:
         """The same and behind them none, n in all."""
         more = n - len(self.press)
         return References(
-            np.vstack([self.press, np.full((more, 9), ABSENT)]), np.append(self.ln_force, np.zeros(more))
+            np.vstack([self.press, np.full((more, self.press.shape[1]), ABSENT)]),
+            np.append(self.ln_force, np.zeros(more)),
         )
 
     @staticmethod
@@ -133,7 +134,7 @@ def observe_references(
     None is taken where `references` has none of the lump's tissue.
     """
     level, replay = noise_named(noise), Replay()
-    press, ln_force = np.full((len(lumps), 9), ABSENT), np.zeros(len(lumps))
+    press, ln_force = np.full((len(lumps), len(press_features.NAMES)), ABSENT), np.zeros(len(lumps))
     for k, lump in enumerate(lumps):
         pressed = references.get(tissue_of(lump.strokes.case))
         if pressed is None:
@@ -151,7 +152,7 @@ def observe_references(
         replay.pipeline.calibration = sensors.calibration()
         code, x = features_of(sensors.reference(field, float(force), place_mm=float(place)), replay)
         if code == status.OK:
-            press[k], ln_force[k] = x[_OF_THE_PRESS], x[_LN_FORCE]
+            press[k], ln_force[k] = x[press_features.PLACES], x[_LN_FORCE]
     return References(press, ln_force)
 
 
@@ -195,7 +196,7 @@ class Joining:
 
 def said_by(press: Polynomial, references: References, seen: ObservedInTissue) -> Floats:
     """(n, 3): what the references say of the strokes' tissue, at the strokes' forces."""
-    out = press.predict(references.press)
+    out = press.predict(press_features.named(references.press, press.names))
     out[:, 0] += seen.X[:, _LN_FORCE] - references.ln_force
     return out
 
@@ -221,14 +222,14 @@ def out_of_fold_pairs(
     """What press and reference say of each tissue by a stage that has not seen it, (n, 3) each."""
     from palpate.regression.probe_model import fit_polynomial
 
-    T = tissue_truth(train)
+    T, X = tissue_truth(train), press_features.named(train.press, terms_of.names)
     fold = train.group % FOLDS
     own, other = np.zeros_like(T), np.zeros_like(T)
     for k in range(FOLDS):
         fit, test = fold != k, fold == k
         stage_ = fit_polynomial(
-            terms_of.names, train.press[fit], T[fit], train.group[fit], terms_of.terms, T.min(0), T.max(0)
+            terms_of.names, X[fit], T[fit], train.group[fit], terms_of.terms, T.min(0), T.max(0)
         )
-        own[test] = stage_.predict(train.press[test])
+        own[test] = stage_.predict(X[test])
         other[test] = said_by(stage_, references.take(test), train.take(test))
     return own, other

@@ -10,6 +10,7 @@ from math import erf
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.features import press_features
 from palpate.features.map_features import Floats
 from palpate.regression.any_tissue.model import SCALE_FREE, best_terms, fit_press
 from palpate.regression.any_tissue.observed import TRUTH, ObservedInTissue
@@ -64,7 +65,7 @@ class AnywhereModel:
 
     def answer(self, seen: ObservedInTissue) -> AnywhereAnswers:
         """Estimates of every stroke."""
-        X = _inputs(seen, self.press.predict(seen.press))
+        X = _inputs(seen, self.press.predict(press_features.named(seen.press, self.press.names)))
         y = self.lump.predict(X)
         hard = y[:, STIFFNESS] < self.border
         return AnywhereAnswers(y, self.widths.half(self.lump.standard(X), y, hard), hard)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.features import press_features
 from palpate.features.map_features import Floats
 from palpate.regression.any_tissue.model import TissueModel, fit_tissue_model, truth
 from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe
@@ -126,7 +127,7 @@ def emulated_seed(seed: int) -> int:
 
 def train(seen: ObservedInTissue) -> Trained:
     """Fit to emulated strokes."""
-    model = fit_tissue_model(seen, True)
+    model = fit_tissue_model(seen, True, press_names=press_features.NAMES)
     found = seen.take(seen.found)
     width = fit_width(model.stroke, model.inputs(found), found)
     return Trained(model, fit_tissue_model(seen, False), width)

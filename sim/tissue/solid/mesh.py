@@ -177,7 +177,7 @@ def _fill_box(grid: SolidGrid, lines: list[Floats], outer_id: Ints) -> tuple[Flo
 
 
 def _outwards(shells: int) -> Floats:
-    """How far nodes lie from the lump's surface to its box, the box's own left out: shells thicken outwards."""
+    """How far out nodes lie between the lump and its box, 0 to 1, less the box's own."""
     borders = (np.arange(shells + 1) / shells) ** _OUTWARDS
     return np.stack([borders[:-1], (borders[:-1] + borders[1:]) / 2], -1).ravel()
 
