@@ -55,7 +55,7 @@ NAMES = (
     "press_share_half",
     "press_share_full",
     "base_share",  # ln_base - ln_force: with moduli and forces all times the same it stays
-    "press_outer_quarter",  # outer columns' pressure / image mean
+    "press_outer_quarter",  # middle pressure of the outer columns / image mean
     "press_outer_half",
     "press_outer_full",
 )

@@ -10,7 +10,19 @@
 
 from array import array
 
-from firmware_py import bins, calib, columns, feature_chain, gauss, geometry, press, status, stuck, traces
+from firmware_py import (
+    bins,
+    calib,
+    columns,
+    feature_chain,
+    gauss,
+    geometry,
+    press,
+    profile,
+    status,
+    stuck,
+    traces,
+)
 
 POINTS = feature_chain.POINTS
 HALF_UM = feature_chain.HALF_UM
@@ -19,6 +31,8 @@ _COLUMNS = geometry.COLUMNS
 _CELLS = geometry.CELLS
 _SUM_SHIFT = feature_chain.SUM_SHIFT
 _OUTER = max(1, 4500 // geometry.PITCH_UM)  # columns at either side: 4.5 mm of the face
+_MIDDLE = profile.MIDDLE
+_FIRST_MIDDLE = (_ROWS - _MIDDLE) // 2
 _TOGETHER = feature_chain.PLACES // POINTS  # columns whose maps lie in memory at a time
 
 
@@ -114,9 +128,9 @@ class Pipeline(feature_chain.Chain):
     def look(self, packed, at=0):
         """The image of the packed frame at packed[at:], in memory that the next look writes over.
 
-        ROWS + 1 numbers, Q5 counts: the rows, and what they would add up to if all columns were as the outer
-        ones. Before a stroke only: no stroke is in the bins as long as the probe is pressed, so the first is
-        lent.
+        ROWS + 1 numbers, Q5 counts: the rows, and what they would add up to if all cells read as the middle
+        ones of the outer columns do. Before a stroke only: no stroke is in the bins as long as the probe is
+        pressed, so the first is lent.
         """
         b = self.bins
         c = self.calibration
@@ -127,12 +141,18 @@ class Pipeline(feature_chain.Chain):
             b.cells, self._slot, 1, b.count, c.offset, c.gain, c.fill, c.fills, self._exact, self._force
         )
         image = self._exact
-        total = self._small
-        sum_rows(b.cells, self._slot, 1, 0, _OUTER, self._work, total)
-        image[_ROWS] = total[0]
-        sum_rows(b.cells, self._slot, 1, _COLUMNS - _OUTER, _COLUMNS, self._work, total)
-        image[_ROWS] = (image[_ROWS] + total[0]) >> 1
+        outer = self._outer(0) + self._outer(_COLUMNS - _OUTER)
+        image[_ROWS] = outer * _ROWS // (2 * _MIDDLE)
         return image
+
+    def _outer(self, first):
+        """Sum of the middle rows over the outer columns from `first` on."""
+        rows = self._work
+        sum_rows(self.bins.cells, self._slot, 1, first, first + _OUTER, rows, self._small)
+        total = 0
+        for i in range(_FIRST_MIDDLE, _FIRST_MIDDLE + _MIDDLE):
+            total += rows[i]
+        return total
 
     def _look_at_press(self, force):
         self.press.measure(force, self.calibration.count_mpa, self.features, self._small)

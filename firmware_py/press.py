@@ -55,7 +55,7 @@ _LN_HALF_PITCH = features.LN_HALF_PITCH
 
 
 def look(rows, depth_um, out, at):
-    """The numbers of one frame into out[at..]; rows: the image's, then the outer columns' sum, Q5 counts."""
+    """The numbers of one frame into out[at..]; rows: of `Pipeline.look`."""
     total = 0
     middle = 0
     spread = 0

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 
-from palpate.features.press_features import NAMES
 from palpate.model_export.schema import Estimate, FirstStage, Joining, ModelSpec
+from palpate.regression.any_tissue.model import PRESS
 from tests.model_export import synthetic
 
 CENTRE = (-0.27, 0.21, 0.67, 1.19, 1.44, 1.69, 0.85, 0.59, 0.35)
@@ -28,7 +28,7 @@ def model(joining: Joining | None = JOINING) -> ModelSpec:
     lo, hi = (tuple(c + k * s for c, s in zip(CENTRE, SCALE)) for k in (-5.0, 5.0))
     estimates = tuple(Estimate(name, *ENDS[name], line) for name, line in LINES.items())
     terms = ((), *((i,) for i in range(9)))
-    first = FirstStage(NAMES, CENTRE, SCALE, lo, hi, terms, estimates, joining)
+    first = FirstStage(PRESS, CENTRE, SCALE, lo, hi, terms, estimates, joining)
     last = len(field.features) - 3
 
     def with_theirs(values, theirs):

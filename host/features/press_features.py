@@ -67,14 +67,14 @@ def curves(
         cells[:, cell] = 0.5 * (cells[:, a] + cells[:, b])
     image = cells.reshape(-1, geometry.ROWS, geometry.COLUMNS)
     rows, outer = image.mean(2), max(1, int(_OUTER_MM / PITCH_MM))
-    sides = image[:, :, np.r_[:outer, geometry.COLUMNS - outer : geometry.COLUMNS]].mean(2).sum(1)
+    sides = image[:, _MIDDLE][:, :, np.r_[:outer, geometry.COLUMNS - outer : geometry.COLUMNS]].mean((1, 2))
     least = press.LEAST / 2 / 32 * calibration.count_mpa / 1e6
     rows = np.maximum((rows + rows[:, ::-1]) / 2, least)
     total = rows.sum(1)
     width = 0.5 * np.log(rows @ ROW_MM**2 / total)
     share = np.log(rows[:, _MIDDLE].mean(1) / rows.mean(1))
     depth = np.maximum(np.asarray(displacements_mm, float), _LEAST_MM)
-    of_sides = np.clip(sides / total, -_MOST_SHARE, _MOST_SHARE)
+    of_sides = np.clip(sides * geometry.ROWS / total, -_MOST_SHARE, _MOST_SHARE)
     return np.column_stack([np.log(PITCH_MM * total), np.log(depth), width, share, of_sides])
 
 

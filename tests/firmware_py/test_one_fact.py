@@ -51,7 +51,10 @@ def test_a_feature_and_a_parameter_of_the_gaussian_stand_where_their_names_say()
     of_the_press = [name for name in features.NAMES if name.startswith("press_")]
     others = [name for name in features.NAMES if name not in of_the_press]
     places = {name: vars(features)["_" + name.upper()] for name in others}
-    places |= {name: features.PRESS + k for k, name in enumerate(of_the_press)}
+    first = features.PRESS, features.PRESS_OUTER
+    later = [name for name in of_the_press if "_outer_" in name]
+    for at, names in zip(first, ([n for n in of_the_press if n not in later], later)):
+        places |= {name: at + k for k, name in enumerate(names)}
     assert [places[name] for name in features.NAMES] == list(range(features.COUNT))
     assert features._LN2 == gauss._LN2 == gaussfit._LN2 == fixed.LN2
     for module in (features, gaussfit):

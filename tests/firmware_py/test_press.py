@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware_py import calib, features, geometry, press, status, stroke_state
+from firmware_py import calib, features, geometry, press, profile, status, stroke_state
 from firmware_py import settings as probe_settings
 from palpate.features import pipeline_features, press_features
 from palpate.firmware_twin.replay_core import Replay
@@ -65,7 +65,8 @@ def with_sides(rows, share):
 def test_the_integers_say_what_float64_says(one):
     rows, sides, depths_um, force = one
     got, code = pressed(rows, sides, depths_um, force)
-    counts = with_sides(rows / 32, sides / rows.sum(1)) + calib.PEDESTAL / 8
+    middle = rows[:, (geometry.ROWS - profile.MIDDLE) // 2 :][:, : profile.MIDDLE].mean(1)
+    counts = with_sides(rows / 32, sides / geometry.ROWS / middle) + calib.PEDESTAL / 8
     frames = press_features.curves(counts, depths_um / 1e3)
     assert frames[:, 0] + LN_COUNTS == pytest.approx(np.log(rows.sum(1)), abs=1e-2)
     wanted = press_features.at_parts(frames, np.log(force) - LN_COUNTS)

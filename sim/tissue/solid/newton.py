@@ -27,9 +27,8 @@ Singles = NDArray[np.float32]
 
 _GAP_TOLERANCE_MM = 2e-4
 _FORCE_TOLERANCE = 1e-7
-_NODE_SHARE = 0.2
-"""A node bears about this much less of the force than in the plane, so its imbalance must be as much
-smaller."""
+_NODE_SHARE = 2.0
+"""Of the plane's tolerance: a tenth of it takes a third more iterations and moves no pressure by 1e-5 kPa."""
 
 _ROUGH = 1e-3
 

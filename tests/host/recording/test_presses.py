@@ -22,7 +22,7 @@ from palpate.sim.probe.sensors import LEVELS, PRESS_FRAMES, SensorModel, StrokeF
 from tests.firmware_py.strokes import read_strokes
 from tests.host.probes import LUMP
 
-OF_THE_PRESS = slice(features.PRESS, features.PRESS + 9)
+OF_THE_PRESS = press_features.PLACES
 BEFORE = Path(__file__).with_name("before_the_press.mcap")
 """Made by the release before the press was looked at: 16 frames of press, 40 of a stroke."""
 
