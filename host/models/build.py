@@ -36,7 +36,7 @@ from palpate.sim.tissue.solid.stroke import simulate_forces as simulate_solid
 
 MADE: dict[str, dict[str, Any]] = {
     FIELD: {"lumps": 1300, "noise": "typical", "seed": 1},
-    BALLS: {"design": "balls:384:1", "noise": "typical", "seed": 1},
+    BALLS: {"design": "balls:336:1", "noise": "typical", "seed": 1},
     TOLD: {
         "lumps": 1024,
         "rim": 64,

@@ -27,7 +27,7 @@ VARIANTS: dict[str, tuple[dict[str, Any], Settings]] = {
     "layers halved": ({"_WIDEST_LAYER_MM": 2.6, "_LEAST_GAP_MM": 1.0}, Settings()),
     "rows halved": ({"_SKIN_MM": 0.75, "_ROW_GROWTH": 1.8, "_ROW_MM": 4.0}, Settings()),
     "two shells in the lump": ({"inner": 2}, Settings()),
-    "two shells round the lump": ({"outer": 2}, Settings()),
+    "four shells round the lump": ({"outer": 4}, Settings()),
     "tighter tolerance": ({}, Settings(tolerance=1e-7)),
 }
 WHOLE = {"everything halved": ({}, Settings(refine=2))}
