@@ -41,7 +41,7 @@ class Chain:
 
     Attributes
     ----------
-    features : array('i'), see features.NAMES, Q24
+    features : array('i'), see feature_names.NAMES, Q24
     map : array('i') of POINTS, Q11 counts
     fit : array('i'): base, amp (Q11 counts), centre (Q16 mm from the map's first point), stdev (Q16 mm), cost
     span : array('i'): first column used, one after the last

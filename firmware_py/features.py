@@ -1,4 +1,5 @@
-"""Features of a stroke, Q24 each, held at +-(2^29 - 1). The ids are the places in NAMES and stay as they are.
+"""Features of a stroke, Q24 each, held at +-(2^29 - 1). The ids are the places in
+feature_names.NAMES and stay as they are.
 
 The first six are the thesis' (as logarithms or ratios); docs/features.md gives every formula.
 """
@@ -14,53 +15,8 @@ _window = profile.window
 
 # raised when features are added; what was there keeps its place and its meaning, so older models go on
 FEATURES_VERSION = 3
-NAMES = (
-    "ln_base",  # ln(Base / kPa)
-    "ln_amp",  # ln(Amp / kPa), Amp at least Base / 512
-    "ln_stdev",  # ln(Stdev / mm)
-    "inv_curvature",  # pressure 8 mm off the middle over that at the middle, 28 mm from the lump
-    "ln_d28",  # ln(D / mm), 26..30 mm from the lump
-    "ln_d0",  # ln(D / mm), within 2 mm
-    "ln_force",  # ln(F / (N/m)): the image's sum, mean of the stroke, all columns
-    "asinh_amp",  # asinh(100 Amp / Base)
-    "ln_d_far",  # ln(D / mm), 24..33 mm
-    "dip_6_10",  # 1 - D / D far, 6..10 mm
-    "ln_centre_share",  # ln(middle pressure / image mean), far
-    "ln_misfit",  # ln(rms residual / Base + 1e-4)
-    "asinh_rise",  # asinh(32 (middle pressure near / far - 1))
-    "trace_7_9",  # middle pressure 7..9 mm / far - 1
-    "trace_12_16",  # middle pressure 12..16 mm / far - 1
-    "dip_0_2",
-    "dip_3_5",
-    "dip_12_16",
-    "dip_17_22",
-    "trace_3_5",
-    "trace_17_22",
-    "tilt_3_5",  # centre of pressure, mm, positive away from the lump, 3..5 mm
-    "tilt_6_9",
-    "tilt_10_14",
-    "ln_width_far",  # ln(rms half width of the image / mm), far
-    "ln_width_near",  # the same near the lump, less ln_width_far
-    "edge_far",  # mean of the two outermost sensors / image mean, far
-    "ln_peak",  # ln(greatest pressure of the near image / image mean)
-    "tilt_15_19",
-    "tilt_20_24",
-    "press_d_quarter",  # of the press before the stroke (press.py): ln(D / mm) at a quarter of its force
-    "press_d_half",
-    "press_d_full",
-    "press_width_quarter",  # ln(rms half width of the image / mm)
-    "press_width_half",
-    "press_width_full",
-    "press_share_quarter",  # ln(middle pressure / image mean)
-    "press_share_half",
-    "press_share_full",
-    "base_share",  # ln_base - ln_force: with moduli and forces all times the same it stays
-    "press_outer_quarter",  # middle pressure of the outer columns / image mean
-    "press_outer_half",
-    "press_outer_full",
-)
 COUNT = const(43)
-# where each stands in the vector: their places in NAMES; a test holds them equal
+# where each stands in the vector: their places in feature_names.NAMES; a test holds them equal
 _LN_BASE = const(0)
 _LN_AMP = const(1)
 _LN_STDEV = const(2)
@@ -222,11 +178,6 @@ def spread(q, low, high, total):
     for j in range(low, high + 1):
         s += q[profile.SPREAD + j] >> 4
     return ((_ln(s) - _ln((total if total > 1024 else 1024) >> 4) + LN_SPREAD) >> 1) + LN_HALF_PITCH
-
-
-def of_press(i):
-    """Whether feature i is one of the press."""
-    return PRESS <= i < _BASE_SHARE or PRESS_OUTER <= i < COUNT
 
 
 def no_press(out):

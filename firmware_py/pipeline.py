@@ -141,18 +141,16 @@ class Pipeline(feature_chain.Chain):
             b.cells, self._slot, 1, b.count, c.offset, c.gain, c.fill, c.fills, self._exact, self._force
         )
         image = self._exact
-        outer = self._outer(0) + self._outer(_COLUMNS - _OUTER)
+        rows = self._work
+        outer = 0
+        first = 0
+        while first < _COLUMNS:
+            sum_rows(b.cells, self._slot, 1, first, first + _OUTER, rows, self._small)
+            for i in range(_MIDDLE):
+                outer += rows[_FIRST_MIDDLE + i]
+            first += _COLUMNS - _OUTER
         image[_ROWS] = outer * _ROWS // (2 * _MIDDLE)
         return image
-
-    def _outer(self, first):
-        """Sum of the middle rows over the outer columns from `first` on."""
-        rows = self._work
-        sum_rows(self.bins.cells, self._slot, 1, first, first + _OUTER, rows, self._small)
-        total = 0
-        for i in range(_FIRST_MIDDLE, _FIRST_MIDDLE + _MIDDLE):
-            total += rows[i]
-        return total
 
     def _look_at_press(self, force):
         self.press.measure(force, self.calibration.count_mpa, self.features, self._small)

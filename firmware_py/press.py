@@ -21,7 +21,9 @@ KEPT = const(
     5
 )  # of a frame: ln force (Q5 counts), ln depth (mm), ln width (mm), ln centre share, outer share
 FEWEST = const(6)  # frames
-_FIRST = tuple(features.PRESS + 3 * i for i in range(3)) + (features.PRESS_OUTER,)  # feature of each curve
+_CURVES = const(4)
+_FIRST = features.PRESS  # of the first three's features
+_FIRST_OUTER = features.PRESS_OUTER  # and of the last's
 
 # how good the last press was
 GOOD = const(0)
@@ -248,10 +250,14 @@ class Press:
         ln_force = _ln(force)
         ln_noise = _ln(_NOISE_MPA // count_mpa)
         self.code = GOOD if spans(self.kept, self.n, ln_force) else NARROW
-        for i in range(len(_FIRST)):
+        at = _FIRST
+        for i in range(_CURVES):
+            if i == _CURVES - 1:
+                at = _FIRST_OUTER
             if i < 2 and weigh(self.kept, self.n, ln_force, ln_noise, i == 0, w) < FEWEST:
                 self.code = FEW
-            if self.code == GOOD and not parabola(self.kept, self.n, ln_force, i + 1, w, out, _FIRST[i]):
+            if self.code == GOOD and not parabola(self.kept, self.n, ln_force, i + 1, w, out, at):
                 self.code = NARROW
+            at += 3
         if self.code != GOOD:
             features.no_press(out)

@@ -28,9 +28,14 @@ def takes(model):
     if first is None or not len(first.refers):
         return False
     for i in first.ids:
-        if i != stage.LN_FORCE and not features.of_press(i):
+        if i != stage.LN_FORCE and not of_press(i):
             return False
     return True
+
+
+def of_press(i):
+    """Whether feature i is one of the press."""
+    return features.PRESS <= i < features.PRESS + 9 or features.PRESS_OUTER <= i < features.COUNT
 
 
 def answer(kind, first):

@@ -17,7 +17,7 @@ standardise = evaluator.standardise
 
 MOST = const(3)  # values
 ENDS = const(2)  # least and greatest of each
-LN_FORCE = const(6)  # its place in features.NAMES: a test holds them equal
+LN_FORCE = const(6)  # its place in feature_names.NAMES: a test holds them equal
 _PRESS = const(30)  # features.PRESS, likewise
 _ABSENT = features.ABSENT
 

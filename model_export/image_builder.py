@@ -7,7 +7,7 @@ import struct
 from array import array
 from dataclasses import dataclass
 
-from firmware_py import evaluator, model_check, slh_dsa, stage, status, unpack
+from firmware_py import evaluator, feature_names, model_check, slh_dsa, stage, status, unpack
 from firmware_py import features as firmware_features
 from firmware_py import model_image as fw
 from palpate.model_export import self_test
@@ -254,7 +254,7 @@ def inspect(data: bytes, key: bytes | None = None, probe: str | None = None) -> 
                 f"the model needs version {header.features_version} of the features, "
                 f"this firmware computes version {firmware_features.FEATURES_VERSION}"
             )
-        known = firmware_features.NAMES if not header.places[fw.FIRST_STAGE][1] else names
+        known = feature_names.NAMES if not header.places[fw.FIRST_STAGE][1] else names
         unknown = [name for name in names if name not in known]
         if unknown:
             raise ImageError(

@@ -98,7 +98,7 @@ class Estimate:
     Attributes
     ----------
     name : str
-        None of `firmware_py.features.NAMES`.
+        None of `firmware_py.feature_names.NAMES`.
     lo, hi : float
         What it is held within.
     coefficients : tuple of float
@@ -198,7 +198,7 @@ class ModelData:
     features_version : int
         `firmware_py.features.FEATURES_VERSION` of the features that the model was trained on.
     features : tuple of str
-        Names out of `firmware_py.features.NAMES`, and of the first stage's estimates.
+        Names out of `firmware_py.feature_names.NAMES`, and of the first stage's estimates.
     centre, scale, clip_lo, clip_hi : tuple of float
         Per feature, in the feature's unit.
     terms : tuple of Term

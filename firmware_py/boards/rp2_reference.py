@@ -170,7 +170,6 @@ def main(uart: bool = False) -> None:
         return
     global _machine_code, make, say, notes  # each is called once, and then given back
     code = _machine_code()
-    gc.collect()
     gc.threshold(-1)
     link: "links.UsbLink | links.UartLink"
     if uart:

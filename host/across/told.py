@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from firmware_py import feature_names
 from firmware_py import features as firmware_features
 from palpate.features.across import across
 from palpate.link.answer import Span
@@ -75,8 +76,8 @@ def told(
 def _least_count(spec: ModelSpec) -> int:
     """How many features a firmware must send: an older one than this knows fewer."""
     first = () if spec.first is None else spec.first.features
-    names = {*spec.features, *first} & {*firmware_features.NAMES}
-    return 1 + max(firmware_features.NAMES.index(name) for name in names)
+    names = {*spec.features, *first} & {*feature_names.NAMES}
+    return 1 + max(feature_names.NAMES.index(name) for name in names)
 
 
 def _width(spec: ModelSpec, part: Across, X: np.ndarray) -> Span:

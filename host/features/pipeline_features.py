@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from firmware_py import bins, calib, features, geometry, profile
+from firmware_py import bins, calib, feature_names, features, geometry, profile
 from palpate.errors import UsageError
 from palpate.features import pipeline_steps as steps
 from palpate.features import press_features
@@ -38,7 +38,7 @@ class Reference:
     Attributes
     ----------
     features : dict
-        By the names of firmware_py.features.NAMES.
+        By the names of firmware_py.feature_names.NAMES.
     map_kPa : ndarray (57,)
         The tactile map about place_mm.
     fit : Gaussian
@@ -200,4 +200,4 @@ def _features(
     out["base_share"] = out["ln_base"] - out["ln_force"]
     at_parts = press_features.at_parts(pressed, out["ln_force"])
     out |= dict(zip(press_features.NAMES, at_parts, strict=True))
-    return {name: float(out[name]) for name in features.NAMES}
+    return {name: float(out[name]) for name in feature_names.NAMES}

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from firmware_py import calib, features, geometry, press, profile
+from firmware_py import calib, feature_names, features, geometry, press, profile
 from palpate.sim.probe.cells import PITCH_MM, ROW_MM
 
 Floats = NDArray[np.float64]
@@ -18,9 +18,9 @@ Floats = NDArray[np.float64]
 PARTS = (0.25, 0.5, 1.0)
 """Of the stroke's force: where the press is looked at."""
 
-OUTER = features.NAMES[features.PRESS_OUTER : features.PRESS_OUTER + 3]
-NAMES = (*features.NAMES[features.PRESS : features.PRESS + 9], *OUTER)
-PLACES = [features.NAMES.index(name) for name in NAMES]
+OUTER = feature_names.NAMES[features.PRESS_OUTER : features.PRESS_OUTER + 3]
+NAMES = (*feature_names.NAMES[features.PRESS : features.PRESS + 9], *OUTER)
+PLACES = [feature_names.NAMES.index(name) for name in NAMES]
 """Where these stand among the firmware's."""
 ABSENT = features.ABSENT / 2**24
 """What stands for each where there was no press, or too little of one."""

@@ -19,7 +19,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py import calib, feature_chain, features, forcemap, gauss, geometry, settings, stroke_state
+from firmware_py import (
+    calib,
+    feature_chain,
+    feature_names,
+    forcemap,
+    gauss,
+    geometry,
+    settings,
+    stroke_state,
+)
 from palpate.errors import UsageError
 from palpate.firmware_twin import twin
 from palpate.sim.probe.sensors import FrameStream
@@ -153,7 +162,7 @@ class Replay:
         return next((k for k, frame in enumerate(packed) if state.in_contact(frame)), len(packed))
 
     def features(self) -> NDArray[np.float64]:
-        """The last stroke's features in their own units, in the order of features.NAMES."""
+        """The last stroke's features in their own units, in the order of feature_names.NAMES."""
         return np.array(self.pipeline.features, float) / 2**24
 
     def results(self) -> dict[str, Any]:
@@ -172,5 +181,5 @@ class Replay:
             "centre_mm": fit[gauss.CENTRE] / 2**16 - _HALF_MM + place_mm,
             "stdev_mm": fit[gauss.STDEV] / 2**16,
             "columns": (p.span[0], p.span[1]),
-            "features": dict(zip(features.NAMES, self.features().tolist(), strict=True)),
+            "features": dict(zip(feature_names.NAMES, self.features().tolist(), strict=True)),
         }

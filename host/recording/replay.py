@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from firmware_py import calib, evaluator, features, messages, outputs, pipeline, status
+from firmware_py import calib, evaluator, feature_names, features, messages, outputs, pipeline, status
 from firmware_py.estimator import answer
 from palpate.across.documents import Documents
 from palpate.across.follower import Follower
@@ -110,7 +110,7 @@ class Replayer:
         """Whether the model looks at the press before a stroke."""
         tables, first = self.model.tables, self.model.first
         used = {*tables.ids, *tables.limits[::3], *(first.ids if first else ())}
-        return any(i < features.COUNT and features.NAMES[i].startswith("press_") for i in used)
+        return any(i < features.COUNT and feature_names.NAMES[i].startswith("press_") for i in used)
 
     def estimate(
         self,
@@ -248,5 +248,5 @@ def _met_reference(said: Estimate) -> bool:
 
 def _same(told: tuple[int, ...], here: tuple[int, ...], with_press: bool) -> bool:
     """Whether the features are the same: those that the probe knew, which may be older than this program."""
-    pairs = zip(features.NAMES, told, here)
+    pairs = zip(feature_names.NAMES, told, here)
     return all(a == b for name, a, b in pairs if with_press or not name.startswith("press_"))

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py import features as firmware_features
-from firmware_py import outputs, status
+from firmware_py import feature_names, outputs, status
 from palpate.features.map_features import Floats
 from palpate.firmware_twin.replay_core import Replay
 from palpate.sim.probe.noise import level_named
 from palpate.sim.probe.sensors import Noise, SensorModel, StrokeField, pack
 
-NAMES = firmware_features.NAMES
+NAMES = feature_names.NAMES
 OF_THE_DISPLACEMENT = tuple(
     name for name in NAMES if name.startswith(("ln_d28", "ln_d0", "ln_d_far", "dip_", "press_d_"))
 )
@@ -31,7 +30,7 @@ class ObservedStrokes:
     Attributes
     ----------
     X : (n, features)
-        Every feature of the firmware, by `firmware_features.NAMES`.
+        Every feature of the firmware, by `feature_names.NAMES`.
     status : (n), int
         The pipeline's status: OK, NO_FIT (no bump; features are valid), TOO_SHORT (they are not).
     Y : (n, 5)

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py import feature_names, model_image, outputs
 from firmware_py import features as firmware_features
-from firmware_py import model_image, outputs
 from palpate.features.map_features import Floats
 from palpate.model_export.schema import (
     OUTPUTS,
@@ -92,7 +92,7 @@ class Polynomial:
 
 def columns(names: Sequence[str]) -> list[int]:
     """Where the named features stand among the firmware's."""
-    return [firmware_features.NAMES.index(name) for name in names]
+    return [feature_names.NAMES.index(name) for name in names]
 
 
 def features_version(names: Sequence[str]) -> int:
@@ -206,7 +206,7 @@ def spec_of(
     return ModelSpec(
         kind=kind,
         probe=model_image.PROBE.decode(),
-        features_version=features_version([n for n in names if n in firmware_features.NAMES]),
+        features_version=features_version([n for n in names if n in feature_names.NAMES]),
         features=model.names,
         centre=floats(model.centre),
         scale=floats(model.scale),

@@ -13,8 +13,8 @@ from array import array
 import numpy as np
 
 from firmware_py import evaluator as ev
+from firmware_py import feature_names, stage, unpack
 from firmware_py import features as firmware_features
-from firmware_py import stage, unpack
 from palpate.model_export.errors import ModelError
 from palpate.model_export.fixed_point import nested, quantise, reference, sampling
 from palpate.model_export.fixed_point import word_pairs as words
@@ -33,7 +33,7 @@ def feature_ids(names: tuple[str, ...] | list[str], first: FirstStage | None = N
 
     ModelError names the one it does not know.
     """
-    known = list(firmware_features.NAMES)
+    known = list(feature_names.NAMES)
     if first is not None:
         known += [estimate.name for estimate in first.estimates]
     for name in names:
@@ -121,7 +121,7 @@ def compile_model(spec: ModelSpec) -> ev.Tables:
 
 def compile_first(first: FirstStage) -> stage.Stage:
     """Integer arrays of a model's first stage; the same errors as `compile_model`."""
-    taken = {e.name for e in first.estimates} & set(firmware_features.NAMES)
+    taken = {e.name for e in first.estimates} & set(feature_names.NAMES)
     if taken:
         raise ModelError(
             f"the firmware has a feature called {min(taken)!r}: the first stage's is to be another"

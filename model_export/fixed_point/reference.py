@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from firmware_py import features as firmware_features
-from firmware_py import outputs
+from firmware_py import feature_names, outputs
 from palpate.model_export.schema import FirstStage, ModelSpec, Term
 
 
@@ -41,7 +40,7 @@ def checks_of(spec: ModelSpec, features: np.ndarray) -> np.ndarray:
 
 def inputs(spec: ModelSpec, X: np.ndarray) -> np.ndarray:
     """What `evaluate` takes, n x len(spec.features), from the firmware's features X, n x features.COUNT."""
-    names = list(firmware_features.NAMES)
+    names = list(feature_names.NAMES)
     if spec.first is not None:
         own = X[:, [names.index(name) for name in spec.first.features]]
         X = np.column_stack([X, estimates(spec.first, own)])

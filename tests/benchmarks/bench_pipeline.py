@@ -18,7 +18,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from firmware_py import features
+from firmware_py import feature_names
 from palpate.features import pipeline_features as field_features
 from palpate.firmware_twin import twin
 from palpate.firmware_twin.replay_core import Replay
@@ -169,7 +169,7 @@ def accuracy(console: Console, fields: list[StrokeField], fitted: force_map.Forc
     table = Table(
         "feature", *integer, "bins, typical", title="Worst |integer - float64|, 1e-4; rms of binning, 1e-4"
     )
-    for k, name in enumerate(features.NAMES):
+    for k, name in enumerate(feature_names.NAMES):
         worst = [f"{1e4 * np.max(v, axis=0)[k]:.1f}" for v in integer.values()]
         table.add_row(name, *worst, f"{1e4 * np.sqrt(np.mean(np.square(binned), axis=0))[k]:.0f}")
     console.print(table)

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from firmware_py import calib, features, forcemap, status
+from firmware_py import calib, feature_names, forcemap, status
 from palpate.features import pipeline_features as field_features
 from palpate.firmware_twin.replay_core import Replay
 from palpate.sim.probe.sensors import LEVELS, SensorModel, pack
 from tests.firmware_py import checked_int
 
 # .2 % of a feature: of the quantity under a logarithm, of the pressure or displacement a ratio is made of
-LOGARITHMS = [n for n in features.NAMES if n.startswith(("ln_", "asinh_"))]
-RATIOS = [n for n in features.NAMES if n not in LOGARITHMS]
+LOGARITHMS = [n for n in feature_names.NAMES if n.startswith(("ln_", "asinh_"))]
+RATIOS = [n for n in feature_names.NAMES if n not in LOGARITHMS]
 
 
 def replayed(replay, model, n_frames=50, **kwargs):
@@ -21,7 +21,7 @@ def replayed(replay, model, n_frames=50, **kwargs):
 
 
 def test_within_a_fifth_of_a_percent_of_float64_on_200_strokes(fields, replay, fitted_map):
-    worst = dict.fromkeys(features.NAMES, 0.0)
+    worst = dict.fromkeys(feature_names.NAMES, 0.0)
     n = 0
     for i, field in enumerate(fields):
         for seed in range(20):
@@ -38,7 +38,7 @@ def test_within_a_fifth_of_a_percent_of_float64_on_200_strokes(fields, replay, f
             )
             assert tuple(replay.pipeline.span) == true.columns
             assert replay.pipeline.place_um / 1e3 == pytest.approx(true.place_mm, abs=0.05)
-            for name, got in zip(features.NAMES, replay.features(), strict=True):
+            for name, got in zip(feature_names.NAMES, replay.features(), strict=True):
                 worst[name] = max(worst[name], abs(got - true.features[name]))
             n += 1
     assert n == 200

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware_py import calib, features, geometry, press, profile, status, stroke_state
+from firmware_py import calib, feature_names, features, geometry, press, profile, status, stroke_state
 from firmware_py import settings as probe_settings
 from palpate.features import pipeline_features, press_features
 from palpate.firmware_twin.replay_core import Replay
@@ -158,7 +158,7 @@ def test_a_strokes_press_is_felt_by_the_whole_chain(fields, map_blob, fitted_map
         )
         wanted = [true.features[name] for name in press_features.NAMES]
         assert fast.features()[OF_THE_PRESS] == pytest.approx(wanted, abs=2e-3)
-        share = fast.features()[features.NAMES.index("base_share")]
+        share = fast.features()[feature_names.NAMES.index("base_share")]
         assert share == pytest.approx(true.features["base_share"], abs=2e-3)
         assert plain.stream(stream, model.calibration()) == status.OK
         assert list(plain.pipeline.features) == list(fast.pipeline.features)

@@ -8,7 +8,7 @@ from array import array
 import numpy as np
 import pytest
 
-from firmware_py import calib, features, reference, stage, status
+from firmware_py import calib, feature_names, features, reference, stage, status
 from firmware_py import pipeline as pipelines
 from palpate.firmware_twin.replay_core import Replay
 from palpate.model_export.fixed_point import compiler
@@ -29,7 +29,7 @@ def stream():
 
 
 def test_places_in_the_vector_are_those_of_their_names():
-    assert features.NAMES[stage.LN_FORCE] == "ln_force"
+    assert feature_names.NAMES[stage.LN_FORCE] == "ln_force"
     assert stage._PRESS == features.PRESS
 
 
@@ -76,7 +76,7 @@ while code is None:
     raw = f.read(size)
     touches, x, d = struct.unpack_from("<Bii", raw)
     packed = raw[9:]
-    last = taking._after[18] == 15
+    last = taking._after[-1] == 15
     if not last:
         micropython.heap_lock()
     code = taking.take_reference(packed, bool(touches), x, d)

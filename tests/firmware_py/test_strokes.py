@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from firmware_py import bins, calib, features, forcemap, geometry, pipeline, status
+from firmware_py import bins, calib, feature_names, features, forcemap, geometry, pipeline, status
 from palpate.features import pipeline_features as field_features
 from palpate.firmware_twin.replay_core import Replay
 from palpate.sim.probe.cells import FULL_SCALE_KPA
@@ -21,7 +21,7 @@ def replayed(replay, model, n_frames=50, **kwargs):
 
 
 def feature(replay, name):
-    return replay.features()[features.NAMES.index(name)]
+    return replay.features()[feature_names.NAMES.index(name)]
 
 
 def test_direction_and_origin_do_not_matter(fields, map_blob):
@@ -67,7 +67,7 @@ def test_the_frame_rate_hardly_matters(fields, map_blob, n_frames):
         replay.stream(model.stroke(n_frames))
         got = replay.features()
         for name, by in (("ln_base", 0.002), ("ln_stdev", 0.03), ("asinh_amp", 0.03), ("ln_d_far", 0.002)):
-            i = features.NAMES.index(name)
+            i = feature_names.NAMES.index(name)
             assert got[i] == pytest.approx(usual[i], abs=by), name
 
 
@@ -87,8 +87,12 @@ def test_uneven_speed_and_a_pause_do_not_matter(fields, map_blob):
         x.append(position)
         d.append(depth)
     assert replay.stroke(packed, x, d) == status.OK
-    assert feature(replay, "asinh_amp") == pytest.approx(usual[features.NAMES.index("asinh_amp")], abs=0.03)
-    assert feature(replay, "ln_stdev") == pytest.approx(usual[features.NAMES.index("ln_stdev")], abs=0.02)
+    assert feature(replay, "asinh_amp") == pytest.approx(
+        usual[feature_names.NAMES.index("asinh_amp")], abs=0.03
+    )
+    assert feature(replay, "ln_stdev") == pytest.approx(
+        usual[feature_names.NAMES.index("ln_stdev")], abs=0.02
+    )
 
 
 def test_the_force_map_undoes_a_wandering_hand(fields, map_blob):
@@ -106,7 +110,7 @@ def test_the_force_map_undoes_a_wandering_hand(fields, map_blob):
         undone.append(with_map.features() - a)
         left.append(without.features() - b)
     for name in ("asinh_amp", "ln_stdev", "dip_6_10", "asinh_rise", "trace_12_16"):
-        i = features.NAMES.index(name)
+        i = feature_names.NAMES.index(name)
         size = [float(np.sqrt(np.median(np.square(v), axis=0))[i]) for v in (undone, left)]
         assert size[0] < size[1] / 5, name
 

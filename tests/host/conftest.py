@@ -54,9 +54,9 @@ def specs(bench):
 
 
 def around(spec, felt):
-    from firmware_py import features
+    from firmware_py import feature_names
 
-    here = np.array([felt[features.NAMES.index(name)] for name in spec.features])
+    here = np.array([felt[feature_names.NAMES.index(name)] for name in spec.features])
     moved = here - np.array(spec.centre)
 
     def shift(values):

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from firmware_py import features as firmware_features
+from firmware_py import feature_names
 from palpate.model_export import image_builder as image
 from palpate.model_export.errors import ExportError, ImageError, ModelError
 from palpate.model_export.exporter import export
@@ -117,4 +117,4 @@ def test_one_flipped_byte_gives_one_sentence(signed, public_key, flip):
 
 
 def test_the_features_are_the_firmwares(field):
-    assert set(field.features) <= set(firmware_features.NAMES)
+    assert set(field.features) <= set(feature_names.NAMES)

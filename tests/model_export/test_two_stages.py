@@ -9,7 +9,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
-from firmware_py import evaluator, features, model_check, stage, status
+from firmware_py import evaluator, feature_names, features, model_check, stage, status
 from firmware_py import model_image as fw
 from palpate.model_export import image_builder
 from palpate.model_export.errors import ModelError, ProofError
@@ -21,7 +21,7 @@ from palpate.sim.probe.scripts import run_micropython
 from tests.model_export import synthetic
 
 Q24 = 1 << 24
-PRESS = features.NAMES[features.PRESS : features.PRESS + 9]
+PRESS = feature_names.NAMES[features.PRESS : features.PRESS + 9]
 
 
 def two_stages(seed=1, terms=120):
@@ -72,9 +72,9 @@ def vectors(spec, n, seed=5):
     X = rng.normal(0, 1, (n, features.COUNT))
     for part in (spec, spec.first):
         for i, name in enumerate(part.features):
-            if name in features.NAMES:
+            if name in feature_names.NAMES:
                 spread = rng.normal(0, 0.8, n).clip(-3, 3)
-                X[:, features.NAMES.index(name)] = part.centre[i] + spread * part.scale[i]
+                X[:, feature_names.NAMES.index(name)] = part.centre[i] + spread * part.scale[i]
     return np.round(X * Q24) / Q24
 
 
@@ -89,7 +89,7 @@ def said(model, X):
 def test_the_integers_of_both_stages_are_those_of_float64(spec, body):
     X = vectors(spec, 1000)
     first = compiler.compile_first(spec.first)
-    own = X[:, [features.NAMES.index(name) for name in PRESS]]
+    own = X[:, [feature_names.NAMES.index(name) for name in PRESS]]
     wanted = reference.estimates(spec.first, own)
     got = [list(first.extend(array("i", row)))[features.COUNT :] for row in (X * Q24).astype(int).tolist()]
     assert np.array(got) / Q24 == pytest.approx(wanted, abs=1e-4)

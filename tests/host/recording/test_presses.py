@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from firmware_py import calib, features
+from firmware_py import calib, feature_names, features
 from palpate import models
 from palpate.cli.emulate import strokes_over
 from palpate.errors import ImageUnreadable
@@ -69,7 +69,7 @@ def test_the_probe_looks_at_the_press_and_the_replay_is_the_same_to_the_bit(stre
     assert values[features.PRESS] == pytest.approx(
         press_features.at_parts(
             press_features.curves(stream.counts[:24], stream.displacements_um[:24] / 1e3),
-            values[features.NAMES.index("ln_force")],
+            values[feature_names.NAMES.index("ln_force")],
         )[0],
         abs=0.02,
     )
