@@ -29,6 +29,11 @@ def guarded(tmp_path_factory):
         yield viewer
 
 
+def by_number(url):
+    """The same address without a name: a bare system has no /etc/hosts, and knows no localhost."""
+    return url.replace("//localhost:", "//127.0.0.1:")
+
+
 def ask(viewer, path, method="GET", **headers):
     address = urlsplit(viewer.url)
     connection = http.client.HTTPConnection("127.0.0.1", address.port, timeout=PATIENCE_S)

@@ -10,6 +10,7 @@ import urllib.request
 import pytest
 
 from tests.host.processes import start_palpate
+from tests.host.view.asking import by_number
 from tests.host.view.waiting import PATIENCE_S
 
 
@@ -59,6 +60,7 @@ def test_it_serves_until_interrupted_and_ends_cleanly(tmp_path):
     try:
         line = process.stdout.readline()
         url, token = re.search(r"(http://localhost:\d+/)\?token=([\w-]{20,})", line).groups()
+        url = by_number(url)
         with pytest.raises(urllib.error.HTTPError) as refused:
             urllib.request.urlopen(url, timeout=PATIENCE_S)
         assert refused.value.code == 401

@@ -18,7 +18,7 @@ from websockets.sync.client import connect
 from palpate.cli import view
 from palpate.link.probe import Probe
 from palpate.view import commands
-from tests.host.view.asking import ask, guarded, run_command, running
+from tests.host.view.asking import ask, by_number, guarded, run_command, running
 from tests.host.view.waiting import PATIENCE_S
 
 __all__ = ["guarded", "running"]
@@ -45,8 +45,8 @@ def test_another_sites_page_is_refused(running):
     port = urlsplit(running.url).port
     assert ask(running, "/api/strokes.csv", Origin="http://evil.example")[0].status == 403
     with pytest.raises(InvalidStatus):
-        connect(f"ws://localhost:{port}/ws", origin="http://evil.example")
-    with connect(f"ws://localhost:{port}/ws", origin=f"http://localhost:{port}"):
+        connect(f"ws://127.0.0.1:{port}/ws", origin="http://evil.example")
+    with connect(f"ws://127.0.0.1:{port}/ws", origin=f"http://127.0.0.1:{port}"):
         pass
 
 
@@ -117,7 +117,7 @@ def test_no_line_of_the_viewer_names_a_way_to_the_probes_settings_or_calibration
 
 @pytest.mark.parametrize("headers", [{}, {"x-palpate": "page", "origin": "http://evil.example"}])
 def test_no_other_sites_page_can_send_a_model(running, headers):
-    request = urllib.request.Request(running.url + "api/model", b"model", headers, method="POST")
+    request = urllib.request.Request(by_number(running.url) + "api/model", b"model", headers, method="POST")
     with pytest.raises(urllib.error.HTTPError) as refused:
         urllib.request.urlopen(request)
     assert refused.value.code == 403
@@ -125,7 +125,7 @@ def test_no_other_sites_page_can_send_a_model(running, headers):
 
 def test_a_source_that_takes_no_model_says_so(running):
     headers = {"x-palpate": "page"}
-    request = urllib.request.Request(running.url + "api/model", b"model", headers, method="POST")
+    request = urllib.request.Request(by_number(running.url) + "api/model", b"model", headers, method="POST")
     with urllib.request.urlopen(request) as answer:
         assert json.load(answer) == {
             "ok": False,
@@ -135,7 +135,7 @@ def test_a_source_that_takes_no_model_says_so(running):
 
 def test_a_file_that_is_too_large_for_a_model_is_not_read_to_its_end(running):
     request = urllib.request.Request(
-        running.url + "api/model", bytes(1 << 20), {"x-palpate": "page"}, method="POST"
+        by_number(running.url) + "api/model", bytes(1 << 20), {"x-palpate": "page"}, method="POST"
     )
     with pytest.raises((urllib.error.HTTPError, ConnectionError, urllib.error.URLError)) as refused:
         urllib.request.urlopen(request)

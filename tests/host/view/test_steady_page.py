@@ -96,6 +96,7 @@ def test_axes_hold_from_stroke_to_stroke_and_only_ever_widen(viewer, open_page):
     source = SyntheticSource(bumps, seconds=0.4, rest=0.0, limit=1)
     page = open_page(viewer(source))
     expect(page.locator("#stroke-1")).to_be_visible()
+    expect(page.locator("#map")).not_to_have_attribute("data-y", "0 8")  # as it is before a stroke's map
     settled(page)
     before = page.locator("#map").get_attribute("data-y")
     source.limit = 2
