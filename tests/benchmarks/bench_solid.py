@@ -19,7 +19,7 @@ from palpate.sim.tissue import Case, Settings, Stroke, simulate
 from palpate.sim.tissue.solid.element import elasticity
 from palpate.sim.tissue.solid.grid import lay_grid
 from palpate.sim.tissue.solid.multifrontal import Multifrontal
-from palpate.sim.tissue.solid.newton import WINDOW_MM
+from palpate.sim.tissue.solid.newton import near_probe
 from palpate.sim.tissue.solid.run import Body, set_up
 from palpate.sim.tissue.solid.stroke import forget_geometry, simulate_forces
 from palpate.sim.tissue.stroke import one_blas_thread
@@ -40,10 +40,9 @@ class Floor:
         self.K = np.zeros((count, 81, 81), np.float32)
         rest = np.zeros(3 * len(mesh.nodes_mm)), np.zeros((count, 4))
         body.tangent(*rest, np.arange(count), self.K, np.zeros((count, 4, 81)))
-        self.solver = Multifrontal(geometry.fronts)
+        self.near = [near_probe(mesh, x) for x in self.positions]
+        self.solver = Multifrontal(geometry.fronts, self.near)
         self.solver.factor(self.K)
-        middle = mesh.nodes_mm[mesh.elements, 0].mean(1)
-        self.near = [np.nonzero(np.abs(middle - x) < WINDOW_MM)[0] for x in self.positions]
 
     def cpu_s(self) -> float:
         began = time.process_time()

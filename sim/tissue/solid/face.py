@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import ElementHex2, FacetBasis, LinearForm
 
 from palpate.sim.tissue.face_sensors import PITCH_MM
 from palpate.sim.tissue.probe_shape import ProbeShape
@@ -77,9 +76,7 @@ class FaceContact:
         self._lattice = mesh.surface.shape
         self._lattice_x = self.x0.reshape(self._lattice)[:, 0].copy()
         self._lattice_z = self.z0.reshape(self._lattice)[0].copy()
-        top = mesh.fem.facets_satisfying(lambda x: x[1] > self.y0[0] - 1e-9, boundaries_only=True)
-        skin = FacetBasis(mesh.fem, ElementHex2(), facets=top, intorder=5)
-        self.weight = LinearForm(lambda v, w: v).assemble(skin)[self.nodes]
+        self.weight = _integrals(self.x0.reshape(self._lattice), self.z0.reshape(self._lattice)).ravel()
 
     def evaluate(self, u: Floats, multiplier: Floats, height: float, position: float) -> Touching:
         """Choose the active set (primal-dual) and evaluate it; all other multipliers (S,) are set to 0."""
@@ -114,7 +111,7 @@ class FaceContact:
         function."""
         x = (self.x0 + u[self.dofs[:, 0]]).reshape(self._lattice)
         z = (self.z0 + u[self.dofs[:, 2]]).reshape(self._lattice)
-        area = _deformed_integrals(x, z)
+        area = _integrals(x, z)
         force = (np.maximum(multiplier, 0.0) * self.weight).reshape(self._lattice)
         pressure = np.divide(force, area, out=np.zeros_like(force), where=force > 0)
         lines = self._lattice_x, self._lattice_z
@@ -157,9 +154,9 @@ class Profile:
 _SAMPLES = 5
 
 
-def _deformed_integrals(x: Floats, z: Floats) -> Floats:
-    """Integrals (2 nx + 1, 2 nz + 1) of the nodes' shape functions over the deformed skin, seen from
-    above."""
+def _integrals(x: Floats, z: Floats) -> Floats:
+    """Integrals (2 nx + 1, 2 nz + 1) of the nodes' shape functions over the skin, seen from above, whose
+    nodes are at x and z."""
     points, weights = np.polynomial.legendre.leggauss(3)
     s = (points + 1) / 2
     N = np.stack([(1 - s) * (1 - 2 * s), 4 * s * (1 - s), s * (2 * s - 1)], -1)

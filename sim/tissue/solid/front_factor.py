@@ -10,95 +10,117 @@ from palpate.sim.tissue.solver.lapack import call
 
 
 @njit(cache=True, nogil=True)
-def spread(dirty, parent):
-    """What is over a changed front changes with it."""
+def spread(dirty, parent, kept):
+    """What is over a changed front changes with it, and needs the rests of those below that are not kept."""
     for f in range(len(dirty)):
         if dirty[f] and parent[f] >= 0:
             dirty[parent[f]] = True
+    for f in range(len(dirty) - 1, -1, -1):
+        if not kept[f] and parent[f] >= 0 and dirty[parent[f]]:
+            dirty[f] = True
 
 
 @njit(cache=True, nogil=True)
 def factor_fronts(
-    dirty, size, pivots, panel_start, rest_start, child_start, child, element_start, element, element_rows,
-    up_start, up, run_start, run, contact_start, contact, contact_rows, K, blocks, panels, rests, square,
-    routines, letters, numbers,
+    dirty, kept, size, pivots, panel_start, corner_start, rest_start, child_start, child, element_start,
+    element, element_rows, up_start, up, run_start, run, contact_start, contact, contact_rows, K, blocks,
+    panels, corners, rests, routines, letters, numbers,
 ):  # fmt: skip
     """Renew the dirty fronts; False if a pivot is not positive."""
     sizes = np.zeros(4, np.int32)
     for f in range(len(size)):
         if not dirty[f]:
             continue
+        p = pivots[f]
         n = size[f]
-        A = square[: n * n].reshape(n, n)
-        for i in range(n):
-            for j in range(i, n):
-                A[i, j] = 0.0
+        m = n - p
+        # a front in two parts: p pivot rows of length n, and the square of what remains
+        panel = panels[panel_start[f] : panel_start[f + 1]]
+        corner = corners[corner_start[f] : corner_start[f] + m * m]
+        panel[:] = 0.0
+        for i in range(m):
+            corner[i * m + i : i * m + m] = 0.0
         for k in range(element_start[f], element_start[f + 1]):
-            _add_block(A, K[element[k]], element_rows[k])
+            _add_block(panel, corner, p, n, K[element[k]], element_rows[k])
         for k in range(contact_start[f], contact_start[f + 1]):
-            _add_block(A, blocks[contact[k]], contact_rows[contact[k]])
+            _add_block(panel, corner, p, n, blocks[contact[k]], contact_rows[contact[k]])
         for k in range(child_start[f], child_start[f + 1]):
             c = child[k]
+            below = size[c] - pivots[c]
+            fresh = dirty[c]
+            if fresh:
+                rest = corners[corner_start[c] : corner_start[c] + below * below]
+            else:
+                rest = rests[rest_start[c] : rest_start[c + 1]]
             _extend(
-                A, rests[rest_start[c] : rest_start[c + 1]], up[up_start[c] : up_start[c + 1]],
+                panel, corner, p, n, rest, not fresh, up[up_start[c] : up_start[c + 1]],
                 run[run_start[c] : run_start[c + 1]],
             )  # fmt: skip
-        p = pivots[f]
-        if not _eliminate(A, p, routines, letters, numbers, sizes):
+        if not _eliminate(panel, corner, p, n, routines, letters, numbers, sizes):
             return False
-        panel = panels[panel_start[f] : panel_start[f + 1]]
-        for i in range(p):
-            for j in range(i, n):
-                panel[i * n + j] = A[i, j]
-        rest = rests[rest_start[f] : rest_start[f + 1]]
-        k = 0
-        for i in range(p, n):
-            for j in range(i, n):
-                rest[k + j - i] = A[i, j]
-            k += n - i
+        if kept[f]:
+            rest = rests[rest_start[f] : rest_start[f + 1]]
+            for i in range(m):
+                row = _packed(i, m)
+                rest[row + i : row + m] = corner[i * m + i : i * m + m]
     return True
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _add_block(A, block, rows):
-    """Add the upper triangle of a block to that of A; rows below 0 are held."""
+def _packed(i, m):
+    """Where row i of a packed upper triangle of order m would begin if its first i numbers were there."""
+    return i * m - i * (i + 1) // 2
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _add_block(panel, corner, p, n, block, rows):
+    """Add the upper triangle of a block to a front's; rows below 0 are held."""
     for i in range(len(rows)):
         a = rows[i]
         if a >= 0:
             for j in range(i, len(rows)):
                 b = rows[j]
                 if b >= 0:
-                    A[min(a, b), max(a, b)] += block[i, j]
+                    row = min(a, b)
+                    column = max(a, b)
+                    if row < p:
+                        panel[row * n + column] += block[i, j]
+                    else:
+                        corner[(row - p) * (n - p) + column - p] += block[i, j]
 
 
 @njit(cache=True, nogil=True)
-def _extend(A, rest, up, run):
-    """Add a child's rest, a packed upper triangle, to A; its rows go up in runs of neighbours."""
+def _extend(panel, corner, p, n, rest, packed, up, run):
+    """Add a child's rest, an upper triangle, to its parent; its rows go up in runs of neighbours."""
     m = len(up)
     for r in range(len(run) - 1):
         for i in range(run[r], run[r + 1]):
-            target = A[up[i]]
-            row = rest[i * m - i * (i - 1) // 2 :]  # from column i on
+            row = _packed(i, m) if packed else i * m
+            if up[i] < p:
+                target = panel[up[i] * n :]
+                left = 0
+            else:
+                target = corner[(up[i] - p) * (n - p) :]
+                left = p
             for s in range(r, len(run) - 1):
                 first = max(run[s], i)
-                to = target[up[run[s]] + first - run[s] :]
-                come = row[first - i : run[s + 1] - i]
+                to = target[up[run[s]] + first - run[s] - left :]
+                come = rest[row + first : row + run[s + 1]]
                 for j in range(len(come)):
                     to[j] += come[j]
 
 
 @njit(cache=True, nogil=True)
-def _eliminate(A, p, routines, letters, numbers, sizes):
-    """The first p rows of the upper triangle A become U; the rest, the Schur complement."""
+def _eliminate(panel, corner, p, n, routines, letters, numbers, sizes):
+    """The panel becomes rows of U; the corner, the Schur complement."""
     # Row-major upper is LAPACK's column-major lower, so nothing is copied.
-    n = A.shape[0]
     sizes[0] = p
     sizes[1] = n
     sizes[2] = n - p
     sizes[3] = 0
     if p == 0:
         return True
-    base = A.ctypes.data
+    base = panel.ctypes.data
     size = sizes.ctypes.data
     letter = letters.ctypes.data
     one = numbers.ctypes.data
@@ -112,6 +134,6 @@ def _eliminate(A, p, routines, letters, numbers, sizes):
             routines[1],
             (right, lower, transposed, plain, size + 8, size, one, base, size + 4, below, size + 4),
         )
-        corner = base + 4 * p * (n + 1)
-        call(routines[2], (lower, plain, size + 8, size, one + 4, below, size + 4, one, corner, size + 4))
+        rest = corner.ctypes.data
+        call(routines[2], (lower, plain, size + 8, size, one + 4, below, size + 4, one, rest, size + 8))
     return True

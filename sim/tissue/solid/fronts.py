@@ -30,8 +30,12 @@ class Fronts:
         -1 at the root.
     dofs, dofs_start : ndarray
         Degrees of freedom of the front's rows.
-    panel_start, rest_start : ndarray (fronts + 1,)
-        Where the pivot rows, (pivots, size), and the packed upper triangle of the rest are stored.
+    panel_start : ndarray (fronts + 1,)
+        Where the pivot rows, (pivots, size), are stored.
+    corner_start : ndarray (fronts,)
+        Where the square of the rest stands until the parent has taken it.
+    corners : int
+        How much room these squares take, one in place of another.
     child, child_start : ndarray
     element, element_start : ndarray
         Elements that are assembled here.
@@ -54,7 +58,8 @@ class Fronts:
     dofs: Ints
     dofs_start: Ints
     panel_start: Ints
-    rest_start: Ints
+    corner_start: Ints
+    corners: int
     child: Ints
     child_start: Ints
     element: Ints
@@ -113,25 +118,27 @@ def lay_fronts(mesh: SolidMesh) -> Fronts:
         contacts.append(here)
         row[dofs] = -1
     runs = [_runs(rows) for rows in up]
+    corner_start, corners = _stacked(rest * rest, [branch.children for branch in tree], parent)
     return Fronts(
         size=size,
         pivots=pivots,
         parent=parent,
         dofs=np.concatenate([d for pair in zip(pivot_dofs, border_dofs) for d in pair]),
-        dofs_start=_starts(size),
-        panel_start=_starts(pivots * size),
-        rest_start=_starts(rest * (rest + 1) // 2),
+        dofs_start=starts(size),
+        panel_start=starts(pivots * size),
+        corner_start=corner_start,
+        corners=corners,
         child=_joined([np.array(branch.children, np.int64) for branch in tree]),
-        child_start=_starts([len(branch.children) for branch in tree]),
+        child_start=starts([len(branch.children) for branch in tree]),
         element=_joined([branch.elements for branch in tree]),
-        element_start=_starts([len(branch.elements) for branch in tree]),
+        element_start=starts([len(branch.elements) for branch in tree]),
         element_rows=np.concatenate(element_rows),
         up=_joined(up),
-        up_start=_starts([len(rows) for rows in up]),
+        up_start=starts([len(rows) for rows in up]),
         run=_joined(runs),
-        run_start=_starts([len(rows) for rows in runs]),
+        run_start=starts([len(rows) for rows in runs]),
         contact=_joined(contacts),
-        contact_start=_starts([len(some) for some in contacts]),
+        contact_start=starts([len(some) for some in contacts]),
         contact_rows=contact_rows,
         front_of_element=front_of_element,
         front_of_contact=front_of_contact,
@@ -157,7 +164,29 @@ def _runs(rows: Ints) -> Ints:
     return np.concatenate([[0], np.nonzero(np.diff(rows) != 1)[0] + 1, [len(rows)]])
 
 
-def _starts(lengths: Ints | list[int]) -> Ints:
+def _stacked(lengths: Ints, children: list[list[int]], parent: Ints) -> tuple[Ints, int]:
+    """Where to put what each front passes up, and the room for all.
+
+    Two stacks grow towards each other, for even and odd depths: a front's own comes where its grandchildren's
+    were, while its children's are on top of the other.
+    """
+    depth = np.zeros(len(lengths), np.int64)
+    for f in range(len(lengths) - 2, -1, -1):
+        depth[f] = depth[parent[f]] + 1
+    place = np.zeros(len(lengths), np.int64)
+    height, most = [0, 0], 0
+    for f, side in enumerate(depth % 2):
+        place[f] = height[side]
+        height[side] += int(lengths[f])
+        most = max(most, sum(height))
+        height[1 - side] -= int(lengths[children[f]].sum())
+    from_the_end = depth % 2 == 1
+    place[from_the_end] = most - place[from_the_end] - lengths[from_the_end]
+    return place, most
+
+
+def starts(lengths: Ints | list[int]) -> Ints:
+    """Where each of some stretches of these lengths begins, one after the other, and the end."""
     return np.concatenate([[0], np.cumsum(np.asarray(lengths, np.int64))])
 
 

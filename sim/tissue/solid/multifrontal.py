@@ -8,6 +8,7 @@ kept.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -16,10 +17,11 @@ from numpy.typing import NDArray
 
 from palpate.sim.tissue.solid.front_factor import factor_fronts, spread
 from palpate.sim.tissue.solid.front_solve import solve_fronts
-from palpate.sim.tissue.solid.fronts import Fronts
+from palpate.sim.tissue.solid.fronts import Fronts, starts
 from palpate.sim.tissue.solver.linear import NotPositiveDefinite
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 Singles = NDArray[np.float32]
 
 MOST_SIDES = 64
@@ -33,20 +35,36 @@ class Multifrontal:
     ----------
     fronts : Fronts
         Its layout.
+    renewals : sequence of ndarray, optional
+        Sets of elements that are likely to be renewed together. What other fronts pass up is kept for these
+        only, and worked out again where something else is renewed; by default all of it is kept.
     """
 
-    def __init__(self, fronts: Fronts) -> None:
+    def __init__(self, fronts: Fronts, renewals: Sequence[Ints] | None = None) -> None:
         self.fronts = fronts
+        rest = fronts.size - fronts.pivots
+        self._kept = np.ones(len(rest), np.bool_) if renewals is None else self._needed(renewals)
+        self._rest_start = starts(np.where(self._kept, rest * (rest + 1) // 2, 0))
         self.contact = np.zeros((len(fronts.contact_rows), 3, 3), np.float32)
         self.flops = 0.0
         self._panels = np.empty(fronts.panel_start[-1], np.float32)
-        self._rests = np.empty(fronts.rest_start[-1], np.float32)
-        largest = int(fronts.size.max())
-        self._square = np.empty(largest * largest, np.float32)
-        self._sides = np.empty(largest * MOST_SIDES, np.float32)
-        self._dirty = np.ones(len(fronts.size), np.bool_)
+        self._corners = np.empty(fronts.corners, np.float32)
+        self._rests = np.empty(self._rest_start[-1], np.float32)
+        self._sides = np.empty(int(fronts.size.max()) * MOST_SIDES, np.float32)
+        self._dirty = np.ones(len(rest), np.bool_)
 
-    def change_elements(self, which: NDArray[np.int64]) -> None:
+    def _needed(self, renewals: Sequence[Ints]) -> NDArray[np.bool_]:
+        """Fronts that stay in one of the renewals while their parent changes."""
+        parent = self.fronts.parent
+        kept = np.zeros(len(parent), np.bool_)
+        for which in renewals:
+            dirty = np.zeros_like(kept)
+            dirty[self.fronts.front_of_element[which]] = True
+            spread(dirty, parent, np.ones_like(kept))
+            kept |= ~dirty & dirty[parent] & (parent >= 0)
+        return kept
+
+    def change_elements(self, which: Ints) -> None:
         """The stiffness of these elements has changed since the last factorisation."""
         self._dirty[self.fronts.front_of_element[which]] = True
 
@@ -65,13 +83,13 @@ class Multifrontal:
             It has no Cholesky factor; everything is to be factored anew.
         """
         f = self.fronts
-        spread(self._dirty, f.parent)
+        spread(self._dirty, f.parent, self._kept)
         self.flops = float(f.work[self._dirty].sum())
         good = factor_fronts(
-            self._dirty, f.size, f.pivots, f.panel_start, f.rest_start, f.child_start, f.child,
-            f.element_start, f.element, f.element_rows, f.up_start, f.up, f.run_start, f.run,
-            f.contact_start, f.contact, f.contact_rows, K, self.contact, self._panels, self._rests,
-            self._square, *_constants(),
+            self._dirty, self._kept, f.size, f.pivots, f.panel_start, f.corner_start, self._rest_start,
+            f.child_start, f.child, f.element_start, f.element, f.element_rows, f.up_start, f.up, f.run_start,
+            f.run, f.contact_start, f.contact, f.contact_rows, K, self.contact, self._panels, self._corners,
+            self._rests, *_constants(),
         )  # fmt: skip
         self._dirty[:] = not good
         if not good:

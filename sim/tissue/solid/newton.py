@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from palpate.sim.tissue.newton import NoConvergence
 from palpate.sim.tissue.solid.body import Body
 from palpate.sim.tissue.solid.face import FaceContact, Touching
+from palpate.sim.tissue.solid.mesh import SolidMesh
 from palpate.sim.tissue.solid.multifrontal import Multifrontal
 from palpate.sim.tissue.solid.woodbury import Correction
 from palpate.sim.tissue.solver.linear import NotPositiveDefinite
@@ -53,6 +54,11 @@ class Counts:
     solves: int = 0
 
 
+def near_probe(mesh: SolidMesh, position: float) -> Ints:
+    """Elements whose tangent is renewed with the probe at `position`."""
+    return np.nonzero(np.abs(mesh.nodes_mm[mesh.elements, 0].mean(1) - position) < WINDOW_MM)[0]
+
+
 class SolidNewton:
     """Finds equilibria of a body under a face.
 
@@ -70,7 +76,6 @@ class SolidNewton:
         self.counts = Counts()
         mesh = body.mesh
         self._held = np.nonzero(mesh.fixed.ravel())[0]
-        self._middle_mm = mesh.nodes_mm[mesh.elements, 0].mean(1)
         self._all = np.arange(len(mesh.elements))
         self._stiffness = np.zeros((len(mesh.elements), 81, 81), np.float32)
         self._frozen = np.zeros((len(mesh.elements), 4, 81))
@@ -155,7 +160,7 @@ class SolidNewton:
         """Elements whose tangent to renew before the next step; None if the factor may stay."""
         if careful or not self._started or error > 0.5:
             return self._all
-        near = np.nonzero(np.abs(self._middle_mm - position) < WINDOW_MM)[0]
+        near = near_probe(self.body.mesh, position)
         if self._factored is None:
             return near
         self._slow = self._slow + 1 if error > _GOOD_PROGRESS * error_before else 0

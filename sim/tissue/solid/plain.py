@@ -37,7 +37,8 @@ class PlainPress:
         grid = geometry.mesh.grid
         self._plain = set_up(lay_plain_grid(grid, case, settings.hx_mm / settings.refine))
         share = 0.25 if grid.half else 0.5
-        self._run = SolidRun(replace(case, E_ratio=1.0, lump_stiffening=0.0), settings, self._plain, share)
+        plain = replace(case, E_ratio=1.0, lump_stiffening=0.0)
+        self._run = SolidRun(plain, settings, self._plain, share, ())  # a rough load renews everything
         self._state: State | None = None
 
     def state(self, F_rel: float, position: float) -> State:

@@ -5,7 +5,7 @@ Units: mm, kPa, mN (1 mN = 1 kPa mm^2).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,7 +26,7 @@ from palpate.sim.tissue.solid.fronts import Fronts, lay_fronts
 from palpate.sim.tissue.solid.grid import SolidGrid
 from palpate.sim.tissue.solid.mesh import SolidMesh, build_mesh
 from palpate.sim.tissue.solid.multifrontal import Multifrontal
-from palpate.sim.tissue.solid.newton import SolidNewton
+from palpate.sim.tissue.solid.newton import SolidNewton, near_probe
 from palpate.sim.tissue.solid.predictor import SolidPredictor
 from palpate.sim.tissue.state import State
 
@@ -64,9 +64,18 @@ class SolidRun:
     ----------
     share : float
         The part of the probe that the mesh stands for: half of it on either side of a plane of symmetry.
+    positions : iterable of float
+        Where the probe is going to stop, which tells what of the factor will be needed again.
     """
 
-    def __init__(self, case: Case, settings: Settings, geometry: SolidGeometry, share: float) -> None:
+    def __init__(
+        self,
+        case: Case,
+        settings: Settings,
+        geometry: SolidGeometry,
+        share: float,
+        positions: Iterable[float],
+    ) -> None:
         self.case, self.mesh, self.share = case, geometry.mesh, share
         body = Body(geometry.mesh, geometry.integrals, elasticity(case, geometry.mesh, geometry.integrals))
         shape = FaceShape(
@@ -74,7 +83,8 @@ class SolidRun:
             ProbeShape(case.across_radius_mm, case.across_half_mm, case.across_fillet_per_mm2),
         )
         self.contact = FaceContact(geometry.mesh, shape)
-        self.newton = SolidNewton(body, self.contact, Multifrontal(geometry.fronts), settings.tolerance)
+        solver = Multifrontal(geometry.fronts, [near_probe(geometry.mesh, x) for x in positions])
+        self.newton = SolidNewton(body, self.contact, solver, settings.tolerance)
         self.predictor = SolidPredictor(geometry.mesh, geometry.integrals.volume)
 
     def force(self, F_rel: float) -> float:

@@ -66,7 +66,7 @@ def simulate_forces(
         order = np.argsort(forces, kind="stable")
         rising = [float(forces[i]) for i in order]
         geometry = _geometry_of(case, settings, float(positions[0]), float(positions[-1]))
-        run = SolidRun(case, settings, geometry, 0.5 if geometry.mesh.grid.half else 1.0)
+        run = SolidRun(case, settings, geometry, 0.5 if geometry.mesh.grid.half else 1.0, positions)
         strokes = _Stroking(case, settings, geometry, run, positions).strokes(rising, ramp, began, visit)
     places = np.argsort(order)
     return [strokes[i] for i in places]
@@ -159,5 +159,6 @@ def _warm_up() -> None:
     """Compile the kernels, or load them, so that no stroke's time has this in it."""
     case, settings = Case.from_code("d10h08eNLf02_ball"), Settings(hx_mm=4.0)
     geometry = set_up(lay_grid(case, settings, 0.0, 4.0))
-    run = SolidRun(case, settings, geometry, 0.5)
-    _Stroking(case, settings, geometry, run, np.array([0.0, 4.0])).strokes([case.F_rel], False, 0.0)
+    positions = np.array([0.0, 4.0])
+    run = SolidRun(case, settings, geometry, 0.5, positions)
+    _Stroking(case, settings, geometry, run, positions).strokes([case.F_rel], False, 0.0)
