@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
-_LEAF = 8
+_LEAF = 4
 """Elements that are eliminated together at the bottom."""
 
-_SHARES = (0.5, 0.4, 0.6)
-_LOPSIDED = 0.7
-"""A half may not hold more than this share of the elements."""
+_SIDE = 12.0
+"""Unknowns on an element's side that are not its neighbours' as well: four nodes'."""
 
 
 @dataclass
@@ -72,11 +71,12 @@ def dissect(elements: Ints, centres_mm: Floats, free: NDArray[np.bool_]) -> list
 
 
 class _Dissection:
-    def __init__(self, elements: Ints, centres: Floats, free: NDArray[np.bool_]) -> None:
-        self.elements, self.centres, self.free = elements, np.round(centres, 3), free
+    def __init__(self, elements: Ints, centres_mm: Floats, free: NDArray[np.bool_]) -> None:
+        self.elements, self.free = elements, free
+        columns = [np.unique(x, return_inverse=True)[1] for x in np.round(centres_mm, 3).T]
+        self.ranks = np.stack(columns, -1)
         self.open = free.copy()
-        self.stamps = np.zeros(len(free), np.int64)
-        self.stamp = 0
+        self.low, self.high = np.zeros((2, len(free)), np.int64)
         self.branches: list[Branch] = []
 
     def nodes_of(self, some: Ints) -> Ints:
@@ -99,47 +99,73 @@ class _Dissection:
         return len(self.branches) - 1
 
     def _halves(self, some: Ints) -> tuple[Ints, Ints, Ints] | None:
-        best: tuple[float, NDArray[np.bool_]] | None = None
-        for axis in range(3):
-            where = self.centres[some, axis]
-            places = np.unique(where)
-            if len(places) < 2:
-                continue
-            for share in _SHARES if len(some) > 60 else _SHARES[:1]:
-                k = int(np.searchsorted(places, np.quantile(where, share)))
-                k = min(max(k, 1), len(places) - 1)
-                left = where < (places[k - 1] + places[k]) / 2
-                larger = max(left.mean(), 1 - left.mean())
-                cost = self._count(some, left) * (1 + 2 * max(0.0, larger - 0.5))
-                cost += 1e6 * (larger > _LOPSIDED)
-                if best is None or cost < best[0]:
-                    best = cost, left
-        if best is None:
+        axis, rank = cheapest_cut(self.elements, self.ranks, some, self.open, self.free, self.low, self.high)
+        if axis < 0:
             return None
-        left = best[1]
-        self.stamp += 2
-        shared = _shared(self.elements, some, left, self.open, self.stamps, self.stamp)
-        return some[left], some[~left], np.sort(shared)
-
-    def _count(self, some: Ints, left: NDArray[np.bool_]) -> int:
-        self.stamp += 2
-        return len(_shared(self.elements, some, left, self.open, self.stamps, self.stamp))
+        on_left = self.ranks[some, axis] <= rank
+        left, right = some[on_left], some[~on_left]
+        shared = np.intersect1d(self.elements[left], self.elements[right])
+        return left, right, shared[self.open[shared]]
 
 
 @njit(cache=True, nogil=True)
-def _shared(elements, some, left, open_nodes, stamps, stamp):  # type: ignore[no-untyped-def]
-    """Open nodes that elements on both sides have; `stamp` and `stamp` + 1 are marks not used before."""
-    for i in range(len(some)):
-        if left[i]:
-            for n in elements[some[i]]:
-                stamps[n] = stamp
-    out = np.empty(27 * len(some), np.int64)
-    count = 0
-    for i in range(len(some)):
-        if not left[i]:
-            for n in elements[some[i]]:
-                if stamps[n] == stamp and open_nodes[n]:
-                    stamps[n] = stamp + 1
-                    out[count] = n
-                    count += 1
-    return out[:count].copy()
+def cheapest_cut(elements, ranks, some, open_nodes, free, low, high):  # type: ignore[no-untyped-def]
+    """The axis and the last rank on its left side of the cut through some elements that seems to cost least.
+
+    `ranks` (M, 3) are the elements' places along the axes; -1, -1 if no cut parts them. What a cut costs is
+    the elimination of the nodes it goes through, and a guess at either half's. `low` and `high` (N,) are
+    scratch.
+    """
+    best, best_axis, best_rank = np.inf, -1, -1
+    for axis in range(3):
+        places = 0
+        for e in some:
+            places = max(places, ranks[e, axis] + 1)
+            for n in elements[e]:
+                low[n] = len(elements)
+                high[n] = -1
+        count = np.zeros(places, np.int64)
+        for e in some:
+            rank = ranks[e, axis]
+            count[rank] += 1
+            for n in elements[e]:
+                low[n] = min(low[n], rank)
+                high[n] = max(high[n], rank)
+        # Cut after cut: how the nodes in it, and the border's to its left and right, grow in number.
+        shared, left, right = np.zeros((3, places), np.int64)
+        border = 0
+        for e in some:
+            for n in elements[e]:
+                if high[n] < 0 or not free[n]:
+                    continue
+                if open_nodes[n]:
+                    shared[low[n]] += 1
+                    shared[high[n]] -= 1
+                else:
+                    border += 1
+                    left[low[n]] += 1
+                    right[high[n]] -= 1
+                high[n] = -1  # seen
+        half, cut, border_left, border_right = 0, 0, 0, border
+        for rank in range(places):
+            half += count[rank]
+            cut += shared[rank]
+            border_left += left[rank]
+            border_right += right[rank]
+            if count[rank] > 0 and half < len(some):
+                p, n = 3.0 * cut, 3.0 * (cut + border)
+                cost = p * n * n - p * p * n + p**3 / 3
+                cost += _guess(half, 3.0 * (cut + border_left))
+                cost += _guess(len(some) - half, 3.0 * (cut + border_right))
+                if cost < best:
+                    best, best_axis, best_rank = cost, axis, rank
+    return best_axis, best_rank
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _guess(count, border):  # type: ignore[no-untyped-def]
+    """About what it costs to eliminate `count` elements inside a border of so many unknowns.
+
+    As if a quarter of their 24 unknowns each were eliminated from fronts of the border and one more cut.
+    """
+    return 6.0 * count * (border + _SIDE * count ** (2 / 3)) ** 2
