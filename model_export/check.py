@@ -7,7 +7,7 @@ import sys
 from typing import Any
 
 from palpate.model_export.errors import ModelError
-from palpate.model_export.model_data import Across, FirstStage, Joining, ModelData
+from palpate.model_export.model_data import Across, FirstStage, Joining, Layers, ModelData
 from palpate.model_export.vocabulary import KINDS, LINKS, OUTPUTS
 
 MAX_FEATURES = 24
@@ -20,6 +20,8 @@ MAX_STEEPNESS = 500
 MAX_SQUARE = 500
 MOST_SPREAD = 100
 MOST_STRETCH = 5
+MOST_SLOPE = 10
+OF_LAYERS = 3
 
 
 def _short(value: Any) -> str:
@@ -79,6 +81,8 @@ def spec(model: ModelData) -> None:
         _need(ends, "a check must be held within ends on both sides of 0")
     if model.across is not None:
         _across(model.across, model.features)
+    if model.layers is not None:
+        _layers(model.layers, n)
     _terms(model.terms, n, "terms")
     _outputs(model)
     _interval(model, n)
@@ -185,6 +189,22 @@ def _across(across: Across, features: tuple[str, ...]) -> None:
     _need(all(abs(v) < MOST_SPREAD for v in spread), f"across: a spread must lie within +-{MOST_SPREAD}")
     stretch = _number(across.place_stretch, "across.place_stretch")
     _need(0 < stretch <= MOST_STRETCH, f"across.place_stretch must lie within 0 and {MOST_STRETCH}")
+
+
+def _layers(layers: Layers, features: int) -> None:
+    level, sure = _number(layers.level, "layers.level"), _number(layers.sure, "layers.sure")
+    _need(0 < level < 1, f"layers.level must lie between 0 and 1, not {level}")
+    _need(0.5 < sure < 1, f"layers.sure must lie between 1/2 and 1, not {sure}")
+    slope = _number(layers.slope, "layers.slope")
+    _need(abs(slope) <= MOST_SLOPE, f"layers.slope must lie within +-{MOST_SLOPE}")
+    for name, rows in (("spread", layers.spread), ("quantiles", layers.quantiles)):
+        three = isinstance(rows, tuple) and len(rows) == OF_LAYERS
+        _need(three, f"layers.{name} must have a row for each of in_fat, depth and size")
+    for j, (row, triple) in enumerate(zip(layers.spread, layers.quantiles)):
+        spread = _numbers(row, features + 2, f"layers.spread[{j}]")
+        _need(all(abs(v) < MOST_SPREAD for v in spread), f"layers: a spread must lie within +-{MOST_SPREAD}")
+        of_each = _numbers(triple, OF_LAYERS, f"layers.quantiles[{j}]")
+        _need(min(of_each) > 0, f"layers.quantiles[{j}] must be positive")
 
 
 def _outputs(model: ModelData) -> None:

@@ -186,6 +186,42 @@ class Across:
 
 
 @dataclass(frozen=True)
+class Layers:
+    """What the host adds to the probe's answer about a lump that need not lie on the border of fat and gland.
+
+    With t, d, h and E what the probe says, E its E_inv23, and z the model's standardised features:
+
+        in_fat = t / d - h, held within -1 and 2      how much of the lump's height lies in the fat
+        depth  = d h
+        size   = ln d + slope E                       known where d and E alone are not
+        w_q    = quantiles[q][layer] exp(spread[q] . (1, z_1, .., z_n, q))
+
+    with w half of the interval of q, which is in_fat, ln depth or size; layer is 0 where in_fat is 1 or more
+    (in the fat), 2 where it is 0 or less (in the gland), 1 between. So d, for one who knows E, is
+    exp(size - slope E -+ w). The odds of the layers are those of a normal distribution about in_fat of which
+    -+ w holds `level`.
+
+    Attributes
+    ----------
+    level : float
+        Coverage of the intervals, 0 < level < 1.
+    slope : float
+        By how much ln d is off where E is off by one, turned round.
+    spread : three tuples of float
+        Each as long as the model has features, and two.
+    quantiles : three triples of float
+    sure : float
+        The layer is said where it has these odds, over 1/2.
+    """
+
+    level: float
+    slope: float
+    spread: tuple[tuple[float, ...], ...]
+    quantiles: tuple[tuple[float, float, float], ...]
+    sure: float
+
+
+@dataclass(frozen=True)
 class ModelData:
     """A whole fitted model as plain data; `schema.ModelSpec` checks it, reads it and writes it.
 
@@ -224,6 +260,8 @@ class ModelData:
         features among the model's own.
     across : Across or None
         No part of the image: the host works it out.
+    layers : Layers or None
+        Nor is this.
     """
 
     kind: str
@@ -247,3 +285,4 @@ class ModelData:
     first: FirstStage | None = None
     checks: FirstStage | None = None
     across: Across | None = None
+    layers: Layers | None = None

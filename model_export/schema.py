@@ -21,6 +21,7 @@ from palpate.model_export.model_data import (
     FirstStage,
     Interval,
     Joining,
+    Layers,
     Limit,
     ModelData,
     Output,
@@ -37,6 +38,7 @@ __all__ = [
     "FirstStage",
     "Interval",
     "Joining",
+    "Layers",
     "Limit",
     "ModelSpec",
     "Output",
@@ -63,7 +65,12 @@ class ModelSpec(ModelData):
     def to_dict(self) -> dict[str, Any]:
         """Plain dict as written to model.json."""
         body = asdict(self)
-        for part in ("first", "checks", "across"):  # without them as it was written before there were any
+        for part in (
+            "first",
+            "checks",
+            "across",
+            "layers",
+        ):  # without them as it was written before there were any
             if body[part] is None:
                 del body[part]
         for stage in (body.get("first"), body.get("checks"), (body.get("across") or {}).get("width")):
@@ -134,7 +141,8 @@ def _deeper_than(value: Any, levels: int) -> bool:
 
 _PARTS: dict[str, Any] = {"outputs": Output, "interval": Interval, "domain": Domain, "lump": Limit,
                            "first": FirstStage, "checks": FirstStage, "estimates": Estimate,
-                           "joining": Joining, "across": Across, "width": FirstStage}  # fmt: skip
+                           "joining": Joining, "across": Across, "width": FirstStage,
+                           "layers": Layers}  # fmt: skip
 
 
 def _build(cls: Any, data: Any, where: str) -> Any:
@@ -142,7 +150,7 @@ def _build(cls: Any, data: Any, where: str) -> Any:
     if not isinstance(data, dict):
         raise ModelError(f"{where} must be an object")
     known = {f.name for f in fields(cls)}
-    optional = {"force_map", "notes", "first", "checks", "across", "joining"} | (
+    optional = {"force_map", "notes", "first", "checks", "across", "layers", "joining"} | (
         {"lo", "hi"} if cls is Limit else set()
     )
     for key in data:

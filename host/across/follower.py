@@ -1,4 +1,4 @@
-"""Follows a session's events and says, with each estimate, how wide the lump is across and where it lies."""
+"""Follows a session's events and says, with each estimate, what the host adds to it (`told`)."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 from firmware_py import calib, forcemap, messages, pipeline, status
 from palpate.across.documents import Documents
-from palpate.link.events import Estimate, Event, Features, Frame, Gap, StrokeState
+from palpate.link.events import OUTPUTS, Estimate, Event, Features, Frame, Gap, StrokeState
 from palpate.recording.presses import Presses
 from palpate.recording.push import push
 
 if TYPE_CHECKING:
-    from palpate.across.told import AcrossStroke
+    from palpate.across.told import Told
     from palpate.link.remote import Commandable
     from palpate.model_export.schema import ModelSpec
 
@@ -58,7 +58,7 @@ class Follower:
         elif isinstance(event, Gap) and event.restarted:
             self._forget()
 
-    def of(self, said: Estimate) -> AcrossStroke | None:
+    def of(self, said: Estimate) -> Told | None:
         """What the model of this estimate tells; None where it shows no lump, or no document tells of it.
 
         Features are the probe's own, or worked out from the frames of stroke and press if it sent none. The
@@ -67,18 +67,19 @@ class Follower:
         if not (said.lump and said.valid):
             return None
         spec = self.documents.of(said.model_id)
-        if spec is None or spec.across is None:
+        if spec is None or (spec.across is None and spec.layers is None):
             return None
         from palpate.across.told import told  # with numpy, which few commands need
 
+        answer = [said.span(name) for name in OUTPUTS]
         features = self._features.get((said.stream, said.stroke))
         p = self._pushed(spec, said)
         if p is None:
-            return told(spec, features, None)
+            return told(spec, features, None, answer)
         if features is None and p.press_is_whole:
             features = tuple(p.features)
         beside_others = p.span[1] - p.span[0] < len(p.columns)
-        return told(spec, features, tuple(p.columns) if beside_others else None)
+        return told(spec, features, tuple(p.columns) if beside_others else None, answer)
 
     def _pushed(self, spec: ModelSpec, said: Estimate) -> _Pipeline | None:
         """The firmware's pipeline with this stroke pushed through; None if some of its frames are missing."""

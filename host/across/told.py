@@ -1,6 +1,7 @@
-"""A lump's width across the stroke and its place there, with intervals: the formulas of `schema.Across`.
+"""What the host adds to a probe's answer: a lump's width across the stroke and its place there, with
+intervals (the formulas of `schema.Across`), or the layer that it lies in (`layers`).
 
-The probe's answer has six outputs and its memory no room for more, so these two are worked out here, from the
+The probe's answer has six outputs and its memory no room for more, so these are worked out here, from the
 features that it sends and from how much of the bump each of its columns saw. Units: mm.
 """
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from firmware_py import feature_names
 from firmware_py import features as firmware_features
+from palpate.across.layers import LumpLayer, lump_layer
 from palpate.features.across import across
 from palpate.link.answer import Span
 from palpate.model_export.fixed_point import reference
@@ -49,10 +51,28 @@ class AcrossStroke:
         return {"level": self.level, **said}
 
 
+@dataclass(frozen=True)
+class Told:
+    """What is added to one answer; None: that model does not tell it, or what it takes did not come."""
+
+    across: AcrossStroke | None = None
+    layer: LumpLayer | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """As `--json` prints it beside the answer."""
+        return {
+            "across": None if self.across is None else self.across.as_dict(),
+            "layer": None if self.layer is None else self.layer.as_dict(),
+        }
+
+
 def told(
-    spec: ModelSpec, features: Sequence[int] | None, columns: Sequence[int] | None
-) -> AcrossStroke | None:
-    """What the model tells of a stroke over a lump; None if it does not tell such things.
+    spec: ModelSpec,
+    features: Sequence[int] | None,
+    columns: Sequence[int] | None,
+    answer: Sequence[Span] = (),
+) -> Told:
+    """What the model tells of a stroke over a lump.
 
     Parameters
     ----------
@@ -60,16 +80,24 @@ def told(
     features : the firmware's, Q24, as the probe sent them or a replay worked them out; None: not known
     columns : how much of the bump each column saw (`Pipeline.columns`); None: frames are missing, or all saw
         as much
+    answer : the probe's, value, low and high of each output
     """
+    x = None
+    if features is not None and len(features) >= _least_count(spec):
+        known = [*features, *[firmware_features.ABSENT] * (firmware_features.COUNT - len(features))]
+        x = reference.inputs(spec, np.array([known], float) / FEATURE_ONE)
+    layer = None
+    if spec.layers is not None and x is not None and answer:
+        layer = lump_layer(spec.layers, reference.standardised(spec, x)[0], answer)
+    return Told(_across(spec, x, columns), layer)
+
+
+def _across(spec: ModelSpec, x: np.ndarray | None, columns: Sequence[int] | None) -> AcrossStroke | None:
     part = spec.across
     if part is None:
         return None
-    width = place = None
-    if features is not None and len(features) >= _least_count(spec):
-        known = [*features, *[firmware_features.ABSENT] * (firmware_features.COUNT - len(features))]
-        width = _width(spec, part, np.array([known], float) / FEATURE_ONE)
-    if columns is not None and any(columns):
-        place = _place(part, columns)
+    width = None if x is None else _width(spec, part, x)
+    place = _place(part, columns) if columns is not None and any(columns) else None
     return AcrossStroke(part.level, width, place)
 
 
@@ -80,9 +108,9 @@ def _least_count(spec: ModelSpec) -> int:
     return 1 + max(feature_names.NAMES.index(name) for name in names)
 
 
-def _width(spec: ModelSpec, part: Across, X: np.ndarray) -> Span:
+def _width(spec: ModelSpec, part: Across, inputs: np.ndarray) -> Span:
     own = [spec.features.index(name) for name in part.width.features]
-    x = reference.inputs(spec, X)[:, own]
+    x = inputs[:, own]
     (y,) = reference.estimates(part.width, x)[0]
     (z,) = reference.standardised(part.width, x)
     half = math.exp(float(np.dot(part.width_spread, [1.0, *z, y])))

@@ -197,6 +197,7 @@ def _assemble(
         domain=_domain(spec, seen),
         training=training | {"hash": own, "adapted": adapted},
         across=None,  # nobody has corrected it by real strokes
+        layers=None,
     ).validate()
 
 

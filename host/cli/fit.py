@@ -25,6 +25,7 @@ from palpate.sim.probe.noise import LEVELS
 @click.option("--workers", type=click.IntRange(1), help="field: processes for that; all cores by default.")
 @click.option("--tissue", multiple=True, metavar="thesis|NAME=VALUE",
               help="field: tell it its tissue: thesis, or as gland_ratio=8; may be repeated.")  # fmt: skip
+@click.option("--anywhere", is_flag=True, help="field: lumps in the fat, in the gland, between.")
 @click.option("--without", type=click.Choice(["displacement"]),
               help="field, told its tissue: the pressure alone, for recordings without it.")  # fmt: skip
 @click.option("--studies", is_flag=True, help="field, told its tissue: all of palpate study too (an hour).")
@@ -45,6 +46,7 @@ def command(
     lumps: int | None,
     workers: int | None,
     tissue: tuple[str, ...],
+    anywhere: bool,
     without: str | None,
     studies: bool,
     report: Path | None,
@@ -59,13 +61,15 @@ def command(
     thesis  Table 1 beside the thesis' numbers, in sample and left out
     field   the held-out table; what DIRECTORY lacks is simulated into it first
 
-    A field model is for tissue of all kinds, unless --tissue tells it one.
+    A field model is for tissue of all kinds, unless --tissue tells it one, and for lumps on the border of fat
+    and gland, unless --anywhere has them lie as they come.
 
     \b
     Example:
       palpate sweep --design thesis --out out/thesis
       palpate fit out/thesis --kind thesis --out out/model.json
       palpate fit out/field --kind field --out out/field.json --report out/report
+      palpate fit out/anywhere --kind field --anywhere --lumps 1000 --out out/anywhere.json
       palpate fit out/told --kind field --tissue thesis --out out/told.json
       palpate fit out/told --kind field --tissue thesis --without displacement --out out/pressure.json
     """
@@ -78,7 +82,7 @@ def command(
     # Read before the work: what is wrong with arguments and files is said at once.
     noise_named(noise)
     changed = _tissue(tissue)
-    check_kind(kind, without is None, changed is not None, studies)
+    check_kind(kind, without is None, changed is not None, studies, anywhere)
     if kind == "field":
         check_begun(directory, lumps)
     else:
@@ -96,6 +100,7 @@ def command(
             tissue=changed,
             studies=studies,
             displacement=without is None,
+            anywhere=anywhere,
             progress=progress,
             note=note,
         )

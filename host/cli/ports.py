@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from firmware_py import geometry, outputs
+from palpate.across import NOTHING_TOLD
 from palpate.cli.output import note
-from palpate.link.answer import HARDNESS, Span, stiffness_kPa, stiffness_words
+from palpate.link.answer import HARDNESS, Span, place_words, size_words, stiffness_kPa, stiffness_words
 from palpate.model_export.vocabulary import SHOWN_UNITS, WORDS
 
 if TYPE_CHECKING:
-    from palpate.across.told import AcrossStroke
+    from palpate.across.layers import LumpLayer
+    from palpate.across.told import AcrossStroke, Told
     from palpate.link.events import Estimate
     from palpate.link.probe import Probe
 
@@ -66,21 +68,18 @@ def document_option(function: F) -> F:
 
 
 def estimate_dict(
-    estimate: Estimate, fat_kPa: float | None = None, across: AcrossStroke | None = None
+    estimate: Estimate, fat_kPa: float | None = None, told: Told | None = None
 ) -> dict[str, Any]:
     """An estimate for programs, with `E_kPa` where the fat is known, or estimated, and what was worked out
     here."""
-    out = estimate.as_dict()
-    out["across"] = None if across is None else across.as_dict()
+    out = estimate.as_dict() | (NOTHING_TOLD if told is None else told.as_dict())
     fat = estimate.fat_kPa(fat_kPa)
     if fat is not None and "E_inv23" in estimate.outputs:
         out["E_kPa"] = dict(zip(outputs.PARTS, stiffness_kPa(estimate.span("E_inv23"), fat)))
     return out
 
 
-def estimate_lines(
-    estimate: Estimate, fat_kPa: float | None = None, across: AcrossStroke | None = None
-) -> list[str]:
+def estimate_lines(estimate: Estimate, fat_kPa: float | None = None, told: Told | None = None) -> list[str]:
     """An estimate for people: one line each, intervals beside the values, reservations in plain words."""
     head = f"stroke {estimate.stroke}, {estimate.frames} frames"
     if not estimate.lump and estimate.reason == "no lump found":
@@ -88,12 +87,15 @@ def estimate_lines(
     if not estimate.valid:
         return [f"{head}: no estimate, {estimate.reason}"]
     level = f"{estimate.level_permille / 10:g} % interval"
+    layer = None if told is None else told.layer
     lines = [f"{head}, model {estimate.model_id.hex()}"]
     for name in estimate.outputs:
         lines.append(_number(WORDS[name], SHOWN_UNITS[name], estimate.span(name), level))
-        if name == "h" and (depth := estimate.depth_mm) is not None:
+        depth = layer.depth_mm if layer is not None else estimate.depth_mm
+        if name == "h" and depth is not None:
             lines.append(_number("lump depth", "mm", depth, level))
-    lines += _across_lines(across)
+    lines += _across_lines(None if told is None else told.across)
+    lines += _layer_lines(layer)
     factor = stiffness_words(estimate.span("E_inv23"), estimate.fat_kPa(fat_kPa))
     lines.append(f"  {'stiffness':20} {factor}")
     lines.append(f"  {HARDNESS[estimate.hardness]}")
@@ -111,6 +113,20 @@ def _across_lines(across: AcrossStroke | None) -> list[str]:
     level = f"{100 * across.level:g} % interval"
     spans = (("width across", across.width_mm), ("place across", across.place_mm))
     return [_number(words, "mm", _without_minus_zero(span), level) for words, span in spans if span]
+
+
+def _layer_lines(layer: LumpLayer | None) -> list[str]:
+    if layer is None:
+        return []
+    value, low, high = (100 * min(max(share, 0.0), 1.0) for share in layer.in_fat)
+    level = f"{100 * layer.level:g} % interval"
+    lines = [
+        f"  {'lies':20} {place_words(layer.place, layer.odds)}",
+        f"  {'of its height in fat':20} {value:.0f} % ({low:.0f} to {high:.0f}, {level})",
+    ]
+    if layer.worth_saying:
+        lines.append(f"  {'size and stiffness':20} {size_words(layer.sizes, layer.within)}")
+    return lines
 
 
 def _without_minus_zero(span: Span) -> Span:

@@ -21,7 +21,7 @@ leave_out_option = click.option(
 
 
 def load_model(path: Path) -> ModelSpec:
-    """The model of a file, or one that comes with Palpate by its name: `field`, `thesis-tissue`."""
+    """The model of a file, or one that comes with Palpate by its name, as `field`."""
     from palpate import models
     from palpate.model_export.schema import ModelSpec
 

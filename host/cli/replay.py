@@ -54,7 +54,7 @@ def command(
     for stroke in replay(recording, image, named):
         strokes.append(stroke)
         if not as_json:
-            click.echo("\n".join(estimate_lines(stroke.probe, fat_kPa, stroke.across)))
+            click.echo("\n".join(estimate_lines(stroke.probe, fat_kPa, stroke.told)))
             click.echo(f"  replay: {stroke.missing or ('identical' if stroke.identical else 'DIFFERENT')}")
     compared = [stroke for stroke in strokes if stroke.host is not None]
     image = image or opened.attachment(MODEL)

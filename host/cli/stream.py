@@ -204,13 +204,13 @@ def _show(
     from palpate.link.events import Estimate, Gap, Log, StrokeState
 
     if isinstance(event, Estimate):
-        across = follower.of(event)
-        estimates.append(estimate_dict(event, fat_kPa, across))
+        told = follower.of(event)
+        estimates.append(estimate_dict(event, fat_kPa, told))
         if json_lines:
             sys.stdout.write(json.dumps(plain(estimates[-1])) + "\n")
             sys.stdout.flush()
         elif not quiet:
-            click.echo("\n".join(estimate_lines(event, fat_kPa, across)))
+            click.echo("\n".join(estimate_lines(event, fat_kPa, told)))
     elif quiet:
         return
     elif isinstance(event, StrokeState) and event.state in WARNINGS:

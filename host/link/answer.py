@@ -6,6 +6,7 @@ An interval here is (value, low, high).
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from math import exp, hypot, log, sqrt
 
 Span = tuple[float, float, float]
@@ -14,6 +15,8 @@ BORDER = 10.0
 """Times fat: what is stiffer is called hard."""
 BOUND_TO = 50.0
 """An upper bound of E beyond this is none: such lumps feel alike."""
+LEAST_ODDS = 0.05
+"""A place with less is not named among those that a lump may have."""
 
 HARDNESS = {
     "hard": f"hard: {BORDER:g} times as stiff as fat, or more",
@@ -87,6 +90,26 @@ def stiffness_words(E_inv23: Span, fat_kPa: Span | None = None) -> str:
     if fat_kPa is not None:
         words += f", {_between(stiffness_kPa(E_inv23, fat_kPa), fat_kPa[0])} kPa"
     return words
+
+
+def place_words(place: str, odds: Mapping[str, float]) -> str:
+    """Where a lump lies, as `in the fat (93 %)`; where that is not sure, what it may be."""
+    chances = [f"{where} {100 * of:.0f} %" for where, of in odds.items() if of >= LEAST_ODDS]
+    return f"{place} ({100 * odds[place]:.0f} %)" if place in odds else f"{place}: {', '.join(chances)}"
+
+
+def size_words(sizes: Sequence[tuple[float | None, float]], within: float) -> str:
+    """Which diameter goes with which stiffness: `13.4 mm if 3.1 × fat, 10.1 mm if 12 × fat (each ± 7 %)`.
+
+    sizes: pairs of a stiffness, times fat (None: too stiff to tell), and a diameter, mm; within: each is
+    known to that share.
+    """
+    pairs = [f"{d:.1f} mm if {_stiff(E)} × fat" for E, d in sizes]
+    return f"{', '.join(pairs)} (each ± {100 * within:.0f} %)"
+
+
+def _stiff(E: float | None) -> str:
+    return f"over {BOUND_TO:.0f}" if E is None else _short(E)
 
 
 def _between(span: tuple[float | None, float | None, float | None], least: float) -> str:

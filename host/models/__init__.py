@@ -4,6 +4,7 @@
 
     spec = models.load()                   # endless cylinders in tissue of all kinds (plane strain)
     balls = models.load("balls")           # balls and ellipsoids in tissue of all kinds: real lumps
+    anywhere = models.load("anywhere")     # the same anywhere, not only on the border of fat and gland
     told = models.load("thesis-tissue")    # told that the tissue is the thesis'; does without the press
     models.recipe()["scores"]              # how good it is on lumps that it never saw
 
@@ -23,8 +24,8 @@ from palpate.model_export.schema import ModelSpec
 if TYPE_CHECKING:
     from palpate.sim.tissue import Case
 
-FIELD, BALLS, TOLD = "field", "balls", "thesis-tissue"
-NAMES = (FIELD, BALLS, TOLD)
+FIELD, BALLS, ANYWHERE, TOLD = "field", "balls", "anywhere", "thesis-tissue"
+NAMES = (FIELD, BALLS, ANYWHERE, TOLD)
 
 
 def path(name: str = FIELD) -> Path:
@@ -38,8 +39,7 @@ def recipe_path(name: str = FIELD) -> Path:
 
 
 def load(name: str = FIELD) -> ModelSpec:
-    """A model as it ships: `field` and `balls` are for tissue of all kinds, `thesis-tissue` was told the
-    thesis'."""
+    """A model as it ships: `thesis-tissue` was told the thesis', the others are for tissue of all kinds."""
     return ModelSpec.load(path(name))
 
 
@@ -55,7 +55,7 @@ def trained_on(training: str) -> ModelSpec | None:
 
 def suited_to(case: Case) -> str:
     """The name of the model for such a lump, in whatever tissue."""
-    return BALLS if case.solid else FIELD
+    return BALLS if case.solid else FIELD if case.fat_mm is None else ANYWHERE
 
 
 def suits_array() -> bool:

@@ -16,11 +16,13 @@ from palpate.link.events import OUTPUTS
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.model_export.schema import ModelSpec
-from palpate.models import BALLS, FIELD, TOLD, file_hash, path, recipe_path
-from palpate.regression.any_tissue.data import prepare_strokes
+from palpate.models import ANYWHERE, BALLS, FIELD, TOLD, file_hash, path, recipe_path
+from palpate.regression.any_tissue import data as any_tissue
 from palpate.regression.any_tissue.fit import fit_in_any_tissue
 from palpate.regression.any_tissue.observed import TissueLump, observe_at
 from palpate.regression.any_tissue.result import TissueFit
+from palpate.regression.any_tissue.study import TissueStudy
+from palpate.regression.anywhere.held_out import AnywhereStudy
 from palpate.regression.balls.fit import fit_to_balls
 from palpate.regression.balls.lumps import press_before, read_lumps, read_rim
 from palpate.regression.field.data import prepare
@@ -37,6 +39,7 @@ from palpate.sim.tissue.solid.stroke import simulate_forces as simulate_solid
 MADE: dict[str, dict[str, Any]] = {
     FIELD: {"lumps": 1300, "noise": "typical", "seed": 1},
     BALLS: {"design": "balls:336:1", "noise": "typical", "seed": 1},
+    ANYWHERE: {"lumps": 1000, "noise": "typical", "seed": 1},
     TOLD: {
         "lumps": 1024,
         "rim": 64,
@@ -57,12 +60,22 @@ SAMPLES: dict[str, Sequence[tuple[Case, float]]] = {
         (Case(10.0, 0.8, 2.5, 0.45, gland_ratio=4.0, gland_mm=18.0, probe_radius_mm=41.0), 14.0),
     ),
     BALLS: ((Case.from_code("d12h06e20f07_ball"), 10.0), (Case.from_code("d16h04e05f05_ball_G4"), 15.0)),
+    ANYWHERE: (
+        (Case(11.0, 0.3, 20.0, 0.6, fat_mm=18.0, gland_ratio=6.0, gland_mm=20.0), 10.0),
+        (Case(9.0, 0.6, 6.0, 0.5, fat_mm=10.0, gland_ratio=3.0, gland_mm=22.0, fat_stiffening=1.0), 18.0),
+        (Case(15.0, 0.4, 50.0, 0.5, fat_mm=5.0, gland_ratio=5.0, gland_mm=28.0), 7.0),
+    ),
     TOLD: tuple(
         (Case.from_code(code), 10.0)
         for code in ("d12h07e20f09", "d08h06e50f08", "d18h05e05f07", "d10h08e02f06")
     ),
 }
 """Lumps that the models were not fitted to, on each side of their ranges' middle, and the fat's modulus."""
+
+_KINDS: dict[str, tuple[any_tissue.Design, type[TissueStudy]]] = {
+    FIELD: (any_tissue.ON_BORDER, TissueStudy),
+    ANYWHERE: (any_tissue.ANYWHERE, AnywhereStudy),
+}
 
 SAMPLE_SEED = 7
 
@@ -83,9 +96,10 @@ def build(name: str, directory: Path, progress: Progress | None = None) -> Field
     """
     made = MADE[name]
     fit: FieldFit | TissueFit
-    if name == FIELD:
-        tissues = prepare_strokes(directory, made["lumps"], progress=progress)
-        fit = fit_in_any_tissue(tissues, made["noise"], made["seed"], progress=progress)
+    if name in _KINDS:
+        design, kind = _KINDS[name]
+        tissues = any_tissue.prepare_strokes(directory, made["lumps"], progress=progress, design=design)
+        fit = fit_in_any_tissue(tissues, made["noise"], made["seed"], progress=progress, kind=kind)
     elif name == BALLS:
         workers = os.cpu_count() or 1
         lumps, rim = read_lumps(directory), read_rim(directory)
@@ -170,4 +184,4 @@ def _without(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, F
     return seen.X[0], np.append(seen.Y[0], fat_kPa)
 
 
-_OBSERVED = {FIELD: _with_press, BALLS: _solid, TOLD: _without}
+_OBSERVED = {FIELD: _with_press, BALLS: _solid, ANYWHERE: _with_press, TOLD: _without}

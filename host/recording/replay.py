@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from firmware_py import calib, evaluator, feature_names, features, messages, outputs, pipeline, status
 from firmware_py.estimator import answer
+from palpate.across import NOTHING_TOLD
 from palpate.across.documents import Documents
 from palpate.across.follower import Follower
 from palpate.errors import RecordingError
@@ -25,7 +26,7 @@ from palpate.recording.push import push
 from palpate.recording.reader import Recording
 
 if TYPE_CHECKING:
-    from palpate.across.told import AcrossStroke
+    from palpate.across.told import Told
     from palpate.model_export.schema import ModelSpec
 
 FRAMES_KEPT = 1 << 16
@@ -47,15 +48,15 @@ class ReplayedStroke:
         probe sent none.
     missing : str
         Why there is no comparison; "" where there is one.
-    across : AcrossStroke or None
-        Width and place across the stroke, where the model tells them.
+    told : Told or None
+        What the host adds, where the model's document tells of it.
     """
 
     probe: Estimate
     host: Estimate | None
     features_equal: bool | None
     missing: str = ""
-    across: AcrossStroke | None = None
+    told: Told | None = None
 
     @property
     def identical(self) -> bool:
@@ -71,7 +72,7 @@ class ReplayedStroke:
             "identical": self.identical,
             "missing": self.missing,
             "estimate": self.probe.as_dict(),
-            "across": None if self.across is None else self.across.as_dict(),
+            **(NOTHING_TOLD if self.told is None else self.told.as_dict()),
             "replayed": None if self.host is None else self.host.as_dict(),
         }
 
@@ -205,7 +206,7 @@ def replay(
                 press = presses.of(event.stream, event.stroke, frames)
                 known = told.pop(event.stroke, None)
                 found = _compare(event, frames, press, known, replayer, session.kept_reference)
-                yield replace(found, across=follower.of(event))
+                yield replace(found, told=follower.of(event))
 
 
 def _compare(

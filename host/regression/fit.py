@@ -16,6 +16,7 @@ from palpate.regression.any_tissue.result import TissueFit
 from palpate.regression.field.result import FieldFit
 from palpate.regression.observed import noise_named
 from palpate.regression.progress import ProgressCallback
+from palpate.regression.table import TableError
 from palpate.regression.thesis.fit import ThesisFit
 from palpate.sim.tissue import Stroke
 
@@ -82,6 +83,7 @@ def fit(
     tissue: Mapping[str, float] | None = None,
     studies: bool = False,
     displacement: bool = True,
+    anywhere: bool = False,
     progress: ProgressCallback | None = None,
     note: Callable[[str], None] | None = None,
 ) -> Fit:
@@ -114,6 +116,9 @@ def fit(
     displacement : bool
         field, told its tissue: False makes a model of the pressure alone, for recordings without
         displacement.
+    anywhere : bool
+        field, of tissue of all kinds: simulate lumps that lie anywhere, not only on the border of fat and
+        gland, and tell the layer that they lie in. A directory that holds such lumps needs no telling.
     progress : callable, optional
         See `progress.ProgressCallback`.
     note : callable, optional
@@ -126,18 +131,21 @@ def fit(
         displacement; field: `directory` holds no strokes over lumps, and `lumps` does not say how many to
         simulate.
     TableError
-        The directory holds no strokes, or strokes over another tissue.
+        The directory holds no strokes, or strokes over another tissue, or over lumps on the border where
+        they were to lie anywhere.
     """
     noise_named(noise)
-    check_kind(kind, displacement, tissue is not None, studies)
+    check_kind(kind, displacement, tissue is not None, studies, anywhere)
     if kind == "thesis":
         return _thesis(directory, noise, seed, progress)
     if kind == "field":
-        return _field(directory, noise, seed, lumps, workers, tissue, studies, displacement, progress, note)
+        return _field(
+            directory, noise, seed, lumps, workers, tissue, studies, displacement, anywhere, progress, note
+        )
     raise UsageError(f"there is no kind of model {kind!r}; there are {', '.join(KINDS)}")
 
 
-def check_kind(kind: str, displacement: bool, told: bool, studies: bool) -> None:
+def check_kind(kind: str, displacement: bool, told: bool, studies: bool, anywhere: bool = False) -> None:
     """`UsageError` where the kind cannot do what is asked of it."""
     if kind == "thesis" and not displacement:
         raise UsageError("the thesis' equations need the displacement: only --kind field does without")
@@ -145,6 +153,8 @@ def check_kind(kind: str, displacement: bool, told: bool, studies: bool) -> None
         what = "--without displacement" if not displacement else "--studies" if studies else ""
         if what:
             raise UsageError(f"{what} is for a model that is told its tissue: add --tissue thesis")
+    if anywhere and (kind != "field" or told):
+        raise UsageError("--anywhere is for a field model in tissue of all kinds: --kind field, no --tissue")
 
 
 def _thesis(directory: str | PathLike[str], noise: str, seed: int, progress: ProgressCallback | None) -> Fit:
@@ -169,6 +179,7 @@ def _field(
     tissue: Mapping[str, float] | None,
     studies: bool,
     displacement: bool,
+    anywhere: bool,
     progress: ProgressCallback | None,
     note: Callable[[str], None] | None,
 ) -> Fit:
@@ -179,11 +190,14 @@ def _field(
 
     check_begun(directory, lumps)
     if holds_balls(Path(directory)):
-        if tissue is not None:
-            raise UsageError(f"the balls in {directory} lie in tissue of all kinds: leave --tissue out")
+        if tissue is not None or anywhere:
+            what = "lie in tissue of all kinds: leave --tissue out"
+            if anywhere:
+                what = "lie on the border of fat and gland: leave --anywhere out"
+            raise UsageError(f"the balls in {directory} {what}")
         return _balls(Path(directory), noise, seed, workers, progress)
     if tissue is None:
-        return _any_tissue(directory, noise, seed, lumps, workers, progress)
+        return _any_tissue(Path(directory), noise, seed, lumps, workers, anywhere, progress)
     strokes = prepare(directory, lumps or LUMPS, workers=workers, tissue=tissue, progress=progress)
     recipe = FIELD if displacement else PRESSURE_ONLY
     result = fit_field(strokes, noise=noise, seed=seed, recipe=recipe, workers=workers, progress=progress)
@@ -193,20 +207,28 @@ def _field(
 
 
 def _any_tissue(
-    directory: str | PathLike[str],
+    directory: Path,
     noise: str,
     seed: int,
     lumps: int | None,
     workers: int | None,
+    anywhere: bool,
     progress: ProgressCallback | None,
 ) -> Fit:
-    from palpate.regression.any_tissue.data import LUMPS, prepare_strokes
+    from palpate.regression.any_tissue.data import ANYWHERE, LUMPS, ON_BORDER, lie_anywhere, prepare_strokes
     from palpate.regression.any_tissue.fit import fit_in_any_tissue
+    from palpate.regression.any_tissue.study import TissueStudy
+    from palpate.regression.anywhere.held_out import AnywhereStudy
     from palpate.sim.tissue.stroke import one_blas_thread
 
-    strokes = prepare_strokes(directory, lumps or LUMPS, workers, progress)
+    held = lie_anywhere(directory)
+    if anywhere and held is False:
+        raise TableError(f"{directory} holds lumps on the border of fat and gland: name another directory")
+    anywhere = anywhere or bool(held)
+    design, kind = (ANYWHERE, AnywhereStudy) if anywhere else (ON_BORDER, TissueStudy)
+    strokes = prepare_strokes(directory, lumps or LUMPS, workers, progress, design)
     with one_blas_thread():
-        result = fit_in_any_tissue(strokes, noise, seed, progress=progress)
+        result = fit_in_any_tissue(strokes, noise, seed, progress=progress, kind=kind)
     return Fit("field", result.spec, result)
 
 

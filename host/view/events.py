@@ -10,6 +10,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.across.layers import LumpLayer
 from palpate.sim.probe.cells import FULL_SCALE_KPA, PITCH_MM
 
 
@@ -112,7 +113,7 @@ class Estimate:
 
     `reference` is used, unlike (it does not fit, and was left out) or ""; `status_text` is empty, or says why
     there are no numbers; `further` holds outputs that have no field here; `width_mm` and `place_mm` are
-    across the stroke, and the host's.
+    across the stroke, and the host's, as is `layer`, where the lump lies.
     """
 
     time_s: float
@@ -124,6 +125,7 @@ class Estimate:
     further: Mapping[str, Interval] = field(default_factory=dict)
     width_mm: Interval | None = None
     place_mm: Interval | None = None
+    layer: LumpLayer | None = None
     lump: bool = False
     hardness: str = "unsure"
     in_domain: bool = False

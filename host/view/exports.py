@@ -139,6 +139,8 @@ def _words(ax: Axes, detail: dict[str, Any]) -> None:
         lines.append(felt_across(lump))
     if card["hardness"]:
         lines.append(f"Stiffness: {card['hardness']}, {card['stiffness_text']}")
+    if card["layer"]:
+        lines.append(f"Lies {card['layer']['text']}")
     if card["level"]:
         lines.append(f"Intervals hold the truth {card['level']:.0%} of the time.")
     lines += ["", f"Stroke {number}, model {card['model_id'] or 'none'}", NOT_A_DIAGNOSIS]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from palpate.across.layers import LumpLayer
 from palpate.link import answer
 from palpate.model_export.vocabulary import SHOWN_UNITS, WORDS
 from palpate.view.events import Estimate, Interval
@@ -54,6 +55,16 @@ def depth_mm(t_mm: Interval, d_mm: Interval, h: Interval) -> Interval:
     return Interval(*answer.depth_mm(_span(t_mm), _span(d_mm), _span(h)))
 
 
+def _layer(layer: LumpLayer | None) -> dict[str, Any] | None:
+    """Where the lump lies: the words, the share of its height in the fat within 0 and 1, and the sizes."""
+    if layer is None:
+        return None
+    value, low, high = (min(max(share, 0.0), 1.0) for share in layer.in_fat)
+    sizes = answer.size_words(layer.sizes, layer.within) if layer.worth_saying else ""
+    text = answer.place_words(layer.place, layer.odds)
+    return {"place": layer.place, "text": text, "value": value, "low": low, "high": high, "sizes": sizes}
+
+
 def _span(interval: Interval) -> answer.Span:
     return interval.value, interval.low, interval.high
 
@@ -89,7 +100,8 @@ def card(
     dict
         kind, title, text; `rows` with key, label, unit, value, low, high and, for the depth, h `beside` it
         (only what may be said for this kind); hardness and its words; E_ratio (value, low, high; null means
-        unbounded) and its words; level; model_id; what became of the reference press; notice.
+        unbounded) and its words; `layer`, where the lump lies (`_layer`), or null; level; model_id; what
+        became of the reference press; notice.
     """
     kind = verdict(estimate, force_low=force_low, force_high=force_high)
     out: dict[str, Any] = {
@@ -101,6 +113,7 @@ def card(
         "hardness_text": "",
         "stiffness_text": "",
         "E_ratio": None,
+        "layer": None,
         "level": None,
         "model_id": "",
         "reference": "",
@@ -131,7 +144,9 @@ def card(
         row("d_mm", "Diameter", "mm", estimate.d_mm)
         row("width_mm", "Width across", "mm", estimate.width_mm)
         if estimate.t_mm is not None and estimate.d_mm is not None and (h := estimate.h) is not None:
-            row("depth_mm", "Depth", "mm", depth_mm(estimate.t_mm, estimate.d_mm, h))
+            layer = estimate.layer
+            tied = depth_mm(estimate.t_mm, estimate.d_mm, h)
+            row("depth_mm", "Depth", "mm", tied if layer is None else Interval(*layer.depth_mm))
             out["rows"][-1]["beside"] = {"label": "h", "value": h.value, "low": h.low, "high": h.high}
         row("place_mm", "Place across", "mm", estimate.place_mm)
         row("t_mm", "Tissue thickness", "mm", estimate.t_mm)
@@ -143,6 +158,7 @@ def card(
             value, low, high = answer.stiffness(_span(estimate.E_inv23))
             out["E_ratio"] = {"value": value, "low": low, "high": high}
             out["stiffness_text"] = answer.stiffness_words(_span(estimate.E_inv23), _fat(estimate, fat_kPa))
+        out["layer"] = _layer(estimate.layer)
     if kind != "none":  # the probe sends zeros where it finds no lump
         row("F_N_per_m", "Force", "N/m", estimate.F_N_per_m)
     return out

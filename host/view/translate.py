@@ -18,7 +18,7 @@ from palpate.recording.channels import MARK_PREFIX
 from palpate.view.events import KNOWN, Estimate, Event, Frame, Interval, MapFit, Mark, ProbeMap, StrokeState
 
 if TYPE_CHECKING:
-    from palpate.across.told import AcrossStroke
+    from palpate.across.told import Told
 
 WARNING_S = 1.5
 """How long a warning (press harder, too fast) stays on the page."""
@@ -30,7 +30,7 @@ _WARNINGS = {"force_low", "force_high", "too_fast"}
 class Translator:
     """Link events in, viewer events out; keeps the state of the stroke.
 
-    With a follower, which gets every event, estimates tell width and place across.
+    With a follower, which gets every event, estimates tell what the host adds (`palpate.across`).
     """
 
     def __init__(self, scale: CellScale, follower: Follower | None = None) -> None:
@@ -141,8 +141,9 @@ def _interval(span: Span | None) -> Interval | None:
     return None if span is None else Interval(*span)
 
 
-def estimate(event: link.Estimate, across: AcrossStroke | None = None) -> Estimate:
-    """The probe's answer with its numbers as intervals, and what the host adds across the stroke."""
+def estimate(event: link.Estimate, told: Told | None = None) -> Estimate:
+    """The probe's answer with its numbers as intervals, and what the host adds."""
+    across = None if told is None else told.across
     said = {name: Interval(**parts) for name, parts in event.outputs.items()}
     known = {name: said.pop(name) for name in KNOWN & said.keys()}
     return Estimate(
@@ -151,6 +152,7 @@ def estimate(event: link.Estimate, across: AcrossStroke | None = None) -> Estima
         further=said,
         width_mm=_interval(None if across is None else across.width_mm),
         place_mm=_interval(None if across is None else across.place_mm),
+        layer=None if told is None else told.layer,
         lump=event.lump,
         hardness=event.hardness,
         in_domain=event.in_domain,

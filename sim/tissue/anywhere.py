@@ -10,7 +10,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from palpate.sim.tissue.any_tissue import FORCE_PARTS, PRESS_PARTS, TissueRanges, even, log_even, rounded
+from palpate.sim.tissue.any_tissue import (
+    FORCE_PARTS,
+    PRESS_PARTS,
+    TissueRanges,
+    at_forces,
+    even,
+    log_even,
+    rounded,
+)
 from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M, Case
 from palpate.sim.tissue.errors import CaseError
 
@@ -30,28 +38,60 @@ class PlaceRanges:
     fat_mm: tuple[float, float] = (4.0, 30.0)
 
 
+OUTSIDE = replace(TissueRanges(), d_mm=(4.0, 25.0), E_ratio=(1.3, 1000.0)), PlaceRanges(fat_mm=(3.0, 40.0))
+"""Wider in d, E and the fat's thickness; those lumps in here but not in the usual ranges are the rim."""
+
+
 def anywhere_cases(n: int, seed: int) -> list[Case]:
     """3 n cases: `n` lumps of a scrambled Sobol sequence at three forces each; the same seed, the same cases.
 
     A lump that does not fit over the chest wall is passed over.
     """
-    return [replace(case, F_rel=case.F_rel * part) for case in _lumps(n, seed) for part in FORCE_PARTS]
+    return at_forces(anywhere_lumps(n, seed), FORCE_PARTS)
 
 
 def anywhere_press_cases(n: int, seed: int) -> list[Case]:
     """The same lumps at the forces of the press before the stroke, for `any_tissue.PRESSES`."""
-    return [replace(case, F_rel=case.F_rel * part) for case in _lumps(n, seed) for part in PRESS_PARTS]
+    return at_forces(anywhere_lumps(n, seed), PRESS_PARTS)
 
 
-def _lumps(n: int, seed: int) -> list[Case]:
+def anywhere_rim(n: int, seed: int) -> list[Case]:
+    """`n` lumps of `OUTSIDE` that lie outside the usual ranges, at their middle force."""
+    usual, place = TissueRanges(), PlaceRanges()
+    rim = [
+        case
+        for case in anywhere_lumps(6 * n, seed, *OUTSIDE)
+        if not (
+            _within(case.d_mm, usual.d_mm)
+            and _within(case.E_ratio, usual.E_ratio)
+            and _within(case.t_mm, place.fat_mm)
+        )
+    ]
+    return rim[:n]
+
+
+def anywhere_plain(n: int, seed: int) -> list[Case]:
+    """`n` tissues as random as any of the design, without a lump."""
+    return [replace(case, E_ratio=1.0) for case in anywhere_lumps(n, seed)]
+
+
+def anywhere_lumps(
+    n: int, seed: int, tissue: TissueRanges | None = None, place: PlaceRanges | None = None
+) -> list[Case]:
+    """`n` lumps of the sequence over these ranges, at their middle force."""
+    tissue, place = tissue or TissueRanges(), place or PlaceRanges()
     found: list[Case] = []
     points = _points(n, seed)
     while len(found) < n:
         try:
-            found.append(_lump(next(points), TissueRanges(), PlaceRanges()))
+            found.append(_lump(next(points), tissue, place))
         except CaseError:
             continue
     return found
+
+
+def _within(value: float, ends: tuple[float, float]) -> bool:
+    return ends[0] <= value <= ends[1]
 
 
 def _lump(point: np.ndarray, r: TissueRanges, place: PlaceRanges) -> Case:

@@ -216,3 +216,43 @@ def test_a_damaged_part_of_across_the_stroke_is_named(solid, change, words):
     with pytest.raises(ModelError) as caught:
         ModelSpec.from_dict(broken(solid, change))
     assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
+# ---- what the host adds of the layer
+
+
+@pytest.fixture(scope="module")
+def anywhere():
+    """A model that tells the layer in which a lump lies."""
+    return json.loads(json.dumps(models.load(models.ANYWHERE).to_dict()))
+
+
+def test_a_model_may_tell_the_layer_or_not(anywhere):
+    whole = ModelSpec.from_dict(anywhere)
+    assert whole.layers is not None and whole.to_dict() == models.load(models.ANYWHERE).to_dict()
+    older = ModelSpec.from_dict({key: value for key, value in anywhere.items() if key != "layers"})
+    assert older == dataclasses.replace(whole, layers=None)
+    assert "layers" not in older.to_dict()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (set_("layers", value=3), "layers must be an object"),
+        (lambda d: d["layers"].pop("slope"), "layers lacks 'slope'"),
+        (set_("layers", "surprise", value=1), "surprise"),
+        (set_("layers", "level", value=1), "layers.level"),
+        (set_("layers", "sure", value=0.5), "layers.sure"),
+        (set_("layers", "slope", value=-11.0), "layers.slope"),
+        (lambda d: d["layers"]["spread"].pop(), "layers.spread must have a row"),
+        (lambda d: d["layers"]["spread"][1].pop(), "layers.spread[1]"),
+        (set_("layers", "spread", 2, 0, value=1e9), "spread must lie within"),
+        (set_("layers", "quantiles", 0, value=[1.0]), "layers.quantiles[0]"),
+        (set_("layers", "quantiles", 2, 1, value=0.0), "must be positive"),
+        (set_("layers", "quantiles", 1, value="wide"), "layers.quantiles[1]"),
+    ],
+)
+def test_a_damaged_part_of_the_layers_is_named(anywhere, change, words):
+    with pytest.raises(ModelError) as caught:
+        ModelSpec.from_dict(broken(anywhere, change))
+    assert words in str(caught.value) and "\n" not in str(caught.value)

@@ -24,12 +24,13 @@ from palpate.sim.tissue.any_tissue import (
     PRESS_PARTS,
     PRESSES,
     STROKES,
-    any_tissue_cases,
+    TissueRanges,
     at_forces,
     plain_lumps,
-    press_cases,
+    random_lumps,
     rim_lumps,
 )
+from palpate.sim.tissue.anywhere import anywhere_lumps, anywhere_plain, anywhere_rim
 
 LUMPS = 1300
 _RIM, _PLAIN = 0.3, 0.1
@@ -40,6 +41,19 @@ _STILL = Settings(start_mm=0.0)
 """Plain tissue is the same everywhere: one position will do."""
 
 Cases = Callable[[], list[Case]]
+
+
+@dataclass(frozen=True)
+class Design:
+    """Which lumps: so many of a seed, at their middle force; those outside the ranges; tissue without any."""
+
+    lumps: Callable[[int, int], list[Case]]
+    rim: Callable[[int, int], list[Case]]
+    plain: Callable[[int, int], list[Case]]
+
+
+ON_BORDER = Design(lambda n, seed: random_lumps(n, seed, TissueRanges()), rim_lumps, plain_lumps)
+ANYWHERE = Design(anywhere_lumps, anywhere_rim, anywhere_plain)
 
 
 @dataclass(frozen=True)
@@ -61,8 +75,9 @@ def prepare_strokes(
     lumps: int = LUMPS,
     workers: int | None = None,
     progress: ProgressCallback | None = None,
+    design: Design = ON_BORDER,
 ) -> TissueStrokes:
-    """Simulate into `directory` what it does not hold yet, and read all of it.
+    """Simulate into `directory` what it does not hold yet of the design, and read all of it.
 
     Raises
     ------
@@ -71,10 +86,12 @@ def prepare_strokes(
     """
     directory = Path(directory)
     check_tissue(directory)
-    rim, plain = rim_lumps(round(_RIM * lumps), _RIM_SEED), plain_lumps(round(_PLAIN * lumps), _PLAIN_SEED)
+    drawn = design.lumps(lumps, SEED)
+    rim = design.rim(round(_RIM * lumps), _RIM_SEED)
+    plain = design.plain(round(_PLAIN * lumps), _PLAIN_SEED)
     parts: dict[str, tuple[Cases, Settings]] = {
-        "press": (lambda: press_cases(lumps, SEED), PRESSES),
-        "lumps": (lambda: any_tissue_cases(lumps, SEED), STROKES),
+        "press": (lambda: at_forces(drawn, PRESS_PARTS), PRESSES),
+        "lumps": (lambda: at_forces(drawn, FORCE_PARTS), STROKES),
         "rim-press": (lambda: at_forces(rim, PRESS_PARTS), PRESSES),
         "rim": (lambda: at_forces(rim, FORCE_PARTS), STROKES),
         "plain-press": (lambda: at_forces(plain, PRESS_PARTS), PRESSES),
@@ -85,6 +102,13 @@ def prepare_strokes(
             report = sweep_progress(f"simulating {name}", progress)
             sweep(cases(), settings, directory / name, workers=workers, progress=report)
     return read_strokes(directory)
+
+
+def lie_anywhere(directory: Path) -> bool | None:
+    """Whether the lumps that `directory` holds need not lie on the border; None where it holds none."""
+    if not (directory / "lumps" / "strokes.parquet").exists():
+        return None
+    return bool(read_table(directory / "lumps")["fat_mm"].notna().any())
 
 
 def check_tissue(directory: Path) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.regression.any_tissue.data import TissueStrokes
 from palpate.regression.any_tissue.flags import NEAR, beyond, facts_of
-from palpate.regression.any_tissue.model import TissueModel, fit_tissue_model, tissue_truth
+from palpate.regression.any_tissue.model import Scope, TissueModel, fit_tissue_model, tissue_truth
 from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe
 from palpate.regression.any_tissue.pairs import observer, pair_check, pairs_table
 from palpate.regression.any_tissue.reference import (
@@ -26,7 +26,7 @@ from palpate.regression.any_tissue.reference import (
 )
 from palpate.regression.any_tissue.result import TissueFit
 from palpate.regression.any_tissue.spec import tissue_spec
-from palpate.regression.any_tissue.study import FOLDS, held_out, learnt_force_map
+from palpate.regression.any_tissue.study import FOLDS, TissueStudy, learnt_force_map
 from palpate.regression.probe_model import training_hash
 from palpate.regression.progress import ProgressCallback, Steps
 from palpate.sim.probe.two_lumps import APART_MM
@@ -43,6 +43,7 @@ def fit_in_any_tissue(
     seed: int = 1,
     others: Sequence[str] = ("real",),
     progress: ProgressCallback | None = None,
+    kind: type[TissueStudy] = TissueStudy,
 ) -> TissueFit:
     """Fit the model at one noise level, and the held-out table.
 
@@ -58,6 +59,8 @@ def fit_in_any_tissue(
         Further levels, in the table only.
     progress : callable, optional
         See `progress.ProgressCallback`.
+    kind : type of TissueStudy
+        Says what the model is for, and judges it.
     """
     tell = Steps("observing and fitting", len((noise, *others)) * (2 * FOLDS + DRAWS) + 4, progress)
     force_map = learnt_force_map(strokes.lumps)
@@ -65,14 +68,14 @@ def fit_in_any_tissue(
     rows = []
     for level in (noise, *(other for other in others if other != noise)):
         seen = joined([_observed(strokes.lumps, level, seed, k, blob, tell) for k in range(DRAWS)])
-        rim, outside = _rim(strokes.rim, level, seed, blob)
-        alone = held_out(seen, False, step=tell, rim=rim)
-        both = held_out(seen, True, step=tell, rim=rim)
+        rim, outside = _rim(strokes.rim, level, seed, blob, kind.scope)
+        alone = kind.held_out(seen, False, step=tell, rim=rim)
+        both = kind.held_out(seen, True, step=tell, rim=rim)
         rows += [alone.row(f"{level}, the stroke alone"), both.row(f"{level}, with its press")]
         if level == noise:
             kept = seen, rim, outside, both
     seen, rim, outside, study = kept
-    model = fit_tissue_model(seen, True, rim)
+    model = fit_tissue_model(seen, True, rim, scope=kind.scope)
     joining = _joining(strokes, noise, seed, seen, model)
     tell("model fitted")
     plain = joined(
@@ -82,7 +85,7 @@ def fit_in_any_tissue(
     watch = observer(noise, seed, blob)
     check = pair_check(model, seen, watch(strokes.lumps, APART_MM, 0))
     tell("check fitted")
-    pairs = pairs_table(strokes.lumps, seen, rim, watch)
+    pairs = pairs_table(strokes.lumps, seen, rim, watch, kind.scope)
     tell("pairs of lumps")
     spec = tissue_spec(
         model,
@@ -95,9 +98,11 @@ def fit_in_any_tissue(
             "noise": Path(noise).name,
             "seed": seed,
             "tissue": "any",
+            **kind.training,
         },
         force_map.as_dict(),
         check,
+        layers=study.layers(model),
         held_out={k: v for k, v in rows[1].items() if isinstance(v, float)},
     )
     return TissueFit(
@@ -107,8 +112,9 @@ def fit_in_any_tissue(
         rows=rows,
         study=study,
         pairs=pairs,
-        facts=facts_of(model, float(study.row("")["flagged"]), outside, plain),  # type: ignore[arg-type]
+        facts=facts_of(model, float(study.row("")["flagged"]), outside, plain, kind.scope),  # type: ignore[arg-type]
         excluded=strokes.excluded | {"no lump found": int((~seen.found).sum())},
+        targets=kind.targets,
     )
 
 
@@ -142,9 +148,9 @@ def _first_draw(seen: ObservedInTissue) -> np.ndarray:
 
 
 def _rim(
-    lumps: Sequence[TissueLump], level: str, seed: int, blob: bytes
+    lumps: Sequence[TissueLump], level: str, seed: int, blob: bytes, scope: Scope
 ) -> tuple[ObservedInTissue, ObservedInTissue]:
     """Strokes over lumps outside the ranges: to train on, and to test the flag."""
     seen = joined([observe(lumps, level, _seed(seed, _RIM_SEED + k), blob) for k in range(RIM_DRAWS)])
     tested = seen.group % _RIM_TESTED == 0
-    return seen.take(~tested & (beyond(seen) < NEAR)), seen.take(tested)
+    return seen.take(~tested & (beyond(seen, scope) < NEAR)), seen.take(tested)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from palpate.features.map_features import Floats
-from palpate.regression.any_tissue.model import OUTPUTS, RANGES, TissueModel, truth
+from palpate.regression.any_tissue.model import ON_BORDER, OUTPUTS, Scope, TissueModel, truth
 from palpate.regression.any_tissue.observed import ObservedInTissue
 
 WELL_OUTSIDE, NEAR = np.log(1.05), np.log(1.13)
@@ -13,23 +13,29 @@ WELL_OUTSIDE, NEAR = np.log(1.05), np.log(1.13)
 
 
 def facts_of(
-    model: TissueModel, flagged_inside: float, outside: ObservedInTissue | None, plain: ObservedInTissue
+    model: TissueModel,
+    flagged_inside: float,
+    outside: ObservedInTissue | None,
+    plain: ObservedInTissue,
+    scope: Scope = ON_BORDER,
 ) -> dict[str, float]:
     """Shares flagged inside and outside the ranges; false alarms on plain tissue."""
     return {
         "flagged_inside": flagged_inside,
         "flag_margin_half_widths": model.domain.margin,
-        **(outside_facts(model, outside) if outside is not None else {}),
+        **(outside_facts(model, outside, scope) if outside is not None else {}),
         "plain_strokes": float(len(plain.found)),
         "false_alarms": float(plain.found.mean()),
         "false_alarms_not_flagged": float((plain.found & model.in_domain(plain)).mean()),
     }
 
 
-def outside_facts(model: TissueModel, outside: ObservedInTissue) -> dict[str, float]:
+def outside_facts(
+    model: TissueModel, outside: ObservedInTissue, scope: Scope = ON_BORDER
+) -> dict[str, float]:
     """Of strokes over lumps outside the ranges: how many find none, how many of the others are flagged."""
     caught = ~model.in_domain(outside) & outside.found
-    far = outside.found & (beyond(outside) > WELL_OUTSIDE)
+    far = outside.found & (beyond(outside, scope) > WELL_OUTSIDE)
     return {
         "outside_strokes": float(len(outside.found)),
         "outside_no_lump": float((~outside.found).mean()),
@@ -38,10 +44,10 @@ def outside_facts(model: TissueModel, outside: ObservedInTissue) -> dict[str, fl
     }
 
 
-def beyond(seen: ObservedInTissue) -> Floats:
+def beyond(seen: ObservedInTissue, scope: Scope = ON_BORDER) -> Floats:
     """How far the truth lies beyond the ranges, (n), on a logarithmic scale."""
     Y, out = truth(seen), np.full(len(seen.X), -np.inf)
-    for name, ends in RANGES.items():
+    for name, ends in scope.ranges.items():
         y = Y[:, OUTPUTS.index(name)]
         low, high = (-np.inf, float(np.log(ends[1]))) if name == "E^-2/3" else ends
         past = np.maximum(low - y, (np.log(y) if name == "E^-2/3" else y) - high)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 
@@ -30,6 +30,8 @@ RANGES = {
     "ln E_fat": (float(np.log(5.0)), float(np.log(25.0))),
 }
 """What the model is for; t follows from d and h, hard lumps feel alike, the force has a flag of its own."""
+Parts = dict[str, NDArray[np.bool_]]
+"""Some of n strokes each, (n), by what they have in common."""
 STIFFNESS = OUTPUTS.index("E^-2/3")
 SCALE_FREE = tuple(n for n in FIELD_FEATURES if n not in ("ln_force", "ln_base"))
 """What does not change when all moduli and the force do; ln_base less ln_force is the twentieth."""
@@ -45,6 +47,18 @@ DEEPEST = "press_d_full"
 _STROKE = (*SCALE_FREE, "base_share")
 _CUBIC = tuple(n for n in CUBIC if n in SCALE_FREE)
 """What may be multiplied by two others, with `base_share` and the press's estimates."""
+
+
+@dataclass(frozen=True)
+class Scope:
+    """What a model is for.
+
+    ranges: of `OUTPUTS`, link scale; what lies beyond is outside the domain. parts: those for each of which
+    the intervals are to hold.
+    """
+
+    ranges: Mapping[str, tuple[float, float]]
+    parts: Callable[[ObservedInTissue], Parts]
 
 
 @dataclass(frozen=True)
@@ -168,13 +182,14 @@ def fit_tissue_model(
     rim: ObservedInTissue | None = None,
     step: Callable[[str], None] | None = None,
     press_names: tuple[str, ...] = PRESS,
+    scope: Scope | None = None,
 ) -> TissueModel:
     """Fit both stages; strokes that show no lump are left out of the second.
 
     `rim`: strokes over lumps just outside the ranges, for the polynomials alone (see `field.model`).
-    `press_names`: the first stage's features.
+    `press_names`: the first stage's features. `scope`: by default `ON_BORDER`.
     """
-    step = step or (lambda what: None)
+    step, scope = step or (lambda what: None), scope or ON_BORDER
     within = len(train.X)
     if rim is not None:
         train = joined([train, replace(rim, group=-1 - rim.group)])
@@ -198,10 +213,10 @@ def fit_tissue_model(
     sigma_terms, sigma = fit_sigma(z, guess, Y - guess, found.group)
     border = even_odds(guess[:, STIFFNESS], Y[:, STIFFNESS] <= HARD_BELOW)
     hard = guess[:, STIFFNESS] < border
-    widths = calibrate(sigma_terms, sigma, z, guess, Y, hard, groups=list(quarters(found).values()))
+    widths = calibrate(sigma_terms, sigma, z, guess, Y, hard, groups=list(scope.parts(found).values()))
     widths = _wide_enough_for_depth(widths, z, guess, Y, hard)
     step("stroke")
-    domain = _domain(stroke, X, z, guess, widths.half(z, guess, hard), found.group)
+    domain = _domain(stroke, X, z, guess, widths.half(z, guess, hard), found.group, scope)
     return TissueModel(press, stroke, widths, border, with_press, domain)
 
 
@@ -232,20 +247,30 @@ def _wide_enough_for_depth(
 
 
 def _domain(
-    stroke: Polynomial, X: Floats, z: Floats, y: Floats, half: Floats, groups: NDArray[np.int64]
+    stroke: Polynomial,
+    X: Floats,
+    z: Floats,
+    y: Floats,
+    half: Floats,
+    groups: NDArray[np.int64],
+    scope: Scope,
 ) -> DomainCheck:
     """Box, distance and ranges that leave out `FLAGGED_INSIDE` of strokes like these."""
-    ends = np.array([RANGES.get(name, (-np.inf, np.inf)) for name in OUTPUTS]).T
+    ends = np.array([scope.ranges.get(name, (-np.inf, np.inf)) for name in OUTPUTS]).T
     domain = fit_domain(X, z, len(OUTPUTS), UNFAMILIAR_INSIDE)
     familiar = familiar_unseen(stroke, X, groups)
     return with_ranges(domain, ends[0], ends[1], familiar, y, half, FLAGGED_INSIDE)
 
 
-def quarters(seen: ObservedInTissue) -> dict[str, NDArray[np.bool_]]:
+def quarters(seen: ObservedInTissue) -> Parts:
     """Each quarter of d, depth, E^-2/3, F, E_fat, ratio and gland depth, by name."""
-    out: dict[str, NDArray[np.bool_]] = {}
+    out: Parts = {}
     for name in ("ln d", "ln depth", "E^-2/3", "ln F", "ln E_fat", "gland_ratio", "gland_mm"):
         values = seen.Y[:, TRUTH.index(name)]
         which = np.searchsorted(np.quantile(values, [0.25, 0.5, 0.75]), values, side="right")
         out |= {f"{name.removeprefix('ln ')}, quarter {k + 1}": which == k for k in range(GROUPS)}
     return out
+
+
+ON_BORDER = Scope(RANGES, quarters)
+"""Lumps on the border between fat and gland."""

@@ -12,7 +12,15 @@ import pandas as pd
 
 from palpate.model_export.fixed_point.reference import estimates
 from palpate.model_export.schema import FirstStage
-from palpate.regression.any_tissue.model import OUTPUTS, TissueModel, fit_tissue_model, input_names, truth
+from palpate.regression.any_tissue.model import (
+    ON_BORDER,
+    OUTPUTS,
+    Scope,
+    TissueModel,
+    fit_tissue_model,
+    input_names,
+    truth,
+)
 from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump, observe
 from palpate.regression.checks import fit_checks
 from palpate.sim.probe.two_lumps import APART_MM
@@ -53,7 +61,11 @@ def unlike(check: FirstStage, model: TissueModel, seen: ObservedInTissue) -> np.
 
 
 def pairs_table(
-    lumps: Sequence[TissueLump], seen: ObservedInTissue, rim: ObservedInTissue, watch: Observed
+    lumps: Sequence[TissueLump],
+    seen: ObservedInTissue,
+    rim: ObservedInTissue,
+    watch: Observed,
+    scope: Scope = ON_BORDER,
 ) -> pd.DataFrame:
     """Pairs of lumps that neither model nor check has met: half of the lumps for each.
 
@@ -65,7 +77,7 @@ def pairs_table(
     """
     half = seen.group % 2 == 0
     train, test = seen.take(half), seen.take(~half & seen.found)
-    model = fit_tissue_model(train, True, rim)
+    model = fit_tissue_model(train, True, rim, scope=scope)
     fit_to = watch(lumps, APART_MM, 0)
     check = pair_check(model, train, fit_to.take(fit_to.group % 2 == 0))
     rows = [pairs_row("one lump", model, check, test)]

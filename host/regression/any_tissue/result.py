@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,8 +11,8 @@ import pandas as pd
 from rich.table import Table
 
 from palpate.model_export.schema import ModelSpec
-from palpate.regression.any_tissue.model import OUTPUTS, TissueModel, quarters, truth
-from palpate.regression.any_tissue.study import TARGETS, TissueStudy, text_of
+from palpate.regression.any_tissue.model import OUTPUTS, TissueModel, truth
+from palpate.regression.any_tissue.study import TARGETS, TextTable, TissueStudy, text_of
 from palpate.regression.conformal import LEVEL
 from palpate.regression.field.score import flat
 from palpate.regression.field.tables import excluded
@@ -70,7 +70,7 @@ class TissueFit:
         """Share of true values inside the intervals: all, and each quarter of lump and tissue."""
         Y = truth(self.study.seen)
         inside = np.abs(self.study.y - Y) <= self.study.half
-        groups = {"all": np.ones(len(Y), bool), **quarters(self.study.seen)}
+        groups = {"all": np.ones(len(Y), bool), **self.study.parts}
         rows = {
             name: {"n": int(group.sum()), **dict(zip(OUTPUTS, inside[group].mean(0)))}
             for name, group in groups.items()
@@ -94,6 +94,7 @@ class TissueFit:
         ]
         return [
             held_out,
+            *(_table(*table) for table in self.study.further_tables()),
             _table(title, ["lumps", *OUTPUTS, "n"], cells),
             _table(f"Flags, noise {self.noise}", ["", "share"], shares),
             _table(
@@ -130,8 +131,16 @@ class TissueFit:
             "excluded": self.excluded,
             **flat(self.facts),
             "pairs": self.pairs.to_dict("records"),
+            **({"tables": records(further)} if (further := self.study.further_tables()) else {}),
             "training": self.spec.training,
         }
+
+
+def records(tables: Sequence[TextTable]) -> list[dict[str, Any]]:
+    """Tables as JSON: `title`, and `rows` by head."""
+    return [
+        {"title": title, "rows": [dict(zip(heads, row)) for row in rows]} for title, heads, rows in tables
+    ]
 
 
 def _table(title: str, heads: list[str], rows: list[list[str]]) -> Table:

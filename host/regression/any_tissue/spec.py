@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from palpate.model_export import model_data
-from palpate.model_export.schema import Across, FirstStage, ModelSpec
+from palpate.model_export.schema import Across, FirstStage, Layers, ModelSpec
 from palpate.regression.any_tissue.model import ESTIMATES, TissueModel
 from palpate.regression.any_tissue.observed import FORCE_N_PER_M
 from palpate.regression.any_tissue.reference import Joining
@@ -20,6 +20,7 @@ def tissue_spec(
     force_map: dict[str, Any] | None,
     checks: FirstStage | None = None,
     across: Across | None = None,
+    layers: Layers | None = None,
     **notes: Any,
 ) -> ModelSpec:
     """See `probe_model.spec_of`; the press' polynomials are the first stage, which a reference joins."""
@@ -35,7 +36,7 @@ def tissue_spec(
         hard_below=model.border,
         first=first_stage(model.press, joining),
     )
-    return replace(spec, checks=checks, across=across).validate()
+    return replace(spec, checks=checks, across=across, layers=layers).validate()
 
 
 def first_stage(press: Polynomial, joining: Joining) -> FirstStage:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 import pandas as pd
@@ -15,11 +15,14 @@ from numpy.typing import NDArray
 from palpate.features.map_features import Floats
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.regression.any_tissue.model import (
+    ON_BORDER,
     OUTPUTS,
     STIFFNESS,
+    Parts,
+    Scope,
+    TissueModel,
     depth_mm,
     fit_tissue_model,
-    quarters,
     truth,
 )
 from palpate.regression.any_tissue.observed import (
@@ -41,6 +44,9 @@ from palpate.regression.table import r_squared
 from palpate.sim.tissue import sweep
 from palpate.sim.tissue.any_tissue import PRESSES, STROKES, any_tissue_cases, press_cases
 
+if TYPE_CHECKING:
+    from palpate.model_export.schema import Layers
+
 SEED, DRAWS, FOLDS = 31, 3, 5
 TARGETS = {
     "d": 0.055,
@@ -54,6 +60,9 @@ TARGETS = {
 }
 """Of one stroke with its press at typical noise: median errors, R2, hard or soft right, coverage in every
 quarter."""
+
+TextTable = tuple[str, list[str], list[list[str]]]
+"""Title, heads, rows."""
 
 _LEAST_MM = 1e-3
 """Of a depth: where t and d contradict each other it would be none."""
@@ -90,8 +99,14 @@ class TissueStudy:
     """Estimates of lumps by models that have not seen them.
 
     seen: the strokes that found a lump; y, half : (n, outputs), by `model.OUTPUTS`; hard : (n), bool;
-    in_domain : (n), bool, where it was asked; lost: share of strokes without a lump.
+    in_domain : (n), bool, where it was asked; lost: share of strokes without a lump; inputs : (n, features),
+    what the second stage had, where it was kept.
     """
+
+    scope: ClassVar[Scope] = ON_BORDER
+    targets: ClassVar[Mapping[str, float]] = MappingProxyType(TARGETS)
+    training: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """What the document says of the lumps."""
 
     seen: ObservedInTissue
     y: Floats
@@ -99,6 +114,56 @@ class TissueStudy:
     hard: NDArray[np.bool_]
     lost: float
     in_domain: NDArray[np.bool_] | None = None
+    inputs: Floats = field(default_factory=lambda: np.empty((0, 0)), kw_only=True)
+
+    @property
+    def parts(self) -> Parts:
+        """Those that are judged apart."""
+        return self.scope.parts(self.seen)
+
+    def layers(self, model: TissueModel) -> Layers | None:
+        """The document's part on the layer that a lump lies in, where lumps lie in several."""
+        return None
+
+    def further_tables(self) -> list[TextTable]:
+        """What else is printed of these lumps."""
+        return []
+
+    @classmethod
+    def held_out(
+        cls,
+        seen: ObservedInTissue,
+        with_press: bool = True,
+        folds: int = FOLDS,
+        step: Callable[[str], None] | None = None,
+        rim: ObservedInTissue | None = None,
+    ) -> Self:
+        """Every lump predicted by models fitted, both stages and the intervals, without it.
+
+        rim: strokes over lumps outside the ranges, that all models are fitted to as well.
+
+        The force map alone has seen every lump: it knows nothing of what lies below.
+        """
+        fold = seen.group % folds
+        parts, answers, inside, inputs = [], [], [], []
+        for k in range(folds):
+            model = fit_tissue_model(seen.take(fold != k), with_press, rim, scope=cls.scope)
+            test = seen.take((fold == k) & seen.found)
+            parts.append(test)
+            answers.append(model.answer(test))
+            inside.append(model.in_domain(test))
+            inputs.append(model.inputs(test))
+            if step:
+                step(f"fold {k + 1} of {folds}")
+        return cls(
+            joined(parts),
+            np.concatenate([a.y for a in answers]),
+            np.concatenate([a.half for a in answers]),
+            np.concatenate([a.hard for a in answers]),
+            float((~seen.found).mean()),
+            np.concatenate(inside),
+            inputs=np.concatenate(inputs),
+        )
 
     def row(self, words: str) -> dict[str, object]:
         """R2, median errors and coverage; lengths, forces and moduli relative, E^-2/3 absolute."""
@@ -114,7 +179,7 @@ class TissueStudy:
             out[f"{short}_half"] = float(np.median(self.half[:, j]))
         out |= self._depth()
         out["hard_soft"] = float((self.hard == (Y[:, STIFFNESS] <= HARD_BELOW)).mean())
-        worst = [inside[rows].mean(0) for rows in quarters(self.seen).values() if rows.any()]
+        worst = [inside[rows].mean(0) for rows in self.parts.values() if rows.any()]
         out["worst_quarter"] = float(np.min(worst))
         flagged = float("nan") if self.in_domain is None else float((~self.in_domain).mean())
         return out | {"not_found": self.lost, "flagged": flagged}
@@ -133,39 +198,6 @@ class TissueStudy:
 
 def _short(name: str) -> str:
     return {"E^-2/3": "E_inv23"}.get(name, name.removeprefix("ln "))
-
-
-def held_out(
-    seen: ObservedInTissue,
-    with_press: bool = True,
-    folds: int = FOLDS,
-    step: Callable[[str], None] | None = None,
-    rim: ObservedInTissue | None = None,
-) -> TissueStudy:
-    """Every lump predicted by models fitted, both stages and the intervals, without it.
-
-    rim: strokes over lumps outside the ranges, that all models are fitted to as well.
-
-    The force map alone has seen every lump: it knows nothing of what lies below.
-    """
-    fold = seen.group % folds
-    parts, answers, inside = [], [], []
-    for k in range(folds):
-        model = fit_tissue_model(seen.take(fold != k), with_press, rim)
-        test = seen.take((fold == k) & seen.found)
-        parts.append(test)
-        answers.append(model.answer(test))
-        inside.append(model.in_domain(test))
-        if step:
-            step(f"fold {k + 1} of {folds}")
-    return TissueStudy(
-        joined(parts),
-        np.concatenate([a.y for a in answers]),
-        np.concatenate([a.half for a in answers]),
-        np.concatenate([a.hard for a in answers]),
-        float((~seen.found).mean()),
-        np.concatenate(inside),
-    )
 
 
 LEVELS = ("typical", "real")
@@ -195,8 +227,8 @@ def _rows(
         seen = joined([observe(lumps, level, 1000 * seed + k, blob) for k in range(draws)])
         if step:
             step(f"{level}: seen")
-        yield held_out(seen, False, step=step).row(f"{level}, the stroke alone")
-        yield held_out(seen, True, step=step).row(f"{level}, with its press")
+        yield TissueStudy.held_out(seen, False, step=step).row(f"{level}, the stroke alone")
+        yield TissueStudy.held_out(seen, True, step=step).row(f"{level}, with its press")
 
 
 _COLUMNS = {
@@ -209,6 +241,7 @@ _COLUMNS = {
     "E_fat": "E_fat",
     "F": "F",
     "place": "place across",
+    "in_fat": "in the fat",
 }
 
 
@@ -238,7 +271,8 @@ def _cell(row: Mapping[Any, Any], name: str) -> str:
     error, r2, covered = (row.get(f"{name}_{word}") for word in ("error", "r2", "covered"))
     if not isinstance(error, float) or np.isnan(error):
         return ""
-    size = {"E_inv23": f"{error:.3f}", "place": f"{error:.1f} mm"}.get(name, f"{100 * error:.1f} %")
+    plain = f"{error:.3f}"
+    size = {"E_inv23": plain, "in_fat": plain, "place": f"{error:.1f} mm"}.get(name, f"{100 * error:.1f} %")
     known = [f"{r2:.3f}"] if isinstance(r2, float) else []
     return " / ".join([*known, size, *([f"{100 * covered:.0f}"] if isinstance(covered, float) else [])])
 

@@ -1,132 +1,87 @@
-"""A model of lumps that lie anywhere: its two stages are those of `any_tissue`, and it says the place too."""
+"""What a model of lumps anywhere is for, and how sure it is of the layer, of the depth and of the combination
+of size and stiffness: its two stages are those of `any_tissue`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from itertools import combinations_with_replacement
-from math import erf
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.features import press_features
+from palpate.across.layers import BORDER, FAT, GLAND, PLACES, half_widths, layer_of, values
 from palpate.features.map_features import Floats
-from palpate.regression.any_tissue.model import SCALE_FREE, best_terms, fit_press
-from palpate.regression.any_tissue.observed import TRUTH, ObservedInTissue
-from palpate.regression.conformal import Widths, calibrate, fit_sigma, out_of_fold
-from palpate.regression.field.model import even_odds
-from palpate.regression.field.recipe import CUBIC
-from palpate.regression.observed import NAMES
-from palpate.regression.probe_model import HARD_BELOW, Polynomial, fit_polynomial
-from palpate.regression.ridge import Term, all_terms
+from palpate.model_export.schema import Layers
+from palpate.regression.any_tissue.model import (
+    OUTPUTS,
+    RANGES,
+    STIFFNESS,
+    Parts,
+    Scope,
+    quarters,
+    truth,
+)
+from palpate.regression.any_tissue.observed import ObservedInTissue
+from palpate.regression.conformal import LEVEL, conformal_quantile, fit_sigma
+from palpate.regression.probe_model import floats
 
-OUTPUTS = ("ln d", "ln depth", "ln t", "E^-2/3", "ln E_fat", "in the fat")
-"""The last: how much of the lump's height lies in the fat, from -1 (a diameter under it) to 2."""
-
-STIFFNESS, SHARE = OUTPUTS.index("E^-2/3"), OUTPUTS.index("in the fat")
-PLACES = ("in the fat", "at the border", "in the gland", "unsure")
-FAT, BORDER, GLAND, UNSURE = range(4)
 SURE = 0.8
-"""A place is said where its probability is at least this."""
+"""A place is said where its odds are at least this."""
 
-TERMS, FOLDS = 340, 4
-_FARTHEST = (-1.0, 2.0)
-_FEATURES = (*SCALE_FREE, "base_share", "ln_reach", "ln_t", "ln_layers", "ln_force")
-_CUBED = (*(n for n in CUBIC if n in SCALE_FREE), "base_share", "ln_reach", "ln_t", "ln_layers")
-_SD_OF_HALF = 1.645
-
-
-@dataclass(frozen=True)
-class AnywhereAnswers:
-    """y, half : (n, outputs), by `OUTPUTS`; hard : (n), bool; place : (n), of `PLACES`."""
-
-    y: Floats
-    half: Floats
-    hard: NDArray[np.bool_]
-
-    @property
-    def place(self) -> NDArray[np.int64]:
-        """Where each lump is said to lie, (n)."""
-        share, sd = self.y[:, SHARE], self.half[:, SHARE] / _SD_OF_HALF
-        fat, over = _normal((share - 1) / sd), _normal(share / sd)
-        odds = np.stack([fat, over - fat, 1 - over], 1)
-        return np.where(odds.max(1) < SURE, UNSURE, odds.argmax(1))
-
-
-@dataclass(frozen=True)
-class AnywhereModel:
-    """`press` tells the tissue, `lump` what lies in it; `widths` and `border` as in `any_tissue`."""
-
-    press: Polynomial
-    lump: Polynomial
-    widths: Widths
-    border: float
-
-    def answer(self, seen: ObservedInTissue) -> AnywhereAnswers:
-        """Estimates of every stroke."""
-        X = _inputs(seen, self.press.predict(press_features.named(seen.press, self.press.names)))
-        y = self.lump.predict(X)
-        hard = y[:, STIFFNESS] < self.border
-        return AnywhereAnswers(y, self.widths.half(self.lump.standard(X), y, hard), hard)
-
-
-def _normal(z: Floats) -> Floats:
-    """Share of the normal distribution below z."""
-    return 0.5 * (1 + np.vectorize(erf)(z / np.sqrt(2)))
-
-
-def truth(seen: ObservedInTissue) -> Floats:
-    """(n, outputs), by `OUTPUTS`."""
-    of = {name: seen.Y[:, k] for k, name in enumerate(TRUTH)}
-    of["in the fat"] = np.clip(share_in_fat(seen), *_FARTHEST)
-    return np.column_stack([of[name] for name in OUTPUTS])
-
-
-def share_in_fat(seen: ObservedInTissue) -> Floats:
-    """(t - depth) / d, (n): 1 and more wholly in the fat, 0 and less wholly in the gland."""
-    d, depth, t = (np.exp(seen.Y[:, TRUTH.index(name)]) for name in ("ln d", "ln depth", "ln t"))
-    return (t - depth) / d
+_FEWEST = 50
+"""Strokes over lumps of one layer; of fewer the quantile is that of all."""
 
 
 def true_place(seen: ObservedInTissue) -> NDArray[np.int64]:
     """Where each lump lies, (n), of `PLACES`."""
-    share = share_in_fat(seen)
-    return np.where(share >= 1, FAT, np.where(share <= 0, GLAND, BORDER))
+    return layer_of(true_values(seen, 0.0)[:, 0])
 
 
-def _inputs(seen: ObservedInTissue, tissue: Floats) -> Floats:
-    x = seen.X[:, [NAMES.index(name) for name in SCALE_FREE]]
-    base, force = (seen.X[:, NAMES.index(name)] for name in ("ln_base", "ln_force"))
-    return np.column_stack([x, base - force, tissue, force])
+def true_values(seen: ObservedInTissue, slope: float) -> Floats:
+    """(n, 3), as `palpate.across.layers.values`."""
+    return values(truth(seen), slope)
 
 
-def _candidates() -> tuple[Term, ...]:
-    """Degree two, some of degree three, and ln F alone: with the moduli it scales E_fat and nothing else."""
-    last = len(_FEATURES) - 1
-    cubed = combinations_with_replacement([_FEATURES.index(name) for name in _CUBED], 3)
-    return (*all_terms(last, 2), *cubed, (last,))
+def places(seen: ObservedInTissue) -> Parts:
+    """Those of each layer, by name."""
+    return {PLACES[k]: true_place(seen) == k for k in (FAT, BORDER, GLAND)}
 
 
-def fit_anywhere(train: ObservedInTissue) -> AnywhereModel:
-    """Fit both stages and the intervals; strokes that show no lump are left out of the second."""
-    press, guessed = fit_press(train)
-    found = train.take(train.found)
-    X, Y = _inputs(found, guessed[train.found]), truth(found)
-    terms = best_terms(X, Y, found.group, _candidates(), TERMS)
+def _parts(seen: ObservedInTissue) -> Parts:
+    return quarters(seen) | places(seen)
 
-    def fit(x: Floats, y: Floats, g: NDArray[np.int64]) -> Polynomial:
-        return fit_polynomial(_FEATURES, x, y, g, terms, Y.min(0), Y.max(0))
 
-    def predictor(x: Floats, y: Floats, g: NDArray[np.int64]) -> Callable[[Floats], Floats]:
-        return fit(x, y, g).predict
+ANYWHERE = Scope(
+    MappingProxyType(
+        RANGES
+        | {
+            "ln t": (float(np.log(4.0)), float(np.log(30.0))),
+            "ln h": (float(np.log(2.0 / 20.0)), float(np.log(30.0 / 5.0))),
+        }
+    ),
+    _parts,
+)
+"""The fat's thickness for itself; depth is no output, but h holds it roughly: 2 mm under the skin to 30."""
 
-    lump = fit(X, Y, found.group)
-    guess = out_of_fold(X, Y, found.group, predictor, FOLDS)
-    z = lump.standard(X)
-    sigma_terms, sigma = fit_sigma(z, guess, Y - guess, found.group)
-    border = even_odds(guess[:, STIFFNESS], Y[:, STIFFNESS] <= HARD_BELOW)
-    hard = guess[:, STIFFNESS] < border
-    places = [true_place(found) == place for place in (FAT, BORDER, GLAND)]
-    widths = calibrate(sigma_terms, sigma, z, guess, Y, hard, groups=places)
-    return AnywhereModel(press, lump, widths, border)
+
+def slope_of(y: Floats, Y: Floats) -> float:
+    """c of ln d + c E^-2/3 whose errors spread least, from estimates and truth (n, outputs)."""
+    error = (y - Y)[:, [OUTPUTS.index("ln d"), STIFFNESS]]
+    covariance = np.cov(error.T)
+    return float(-covariance[0, 1] / covariance[1, 1])
+
+
+def fit_layers(z: Floats, y: Floats, seen: ObservedInTissue) -> Layers:
+    """Learn from estimates y (n, outputs) of lumps left out, at standardised features z (n, features)."""
+    slope = slope_of(y, truth(seen))
+    of = values(y, slope)
+    error = true_values(seen, slope) - of
+    spread = [fit_sigma(z, of[:, [j]], error[:, [j]], seen.group)[1][:, 0] for j in range(of.shape[1])]
+    unit = Layers(LEVEL, slope, tuple(map(floats, spread)), ((1.0,) * 3,) * 3, SURE)
+    score = np.abs(error) / half_widths(unit, z, of)
+    layer = layer_of(of[:, 0])
+    quantiles = [[_quantile(q, layer == k) for k in (FAT, BORDER, GLAND)] for q in score.T]
+    return Layers(LEVEL, slope, unit.spread, tuple((a, b, c) for a, b, c in quantiles), SURE)
+
+
+def _quantile(score: Floats, of: NDArray[np.bool_]) -> float:
+    return conformal_quantile(score[of] if of.sum() >= _FEWEST else score, LEVEL)

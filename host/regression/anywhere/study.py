@@ -7,36 +7,23 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.across.layers import values
 from palpate.features.map_features import Floats
 from palpate.regression.any_tissue import study as any_tissue
+from palpate.regression.any_tissue.model import OUTPUTS, TissueModel, fit_tissue_model
 from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe, read_set
+from palpate.regression.any_tissue.result import records
+from palpate.regression.any_tissue.study import TextTable
+from palpate.regression.anywhere.held_out import AnywhereStudy
 from palpate.regression.anywhere.information import Information, information, simulate_neighbours
-from palpate.regression.anywhere.model import (
-    BORDER,
-    FAT,
-    GLAND,
-    OUTPUTS,
-    PLACES,
-    SHARE,
-    STIFFNESS,
-    AnywhereAnswers,
-    AnywhereModel,
-    fit_anywhere,
-    true_place,
-    truth,
-)
 from palpate.regression.field.data import sweep_progress
-from palpate.regression.probe_model import HARD_BELOW
 from palpate.regression.progress import ProgressCallback
-from palpate.regression.table import r_squared
 from palpate.sim.tissue import Case, sweep
 from palpate.sim.tissue.any_tissue import PRESSES, STROKES
 from palpate.sim.tissue.anywhere import anywhere_cases, anywhere_press_cases
 
-SEED, DRAWS, FOLDS, TIED_LUMPS = 31, 2, 5, 400
-_D, _DEPTH, _T = (OUTPUTS.index(name) for name in ("ln d", "ln depth", "ln t"))
+SEED, DRAWS, TIED_LUMPS = 31, 2, 400
 BOUNDED, LEAST_BUMP = 24, 0.02
 """Lumps whose map's bound is worked out: the first that make such a bump, over the pressure far away."""
 
@@ -60,75 +47,26 @@ def prepare(
     return read_set(strokes, presses), tied
 
 
-@dataclass(frozen=True)
-class AnywhereStudy:
-    """Strokes that found a lump, and what is said of them by models that have not seen the lump."""
-
-    seen: ObservedInTissue
-    said: AnywhereAnswers
-    lost: float
-
-    def row(self, words: str, of: NDArray[np.bool_]) -> list[str]:
-        """R2 / median error / coverage of every output, and hard or soft right, of some strokes (n)."""
-        Y, y, half = truth(self.seen)[of], self.said.y[of], self.said.half[of]
-        cells = []
-        for j in range(len(OUTPUTS)):
-            error = np.abs(y[:, j] - Y[:, j])
-            absolute = j in (STIFFNESS, SHARE)
-            size = f"{np.median(error):.3f}" if absolute else f"{100 * np.expm1(np.median(error)):.1f} %"
-            covered = (error <= half[:, j]).mean()
-            cells.append(f"{r_squared(Y[:, j], y[:, j]):.2f} / {size} / {100 * covered:.0f}")
-        right = (self.said.hard[of] == (Y[:, STIFFNESS] <= HARD_BELOW)).mean()
-        return [words, *cells, f"{100 * right:.0f}", str(len(np.unique(self.seen.group[of])))]
-
-    def combined(self, of: NDArray[np.bool_]) -> tuple[float, float, float]:
-        """c, and the median errors of ln d alone and of ln d + c E^-2/3, whose errors have least spread."""
-        r = (self.said.y - truth(self.seen))[of][:, [_D, STIFFNESS]]
-        cov = np.cov(r.T)
-        c = -cov[0, 1] / cov[1, 1]
-        return float(c), float(np.median(np.abs(r[:, 0]))), float(np.median(np.abs(r @ [1.0, c])))
-
-
-def held_out(seen: ObservedInTissue, folds: int = FOLDS, step: Step | None = None) -> AnywhereStudy:
-    """Every lump predicted by models fitted, both stages and the intervals, without it."""
-    fold = seen.group % folds
-    parts, answers = [], []
-    for k in range(folds):
-        test = seen.take((fold == k) & seen.found)
-        parts.append(test)
-        answers.append(fit_anywhere(seen.take(fold != k)).answer(test))
-        if step:
-            step(f"fold {k + 1} of {folds}")
-    said = AnywhereAnswers(
-        np.concatenate([a.y for a in answers]),
-        np.concatenate([a.half for a in answers]),
-        np.concatenate([a.hard for a in answers]),
-    )
-    return AnywhereStudy(joined(parts), said, float((~seen.found).mean()))
-
-
 def seen_by_the_probe(lumps: Sequence[TissueLump], blob: bytes, seed: int, noise: str) -> ObservedInTissue:
     """Some strokes over each lump, through the probe's integers."""
     return joined([observe(lumps, noise, 1000 * seed + k, blob) for k in range(DRAWS)])
 
 
-def broken_tie(said: AnywhereAnswers) -> Floats:
-    """How far t lies from d/2 + depth by what a model says, on a logarithmic scale (n)."""
-    d, depth, t = (np.exp(said.y[:, j]) for j in (_D, _DEPTH, _T))
-    return np.abs(np.log(t / (d / 2 + depth)))
+def broken_tie(y: Floats) -> Floats:
+    """How far t lies from d/2 + depth by what a model says, y (n, outputs), on a logarithmic scale (n)."""
+    t, d, h = (np.exp(y[:, OUTPUTS.index(name)]) for name in ("ln t", "ln d", "ln h"))
+    return np.abs(np.log(t / (d * (h + 0.5))))
 
 
 @dataclass(frozen=True)
 class AnywhereTables:
     """The study's tables, each a title, heads and rows."""
 
-    tables: tuple[tuple[str, list[str], list[list[str]]], ...]
+    tables: tuple[TextTable, ...]
 
     def to_dict(self) -> list[dict[str, object]]:
         """The same for JSON."""
-        return [
-            {"title": t, "rows": [dict(zip(heads, row)) for row in rows]} for t, heads, rows in self.tables
-        ]
+        return records(self.tables)
 
 
 def bounds(
@@ -174,75 +112,18 @@ def tables_of(
     step: Step | None = None,
 ) -> AnywhereTables:
     """The tables of strokes over lumps anywhere, and over lumps on the border to teach the tie."""
-    found = held_out(seen, step=step)
-    of_tie = held_out(on_border, step=step)
-    model = fit_anywhere(on_border)
-    return AnywhereTables(
-        (
-            _estimates(found),
-            _places(found),
-            _told_apart(found),
-            _bound(found, known),
-            _of_the_tie(found, of_tie, model),
-        )
-    )
+    found = AnywhereStudy.held_out(seen, step=step)
+    of_tie = AnywhereStudy.held_out(on_border, step=step)
+    model = fit_tissue_model(on_border)
+    return AnywhereTables((*found.further_tables(), _bound(found, known), _of_the_tie(found, of_tie, model)))
 
 
-def _parts(found: AnywhereStudy) -> dict[str, NDArray[np.bool_]]:
-    place, Y = true_place(found.seen), truth(found.seen)
-    hard = Y[:, STIFFNESS] <= HARD_BELOW
-    depth = np.exp(Y[:, _DEPTH])
-    return {
-        "all": np.ones(len(Y), bool),
-        **{PLACES[k]: place == k for k in (FAT, BORDER, GLAND)},
-        "hard": hard,
-        "soft": ~hard,
-        "less than 6 mm deep": depth < 6,
-        "hard and less than 6 mm deep": hard & (depth < 6),
-    }
-
-
-def _estimates(found: AnywhereStudy) -> tuple[str, list[str], list[list[str]]]:
-    rows = [found.row(words, of) for words, of in _parts(found).items() if of.sum() > 1]
-    title = (
-        "Lumps anywhere, held out: R2 / median error / coverage of 90 % intervals; "
-        f"{100 * found.lost:.0f} % of strokes find no lump"
-    )
-    return title, ["lumps", *OUTPUTS, "hard/soft", "n"], rows
-
-
-def _places(found: AnywhereStudy) -> tuple[str, list[str], list[list[str]]]:
-    true, said = true_place(found.seen), found.said.place
-    rows = []
-    for k in (FAT, BORDER, GLAND):
-        rows.append(
-            [PLACES[k], *(f"{100 * (said[true == k] == j).mean():.0f} %" for j in range(len(PLACES)))]
-        )
-    told = said < len(PLACES) - 1
-    rows.append(["right where it is said", f"{100 * (said == true)[told].mean():.0f} %", "", "", ""])
-    return "Where the lump lies (rows), and where it is said to lie", ["place", *PLACES], rows
-
-
-def _told_apart(found: AnywhereStudy) -> tuple[str, list[str], list[list[str]]]:
-    rows = []
-    for words, of in _parts(found).items():
-        if of.sum() > 2:
-            c, alone, both = found.combined(of)
-            rows.append(
-                [words, f"{100 * np.expm1(alone):.1f} %", f"{c:+.2f}", f"{100 * np.expm1(both):.1f} %"]
-            )
-    return (
-        "Size and stiffness: the combination that is known, ln d + c E^-2/3",
-        ["lumps", "median error of d", "c", "of the combination"],
-        rows,
-    )
-
-
-def _bound(found: AnywhereStudy, known: dict[int, Information]) -> tuple[str, list[str], list[list[str]]]:
+def _bound(found: AnywhereStudy, known: dict[int, Information]) -> TextTable:
     """The map's bound beside the errors of the estimates, of the same lumps."""
     names = ("ln d", "ln depth", "ln fat_mm", "E^-2/3", "ln E_fat")
     of = np.isin(found.seen.group, list(known))
-    error = np.median(np.abs(found.said.y - truth(found.seen))[of], axis=0)
+    y, _, true = found.told
+    error = np.median(np.abs(y - true)[of], axis=0)
     c, _, both = found.combined(of)
     rows = [["estimates", *_percent(error[: len(names)]), *_percent([both]), f"{c:+.2f}"]]
     combined = [bound.combined() for bound in known.values()]
@@ -260,20 +141,28 @@ def _percent(values: Sequence[float] | Floats) -> list[str]:
     return [f"{100 * value:.2g}" for value in values]
 
 
-def _of_the_tie(
-    found: AnywhereStudy, of_tie: AnywhereStudy, model: AnywhereModel
-) -> tuple[str, list[str], list[list[str]]]:
-    said, Y = model.answer(found.seen), truth(found.seen)
-    limit = np.quantile(broken_tie(of_tie.said), 1 - FALSE_FLAGS)
-    flagged = broken_tie(said) > limit
+def _of_the_tie(found: AnywhereStudy, of_tie: AnywhereStudy, model: TissueModel) -> TextTable:
+    said, (_, _, true) = model.answer(found.seen), found.told
+    limit = np.quantile(broken_tie(of_tie.y), 1 - FALSE_FLAGS)
+    flagged = broken_tie(said.y) > limit
+    d, t = (said.y[:, OUTPUTS.index(name)] for name in ("ln d", "ln t"))
+    off = np.column_stack([d, values(said.y, 0.0)[:, 1], t]) - true[:, :3]
+    half = said.half[:, OUTPUTS.index("ln d")]
     rows = []
-    for words, of in _parts(found).items():
-        error = (said.y - Y)[of]
-        bias = [f"{100 * np.expm1(np.median(error[:, j])):+.0f} %" for j in (_D, _DEPTH, _T)]
-        size = f"{100 * np.expm1(np.median(np.abs(error[:, _D]))):.0f} %"
-        inside = f"{100 * (np.abs(error[:, _D]) <= said.half[of][:, _D]).mean():.0f}"
-        rows.append([words, size, *bias, inside, f"{100 * flagged[of].mean():.0f} %"])
-    c = of_tie.row("", np.ones(len(of_tie.said.y), bool))
+    for words, of in found.groups().items():
+        bias = [f"{100 * np.expm1(np.median(error)):+.0f} %" for error in off[of].T]
+        size = np.abs(off[of][:, 0])
+        inside = f"{100 * (size <= half[of]).mean():.0f}"
+        rows.append(
+            [
+                words,
+                f"{100 * np.expm1(np.median(size)):.0f} %",
+                *bias,
+                inside,
+                f"{100 * flagged[of].mean():.0f} %",
+            ]
+        )
+    c = of_tie.cells("", np.ones(len(of_tie.y), bool))
     title = (
         "A model taught that the border passes through the lump, on these strokes "
         f"(its own lumps: d {c[1]}, depth {c[2]}, t {c[3]}); flagged where t is not d/2 + depth, "

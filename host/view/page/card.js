@@ -73,6 +73,15 @@ function stiffness({ hardness, hardness_text: words, stiffness_text: text, E_rat
   return row;
 }
 
+/** Where the lump lies: from the gland at the left to the fat at the right. */
+function layer({ text, value, low, high, sizes }) {
+  const row = element("dl", { class: "quantity", "data-key": "layer" });
+  row.append(element("dt", {}, "Lies"), element("dd", {}, element("b", { class: "number" }, text)));
+  row.append(range({ low, high, value, from: "gland", to: "fat" }));
+  if (sizes) row.append(element("dd", { class: "wide" }, `Diameter ${sizes}`));
+  return row;
+}
+
 /** What stands in the card before the first stroke: what to do, and what will come. */
 function beginning(gone, mode, model) {
   const box = element("div", { class: "beginning" });
@@ -109,6 +118,7 @@ export function drawCard(box, card, { gone = false, mode = "live", model = null 
   const level = sure && card.level ? `${Math.round(card.level * 100)} % interval` : "interval";
   const rows = card.rows.map((row) => quantity(row, row.key === "d_mm", level));
   if (card.hardness) rows.splice(card.rows.findIndex((row) => row.key === "depth_mm") + 1 || rows.length, 0, stiffness(card));
+  if (card.layer) rows.splice(card.rows.findIndex((row) => row.key === "depth_mm") + 1, 0, layer(card.layer));
   box.append(...rows);
   const foot = element("p", { class: "foot" });
   if (sure && card.level && card.rows.length) foot.append(`Each interval holds the truth ${Math.round(card.level * 100)} times in 100. `);

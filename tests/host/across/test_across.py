@@ -68,7 +68,7 @@ def test_width_and_place_of_the_demo_s_ball_lie_in_their_intervals(palpate, emul
     assert holds(said["width_mm"], 2 * case.half_axes_mm[1]) and holds(said["place_mm"], case.offset_mm)
     assert said["width_mm"]["high"] < 3 * said["width_mm"]["low"]
     (again,) = replay(visit)
-    assert again.identical and again.across.as_dict() == said
+    assert again.identical and again.told.across.as_dict() == said
 
 
 def test_a_lump_beside_the_line_is_told_on_its_side_live_and_replayed(palpate, visit, beside):
@@ -106,7 +106,7 @@ def told(file, events):
     for event in events:
         follower.take(event)
         if isinstance(event, Estimate):
-            said.append(follower.of(event))
+            said.append(follower.of(event).across)
     return said
 
 

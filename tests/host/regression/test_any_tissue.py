@@ -132,7 +132,7 @@ def made_up(groups, draws, rng):
 
 def test_two_stages_learn_from_lumps_and_cover_those_left_out():
     seen = made_up(120, 2, np.random.default_rng(3))
-    result = study.held_out(seen, folds=3)
+    result = study.TissueStudy.held_out(seen, folds=3)
     row = result.row("made up")
     assert len(result.y) == len(seen.Y) and row["lumps"] == 120
     assert row["E_fat_r2"] > 0.98 and row["d_r2"] > 0.9

@@ -11,7 +11,7 @@ from palpate.link.events import OUTPUTS
 from palpate.model_export import exporter
 from palpate.model_export import image_builder as image
 from palpate.model_export.schema import ModelSpec
-from palpate.regression.any_tissue.data import prepare_strokes
+from palpate.regression.any_tissue.data import ANYWHERE, prepare_strokes
 from palpate.regression.any_tissue.fit import fit_in_any_tissue
 from palpate.regression.any_tissue.model import ESTIMATES
 from palpate.regression.any_tissue.model import OUTPUTS as OURS
@@ -29,6 +29,14 @@ def directory(tmp_path_factory):
     """Far too few lumps for a good model: enough for every step."""
     home = tmp_path_factory.mktemp("any")
     prepare_strokes(home, LUMPS, workers=1)
+    return home
+
+
+@pytest.fixture(scope="module")
+def anywhere(tmp_path_factory):
+    """As few lumps that need not lie on the border."""
+    home = tmp_path_factory.mktemp("anywhere")
+    prepare_strokes(home, LUMPS, workers=1, design=ANYWHERE)
     return home
 
 
@@ -84,3 +92,27 @@ def test_strokes_in_one_tissue_and_of_all_kinds_are_not_taken_for_each_other(dir
     words = [str(STROKES), "--kind", "field", "--without", "displacement", "--out", str(tmp_path / "m.json")]
     result = CliRunner().invoke(fit.command, words)
     assert isinstance(result.exception, UsageError) and "add --tissue thesis" in str(result.exception)
+
+
+def test_lumps_that_lie_anywhere_are_known_and_their_model_tells_the_layer(anywhere, directory, tmp_path):
+    out = tmp_path / "m.json"
+    words = ["--kind", "field", "--out", str(out), "--json"]
+    result = CliRunner().invoke(fit.command, [str(anywhere), *words])
+    assert result.exception is None, result.output
+    said = json.loads(result.stdout)
+    assert set(said) == fields_in_the_page("fit-any-tissue") | {"tables"}
+    assert [table["title"].split(":")[0] for table in said["tables"]] == [
+        "Lumps anywhere, held out",
+        "Where the lump lies (rows), and where it is said to lie",
+        "Size and stiffness",
+    ]
+    spec = ModelSpec.load(out)
+    assert spec.training["place"] == "any" and spec.layers is not None
+    ranges = dict(zip(OUTPUTS, spec.domain.ranges))
+    assert ranges["h"][1] is None or ranges["h"][1] > 2, "the border's own end is 1.5"
+    prepared, _, force_map = exporter.prepare(spec)
+    assert len(image.build(spec, prepared, force_map, counter=1)) < 9000
+    result = CliRunner().invoke(fit.command, [str(directory), "--anywhere", *words])
+    assert isinstance(result.exception, TableError) and "on the border" in str(result.exception)
+    result = CliRunner().invoke(fit.command, [str(anywhere), "--anywhere", "--tissue", "thesis", *words])
+    assert isinstance(result.exception, UsageError) and "no --tissue" in str(result.exception)
