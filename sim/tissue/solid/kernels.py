@@ -81,11 +81,11 @@ def tangent(u, q, which, elements, dN, Ndx, mu_dx, b, stiffening, bulk, L, K, fr
     m = np.zeros(LANES)
     dm = np.zeros(LANES)
     c = np.zeros(LANES)
-    flat = np.zeros((27, 3 * LANES))
-    crossed = np.zeros((27, 3 * LANES))
-    V = np.zeros((3, 27, 27))
-    along = np.zeros((81, LANES))
-    scaled = np.zeros((81, LANES))
+    # matrices are multiplied in the precision that K is kept in
+    flat = np.zeros((27, 3 * LANES), K.dtype)
+    crossed = np.zeros((81, 3 * LANES), K.dtype)
+    along = np.zeros((81, LANES), K.dtype)
+    scaled = np.zeros((81, LANES), K.dtype)
     for e in which:
         D = dN[e]
         N = Ndx[e]
@@ -145,15 +145,15 @@ def tangent(u, q, which, elements, dN, Ndx, mu_dx, b, stiffening, bulk, L, K, fr
                     x = c[p] * F[i, 0, p]
                     y = c[p] * F[i, 1, p]
                     z = c[p] * F[i, 2, p]
-                    crossed[a, p] = y * D[2, a, p] - z * D[1, a, p]
-                    crossed[a, LANES + p] = z * D[0, a, p] - x * D[2, a, p]
-                    crossed[a, 2 * LANES + p] = x * D[1, a, p] - y * D[0, a, p]
-            V[i] = np.dot(crossed, flat.T)
+                    crossed[27 * i + a, p] = y * D[2, a, p] - z * D[1, a, p]
+                    crossed[27 * i + a, LANES + p] = z * D[0, a, p] - x * D[2, a, p]
+                    crossed[27 * i + a, 2 * LANES + p] = x * D[1, a, p] - y * D[0, a, p]
+        V = np.dot(crossed, flat.T)
         for a in range(27):
             for d in range(a, 27):
-                x = V[0, a, d]
-                y = V[1, a, d]
-                z = V[2, a, d]
+                x = V[a, d]
+                y = V[27 + a, d]
+                z = V[54 + a, d]
                 Ke[3 * a, 3 * d + 1] += z
                 Ke[3 * a + 1, 3 * d + 2] += x
                 if d > a:
@@ -177,7 +177,7 @@ def _add_stiffening(F, C, D, flat, m, dm, along, scaled, crossed, Ke):
                     s += (F[i, j, p] - C[i, j, p]) * D[j, a, p]
                 along[3 * a + i, p] = s
                 scaled[3 * a + i, p] = 2.0 * dm[p] * s
-    stiff = np.dot(crossed, flat.T)
+    stiff = np.dot(crossed[:27], flat.T)
     outer = np.dot(scaled, along.T)
     for r in range(81):
         for s in range(r, 81):
