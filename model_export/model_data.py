@@ -196,8 +196,8 @@ class Layers:
         size   = ln d + slope E                       known where d and E alone are not
         w_q    = quantiles[q][layer] exp(spread[q] . (1, z_1, .., z_n, q))
 
-    with w half of the interval of q, which is in_fat, ln depth or size; layer is 0 where in_fat is 1 or more
-    (in the fat), 2 where it is 0 or less (in the gland), 1 between. So d, for one who knows E, is
+    with w half of the interval of q, which is in_fat, ln depth or size, 8 at most; layer is 0 where in_fat is
+    1 or more (in the fat), 2 where it is 0 or less (in the gland), 1 between. So d, for one who knows E, is
     exp(size - slope E -+ w). The odds of the layers are those of a normal distribution about in_fat of which
     -+ w holds `level`.
 

@@ -26,6 +26,9 @@ FAT, BORDER, GLAND, UNSURE = range(4)
 FARTHEST = (-1.0, 2.0)
 """Of how much of the lump's height lies in the fat: a diameter under it, and as much over its lower end."""
 
+WIDEST = 8.0
+"""Half of an interval, at most: it tells nothing then."""
+
 _T, _D, _H = (OUTPUTS.index(name) for name in ("t_mm", "d_mm", "h"))
 _PARTS = ("value", "low", "high")
 
@@ -45,7 +48,8 @@ def half_widths(part: Layers, z: Floats, of: Floats) -> Floats:
     """Half of the intervals of what `values` gives, (n, 3), at standardised features z (n, features)."""
     one = np.ones((len(z), 1))
     ln_sigma = [np.hstack([one, z, of[:, [j]]]) @ np.array(row) for j, row in enumerate(part.spread)]
-    out: Floats = np.exp(np.column_stack(ln_sigma)) * np.array(part.quantiles)[:, layer_of(of[:, 0])].T
+    sigma = np.exp(np.minimum(np.column_stack(ln_sigma), np.log(WIDEST)))
+    out: Floats = np.minimum(sigma * np.array(part.quantiles)[:, layer_of(of[:, 0])].T, WIDEST)
     return out
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from palpate.regression.any_tissue.model import OUTPUTS, depth_mm, truth
+from palpate.regression.any_tissue.model import OUTPUTS, truth
 from palpate.regression.any_tissue.observed import TRUTH
 from palpate.regression.any_tissue.result import TissueFit
 from palpate.regression.conformal import LEVEL
@@ -19,7 +19,7 @@ _SHOWN = {"ln d": "d, mm", "ln t": "t, mm", "E^-2/3": "E^-2/3", "ln E_fat": "E_f
 
 def items(fit: TissueFit) -> list[Item]:
     """Held-out table with estimates against truth; coverage and flags."""
-    held_out, cover, flags, pairs, left_out = (frame_of(table) for table in fit.tables())
+    held_out, *further, cover, flags, pairs, left_out = (frame_of(table) for table in fit.tables())
     return [
         Item(
             "Beyond 1",
@@ -27,7 +27,7 @@ def items(fit: TissueFit) -> list[Item]:
             f"One stroke each with its press, noise {fit.noise}, every lump and tissue left out of fit and "
             f"intervals; bars are {_PERCENT} % intervals of every sixteenth estimate.",
             draw=lambda: figure_estimates(fit),
-            tables=[held_out, left_out],
+            tables=[held_out, *further, left_out],
         ),
         Item(
             "Beyond 2",
@@ -50,7 +50,7 @@ def figure_estimates(fit: TissueFit) -> Figure:
         link = np.exp if name.startswith("ln ") else np.asarray
         panels[words] = [link(v) for v in (true[:, j], y[:, j], y[:, j] - half[:, j], y[:, j] + half[:, j])]
     depth = np.exp(study.seen.Y[:, TRUTH.index("ln depth")])
-    panels["depth, mm"] = [depth, *depth_mm(y, half).T]
+    panels["depth, mm"] = [depth, *study.depths_mm().T]
     figure = style.new(9.0, 5.8)
     some = np.arange(0, len(y), 16)
     for ax, (words, (of, value, low, high)) in zip(figure.subplots(2, 3).flat, panels.items()):

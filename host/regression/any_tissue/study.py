@@ -184,9 +184,12 @@ class TissueStudy:
         flagged = float("nan") if self.in_domain is None else float((~self.in_domain).mean())
         return out | {"not_found": self.lost, "flagged": flagged}
 
+    def depths_mm(self) -> Floats:
+        """Fat over the lump, value, low and high (n, 3), from t, d and h (`palpate.link.answer`)."""
+        return np.maximum(depth_mm(self.y, self.half), _LEAST_MM)
+
     def _depth(self) -> dict[str, float]:
-        """Of the fat over the lump, which follows from t, d and h (`palpate.link.answer`)."""
-        value, low, high = np.maximum(depth_mm(self.y, self.half), _LEAST_MM).T
+        value, low, high = self.depths_mm().T
         true = np.exp(self.seen.Y[:, TRUTH.index("ln depth")])
         return {
             "depth_r2": r_squared(np.log(true), np.log(value)),

@@ -10,6 +10,7 @@ from palpate import models
 from palpate.cli.emulate import strokes_over
 from palpate.recording.replay import replay
 from palpate.sim.tissue import Case
+from palpate.view.read_strokes import load_strokes
 from tests.host.across.test_across import holds, streamed
 from tests.host.conftest import emulated
 
@@ -47,6 +48,11 @@ def test_a_reader_is_told_the_layer_the_depth_and_which_size_goes_with_which_sti
     (again,) = replay(visit)
     assert again.identical and again.told.layer.as_dict() == said
     assert again.as_dict()["layer"] == said
+    (shown,) = load_strokes(visit)
+    card = shown.summary()["card"]
+    assert card["layer"]["place"] == said["place"]
+    (depth,) = (row for row in card["rows"] if row["key"] == "depth_mm")
+    assert depth["low"] == said["depth_mm"]["low"]
 
 
 def test_a_model_of_lumps_on_the_border_tells_no_layer(palpate, emulated, tmp_path, lump):

@@ -97,8 +97,9 @@ def test_strokes_in_one_tissue_and_of_all_kinds_are_not_taken_for_each_other(dir
 def test_lumps_that_lie_anywhere_are_known_and_their_model_tells_the_layer(anywhere, directory, tmp_path):
     out = tmp_path / "m.json"
     words = ["--kind", "field", "--out", str(out), "--json"]
-    result = CliRunner().invoke(fit.command, [str(anywhere), *words])
+    result = CliRunner().invoke(fit.command, [str(anywhere), *words, "--report", str(tmp_path / "report")])
     assert result.exception is None, result.output
+    assert "at the border" in (tmp_path / "report" / "index.html").read_text("utf-8")
     said = json.loads(result.stdout)
     assert set(said) == fields_in_the_page("fit-any-tissue") | {"tables"}
     assert [table["title"].split(":")[0] for table in said["tables"]] == [

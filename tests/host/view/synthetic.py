@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from palpate.across.layers import LumpLayer
 from palpate.sim.probe.cells import COLUMN_MM, ROW_MM
 from palpate.view.events import (
     Device,
@@ -47,6 +48,19 @@ class Bump:
     E_fat_kPa: float | None = None
     across_mm: float = 3.0
     columns: tuple[int, int] = (11, 19)
+    layer: LumpLayer | None = None
+
+
+IN_GLAND = LumpLayer(
+    level=0.9,
+    place="in the gland",
+    odds={"in the fat": 0.0, "at the border": 0.1, "in the gland": 0.9},
+    in_fat=(-0.4, -0.9, 0.1),
+    depth_mm=(15.0, 12.0, 19.0),
+    sizes=((3.1, 13.4), (None, 10.1)),
+    within=0.07,
+    worth_saying=True,
+)
 
 
 def _around(value: float, share: float) -> Interval:
@@ -64,6 +78,7 @@ def estimate(bump: Bump, time_s: float) -> Estimate:
         E_inv23=Interval(bump.E_inv23, bump.E_inv23 - 0.12, bump.E_inv23 + 0.12),
         further={} if bump.E_fat_kPa is None else {"E_fat_kPa": _around(bump.E_fat_kPa, 0.06)},
         lump=bump.kind in ("lump", "outside"),
+        layer=bump.layer,
         hardness=bump.hardness,
         in_domain=bump.kind == "lump",
         force_out=bump.kind == "force",

@@ -11,7 +11,7 @@ from playwright.sync_api import expect
 
 from tests.host.view.chromium import free_port
 from tests.host.view.pages import LUMP, once
-from tests.host.view.synthetic import Bump, SyntheticSource
+from tests.host.view.synthetic import IN_GLAND, Bump, SyntheticSource
 from tests.host.view.waiting import eventually, noticed, recording_begun
 
 pytestmark = pytest.mark.browser
@@ -57,6 +57,17 @@ def test_what_the_probe_cannot_vouch_for_is_said_in_plain_words(viewer, open_pag
 def test_a_lump_of_unbounded_stiffness_gets_a_bound_and_no_number(viewer, open_page):
     page = open_page(viewer(once(Bump(E_inv23=0.05))))
     expect(page.locator('[data-key="stiffness"]')).to_contain_text("over 14 × fat")
+
+
+def test_where_a_lump_lies_is_said_after_its_depth_with_which_size_goes_with_which_stiffness(
+    viewer, open_page
+):
+    page = open_page(viewer(once(Bump(layer=IN_GLAND))))
+    expect(page.locator('#card [data-key="layer"]')).to_contain_text("in the gland (90 %)")
+    shown = rows(page)
+    assert list(shown) == ["d_mm", "depth_mm", "layer", "stiffness", "t_mm", "F_N_per_m"]
+    assert "Diameter 13.4 mm if 3.1 × fat, 10.1 mm if over 50 × fat (each ± 7 %)" in shown["layer"]
+    assert "15.0 mm" in shown["depth_mm"]
 
 
 def test_the_map_grows_during_a_stroke_and_gets_its_fit(viewer, open_page):

@@ -25,7 +25,7 @@ from palpate.view.page_connection import to_json
 from palpate.view.phrases import card
 from palpate.view.session import Session
 from palpate.view.stroke import MAX_FRAMES, MAX_IMAGES, Stroke
-from tests.host.view.synthetic import Bump, estimate, stroke
+from tests.host.view.synthetic import IN_GLAND, Bump, estimate, stroke
 
 
 def test_frames_before_the_probe_says_started_belong_to_the_stroke_and_those_in_the_air_do_not():
@@ -111,6 +111,21 @@ def test_nothing_is_said_of_a_lump_where_none_was_found():
     said = card(estimate(Bump(kind="none"), 0.0))
     assert said["hardness"] is None and said["E_ratio"] is None
     assert said["rows"] == [], "the probe sends zeros; once the card said a force of 0 N/m"
+
+
+def test_the_card_says_where_a_lump_lies_and_takes_its_depth_from_there():
+    found = dataclasses.replace(estimate(Bump(kind="lump"), 0.0), layer=IN_GLAND)
+    said = card(found)
+    assert said["layer"]["text"] == "in the gland (90 %)"
+    assert [said["layer"][part] for part in ("value", "low", "high")] == [0.0, 0.0, 0.1]
+    assert said["layer"]["sizes"] == "13.4 mm if 3.1 × fat, 10.1 mm if over 50 × fat (each ± 7 %)"
+    (depth,) = (row for row in said["rows"] if row["key"] == "depth_mm")
+    assert (depth["value"], depth["low"], depth["high"]) == IN_GLAND.depth_mm
+    json.loads(to_json(said))
+    close = dataclasses.replace(IN_GLAND, worth_saying=False)
+    assert card(dataclasses.replace(found, layer=close))["layer"]["sizes"] == ""
+    assert card(dataclasses.replace(found, layer=None))["layer"] is None
+    assert card(dataclasses.replace(estimate(Bump(kind="none"), 0.0), layer=IN_GLAND))["layer"] is None
 
 
 def test_every_card_carries_the_line():
