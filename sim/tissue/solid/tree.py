@@ -104,8 +104,12 @@ class _Dissection:
             return None
         on_left = self.ranks[some, axis] <= rank
         left, right = some[on_left], some[~on_left]
-        shared = np.intersect1d(self.elements[left], self.elements[right])
-        return left, right, shared[self.open[shared]]
+        shared = self.open.copy()
+        for half in (left, right):
+            here = np.zeros_like(shared)
+            here[self.elements[half]] = True
+            shared &= here
+        return left, right, np.nonzero(shared)[0]
 
 
 @njit(cache=True, nogil=True)
