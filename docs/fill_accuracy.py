@@ -16,8 +16,9 @@ from pathlib import Path
 
 from rich.table import Table
 
-from palpate.regression.any_tissue.data import prepare_strokes
+from palpate.regression.any_tissue.data import ANYWHERE, prepare_strokes
 from palpate.regression.any_tissue.fit import fit_in_any_tissue
+from palpate.regression.anywhere.held_out import AnywhereStudy
 from palpate.regression.balls.lumps import read_lumps
 from palpate.regression.balls.report import tables_of
 from palpate.regression.field.bench import Bench
@@ -33,7 +34,7 @@ from palpate.regression.thesis.fit import ThesisFit, fit_thesis
 from palpate.report.study_figures import save_study_figure
 
 DOCS = Path(__file__).parent
-ANY_TISSUE_LUMPS = 1300
+ANY_TISSUE_LUMPS, ANYWHERE_LUMPS = 1300, 1000
 PAGES = [DOCS / f"accuracy{part}.md" for part in ("", "-told", "-thesis")]
 FIGURES = DOCS / "figures"
 
@@ -69,6 +70,7 @@ class Numbers:
         self.thesis = lru_cache(self._thesis)
         self.strokes = lru_cache(lambda: prepare(self.field_dir, progress=tell))
         self.field = lru_cache(self._field)
+        self.anywhere = lru_cache(self._anywhere)
         self.bench = lru_cache(lambda: Bench(self.strokes(), directory=self.field_dir, progress=tell))
 
     def _thesis(self) -> ThesisFit:
@@ -93,6 +95,10 @@ class Numbers:
         out["which-lumps"] = self._which_lumps
         out["tissue-fit"] = self._tissue_fit
         out["any-tissue"] = self._any_tissue
+        for name, those in (("", (0, 1)), ("-places", (2,)), ("-together", (3,)), ("-flags", (5, 6))):
+            out[f"anywhere{name}"] = lambda those=those: "\n\n".join(  # type: ignore[misc]
+                of_rich(self.anywhere()[k]) for k in those
+            )
         out["balls"] = self._balls
         out["balls-study"] = self._balls_study
         return out
@@ -114,6 +120,11 @@ class Numbers:
         strokes = prepare_strokes(self.field_dir / "any", ANY_TISSUE_LUMPS, progress=tell)
         held_out, cover, flags, pairs, _ = fit_in_any_tissue(strokes, progress=tell).tables()
         return "\n\n".join(of_rich(table) for table in (held_out, flags, pairs, cover))
+
+    def _anywhere(self) -> list[Table]:
+        directory = self.field_dir / "anywhere"
+        strokes = prepare_strokes(directory, ANYWHERE_LUMPS, progress=tell, design=ANYWHERE)
+        return fit_in_any_tissue(strokes, progress=tell, kind=AnywhereStudy).tables()
 
     def _balls(self) -> str:
         held_out, cover, flags, pairs, _ = fit("tests/sim/tissue/data", "field", progress=tell).tables()
