@@ -33,6 +33,9 @@ RANGES = {
 Parts = dict[str, NDArray[np.bool_]]
 """Some of n strokes each, (n), by what they have in common."""
 STIFFNESS = OUTPUTS.index("E^-2/3")
+_OF_DEPTH = OUTPUTS.index("ln d"), OUTPUTS.index("ln h")
+"""The depth's interval follows from theirs (`answer.depth_mm`): wider for one alone, they would contradict
+each other."""
 SCALE_FREE = tuple(n for n in FIELD_FEATURES if n not in ("ln_force", "ln_base"))
 """What does not change when all moduli and the force do; ln_base less ln_force is the twentieth."""
 
@@ -213,7 +216,8 @@ def fit_tissue_model(
     sigma_terms, sigma = fit_sigma(z, guess, Y - guess, found.group)
     border = even_odds(guess[:, STIFFNESS], Y[:, STIFFNESS] <= HARD_BELOW)
     hard = guess[:, STIFFNESS] < border
-    widths = calibrate(sigma_terms, sigma, z, guess, Y, hard, groups=list(scope.parts(found).values()))
+    parts = list(scope.parts(found).values())
+    widths = calibrate(sigma_terms, sigma, z, guess, Y, hard, groups=parts, together=[_OF_DEPTH])
     widths = _wide_enough_for_depth(widths, z, guess, Y, hard)
     step("stroke")
     domain = _domain(stroke, X, z, guess, widths.half(z, guess, hard), found.group, scope)
