@@ -28,7 +28,7 @@ NOMINAL_SCALE = (
 )
 
 
-STRANGE = "is not of the model that answers: it was fitted to other strokes, and tells no width or place"
+STRANGE = "is not of the model that answers: it was fitted to other strokes, and tells nothing of these"
 """Said of a document that does not belong."""
 
 
@@ -62,7 +62,7 @@ def document_option(function: F) -> F:
         "--document",
         type=click.Path(path_type=Path),
         metavar="MODEL.JSON",
-        help="What `palpate fit` wrote of the probe's model, for width and place across; "
+        help="What `palpate fit` wrote of the probe's model, for width and place across, or the layer; "
         "models that come with Palpate are found.",
     )(function)
 

@@ -108,7 +108,8 @@ def lie_anywhere(directory: Path) -> bool | None:
     """Whether the lumps that `directory` holds need not lie on the border; None where it holds none."""
     if not (directory / "lumps" / "strokes.parquet").exists():
         return None
-    return bool(read_table(directory / "lumps")["fat_mm"].notna().any())
+    table = read_table(directory / "lumps")
+    return "fat_mm" in table and bool(table["fat_mm"].notna().any())  # which old sets do not have
 
 
 def check_tissue(directory: Path) -> None:

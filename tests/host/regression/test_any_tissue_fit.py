@@ -94,6 +94,15 @@ def test_strokes_in_one_tissue_and_of_all_kinds_are_not_taken_for_each_other(dir
     assert isinstance(result.exception, UsageError) and "add --tissue thesis" in str(result.exception)
 
 
+def test_a_set_from_before_fat_had_a_thickness_of_its_own_lies_on_the_border(tmp_path):
+    """Its table has no such column: it was once a KeyError."""
+    words = [str(STROKES), "--kind", "field", "--out", str(tmp_path / "m.json")]
+    result = CliRunner().invoke(fit.command, words)
+    assert isinstance(result.exception, TableError) and "say which" in str(result.exception)
+    result = CliRunner().invoke(fit.command, [*words, "--anywhere"])
+    assert isinstance(result.exception, TableError) and "on the border" in str(result.exception)
+
+
 def test_lumps_that_lie_anywhere_are_known_and_their_model_tells_the_layer(anywhere, directory, tmp_path):
     out = tmp_path / "m.json"
     words = ["--kind", "field", "--out", str(out), "--json"]
