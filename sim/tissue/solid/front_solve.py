@@ -31,6 +31,7 @@ def solve_fronts(
     left = letter
     transposed = letter + 2
     plain = letter + 3
+    busy = np.empty(count, np.bool_)
     top = np.intp(work.ctypes.data)  # the rows that a front eliminates, and below them the others
     for back in range(2):
         way = transposed if back else plain
@@ -42,11 +43,16 @@ def solve_fronts(
                 continue
             rows = dofs[dofs_start[f] : dofs_start[f + 1]]
             for k in range(count):
+                some = back > 0
                 for i in range(n if back else p):
                     work[k * n + i] = sides[k, rows[i]]
+                    some |= sides[k, rows[i]] != 0.0
+                busy[k] = some
                 if not back:
                     for i in range(p, n):
                         work[k * n + i] = 0.0
+            if not busy.any():  # a unit force is felt only on its way up
+                continue
             sizes[0] = p
             sizes[1] = n
             sizes[2] = n - p
@@ -57,6 +63,8 @@ def solve_fronts(
             target_at = pivot_at if back else rest_at
             if count <= 2:
                 for k in range(count):
+                    if not busy[k]:
+                        continue
                     first = top + 4 * k * n
                     second = first + 4 * p
                     source = second if back else first
