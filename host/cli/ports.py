@@ -120,10 +120,9 @@ def _layer_lines(layer: LumpLayer | None) -> list[str]:
         return []
     value, low, high = (100 * min(max(share, 0.0), 1.0) for share in layer.in_fat)
     level = f"{100 * layer.level:g} % interval"
-    lines = [
-        f"  {'lies':20} {place_words(layer.place, layer.odds)}",
-        f"  {'of its height in fat':20} {value:.0f} % ({low:.0f} to {high:.0f}, {level})",
-    ]
+    lines = [f"  {'lies':20} {place_words(layer.place, layer.odds)}"]
+    if low < high:  # else it lies wholly on one side
+        lines.append(f"  {'of its height in fat':20} {value:.0f} % ({low:.0f} to {high:.0f}, {level})")
     if layer.worth_saying:
         lines.append(f"  {'size and stiffness':20} {size_words(layer.sizes, layer.within)}")
     return lines
