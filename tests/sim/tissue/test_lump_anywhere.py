@@ -18,7 +18,14 @@ from palpate.sim.tissue import (
     simulate,
     sweep,
 )
-from palpate.sim.tissue.anywhere import anywhere_cases
+from palpate.sim.tissue.any_tissue import TissueRanges
+from palpate.sim.tissue.anywhere import (
+    PlaceRanges,
+    anywhere_cases,
+    anywhere_lumps,
+    anywhere_plain,
+    anywhere_rim,
+)
 from palpate.sim.tissue.design import settings_of
 from palpate.sim.tissue.element import integrate
 from palpate.sim.tissue.mesh import FAT, GLAND, LUMP, build_mesh
@@ -152,3 +159,21 @@ def _check(stroke):
     assert (stroke.images_kPa >= 0).all(), stroke.code
     assert (stroke.smallest_jacobian > 0).all(), stroke.code
     assert (np.abs(np.diff(stroke.displacement_mm)) < 1.5).all(), stroke.code
+
+
+def test_the_rim_lies_outside_the_ranges_and_plain_tissue_has_no_lump():
+    ranges, place = TissueRanges(), PlaceRanges()
+    for case in anywhere_rim(40, 3):
+        inside = [
+            low <= value <= high
+            for value, (low, high) in (
+                (case.d_mm, ranges.d_mm),
+                (case.E_ratio, ranges.E_ratio),
+                (case.t_mm, place.fat_mm),
+            )
+        ]
+        assert not all(inside)
+        assert place.depth_mm[0] * 0.99 <= case.depth_mm <= place.depth_mm[1] * 1.01, "but no deeper"
+    plain, lumps = anywhere_plain(8, 3), anywhere_lumps(8, 3)
+    assert not any(case.has_lump for case in plain)
+    assert [case.t_mm for case in plain] == [case.t_mm for case in lumps]
