@@ -74,9 +74,10 @@ function stiffness({ hardness, hardness_text: words, stiffness_text: text, E_rat
 }
 
 /** Where the lump lies: from the gland at the left to the fat at the right. */
-function layer({ text, value, low, high, sizes }) {
+function layer({ place, text, value, low, high, sizes }) {
   const row = element("dl", { class: "quantity", "data-key": "layer" });
-  row.append(element("dt", {}, "Lies"), element("dd", {}, element("b", { class: "number" }, text)));
+  const chances = element("span", { class: "range-text" }, text.slice(place.length));
+  row.append(element("dt", {}, "Lies"), element("dd", {}, element("b", { class: "number" }, place), chances));
   row.append(range({ low, high, value, from: "gland", to: "fat" }));
   if (sizes) row.append(element("dd", { class: "wide" }, `Diameter ${sizes}`));
   return row;
