@@ -3,11 +3,13 @@
 
 One process, one thread, CPU seconds, set-up of a fresh geometry included; medians of rounds taken by turns
 with the floor: as many partial factorisations (the elements near the probe at each position) as there are
-positions. With --peer the ball on the line in felupe (PyPI) instead, between two strokes of ours.
+positions. What the system takes is for memory that it clears. With --peer the ball on the line in felupe
+(PyPI) instead, between two strokes of ours.
 """
 
 from __future__ import annotations
 
+import os
 import resource
 import statistics
 import sys
@@ -25,7 +27,7 @@ from palpate.sim.tissue.solid.stroke import forget_geometry, simulate_forces
 from palpate.sim.tissue.stroke import one_blas_thread
 
 CASES = (("on the line", "d10h08e10f07_ball"), ("5 mm beside it", "d10h08e10f07_ball_y5"))
-ROUNDS = 3
+ROUNDS = 5
 
 
 class Floor:
@@ -91,6 +93,7 @@ def main() -> None:
     heads = (
         "lump",
         "a stroke",
+        "of it the system's",
         "each of two forces, with a press-in ramp",
         "floor: ten partial factorisations",
     )
@@ -100,21 +103,21 @@ def main() -> None:
         case, settings = Case.from_code(code), Settings()
         simulate(case, settings)
         floor = Floor(case, settings)
-        alone, together, bare = [], [], []
+        alone, cleared, together, bare = [], [], [], []
         for _ in range(ROUNDS):
             forget_geometry()
+            before = os.times().system
             stroke = simulate(case, settings)
+            cleared.append(os.times().system - before)
             alone.append(stroke.cpu_s)
             forget_geometry()
             two = simulate_forces(case, [case.F_rel / 1.4, case.F_rel], settings, ramp=True)
             together.append(two[0].cpu_s)
             bare.append(floor.cpu_s())
-        a, b, c = map(statistics.median, (alone, together, bare))
-        print(
-            f"| `{code}`, {words} | {a:.1f} | {b:.1f} | {c:.1f} | {a / c:.1f} | {stroke.nodes:,} | "
-            f"{stroke.factorisations} | {stroke.iterations.sum()} |",
-            flush=True,
-        )
+        a, of_it, b, c = map(statistics.median, (alone, cleared, together, bare))
+        cells = (f"{a:.1f}", f"{of_it:.1f}", f"{b:.1f}", f"{c:.1f}", f"{a / c:.1f}", f"{stroke.nodes:,}")
+        counts = (str(stroke.factorisations), str(stroke.iterations.sum()))
+        print("| " + " | ".join((f"`{code}`, {words}", *cells, *counts)) + " |", flush=True)
     print(
         f"\nlargest memory of the process {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB"
     )
