@@ -3,8 +3,9 @@
 Intervals that hold nine in ten of all lumps hold fewer of some: of the hardest, whose stiffness is taken for
 less than it is. Which lumps these are nobody knows when an estimate is made, but features and estimates
 know something of it, and the size of the residual is log-linear in both. So its coefficients are changed
-until every part holds nearly as often as all; what that costs is the width of all intervals, and it is
-bought no dearer than `PRICE` says. Gibbs, Cherian and Candes (2023) ask for the same of classes of functions.
+until every part holds nearly as often as all, as far as `PRICE` and `NARROWING` allow: intervals may grow,
+but hardly shrink, for else those that say most would hold least (narrowed freely, the narrowest tenth held
+65 %). Gibbs, Cherian and Candes (2023) ask for the same of classes of functions.
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ BELOW = 0.005
 
 PRICE = 0.001
 """Of intervals twice as wide as they were, beside the square of what a part lacks."""
+
+NARROWING = 0.02
+"""Of the square of a narrower interval's logarithm, beside the same."""
 
 _OF_ALL = 4.0
 """Weight of the square of what all lack."""
@@ -84,10 +88,12 @@ def _bent(E: Floats, size: Floats, shares: Floats, level: float) -> Floats:
         wider = E @ a
         inside = 0.5 * (1 + np.tanh((wider[:, None] - size) / (2 * _SOFTNESS)))
         short = np.maximum(level - BELOW - shares @ inside, 0.0)
-        off = inside.mean(0) - level
-        more = np.expm1(np.minimum(wider, _WIDEST))
-        cost = (short**2).sum() + _OF_ALL * (off**2).sum() + outputs * PRICE * (more - wider).mean()
+        off = np.minimum(inside.mean(0) - level, 0.0)
+        more, less = np.expm1(np.minimum(wider, _WIDEST)), np.minimum(wider, 0.0)
+        price = PRICE * (more - wider).mean() + NARROWING * (less**2).mean()
+        cost = (short**2).sum() + _OF_ALL * (off**2).sum() + outputs * price
         slope = (_OF_ALL * off / n - shares.T @ short) * inside * (1 - inside) * 2 / _SOFTNESS
-        return float(cost), E.T @ (slope.sum(1) + outputs * PRICE * more / n)
+        dearer = outputs * (PRICE * more + 2 * NARROWING * less) / n
+        return float(cost), E.T @ (slope.sum(1) + dearer)
 
     return np.asarray(minimize(lack, np.zeros(E.shape[1]), jac=True, method="L-BFGS-B").x)
