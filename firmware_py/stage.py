@@ -71,9 +71,12 @@ class Stage:
     """The stage as arrays, like evaluator.Tables; `count` values of `feature_count` features.
 
     refers: as above, or empty where the model takes no reference; `held`: whether there is one.
+    of_press: bit j: value j has features of the press; without a press it says nothing.
     """
 
-    def __init__(self, ids, feats, steps, c, d, own, rows, ends, head, count, feature_count, refers=()):
+    def __init__(
+        self, ids, feats, steps, c, d, own, rows, ends, head, count, feature_count, refers=(), of_press=0
+    ):
         self.ids = ids
         self.feats = feats
         self.steps = steps
@@ -94,6 +97,7 @@ class Stage:
         self.refers = refers
         self.reference = array("i", bytearray(4 * MOST if refers else 0))
         self.held = False
+        self.of_press = of_press
 
     def extend(self, x):
         """The features x, and behind them the stage's values, in the stage's own array. Allocates nothing."""
@@ -143,6 +147,7 @@ class Staged:
 class Checked:
     """A model with checks: a stroke where one of them is above zero is outside the domain.
 
+    Where there was no press, or too little of one, those of the press are passed over.
     first: the first stage, or None; what it and `checks` extend lies behind each other.
     """
 
@@ -161,7 +166,8 @@ class Checked:
         out[evaluator.FLAGS] |= flags
         checks = self.checks
         x = checks.extend(x)
+        unknown = checks.of_press if x[_PRESS] == _ABSENT else 0
         for i in range(checks.count):
-            if x[checks.feature_count + i] > 0:
+            if x[checks.feature_count + i] > 0 and not unknown >> i & 1:
                 out[evaluator.FLAGS] &= ~outputs.IN_DOMAIN
         return code

@@ -16,6 +16,7 @@ _LOW_BITS = const(2)
 _PART_BITS = const(3)
 _HIGH_BITS = const(4)
 _SIZES = const(5)  # of the words, one for each sum
+_OF_PRESS = const(11)  # bit j: value j is of the press
 _STEPS = const(12)  # bytes of the program
 _DOWNS = const(16)
 _HEAD = const(20)
@@ -89,8 +90,9 @@ def load(raw, feature_count, values=0):
     ids = model_check.places(ids, feature_count)
     feature_count += values
     found = stage.Stage(
-        ids, unpack.feats(feats), steps, c, d, own, rows, ends, head, count, feature_count, refers
-    )
+        ids, unpack.feats(feats), steps, c, d, own, rows, ends, head, count, feature_count, refers,
+        raw[_OF_PRESS],
+    )  # fmt: skip
     return (status.OK if _same(found, raw, test) else status.SELF_TEST), found
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from palpate.model_export.errors import ModelError
 from palpate.model_export.model_data import Across, FirstStage, Joining, Layers, ModelData
-from palpate.model_export.vocabulary import KINDS, LINKS, OUTPUTS
+from palpate.model_export.vocabulary import KINDS, LINKS, OF_THE_PRESS, OUTPUTS
 
 MAX_FEATURES = 24
 MAX_TERMS = 400
@@ -75,8 +75,9 @@ def spec(model: ModelData) -> None:
     if model.checks is not None:
         _stage(model.checks, "checks")
         _need(model.checks.joining is None, "a reference joins the first stage, not the checks")
-        strange = [name for name in model.checks.features if name not in model.features]
-        _need(not strange, f"the checks take {strange[:1]}, which is none of the model's features")
+        own = {*model.features, *OF_THE_PRESS}
+        strange = [name for name in model.checks.features if name not in own]
+        _need(not strange, f"the checks take {strange[:1]}, none of the model's features nor of the press's")
         ends = all(e.lo < 0 < e.hi for e in model.checks.estimates)
         _need(ends, "a check must be held within ends on both sides of 0")
     if model.across is not None:

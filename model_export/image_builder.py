@@ -78,8 +78,8 @@ def _stage(first: stage.Stage | None) -> bytes:
     rows = first.rows.tolist()
     parts = (
         struct.pack(
-            f"<5B{evaluator.OUTPUTS}BxH2xI", n, first.count, low, head[evaluator.PART_BITS],
-            head[evaluator.HIGH_BITS], *sizes, len(first.steps), head[evaluator.DOWNS],
+            f"<5B{evaluator.OUTPUTS}BBH2xI", n, first.count, low, head[evaluator.PART_BITS],
+            head[evaluator.HIGH_BITS], *sizes, first.of_press, len(first.steps), head[evaluator.DOWNS],
         ),
         _ids(first.ids),
         struct.pack(f"<{len(feats)}i", *feats),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from firmware_py import outputs
+from firmware_py import feature_names, features, outputs
 
 KINDS = ("thesis", "field")
 # Name and unit of the outputs in the order of the wire; an image holds millionths of these units.
@@ -14,5 +14,11 @@ WORDS = {row[0]: row[3] for row in outputs.TABLE}
 SHOWN_UNITS = {name: "" if unit == "1" else unit for name, unit in OUTPUTS}
 """Their units as people are shown them."""
 LINKS = ("ln", "identity")
+OF_THE_PRESS = tuple(
+    name
+    for first, n in ((features.PRESS, 9), (features.PRESS_OUTER, 3))
+    for name in feature_names.NAMES[first : first + n]
+)
+"""The firmware's features that a stroke has only where a press preceded it."""
 
 Term = tuple[int, ...]

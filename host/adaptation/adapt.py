@@ -159,7 +159,7 @@ def basis_of(
 
 def columns(spec: ModelSpec, seen: ObservedDataSet) -> Floats:
     """The model's features of each stroke, (n, features)."""
-    return inputs(spec, seen.X)
+    return inputs(spec, seen.X)[:, : len(spec.features)]
 
 
 def _assemble(

@@ -178,10 +178,11 @@ def _pressed(lump: TissueLump, fat_kPa: float, blob: bytes, k: int) -> tuple[Flo
     return seen.X[0], np.array([*np.exp([ln_F, ln_t, ln_d, ln_depth - ln_d]), E_inv23, np.exp(ln_fat)])
 
 
-def _without(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
-    strokes = StrokeField(*(simulate(c, FIELD_SETTINGS) for c in at_three_forces(case)))
+def _told(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
+    press = [simulate(c, PRESSES) for c in at_forces([case], PRESS_PARTS)]
+    strokes = StrokeField(*(simulate(c, FIELD_SETTINGS) for c in at_three_forces(case)), press=press)
     seen = observe([strokes], MADE[TOLD]["noise"], SAMPLE_SEED, force_map=blob or None, first=k)
     return seen.X[0], np.append(seen.Y[0], fat_kPa)
 
 
-_OBSERVED = {FIELD: _with_press, BALLS: _solid, ANYWHERE: _with_press, TOLD: _without}
+_OBSERVED = {FIELD: _with_press, BALLS: _solid, ANYWHERE: _with_press, TOLD: _told}

@@ -9,6 +9,7 @@ monomials, its border where a stated share of the model's own strokes is left ou
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,7 @@ def fit_checks(
     false_alarms: float = FALSE_ALARMS,
     most_features: int = MOST_FEATURES,
     most_terms: int | None = None,
+    how_far: Mapping[str, Floats] | None = None,
 ) -> FirstStage:
     """A check for each kind of strange strokes, all of the same few features.
 
@@ -56,6 +58,10 @@ def fit_checks(
     most_features : int
     most_terms : int, optional
         Only those worth most to the checks together; a small board has no room for all.
+    how_far : kind -> (m), optional
+        How far each strange stroke is off: what its check is fitted to be there, in place of 1. Where little
+        and much are to be told apart by one number, it learns the number. Features then count as far as the
+        strange strokes go.
     """
     chosen = _chosen(X, groups, strange, most_features)
     part = tuple(names[i] for i in chosen)
@@ -64,10 +70,13 @@ def fit_checks(
         worth = _worth(X, groups, strange, chosen, terms)
         worth[[len(term) < 2 for term in terms]] = np.inf
         terms = tuple(terms[k] for k in np.sort(np.argsort(-worth, kind="stable")[:most_terms]))
-    known = _fit(part, X[:, chosen], np.zeros(len(X)), groups, terms)
+    seen = X if how_far is None else np.concatenate([X, *(other for other, _ in strange.values())])
+    known = _fit(part, seen[:, chosen], np.zeros(len(seen)), np.arange(len(seen)), terms)
     estimates = []
     for kind, (other, their_groups) in strange.items():
         A, y, g = _together(X[:, chosen], groups, other[:, chosen], their_groups)
+        if how_far is not None:
+            y[len(X) :] = how_far[kind]
 
         def fit(x: Floats, target: Floats, of: Groups) -> Polynomial:
             return _fit(part, x, target[:, 0], of, terms, known)
@@ -78,6 +87,30 @@ def fit_checks(
         coefficients[terms.index(())] -= border * _SIZE
         estimates.append(Estimate(kind, -1.0, 1.0, floats(coefficients)))
     return stage_of(known, estimates)
+
+
+def joined(one: FirstStage, other: FirstStage) -> FirstStage:
+    """The checks of both, which have no feature in common."""
+    past = len(one.features)
+    shifted = [tuple(past + i for i in term) for term in other.terms]
+    terms = (*one.terms, *(term for term in shifted if term))
+    checks = [replace(e, coefficients=_over(terms, one.terms, e.coefficients)) for e in one.estimates]
+    checks += [replace(e, coefficients=_over(terms, shifted, e.coefficients)) for e in other.estimates]
+    return FirstStage(
+        (*one.features, *other.features),
+        (*one.centre, *other.centre),
+        (*one.scale, *other.scale),
+        (*one.clip_lo, *other.clip_lo),
+        (*one.clip_hi, *other.clip_hi),
+        terms,
+        tuple(checks),
+    )
+
+
+def _over(terms: Sequence[Term], own: Sequence[Term], coefficients: Sequence[float]) -> tuple[float, ...]:
+    """The same coefficients over other terms, 0 for those that had none."""
+    of = dict(zip(own, coefficients))
+    return tuple(of.get(term, 0.0) for term in terms)
 
 
 def _together(X: Floats, groups: Groups, other: Floats, their: Groups) -> tuple[Floats, Floats, Groups]:

@@ -13,7 +13,7 @@ from firmware_py import feature_names, outputs, status
 from palpate.features.map_features import Floats
 from palpate.firmware_twin.replay_core import Replay
 from palpate.sim.probe.noise import level_named
-from palpate.sim.probe.sensors import Noise, SensorModel, StrokeField, pack
+from palpate.sim.probe.sensors import PRESS_FRAMES, Noise, SensorModel, StrokeField, pack
 
 NAMES = feature_names.NAMES
 OF_THE_DISPLACEMENT = tuple(
@@ -95,7 +95,7 @@ def observe(
 
     Parameters
     ----------
-    fields : one for each stroke
+    fields : one for each stroke, which a press precedes where it has one
     noise : Noise or name
     seed : int
     groups : which lump each field is; by default its place in `fields`
@@ -115,7 +115,7 @@ def observe(
     for k, field in enumerate(fields):
         mean = None if mean_forces_N_per_m is None else mean_forces_N_per_m[k]
         model = SensorModel(field, noise, _seed_of(seed, first + k), mean_force_N_per_m=mean, **sensor)
-        stream = model.stroke(n_frames)
+        stream = model.stroke(n_frames, press=PRESS_FRAMES if field.press else 0, pressed=field.press)
         if alter is not None:
             stream = replace(stream, packed=[pack(c) for c in alter(stream.counts)])
         codes[k] = replay.stream(stream, model.calibration())

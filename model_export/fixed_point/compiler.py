@@ -192,6 +192,7 @@ def _compile_stage(first: FirstStage, ids: list[int], feature_count: int) -> sta
         len(first.estimates),
         feature_count,
         _joining(first),
+        sum(of << j for j, of in enumerate(reference.of_press(first))),
     )
 
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from firmware_py import feature_names, outputs
+from firmware_py import features as firmware_features
 from palpate.model_export.schema import FirstStage, ModelSpec, Term
+from palpate.model_export.vocabulary import OF_THE_PRESS
+
+ABSENT = firmware_features.ABSENT / 2**24
 
 
 def monomials(z: np.ndarray, terms: tuple[Term, ...]) -> np.ndarray:
@@ -20,8 +25,9 @@ def monomials(z: np.ndarray, terms: tuple[Term, ...]) -> np.ndarray:
 
 
 def standardised(of: ModelSpec | FirstStage, features: np.ndarray) -> np.ndarray:
-    """Features (n x len(of.features)) as the polynomials take them: clipped, centred, scaled."""
-    return (np.clip(features, of.clip_lo, of.clip_hi) - np.array(of.centre)) / np.array(of.scale)
+    """Features (n x len(of.features), or more) as the polynomials take them: clipped, centred, scaled."""
+    own = features[:, : len(of.features)]
+    return (np.clip(own, of.clip_lo, of.clip_hi) - np.array(of.centre)) / np.array(of.scale)
 
 
 def estimates(first: FirstStage, features: np.ndarray) -> np.ndarray:
@@ -31,21 +37,45 @@ def estimates(first: FirstStage, features: np.ndarray) -> np.ndarray:
     return np.clip(y, [e.lo for e in first.estimates], [e.hi for e in first.estimates])
 
 
+def of_press(stage: FirstStage) -> list[bool]:
+    """Whether each estimate has a feature of the press: without a press such a check says nothing."""
+    pressed = [any(stage.features[i] in OF_THE_PRESS for i in term) for term in stage.terms]
+    return [any(of and c != 0 for of, c in zip(pressed, e.coefficients)) for e in stage.estimates]
+
+
 def checks_of(spec: ModelSpec, features: np.ndarray) -> np.ndarray:
-    """The model's checks, n x as many as it has, of features n x len(spec.features)."""
+    """The model's checks, n x as many as it has, of what `inputs` gives, or of its own features alone."""
     if spec.checks is None:
         return np.zeros((len(features), 0))
-    return estimates(spec.checks, features[:, [spec.features.index(name) for name in spec.checks.features]])
+    return checks_among(spec.checks, input_names(spec)[: features.shape[1]], features)
+
+
+def checks_among(checks: FirstStage, names: Sequence[str], X: np.ndarray) -> np.ndarray:
+    """The checks of features X, n x len(names): n x checks, 0 where one says nothing for want of a press.
+
+    Features of the press that are not among these are absent.
+    """
+    absent = np.full(len(X), ABSENT)
+    own = np.column_stack([X[:, names.index(name)] if name in names else absent for name in checks.features])
+    pressed = [k for k, name in enumerate(checks.features) if name in OF_THE_PRESS]
+    silent = (own[:, pressed] == ABSENT).any(axis=1)[:, None] & np.array(of_press(checks))
+    return np.where(silent, 0.0, estimates(checks, own))
+
+
+def input_names(spec: ModelSpec) -> tuple[str, ...]:
+    """The model's features, and behind them those of the press that only its checks take."""
+    more = () if spec.checks is None else spec.checks.features
+    return (*spec.features, *(name for name in more if name not in spec.features))
 
 
 def inputs(spec: ModelSpec, X: np.ndarray) -> np.ndarray:
-    """What `evaluate` takes, n x len(spec.features), from the firmware's features X, n x features.COUNT."""
+    """What `evaluate` takes, by `input_names`, from the firmware's features X, n x features.COUNT."""
     names = list(feature_names.NAMES)
     if spec.first is not None:
         own = X[:, [names.index(name) for name in spec.first.features]]
         X = np.column_stack([X, estimates(spec.first, own)])
         names += [e.name for e in spec.first.estimates]
-    return X[:, [names.index(name) for name in spec.features]]
+    return X[:, [names.index(name) for name in input_names(spec)]]
 
 
 def link_ends(spec: ModelSpec) -> tuple[np.ndarray, np.ndarray]:
@@ -78,7 +108,7 @@ def evaluate(spec: ModelSpec, features: np.ndarray) -> dict[str, Any]:
     Parameters
     ----------
     spec : ModelSpec
-    features : array, n x len(spec.features)
+    features : array, n x len(spec.features) or as `inputs` gives them
         In feature units and the spec's order.
 
     Returns
@@ -100,7 +130,8 @@ def evaluate(spec: ModelSpec, features: np.ndarray) -> dict[str, Any]:
     low, high = (np.where(is_ln, np.exp(e), e) for e in ends)
     away = z - np.array(spec.domain.centre)
     distance = np.einsum("ni,ij,nj->n", away, np.array(spec.domain.precision), away) / spec.domain.threshold
-    boxed = np.all((raw >= spec.domain.lo) & (raw <= spec.domain.hi), axis=1)
+    own = raw[:, : len(spec.features)]
+    boxed = np.all((own >= spec.domain.lo) & (own <= spec.domain.hi), axis=1)
     sure_hard, sure_soft = high[:, 4] < spec.hard_below, low[:, 4] >= spec.hard_below
     beyond = _beyond(spec, y, width, is_ln)
     unlike = (checks_of(spec, raw) > 0).any(axis=1)

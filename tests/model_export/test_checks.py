@@ -1,4 +1,4 @@
-"""A model's checks: polynomials of its own features that say what a stroke is unlike."""
+"""A model's checks: polynomials of its own features, or the press's, that say what a stroke is unlike."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from firmware_py import evaluator, outputs, status
+from firmware_py import evaluator, feature_names, outputs, status
 from firmware_py import model_image as fw
 from palpate.model_export import image_builder
 from palpate.model_export.errors import ModelError, ProofError
@@ -15,11 +15,24 @@ from palpate.model_export.exporter import export, prepare
 from palpate.model_export.fixed_point import bounds, compiler, reference
 from palpate.model_export.schema import Estimate, FirstStage, ModelSpec
 from palpate.model_export.source import emit
+from palpate.model_export.vocabulary import OF_THE_PRESS
+from palpate.regression.checks import joined
 from palpate.sim.probe.scripts import run_micropython
 from tests.model_export import synthetic
 from tests.model_export.test_two_stages import SCRIPT, loaded, noticed_flips, said, two_stages, vectors
 
 Q24 = 1 << 24
+
+WIDE = FirstStage(
+    ("press_outer_quarter", "press_outer_full"),
+    (1.0, 1.0),
+    (0.4, 0.4),
+    (-0.5, -0.5),
+    (2.5, 2.5),
+    ((), (0,), (1,), (0, 1)),
+    (Estimate("wide", -1.0, 1.0, (-0.02, -0.06, 0.09, 0.03)),),
+)
+"""A check of the press alone."""
 
 
 def with_checks(spec: ModelSpec) -> ModelSpec:
@@ -77,6 +90,48 @@ def test_a_stroke_where_a_check_is_above_zero_is_outside_and_its_numbers_stay(sp
     told = reference.evaluate(spec, reference.inputs(spec, X))
     assert np.array_equal(told["unlike"], fails)
     assert not (told["in_domain"] & fails).any()
+
+
+@pytest.fixture(scope="module")
+def by_press(spec):
+    """The same with a third check, of how much of the press reaches the outer columns."""
+    return dataclasses.replace(spec, checks=joined(spec.checks, WIDE), features_version=3).validate()
+
+
+def pressed(spec, n=600):
+    """The firmware's features of strokes with a press before them; the first half of them without."""
+    X = some(spec, n)
+    rng = np.random.default_rng(4)
+    for name in WIDE.features:
+        X[:, feature_names.NAMES.index(name)] = np.round(rng.normal(1.0, 0.4, n) * 2**16) / 2**16
+    X[: n // 2, [feature_names.NAMES.index(name) for name in OF_THE_PRESS]] = reference.ABSENT
+    return X
+
+
+def test_checks_of_the_press_say_nothing_where_there_was_none(by_press):
+    """Absent features would be a press at the end of its clip box, and every stroke without one strange."""
+    body = image_builder.build(by_press, compiler.compile_model(by_press), None, 1)
+    code, model = loaded(body)
+    assert code == status.OK
+    X = pressed(by_press, 2000)
+    values = reference.checks_of(by_press, reference.inputs(by_press, X))
+    assert (values[:1000, 2] == 0).all() and 100 < (values[1000:, 2] > 0).sum() < 900
+    assert (values[:1000, :2] > 0).any(axis=1).sum() > 100, "those of the stroke go on"
+    without = dataclasses.replace(by_press, checks=None)
+    _, plain = loaded(image_builder.build(without, compiler.compile_model(without), None, 1))
+    flags = 1 + evaluator.FLAGS
+    inside, was = (said(m, X)[:, flags] & outputs.IN_DOMAIN > 0 for m in (model, plain))
+    assert (was & inside)[1000:].sum() > 10 < (was & ~inside)[1000:].sum()
+    clear = np.where(values == 0, 1.0, np.abs(values)).min(axis=1) > 1e-3
+    assert np.array_equal(inside[clear], (was & ~(values > 0).any(axis=1))[clear])
+
+
+def test_the_models_own_features_are_those_of_a_stroke_without_a_press(by_press):
+    X = pressed(by_press, 400)
+    X[:, [feature_names.NAMES.index(name) for name in OF_THE_PRESS]] = reference.ABSENT
+    inputs = reference.inputs(by_press, X)
+    own = reference.evaluate(by_press, inputs[:, : len(by_press.features)])
+    assert np.array_equal(reference.evaluate(by_press, inputs)["unlike"], own["unlike"])
 
 
 def test_checks_are_proved_with_the_rest_and_coefficients_without_room_are_refused(spec):

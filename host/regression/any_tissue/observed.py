@@ -20,11 +20,12 @@ from palpate.features.press_features import ABSENT
 from palpate.firmware_twin.replay_core import Replay
 from palpate.regression.field.data import read_lumps
 from palpate.regression.field.design import LumpStrokes
+from palpate.regression.field.presses import read_presses
 from palpate.regression.observed import NAMES, noise_named
 from palpate.regression.probe_model import shows_lump
 from palpate.sim.probe.sensors import PRESS_FRAMES, Noise, SensorModel, StrokeField
 from palpate.sim.probe.two_lumps import random_pair
-from palpate.sim.tissue import Case, Stroke, load_strokes
+from palpate.sim.tissue import Case, Stroke
 
 FAT_KPA = (5.0, 25.0)
 FORCE_N_PER_M = (25.0, 150.0)
@@ -84,15 +85,6 @@ def read_set(strokes: Path, presses: Path) -> list[TissueLump]:
     if not out:
         raise UsageError(f"{strokes} and {presses} have no lump in common")
     return out
-
-
-def read_presses(home: Path) -> list[tuple[Stroke, ...]]:
-    """The presses of a sweep of design `any-press`, lump by lump, at rising forces."""
-    by_lump: dict[object, list[Stroke]] = {}
-    for stroke in load_strokes(home):
-        by_lump.setdefault(replace(stroke.case, F_rel=1.0), []).append(stroke)
-    rising = (tuple(sorted(press, key=lambda s: s.case.F_rel)) for press in by_lump.values())
-    return [press for press in rising if len(press) > 2]
 
 
 def scaled(stroke: Stroke, s: float) -> Stroke:

@@ -4,12 +4,15 @@ DIR/lumps   strokes over Sobol lumps, each at three forces
 DIR/rim     over lumps outside the ranges, to train on
 DIR/plain   over plain tissue, for false alarms
 DIR/wide    more like those of the rim, to test the domain flag on
+DIR/lumps-press, rim-press, wide-press     the presses before them, each at four forces
+DIR/other-press                            presses on other tissues, which the model is to notice
+                                           (presses only where there are lumps enough for checks)
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from os import PathLike
 from pathlib import Path
 
@@ -27,14 +30,27 @@ from palpate.regression.field.design import (
     no_lump_cases,
     rim_cases,
 )
+from palpate.regression.field.presses import (
+    FEWEST_LUMPS,
+    OTHER,
+    OtherTissue,
+    other_cases,
+    press_cases,
+    read_others,
+    with_presses,
+)
 from palpate.regression.progress import ProgressCallback
 from palpate.regression.table import TableError
 from palpate.sim.probe.sensors import StrokeField
 from palpate.sim.tissue import Case, Progress, Settings, load_strokes, read_table, sweep
+from palpate.sim.tissue.any_tissue import PRESSES
 
 LUMPS = 2048
-_RIM, _PLAIN, _WIDE = 0.25, 0.25, 0.125
+_RIM, _PLAIN, _WIDE, _OTHER = 0.25, 0.25, 0.125, 0.25
 """Of each of the others, for one lump."""
+
+_PRESSED = ("lumps", "rim", "wide")
+"""Parts whose strokes a press precedes."""
 
 _LUMPS_SEED, _WIDE_SEED = 21, 23
 """Features, terms and settings were chosen on lumps of seeds 1, 5, 11, 13 and 77, not on these."""
@@ -58,6 +74,8 @@ class FieldStrokes:
         `rim` and `wide` hold only lumps outside the ranges that the model is for.
     excluded : dict
         Why -> how many strokes.
+    others : list of OtherTissue
+        What the model is to notice by its press.
     """
 
     lumps: list[LumpStrokes]
@@ -65,6 +83,7 @@ class FieldStrokes:
     plain: list[LumpStrokes]
     wide: list[LumpStrokes]
     excluded: dict[str, int]
+    others: list[OtherTissue] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -133,7 +152,15 @@ def prepare(
         )
     strokes = read(directory)
     _check_tissue(strokes, tissue, directory)
-    return strokes
+    if len(split(len(strokes.lumps)).train) < FEWEST_LUMPS:
+        return strokes
+    presses = {f"{name}-press": press_cases(getattr(strokes, name)) for name in _PRESSED}
+    presses[OTHER] = other_cases(round(_OTHER * len(strokes.lumps)), tissue)
+    missing = [name for name in presses if not (directory / name / "strokes.parquet").exists()]
+    for name in filter(presses.get, missing):
+        report = sweep_progress(f"simulating {name}", progress)
+        sweep(presses[name], PRESSES, directory / name, workers=workers, progress=report)
+    return read(directory) if missing else strokes
 
 
 def check_begun(directory: str | PathLike[str], lumps: int | None) -> None:
@@ -200,7 +227,11 @@ def read(directory: str | PathLike[str]) -> FieldStrokes:
     within = [inside(lump.case) for lump in found["wide"]]
     _count(excluded, "wide: inside the training ranges, so no test of the domain", sum(within))
     found["wide"] = [lump for lump, is_in in zip(found["wide"], within) if not is_in]
-    return FieldStrokes(found["lumps"], found["rim"], found["plain"], found["wide"], excluded)
+    for name in _PRESSED:
+        found[name] = with_presses(found[name], directory / f"{name}-press")
+    told = {name: getattr(found["lumps"][0].case, name) for name in TISSUE_FIELDS}
+    others = read_others(directory / OTHER, told)
+    return FieldStrokes(found["lumps"], found["rim"], found["plain"], found["wide"], excluded, others)
 
 
 def of_the_command(strokes: FieldStrokes) -> bool:
@@ -229,7 +260,7 @@ def split(n: int, seed: int = 1) -> Split:
 
 def stroke_fields(lumps: Sequence[LumpStrokes]) -> list[StrokeField]:
     """The sensor model's view of each lump."""
-    return [StrokeField(*lump.strokes) for lump in lumps]
+    return [StrokeField(*lump.strokes, press=lump.press) for lump in lumps]
 
 
 def _count(excluded: dict[str, int], why: str, n: int) -> None:

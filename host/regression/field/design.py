@@ -31,9 +31,13 @@ too, so that an estimate beyond the ranges means a lump beyond them; others test
 
 @dataclass(frozen=True)
 class LumpStrokes:
-    """Strokes over one lump, or plain tissue, at rising forces; the greatest is 1.4 times the smallest."""
+    """Strokes over one lump, or plain tissue, at rising forces; the greatest is 1.4 times the smallest.
+
+    press: what is pressed before them, one position at rising forces; empty where nobody has simulated it.
+    """
 
     strokes: tuple[Stroke, ...]
+    press: tuple[Stroke, ...] = ()
 
     @property
     def low(self) -> Stroke:

@@ -80,7 +80,8 @@ def fit_field(
                 train, calibration, test, rim = observed[moved]
                 kept_one = level == noise and tried == recipe
                 strange = strange_strokes(bench, level, tried) if kept_one else None
-                model = fit_field_model(tried, train, calibration, rim, step=count, strange=strange)
+                checks = strange.checks if strange else None
+                model = fit_field_model(tried, train, calibration, rim, step=count, checks=checks)
                 rows += held_out(level, model, test, averages=tried == recipe)
                 count("models scored")
                 if kept_one:

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from firmware_py import outputs
 from palpate.features.map_features import Floats
 from palpate.model_export.fixed_point import force_map as force_maps
-from palpate.model_export.fixed_point.reference import estimates
+from palpate.model_export.fixed_point.reference import checks_among
 from palpate.model_export.schema import FirstStage, ModelSpec
-from palpate.regression.checks import Strange, fit_checks
 from palpate.regression.conformal import Widths, calibrate, fit_sigma, out_of_fold
 from palpate.regression.domain import DomainCheck, fit_domain, with_ranges
 from palpate.regression.field.design import LumpStrokes
@@ -30,6 +29,7 @@ from palpate.regression.probe_model import (
     HARD_BELOW,
     LEAST_AMP_SHARE,
     Polynomial,
+    features_version,
     fit_polynomial,
     from_link,
     shows_lump,
@@ -45,9 +45,11 @@ RANGE_LO, RANGE_HI, LOWEST, HIGHEST = (
 )
 """What the model is for, and where its estimates are held; see `firmware_py.outputs`."""
 
-FLAGGED_INSIDE = 0.022
-UNFAMILIAR_INSIDE = 0.002
-"""Shares of calibration strokes out of the domain: in all, and by their features alone."""
+FitChecks = Callable[[ObservedStrokes], FirstStage | None]
+
+FLAGGED_INSIDE, UNFAMILIAR_INSIDE, WITH_CHECKS = 0.022, 0.002, 0.025
+"""Shares of calibration strokes out of the domain: in all, by box and distance alone, and in all where the
+model has checks."""
 
 NEAR_THE_BORDER, FEWEST_ON_A_SIDE = 0.1, 50
 """Estimates of E^-2/3 this close to hard or soft, and this many on either side, place the border."""
@@ -87,27 +89,35 @@ class FieldModel:
 
     def answer(self, observed: ObservedStrokes) -> Answers:
         """Estimates of every stroke, those without a lump too (their numbers mean nothing)."""
-        X = observed.columns(self.recipe.features)
-        y = self.polynomial.predict(X)
+        X = observed.columns(self.inputs)
+        y = self.polynomial.predict(X[:, : len(self.recipe.features)])
         return self.answer_from(X, y, self.lump(observed))
 
     def answer_from(self, X: Floats, y: Floats, lump: NDArray[np.bool_]) -> Answers:
-        """The same from features X (n, features), predictions y (n, outputs; link scale) and lump (n)."""
-        z = self.polynomial.standard(X)
+        """The same from X (n, inputs), or without the press's, predictions y (n, outputs; link scale) and
+        lump (n)."""
+        own = X[:, : len(self.recipe.features)]
+        z = self.polynomial.standard(own)
         half = self.widths.half(z, y, y[:, E_INV23] < self.border)
         lo, hi = self.polynomial.lo, self.polynomial.hi
         low, high = (from_link(np.clip(y + s * half, lo, hi)) for s in (-1, 1))
         sure_hard, sure_soft = high[:, E_INV23] < self.border, low[:, E_INV23] >= self.border
         hardness = np.where(sure_hard, "hard", np.where(sure_soft, "soft", "unsure"))
-        inside = self.domain.inside(X, z, y, half) & ~self.unlike(X)
+        inside = self.domain.inside(own, z, y, half) & ~self.unlike(X)
         return Answers(from_link(y), low, high, y, half, lump, inside, hardness)
 
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The recipe's features, and behind them those of the press that only the checks take."""
+        more = () if self.checks is None else self.checks.features
+        return (*self.recipe.features, *(name for name in more if name not in self.recipe.features))
+
     def unlike(self, X: Floats) -> NDArray[np.bool_]:
-        """Whether a check is above 0 for features X (n, features), (n)."""
+        """Whether a check is above 0 for X (n, inputs), or without the press's, (n)."""
         if self.checks is None:
             return np.zeros(len(X), bool)
-        own = X[:, [self.recipe.features.index(name) for name in self.checks.features]]
-        return np.asarray((estimates(self.checks, own) > 0).any(axis=1))
+        values = checks_among(self.checks, self.inputs[: X.shape[1]], X)
+        return np.asarray((values > 0).any(axis=1))
 
     def lump(self, observed: ObservedStrokes) -> NDArray[np.bool_]:
         """The lump rule."""
@@ -129,7 +139,13 @@ class FieldModel:
             self.border,
             self.fat_kPa,
         )
-        return replace(spec, checks=self.checks).validate()
+        version = max(spec.features_version, features_version(self.inputs))
+        return replace(spec, checks=self.checks, features_version=version).validate()
+
+
+def above_zero(checks: FirstStage, seen: ObservedStrokes) -> NDArray[np.bool_]:
+    """Whether a check is above 0, (n)."""
+    return np.asarray((checks_among(checks, NAMES, seen.X) > 0).any(axis=1))
 
 
 def learn_force_map(lumps: Sequence[LumpStrokes], displacement: bool = True) -> force_maps.ForceMap:
@@ -160,7 +176,7 @@ def fit_field_model(
     rim: ObservedStrokes | None = None,
     least_amp_share: float = LEAST_AMP_SHARE,
     step: Callable[[str], None] | None = None,
-    strange: Strange | None = None,
+    checks: FitChecks | None = None,
 ) -> FieldModel:
     """Fit one recipe.
 
@@ -176,8 +192,9 @@ def fit_field_model(
         Amp over Base from which a bump counts as a lump.
     step : callable, optional
         Called with what has just been done.
-    strange : kind -> strokes, optional
-        What the model is to have checks for (`checks.fit_checks`); without, it has none.
+    checks : callable, optional
+        Fits the model's checks to its own strokes over lumps (`strange.StrangeStrokes.checks`); without, it
+        has none.
     """
     step = step or (lambda what: None)
     rule = (least_amp_share,)
@@ -188,6 +205,8 @@ def fit_field_model(
         rim = rim.take(rim.whole & shows_lump(rim.X, NAMES, *rule))
         train = join([train, replace(rim, group=-1 - rim.group)])
     X, Y = train.columns(recipe.features), to_link(train.Y)
+    own = join([train.take(np.arange(within)), calibration])
+    fitted = checks(own) if checks else None
     terms = recipe.terms(standardised(X), Y, train.group)
     step("terms chosen")
 
@@ -209,10 +228,13 @@ def fit_field_model(
     half = widths.half(z, guesses, hard)
     groups = np.concatenate([train.group[:within], calibration.group])
     familiar = familiar_unseen(model, both, groups)
-    domain = with_ranges(domain, *_links(RANGE_LO, RANGE_HI), familiar, guesses, half, FLAGGED_INSIDE)
-    checks = fit_checks(recipe.features, both, groups, strange) if strange else None
+    share_out = FLAGGED_INSIDE
+    if fitted is not None:
+        familiar &= ~above_zero(fitted, own)
+        share_out = WITH_CHECKS
+    domain = with_ranges(domain, *_links(RANGE_LO, RANGE_HI), familiar, guesses, half, share_out)
     step("models fitted")
-    return FieldModel(recipe, model, widths, domain, least_amp_share, border, checks)
+    return FieldModel(recipe, model, widths, domain, least_amp_share, border, fitted)
 
 
 def familiar_unseen(model: Polynomial, X: Floats, groups: NDArray[np.int64]) -> NDArray[np.bool_]:

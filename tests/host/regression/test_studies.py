@@ -10,6 +10,7 @@ from palpate.regression.field import computed, data, tissues
 from palpate.regression.field.study import STUDIES, study_table
 from palpate.regression.observed import observe
 from palpate.report.study_figures import save_study_figure
+from palpate.sim.tissue.any_tissue import PRESS_PARTS
 
 STROKES = Path(__file__).parent / "data"
 
@@ -27,10 +28,12 @@ def test_strokes_over_another_tissue_are_simulated_once_and_scored(bench, fitted
     changes = {"gland_ratio": 8.0}
     pairs = tissues.other_tissue(tmp_path, changes, lumps=4, workers=1)
     assert {pair.case.gland_ratio for pair in pairs} == {8.0}
-    (written,) = tmp_path.glob("*/strokes.parquet")
-    before = written.stat().st_mtime_ns
+    written = sorted(tmp_path.glob("*/strokes.parquet"))
+    assert [path.parent.name for path in written] == ["tissue-gland_ratio-8", "tissue-gland_ratio-8-press"]
+    assert all(len(pair.press) == len(PRESS_PARTS) for pair in pairs)
+    before = [path.stat().st_mtime_ns for path in written]
     assert len(tissues.other_tissue(tmp_path, changes, lumps=4, workers=1)) == len(pairs)
-    assert written.stat().st_mtime_ns == before
+    assert [path.stat().st_mtime_ns for path in written] == before
     observed = observe(data.stroke_fields(pairs), "typical", 1, force_map=bench.blob)
     row = tissues.tissue_row("gland 8 times the fat", fitted, observed)
     assert -0.5 < row["d_bias"] < 0.5 and 0 <= row["flagged"] <= 1 and 0 <= row["covered_d"] <= 1

@@ -1,0 +1,75 @@
+"""The model that was told its tissue notices another by the press, and leaves its own strokes alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from palpate import models
+from palpate.features.press_features import ABSENT, PLACES
+from palpate.model_export.fixed_point import force_map
+from palpate.model_export.fixed_point.reference import checks_of, evaluate, inputs
+from palpate.models.coverage import shows_lump
+from palpate.regression.any_tissue.observed import scaled
+from palpate.regression.field import data
+from palpate.regression.field.presses import press_cases
+from palpate.regression.observed import observe
+from palpate.sim.probe.sensors import StrokeField
+from palpate.sim.tissue import simulate
+from palpate.sim.tissue.any_tissue import PRESS_PARTS, PRESSES
+
+STROKES = Path(__file__).parents[1] / "regression" / "data"
+LUMPS = 32
+
+
+@pytest.fixture(scope="module")
+def spec():
+    return models.load(models.TOLD)
+
+
+@pytest.fixture(scope="module")
+def lumps():
+    """Strokes over lumps that the model has not met, and the presses before them."""
+    some = data.read(STROKES).lumps[:LUMPS]
+    presses = [simulate(case, PRESSES) for case in press_cases(some)]
+    n = len(PRESS_PARTS)
+    return [(lump.strokes, presses[k * n : k * n + n]) for k, lump in enumerate(some)]
+
+
+def seen(spec, lumps, fat):
+    """The firmware's features of two strokes over each lump, with fat and force times this."""
+    fields = [
+        StrokeField(*(scaled(s, fat) for s in strokes), press=[scaled(p, fat) for p in press])
+        for strokes, press in lumps
+    ]
+    blob = force_map.blob(spec.force_map)
+    found = [observe(fields, "typical", seed, force_map=blob) for seed in (31, 32)]
+    X = np.concatenate([part.X for part in found])
+    return X[np.concatenate([part.whole & shows_lump(spec, part) for part in found])]
+
+
+def flagged(spec, X):
+    return ~evaluate(spec, inputs(spec, X))["in_domain"]
+
+
+@pytest.mark.parametrize("fat", [0.7, 1.3])
+def test_fat_thirty_percent_off_is_flagged(spec, lumps, fat):
+    """Softer fat over a lump gives very nearly the stroke of a larger lump; the press tells them apart."""
+    X = seen(spec, lumps, fat)
+    assert len(X) > 40
+    assert flagged(spec, X).mean() >= 0.95
+
+
+def test_its_own_strokes_are_left_alone_by_the_checks(spec, lumps):
+    X = seen(spec, lumps, 1.0)
+    assert (checks_of(spec, inputs(spec, X)) > 0).any(axis=1).mean() <= 0.05
+
+
+def test_a_stroke_that_begins_pressed_raises_no_alarm_of_the_press(spec, lumps):
+    X = seen(spec, lumps, 1.0)
+    bare = X.copy()
+    bare[:, PLACES] = ABSENT
+    assert (checks_of(spec, inputs(spec, bare))[:, 1:] == 0).all()
+    assert not (flagged(spec, bare) & ~flagged(spec, X)).any()
