@@ -227,7 +227,7 @@ class Model:
     """A model ready to evaluate (model_image.load), which needs nothing any more of what has loaded it.
 
     force_map: what forcemap.load returned, or None; tested: place and length of the vectors in its image;
-    first: stage.Stage of a model of two stages.
+    first: stage.Stage of a model of two stages; checks: of one that has them.
     """
 
     def __init__(self, tables, force_map, header, tested):
@@ -236,6 +236,7 @@ class Model:
         self.tested = tested
         self.evaluate = tables.evaluate
         self.first = None
+        self.checks = None
         self.model_id = header.model_id
         self.kind = header.kind
         self.counter = header.counter

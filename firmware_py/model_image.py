@@ -200,6 +200,7 @@ def _load(read, body, features_version, feature_count, probe):
     if checks:
         from firmware_py import stage
 
+        model.checks = checks
         model.evaluate = stage.Checked(checks, first, tables).evaluate
     return status.OK, model
 

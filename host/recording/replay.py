@@ -109,8 +109,8 @@ class Replayer:
     @property
     def needs_press(self) -> bool:
         """Whether the model looks at the press before a stroke."""
-        tables, first = self.model.tables, self.model.first
-        used = {*tables.ids, *tables.limits[::3], *(first.ids if first else ())}
+        tables, stages = self.model.tables, (self.model.first, self.model.checks)
+        used = {*tables.ids, *tables.limits[::3], *(i for stage in stages if stage for i in stage.ids)}
         return any(i < features.COUNT and feature_names.NAMES[i].startswith("press_") for i in used)
 
     def estimate(

@@ -189,7 +189,15 @@ def test_a_source_is_refused():
 
 
 def test_on_micropython_the_same_answers_and_not_one_byte_allocated(spec, body):
-    X = some(spec, 40)
+    told_alike_on_micropython(body, some(spec, 40))
+
+
+def test_on_micropython_the_same_without_a_press(by_press):
+    body = image_builder.build(by_press, compiler.compile_model(by_press), None, 1)
+    told_alike_on_micropython(body, pressed(by_press, 40))
+
+
+def told_alike_on_micropython(body, X):
     told = run_micropython(SCRIPT, {"image": body, "vectors": np.round(X * Q24).astype("<i4").tobytes()})
     _, model = loaded(body)
     assert [[int(v) for v in line.split()] for line in told.splitlines()] == said(model, X).tolist()

@@ -1,5 +1,6 @@
 """A replay feels the press before a stroke as the probe did."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,12 @@ from palpate.errors import ImageUnreadable
 from palpate.features import press_features
 from palpate.importing.firmware import Session
 from palpate.link.events import Estimate, Features
+from palpate.model_export import exporter, image_builder
 from palpate.model_export.image_builder import inspect
 from palpate.models import emulator
 from palpate.recording import channels
 from palpate.recording.playback import open_recording
-from palpate.recording.replay import Replayer, replay
+from palpate.recording.replay import replay
 from palpate.recording.writer import RecordingWriter
 from palpate.sim.probe.sensors import LEVELS, PRESS_FRAMES, SensorModel, StrokeField
 from tests.firmware_py.strokes import read_strokes
@@ -33,9 +35,9 @@ def stream():
     return model.stroke(60, press=24)
 
 
-def recorded(path, *streams, lift=True):
+def recorded(path, *streams, lift=True, image=None):
     """The firmware's session while these are felt, one after the other."""
-    image = emulator.image(models.TOLD)
+    image = image or emulator.image(models.TOLD)
     with RecordingWriter(path) as writer:
         nominal = calib.Calibration().to_bytes()
         writer.attach(channels.CALIBRATION, "application/octet-stream", nominal)
@@ -106,11 +108,13 @@ def test_a_recording_of_a_probe_that_did_not_look_at_the_press_is_read_and_its_m
 def test_where_the_models_press_is_missing_the_replay_says_so(stream, tmp_path, monkeypatch):
     path = recorded(tmp_path / "a.mcap", stream)
     monkeypatch.setattr("palpate.recording.replay.Presses.of", lambda *_: None)
-    (other,) = replay(path)
-    assert other.identical, "this model does not look at it"
-    monkeypatch.setattr(Replayer, "needs_press", True)
     (stroke,) = replay(path)
-    assert "press" in stroke.missing and not stroke.identical
+    assert "press" in stroke.missing and not stroke.identical, "its checks look at it"
+    spec = dataclasses.replace(models.load(models.TOLD), checks=None)
+    tables, _, force_map = exporter.prepare(spec)
+    blind = image_builder.build(spec, tables, force_map, counter=1)
+    (other,) = replay(recorded(tmp_path / "b.mcap", stream, image=blind))
+    assert other.identical, "without checks it does not"
     with open_recording(path) as session:
         assert any(isinstance(e, Estimate) for e in session.events())
 
