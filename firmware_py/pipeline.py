@@ -17,6 +17,7 @@ from firmware_py import (
     feature_chain,
     gauss,
     geometry,
+    memory,
     press,
     profile,
     status,
@@ -30,7 +31,7 @@ _ROWS = geometry.ROWS
 _COLUMNS = geometry.COLUMNS
 _CELLS = geometry.CELLS
 _SUM_SHIFT = feature_chain.SUM_SHIFT
-_OUTER = max(1, 4500 // geometry.PITCH_UM)  # columns at either side: 4.5 mm of the face
+OUTER = max(1, 4500 // geometry.PITCH_UM)  # columns at either side: 4.5 mm of the face
 _MIDDLE = profile.MIDDLE
 _FIRST_MIDDLE = (_ROWS - _MIDDLE) // 2
 _TOGETHER = feature_chain.PLACES // POINTS  # columns whose maps lie in memory at a time
@@ -88,9 +89,9 @@ class Pipeline(feature_chain.Chain):
         self.bins = bins.Bins(n_bins, width_um)
         self.fixed_columns = fixed_columns
         self.columns = array("i", bytes(4 * _COLUMNS))  # how much of the bump each column sees, Q3 counts
-        self.stuck = 0  # how many cells stood at a rail all along, and were mended
+        self.stuck = 0  # how many cells hung all along, and were mended
         self.full = 0  # how many cells, at most, read full scale in one bin
-        self._found = bytearray(geometry.MASK_BYTES)
+        self.hung = array("h", bytes(4 * stuck.MOST))
         self._slot = bytearray(n_bins)
         # rows over all columns, before cells were rounded
         self._exact = self._rows if once else array("i", bytes(4 * _ROWS * n_bins))
@@ -145,15 +146,21 @@ class Pipeline(feature_chain.Chain):
         outer = 0
         first = 0
         while first < _COLUMNS:
-            sum_rows(b.cells, self._slot, 1, first, first + _OUTER, rows, self._small)
+            sum_rows(b.cells, self._slot, 1, first, first + OUTER, rows, self._small)
             for i in range(_MIDDLE):
                 outer += rows[_FIRST_MIDDLE + i]
-            first += _COLUMNS - _OUTER
+            first += _COLUMNS - OUTER
         image[_ROWS] = outer * _ROWS // (2 * _MIDDLE)
         return image
 
     def _look_at_press(self, force):
-        self.press.measure(force, self.calibration.count_mpa, self.features, self._small)
+        kept = self.press.kept
+        if self.stuck:
+            from firmware_py import hanging  # seldom needed: a board has no room for it at other times
+
+            kept = hanging.mended(self)
+            memory.forget(("hanging",))
+        self.press.measure(kept, force, self.calibration.count_mpa, self.features, self._small)
 
     def _origin(self):
         return self.bins.origin_um
@@ -172,7 +179,7 @@ class Pipeline(feature_chain.Chain):
             self.n = b.order(self._x, self._raw_depth, self._slot)
             self.stuck = 0
             if self.n >= feature_chain.FEWEST:
-                self.stuck = stuck.mend(b.cells, self._slot, self.n, b.count, c.offset, c.dead, self._found)
+                self.stuck = stuck.mend(b.cells, self._slot, self.n, b.count, c.dead, self._work, self.hung)
             self._count_full()
             calib.calibrate_bins(
                 b.cells,

@@ -242,21 +242,21 @@ class Press:
         look(rows, depth_um, self.kept, KEPT * self.n)
         self.n += 1
 
-    def measure(self, force, count_mpa, out, w):
+    def measure(self, kept, force, count_mpa, out, w):
         """Fill the features of the press, of a stroke with this mean force (sum of an image, Q5 counts).
 
-        Where the press is not GOOD they stay as they are. w: working space of MOST numbers.
+        kept: what was kept of the frames, or what stands in for it; w: working space of MOST numbers.
         """
         ln_force = _ln(force)
         ln_noise = _ln(_NOISE_MPA // count_mpa)
-        self.code = GOOD if spans(self.kept, self.n, ln_force) else NARROW
+        self.code = GOOD if spans(kept, self.n, ln_force) else NARROW
         at = _FIRST
         for i in range(_CURVES):
             if i == _CURVES - 1:
                 at = _FIRST_OUTER
-            if i < 2 and weigh(self.kept, self.n, ln_force, ln_noise, i == 0, w) < FEWEST:
+            if i < 2 and weigh(kept, self.n, ln_force, ln_noise, i == 0, w) < FEWEST:
                 self.code = FEW
-            if self.code == GOOD and not parabola(self.kept, self.n, ln_force, i + 1, w, out, at):
+            if self.code == GOOD and not parabola(kept, self.n, ln_force, i + 1, w, out, at):
                 self.code = NARROW
             at += 3
         if self.code != GOOD:

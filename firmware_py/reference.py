@@ -149,7 +149,7 @@ class Taking:
             p.press.add(work, work[_IMAGE])
         count_mpa = p.calibration.count_mpa
         x = p.features
-        p.press.measure(top, count_mpa, x, array("i", bytes(4 * press.MOST)))
+        p.press.measure(p.press.kept, top, count_mpa, x, array("i", bytes(4 * press.MOST)))
         if p.press.code != press.GOOD:
             return status.BAD_PRESS
         x[stage.LN_FORCE] = fixed.ln(top) + features.LN_SUM_TO_N_PER_M + fixed.ln(count_mpa)

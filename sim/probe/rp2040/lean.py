@@ -41,6 +41,7 @@ def lean(sources: Mapping[str, str], main: str) -> dict[str, str]:
     start = ast.parse(main)
     for path, tree in trees.items():
         _Annotations().visit(tree)
+        _leave_docstrings(tree)
         _work_out(path, tree)
     facts = {path: _Facts(tree) for path, tree in trees.items()}
     changed = True
@@ -195,6 +196,16 @@ class _Annotations(ast.NodeTransformer):
     def visit_If(self, node: ast.If) -> ast.AST | list[ast.stmt]:
         self.generic_visit(node)
         return node.orelse if isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING" else node
+
+
+def _leave_docstrings(tree: ast.Module) -> None:
+    """A compiler drops them, but their words would count as names that are in use (names.py)."""
+    for node in ast.walk(tree):
+        if (
+            isinstance(node, (ast.Module, ast.FunctionDef, ast.ClassDef))
+            and ast.get_docstring(node) is not None
+        ):
+            node.body = node.body[1:] or ([] if isinstance(node, ast.Module) else [ast.Pass()])
 
 
 class _Fold(ast.NodeTransformer):

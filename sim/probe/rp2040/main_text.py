@@ -114,8 +114,8 @@ def prompt():
 try:
     if PACK in os.listdir():  # not where the firmware is frozen
         pack = Pack(PACK)
-        os.mount(pack, "/firmware")
-        sys.path.insert(0, "/firmware")
+        os.mount(pack, "/f")
+        sys.path.insert(0, "/f")  # a path that each module keeps: short
         from firmware_py import memory
 
         memory.loaded = pack.rest

@@ -152,8 +152,12 @@ def test_a_model_that_was_told_its_tissue_takes_none(visit, images, public_key):
             client.take_reference()
 
 
-def test_a_recording_replays_with_the_reference_that_was_taken_before_it_began(visit, tmp_path):
-    with visit("micropython") as probe:
+@pytest.mark.parametrize("level", ["typical", "real"])
+def test_a_recording_replays_with_the_reference_that_was_taken_before_it_began(level, visit, tmp_path):
+    """At the second level two cells hang, in the reference, in the press and in the stroke."""
+    beside = reference_beside(LUMP, level, 1)
+    strokes, calibration = strokes_over(LUMP, level, 1, 40, 1, press=True)
+    with visit("micropython", strokes=[beside, *strokes], calibration=calibration) as probe:
         with connect(probe) as client:
             client.take_reference()
         with recorded(probe.port, tmp_path / "visit.mcap") as client:

@@ -51,7 +51,7 @@ def at_the_prompt(pack: bytes, **words) -> Board:
 
     start, _, _ = main_text(False, messages.TYPE["log"]).partition("\ntry:\n")
     loader = start.replace("machine.WDT(", "dict(") + (
-        "\nos.mount(Pack(PACK), '/firmware')\nsys.path.insert(0, '/firmware')\n"
+        "\nos.mount(Pack(PACK), '/f')\nsys.path.insert(0, '/f')\n"
     )
     files = {MAIN: b"", LOADER: loader.encode(), PACK: pack, **words.pop("files", {})}
     board = Board(files, **words)

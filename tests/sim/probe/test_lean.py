@@ -99,6 +99,15 @@ def test_numbers_stand_in_their_names_place_and_what_nobody_reads_goes():
     assert found["numbers.py"] == "changed = 4"
 
 
+def test_what_a_docstring_says_goes_too():
+    """Its words counted as names in use, and a dozen names took of the board's memory what they need not."""
+    text = (
+        '"""Words."""\nclass C:\n    """More."""\n    def f(self):\n        """Most."""\n        return 1\n'
+    )
+    found = lean({"one.py": text}, "from firmware_py import one\none.C().f()\n")
+    assert found["one.py"] == "class C:\n\n    def f(self):\n        return 1"
+
+
 @pytest.mark.parametrize("main", ["user.g()", "getattr(user, 'g')()"])
 def test_what_anything_of_that_name_could_mean_stays(main):
     assert "def g" in lean(MODULES, f"from firmware_py import user\n{main}\n")["user.py"]

@@ -11,6 +11,7 @@ import pytest
 
 from firmware_py import messages, status
 from palpate.cli.emulate import strokes_over
+from palpate.firmware_twin.replay_core import Replay
 from palpate.link import emulated as notes
 from palpate.models import emulator
 from palpate.recording.replay import replay
@@ -116,8 +117,8 @@ def test_amplifiers_that_are_too_slow_would_be_seen(prompt):
 
 @pytest.fixture(scope="module")
 def bench():
-    """A stroke over a lump through typical sensors, and the calibration that knows their dead cells."""
-    return strokes_over(LUMP, "typical", 1, MOMENTS, 1)
+    """A press and a stroke through real sensors, two of which hang; a calibration that knows the dead."""
+    return strokes_over(LUMP, "real", 1, MOMENTS, 1, press=True)
 
 
 @pytest.fixture(scope="module")
@@ -183,6 +184,9 @@ def test_a_stroke_goes_from_the_pins_to_an_estimate_and_its_replay_is_identical(
     started, bench, palpate, tmp_path
 ):
     """By the public commands: devices finds the board, stream records it, replay works it out once more."""
+    here = Replay()
+    here.stream(bench[0][0], bench[1])
+    assert here.pipeline.stuck == 2
     started.stroke(bench[0], tmp_path)
     before = started.counters()
     visit = tmp_path / "visit.mcap"
