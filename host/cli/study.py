@@ -56,7 +56,7 @@ def command(
     """
     from palpate.regression.field.bench import Bench
     from palpate.regression.field.computed import COMPUTED_STUDY
-    from palpate.regression.field.data import read
+    from palpate.regression.field.data import pressed, read
     from palpate.regression.field.study import STUDIES, study_table
     from palpate.regression.field.tissues import TISSUE_STUDY
     from palpate.regression.observed import noise_named
@@ -92,11 +92,12 @@ def command(
         known = ", ".join((*studies, "any-tissue", "anywhere", "reference", "noise-list", "balls"))
         raise UsageError(f"there is no study {name!r}; there are {known}")
     study = studies[name]
-    with (
-        showing_progress() as progress,
-        Bench(read(directory), seed, directory, progress=progress, noise=level) as bench,
-    ):
-        result = study.table(bench, tell=note)
+    with showing_progress() as progress:
+        strokes = read(directory)
+        if study is TISSUE_STUDY:
+            strokes = pressed(strokes, directory, progress=progress)
+        with Bench(strokes, seed, directory, progress=progress, noise=level) as bench:
+            result = study.table(bench, tell=note)
     if figure is not None:
         from palpate.report.study_figures import save_study_figure
 

@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,15 +153,34 @@ def prepare(
         )
     strokes = read(directory)
     _check_tissue(strokes, tissue, directory)
+    return pressed(strokes, directory, workers, progress)
+
+
+def pressed(
+    strokes: FieldStrokes,
+    directory: str | PathLike[str],
+    workers: int | None = None,
+    progress: ProgressCallback | None = None,
+) -> FieldStrokes:
+    """The strokes of `directory` with their presses and those on other tissues, simulated where missing.
+
+    As they are where there are too few lumps for checks.
+    """
+    directory = Path(directory)
     if len(split(len(strokes.lumps)).train) < FEWEST_LUMPS:
         return strokes
     presses = {f"{name}-press": press_cases(getattr(strokes, name)) for name in _PRESSED}
-    presses[OTHER] = other_cases(round(_OTHER * len(strokes.lumps)), tissue)
+    presses[OTHER] = other_cases(round(_OTHER * len(strokes.lumps)), _told(strokes.lumps))
     missing = [name for name in presses if not (directory / name / "strokes.parquet").exists()]
     for name in filter(presses.get, missing):
         report = sweep_progress(f"simulating {name}", progress)
         sweep(presses[name], PRESSES, directory / name, workers=workers, progress=report)
     return read(directory) if missing else strokes
+
+
+def _told(lumps: Sequence[LumpStrokes]) -> dict[str, Any]:
+    """The tissue and the probe that these lumps share, as fields of `Case`."""
+    return {name: getattr(lumps[0].case, name) for name in TISSUE_FIELDS}
 
 
 def check_begun(directory: str | PathLike[str], lumps: int | None) -> None:
@@ -229,8 +249,7 @@ def read(directory: str | PathLike[str]) -> FieldStrokes:
     found["wide"] = [lump for lump, is_in in zip(found["wide"], within) if not is_in]
     for name in _PRESSED:
         found[name] = with_presses(found[name], directory / f"{name}-press")
-    told = {name: getattr(found["lumps"][0].case, name) for name in TISSUE_FIELDS}
-    others = read_others(directory / OTHER, told)
+    others = read_others(directory / OTHER, _told(found["lumps"]))
     return FieldStrokes(found["lumps"], found["rim"], found["plain"], found["wide"], excluded, others)
 
 
