@@ -37,8 +37,8 @@ TO_BE_NOTICED = {"fat_kPa": log(1.3), "probe_radius_mm": log(1.1), "fat_stiffeni
 FALSE_ALARMS = 0.003
 """Share of the model's own strokes that each of the press's checks may leave out."""
 
-MOST_TERMS = 45
-"""Of the press's checks: a board has no room for all 66."""
+MOST_FEATURES, MOST_TERMS, MOST_TERMS_OF_PRESS = 12, 64, 45
+"""Of the check against two lumps, and of the press's: a board has no room for all 120 and 66."""
 
 _FIRST = {"two_lumps": 700, "softer": 800, "stiffer": 850, "other": 870}
 _DRAWS = 2
@@ -76,7 +76,14 @@ class StrangeStrokes:
         """Fitted to these and to the model's own strokes, which show a lump."""
         names = tuple(name for name in self.recipe.features if name not in self.press)
         pairs = {"two_lumps": (self.two_lumps.columns(names), self.two_lumps.group)}
-        checks = fit_checks(names, own.columns(names), own.group, pairs)
+        checks = fit_checks(
+            names,
+            own.columns(names),
+            own.group,
+            pairs,
+            most_features=MOST_FEATURES,
+            most_terms=MOST_TERMS,
+        )
         own = own.take(pressed(own))
         if not self.tissues or not len(own):
             return checks
@@ -88,7 +95,7 @@ class StrangeStrokes:
             own.group,
             tissues,
             FALSE_ALARMS,
-            most_terms=MOST_TERMS,
+            most_terms=MOST_TERMS_OF_PRESS,
             how_far=far,
         )
         return joined(checks, by_press)
