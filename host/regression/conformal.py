@@ -34,6 +34,9 @@ WORST_GROUP = LEVEL - 0.005
 MOST = LEVEL + 0.0175
 """The quantile is not taken above this for the sake of a group."""
 
+FEWEST = 50
+"""Strokes of which a part of them gets a quantile of its own."""
+
 _STRENGTHS = 10.0 ** np.arange(-4.0, 1.0, 0.5)
 _SMALLEST_SHARE = 0.1
 """Residuals below this quantile count as that quantile: the logarithm of a near-hit tells nothing."""
@@ -109,6 +112,11 @@ def conformal_quantile(score: Floats, level: float) -> float:
     if n == 0:
         return 0.0
     return float(np.sort(score)[min(n, int(np.ceil(level * (n + 1)))) - 1])
+
+
+def quantile_of_part(score: Floats, part: NDArray[np.bool_], level: float) -> float:
+    """`conformal_quantile` of some of the scores, both (n,); of all where these are too few."""
+    return conformal_quantile(score[part] if part.sum() >= FEWEST else score, level)
 
 
 def calibrate(

@@ -21,14 +21,11 @@ from palpate.regression.any_tissue.model import (
     truth,
 )
 from palpate.regression.any_tissue.observed import ObservedInTissue
-from palpate.regression.conformal import LEVEL, conformal_quantile, fit_sigma
+from palpate.regression.conformal import LEVEL, fit_sigma, quantile_of_part
 from palpate.regression.probe_model import floats
 
 SURE = 0.8
 """A place is said where its odds are at least this."""
-
-_FEWEST = 50
-"""Strokes over lumps of one layer; of fewer the quantile is that of all."""
 
 
 def true_place(seen: ObservedInTissue) -> NDArray[np.int64]:
@@ -79,9 +76,5 @@ def fit_layers(z: Floats, y: Floats, seen: ObservedInTissue) -> Layers:
     unit = Layers(LEVEL, slope, tuple(map(floats, spread)), ((1.0,) * 3,) * 3, SURE)
     score = np.abs(error) / half_widths(unit, z, of)
     layer = layer_of(of[:, 0])
-    quantiles = [[_quantile(q, layer == k) for k in (FAT, BORDER, GLAND)] for q in score.T]
+    quantiles = [[quantile_of_part(q, layer == k, LEVEL) for k in (FAT, BORDER, GLAND)] for q in score.T]
     return Layers(LEVEL, slope, unit.spread, tuple((a, b, c) for a, b, c in quantiles), SURE)
-
-
-def _quantile(score: Floats, of: NDArray[np.bool_]) -> float:
-    return conformal_quantile(score[of] if of.sum() >= _FEWEST else score, LEVEL)

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.features import press_features
 from palpate.features.map_features import Floats
@@ -27,7 +26,7 @@ from palpate.regression.balls.across import (
     width_factor,
 )
 from palpate.regression.balls.emulator import StrokeEmulator, fit_emulator
-from palpate.regression.conformal import conformal_quantile
+from palpate.regression.conformal import quantile_of_part
 from palpate.regression.table import r_squared
 from palpate.sim.tissue.solid.design import ball_cases
 
@@ -206,14 +205,8 @@ def width_factors(parts: Sequence[BallStudy]) -> Floats:
     score = np.concatenate([np.abs(part.y - truth(part.seen)) / part.half for part in parts])
     hard = np.concatenate([part.hard for part in parts])
     level = level_of(np.concatenate([part.seen.group for part in parts]))
-    return np.array([[_quantile(of, hard == side, level) for side in (False, True)] for of in score.T])
-
-
-def _quantile(score: Floats, side: NDArray[np.bool_], level: float) -> float:
-    return conformal_quantile(score[side] if side.sum() >= _FEWEST else score, level)
-
-
-_FEWEST = 50
+    sides = (False, True)
+    return np.array([[quantile_of_part(of, hard == side, level) for side in sides] for of in score.T])
 
 
 def widened(model: TissueModel, factors: Floats) -> TissueModel:

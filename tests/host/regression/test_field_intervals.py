@@ -169,7 +169,7 @@ def test_a_group_that_is_covered_too_seldom_widens_the_intervals():
 @given(st.integers(0, 10**6))
 def test_intervals_hold_the_lumps_at_an_end_whose_estimates_lean_to_the_middle(seed):
     """Hard lumps' stiffness was held by 79 % of intervals that held 91 % of all. Nor is it paid for by those
-    that say most: for a day the narrowest tenth held 65 %."""
+    that say most: narrowed freely, the narrowest tenth held 65 %."""
     rng = np.random.default_rng(seed)
     n = 12000
     truth = rng.uniform(0, 1, (n, 1))
