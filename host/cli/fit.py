@@ -73,7 +73,7 @@ def command(
       palpate fit out/told --kind field --tissue thesis --out out/told.json
       palpate fit out/told --kind field --tissue thesis --without displacement --out out/pressure.json
     """
-    from palpate.regression.field.data import check_begun
+    from palpate.regression.field.data import begun, check_begun
     from palpate.regression.fit import check_kind, fit
     from palpate.regression.observed import noise_named
     from palpate.report.measured import Measured, measure
@@ -85,6 +85,10 @@ def command(
     check_kind(kind, without is None, changed is not None, studies, anywhere)
     if kind == "field":
         check_begun(directory, lumps)
+        if not begun(directory):
+            note(
+                f"{directory} holds no strokes yet: simulating them first; if stopped, it goes on from there"
+            )
     else:
         check_finished(directory)
     measured = measure(recording, weights, thickness) if recording or weights else Measured()

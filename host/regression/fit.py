@@ -105,7 +105,8 @@ def fit(
     seed : int
         Of the split and of the sensors' noise.
     lumps : int, optional
-        field: how many to simulate where the directory holds none.
+        field: how many to simulate where the directory holds none; by default as many as
+        Palpate's own models were fitted to.
     workers : int, optional
         field: processes; by default one for each core.
     tissue : mapping, optional
@@ -128,8 +129,7 @@ def fit(
     ------
     UsageError
         There is no such kind, noise level or field of a case; the thesis kind is asked to do without
-        displacement; field: `directory` holds no strokes over lumps, and `lumps` does not say how many to
-        simulate.
+        displacement; field: `directory` looks like a mistyped name, and `lumps` does not say that it is not.
     TableError
         The directory holds no strokes, or strokes over another tissue, or over lumps on the border where
         they were to lie anywhere.

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -186,15 +187,35 @@ def _told(lumps: Sequence[LumpStrokes]) -> dict[str, Any]:
 def check_begun(directory: str | PathLike[str], lumps: int | None) -> None:
     """`UsageError` where a mistyped name would begin thousands of simulations.
 
-    That is: the directory holds none, and nobody has said how many lumps are wanted.
+    That is: nobody has said how many lumps are wanted, and the directory holds something else, or is not
+    there while a neighbour of nearly its name is.
     """
-    if lumps is not None or any((Path(directory) / name).exists() for name in ("lumps", "balls.parquet")):
+    directory = Path(directory)
+    if lumps is not None or begun(directory):
         return
-    what = "holds no strokes for a field model" if Path(directory).exists() else "does not exist"
-    raise UsageError(
-        f"{directory} {what}; check the name, or say how many lumps to simulate into it "
-        "(--lumps 2048, lumps=2048)"
-    )
+    doubt = ""
+    if directory.exists():
+        if not directory.is_dir() or any(directory.iterdir()):
+            doubt = "holds no strokes for a field model"
+    elif like := _alike(directory):
+        doubt = f"does not exist, {like} does"
+    if doubt:
+        raise UsageError(
+            f"{directory} {doubt}; check the name, or say how many lumps to simulate into it (--lumps N)"
+        )
+
+
+def begun(directory: Path) -> bool:
+    """Whether a fit has simulated into this directory, or a set was kept there."""
+    return any((directory / name).exists() for name in ("press", "lumps", "balls.parquet"))
+
+
+def _alike(directory: Path) -> Path | None:
+    """The neighbour that holds strokes and has nearly this name."""
+    home = directory.parent
+    names = [found.name for found in home.iterdir() if begun(found)] if home.is_dir() else []
+    close = get_close_matches(directory.name, names, n=1)
+    return home / close[0] if close else None
 
 
 def check_tissue_names(tissue: Mapping[str, float]) -> dict[str, float]:

@@ -130,16 +130,32 @@ def test_strokes_over_another_shape_are_refused_by_name(tmp_path):
         data._check_tissue(strokes, {}, tmp_path)
 
 
-@pytest.mark.parametrize("there", [False, True])
-def test_a_directory_without_strokes_is_not_simulated_into_unasked(tmp_path, there):
+@pytest.mark.parametrize("wrong", ["feild", "notes"])
+def test_a_mistyped_directory_is_not_simulated_into(tmp_path, wrong):
     """A mistyped name began 4096 simulations, from the command line and from Python."""
-    directory = tmp_path / "typo"
-    if there:
-        directory.mkdir()
+    (tmp_path / "field" / "lumps").mkdir(parents=True)
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "monday.txt").write_text("no strokes here")
     before = list(tmp_path.rglob("*"))
-    words = [str(directory), "--kind", "field", "--out", str(tmp_path / "m.json")]
+    words = [str(tmp_path / wrong), "--kind", "field", "--out", str(tmp_path / "m.json")]
     result = CliRunner().invoke(fit.command, words)
-    assert isinstance(result.exception, UsageError) and "--lumps" in str(result.exception)
-    with pytest.raises(UsageError, match="lumps=2048"):
-        palpate.fit(directory, "field")
+    assert isinstance(result.exception, UsageError) and "--lumps N" in str(result.exception)
+    with pytest.raises(UsageError, match="check the name"):
+        palpate.fit(tmp_path / wrong, "field")
     assert list(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_a_fit_begins_from_nothing_without_being_told_how_many_lumps(tmp_path, there):
+    """The help's own example, `palpate fit out/field --kind field`, was refused in a new folder."""
+
+    class Begun(Exception):
+        pass
+
+    def stop(what, done, total):
+        raise Begun(what)
+
+    if there:
+        (tmp_path / "field").mkdir()
+    with pytest.raises(Begun, match="simulating"):
+        palpate.fit(tmp_path / "field", "field", workers=1, progress=stop)
