@@ -17,7 +17,6 @@ from palpate.regression.any_tissue.data import TissueStrokes
 from palpate.regression.any_tissue.flags import NEAR, beyond, facts_of
 from palpate.regression.any_tissue.model import Scope, TissueModel, fit_tissue_model, tissue_truth
 from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe
-from palpate.regression.any_tissue.pairs import observer, pair_check, pairs_table
 from palpate.regression.any_tissue.reference import (
     Joining,
     fit_joining,
@@ -26,10 +25,15 @@ from palpate.regression.any_tissue.reference import (
 )
 from palpate.regression.any_tissue.result import TissueFit
 from palpate.regression.any_tissue.spec import tissue_spec
+from palpate.regression.any_tissue.strange import (
+    StrangeStrokes,
+    observe_strange,
+    strange_checks,
+    strange_table,
+)
 from palpate.regression.any_tissue.study import FOLDS, TissueStudy, learnt_force_map
 from palpate.regression.probe_model import training_hash
 from palpate.regression.progress import ProgressCallback, Steps
-from palpate.sim.probe.two_lumps import APART_MM
 
 DRAWS, RIM_DRAWS, PLAIN_DRAWS = 3, 2, 4
 _RIM_SEED, _PLAIN_SEED = 600, 400
@@ -82,11 +86,11 @@ def fit_in_any_tissue(
         [observe(strokes.plain, noise, _seed(seed, _PLAIN_SEED + k), blob) for k in range(PLAIN_DRAWS)]
     )
     tell("plain tissue")
-    watch = observer(noise, seed, blob)
-    check = pair_check(model, seen, watch(strokes.lumps, APART_MM, 0))
-    tell("check fitted")
-    pairs = pairs_table(strokes.lumps, seen, rim, watch, kind.scope)
-    tell("pairs of lumps")
+    watch = StrangeStrokes(noise, seed, blob)
+    checks = strange_checks(model, seen, observe_strange(watch, strokes.lumps, strokes.plain))
+    tell("checks fitted")
+    strange = strange_table(strokes.lumps, strokes.plain, seen, rim, watch, kind.scope)
+    tell("strange strokes")
     spec = tissue_spec(
         model,
         joining,
@@ -101,7 +105,7 @@ def fit_in_any_tissue(
             **kind.training,
         },
         force_map.as_dict(),
-        check,
+        checks,
         layers=study.layers(model),
         held_out={k: v for k, v in rows[1].items() if isinstance(v, float)},
     )
@@ -111,7 +115,7 @@ def fit_in_any_tissue(
         noise=noise,
         rows=rows,
         study=study,
-        pairs=pairs,
+        strange=strange,
         facts=facts_of(model, float(study.row("")["flagged"]), outside, plain, kind.scope),  # type: ignore[arg-type]
         excluded=strokes.excluded | {"no lump found": int((~seen.found).sum())},
         targets=kind.targets,

@@ -25,7 +25,7 @@ _WORDS = {
     "false_alarms": "plain tissue taken for a lump",
     "false_alarms_not_flagged": "plain tissue taken for a lump, and not flagged",
 }
-_PAIRS = {
+_STRANGE = {
     "flagged": "flagged",
     "d_missed": "d's interval misses",
     "silent_before": "misses, no flag, without the check",
@@ -46,8 +46,8 @@ class TissueFit:
         Of the held-out table (`study.TissueStudy.row`).
     study : TissueStudy
         Held-out estimates at `noise`, with the press.
-    pairs : DataFrame
-        Two lumps side by side (`pairs.pairs_table`).
+    strange : DataFrame
+        Two lumps side by side, tissue that undulates (`strange.strange_table`).
     facts : dict
         Domain flags, false alarms.
     excluded : dict
@@ -61,7 +61,7 @@ class TissueFit:
     noise: str
     rows: list[dict[str, object]]
     study: TissueStudy = field(repr=False)
-    pairs: pd.DataFrame = field(repr=False)
+    strange: pd.DataFrame = field(repr=False)
     facts: dict[str, float] = field(repr=False)
     excluded: dict[str, int] = field(repr=False)
     targets: Mapping[str, float] = field(default_factory=lambda: TARGETS, repr=False)
@@ -98,11 +98,11 @@ class TissueFit:
             _table(title, ["lumps", *OUTPUTS, "n"], cells),
             _table(f"Flags, noise {self.noise}", ["", "share"], shares),
             _table(
-                f"Two lumps side by side, noise {self.noise}, %",
-                ["strokes that find a lump", *_PAIRS.values(), "n"],
+                f"Two lumps, uneven tissue: noise {self.noise}, %",
+                ["strokes that find a lump", *_STRANGE.values(), "n"],
                 [
-                    [row["strokes"], *(f"{100 * row[name]:.1f}" for name in _PAIRS), str(row["n"])]
-                    for row in self.pairs.to_dict("records")
+                    [row["strokes"], *(f"{100 * row[name]:.1f}" for name in _STRANGE), str(row["n"])]
+                    for row in self.strange.to_dict("records")
                 ],
             ),
             excluded(self.excluded),
@@ -130,7 +130,7 @@ class TissueFit:
             "coverage": self.coverage().reset_index(names="group").to_dict("records"),
             "excluded": self.excluded,
             **flat(self.facts),
-            "pairs": self.pairs.to_dict("records"),
+            "strange": self.strange.to_dict("records"),
             **({"tables": records(further)} if (further := self.study.further_tables()) else {}),
             "training": self.spec.training,
         }

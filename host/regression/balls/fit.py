@@ -11,7 +11,6 @@ from concurrent.futures import as_completed
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from palpate import models
 from palpate.model_export.fixed_point import force_map as force_maps
@@ -19,7 +18,6 @@ from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.regression.any_tissue.flags import facts_of
 from palpate.regression.any_tissue.model import TissueModel, tissue_truth
 from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump
-from palpate.regression.any_tissue.pairs import DISTANCES_MM, observer, pair_check, pairs_row
 from palpate.regression.any_tissue.reference import (
     Joining,
     fit_joining,
@@ -29,6 +27,12 @@ from palpate.regression.any_tissue.reference import (
 )
 from palpate.regression.any_tissue.result import TissueFit
 from palpate.regression.any_tissue.spec import tissue_spec
+from palpate.regression.any_tissue.strange import (
+    StrangeStrokes,
+    observe_strange,
+    strange_checks,
+    strange_rows,
+)
 from palpate.regression.any_tissue.study import learnt_force_map
 from palpate.regression.balls.across import across_of, fit_place
 from palpate.regression.balls.emulator import fit_emulator
@@ -51,7 +55,6 @@ from palpate.regression.balls.training import (
 )
 from palpate.regression.probe_model import E_INV23, to_link, training_hash
 from palpate.regression.progress import ProgressCallback, Steps
-from palpate.sim.probe.two_lumps import APART_MM
 from palpate.sim.tissue.solid.design import ball_cases
 from palpate.sim.tissue.workers import pool
 
@@ -68,6 +71,9 @@ TARGETS = {
 
 _REFERRED = 1000
 """Emulated lumps with a reference press beside them, or with a second lump."""
+
+_PLAIN = 300
+"""Of these, how many times without the lump, for tissue that undulates."""
 
 
 def fit_to_balls(
@@ -125,15 +131,15 @@ def fit_to_balls(
     width, place = trained.width.wider(across_factor(left_out)), fit_place([part.seen for part in left_out])
     some = emulator.lumps(ball_cases(count, EMULATED_SEED)[: 3 * _REFERRED])
     joining = _joining(some, noise, seed, seen, model)
-    watch = observer(noise, seed, blob)
-    check = pair_check(model, seen, watch(some, APART_MM, 0))
+    watch = StrangeStrokes(noise, seed, blob)
+    check = strange_checks(
+        model, seen, observe_strange(watch, some, [without_lump(lump) for lump in some[:_PLAIN]])
+    )
     tell("model fitted")
+    plain = [without_lump(lump) for lump in lumps]
     own = observed(lumps, noise, seed, blob, draws=1)
-    pairs = [pairs_row("one lump", model, check, own.take(own.found))]
-    for k, apart in enumerate(DISTANCES_MM):
-        two = watch(lumps, (apart, apart), 1 + k)
-        pairs.append(pairs_row(f"two, {apart:g} mm apart", model, check, two.take(two.found)))
-    tell("pairs of lumps")
+    strange = strange_rows(model, check, own, lumps, plain, watch)
+    tell("strange strokes")
     spec = tissue_spec(
         model,
         joining,
@@ -153,7 +159,7 @@ def fit_to_balls(
         held_out={k: v for k, v in rows[1].items() if isinstance(v, float)},
     )
     outside = observed(rim, noise, seed, blob, len(lumps)) if rim else None
-    plain = observed([without_lump(lump) for lump in lumps], noise, seed, blob, draws=1)
+    even = observed(plain, noise, seed, blob, draws=1)
     inside = study.in_domain
     return TissueFit(
         spec=spec,
@@ -161,8 +167,8 @@ def fit_to_balls(
         noise=noise,
         rows=rows,
         study=study,
-        pairs=pd.DataFrame(pairs),
-        facts=facts_of(model, float("nan") if inside is None else float((~inside).mean()), outside, plain),
+        strange=strange,
+        facts=facts_of(model, float("nan") if inside is None else float((~inside).mean()), outside, even),
         excluded={"no lump found": round(len(study.y) * study.lost / (1 - study.lost))},
         targets=TARGETS,
     )

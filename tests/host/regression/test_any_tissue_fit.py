@@ -72,7 +72,7 @@ def test_the_model_has_room_on_the_probe_and_is_a_function_of_the_press(fitted):
     prepared, _, force_map = exporter.prepare(result.spec)
     assert len(image.build(result.spec, prepared, force_map, counter=1)) < 9000
     assert result.spec.first.joining is not None, "a reference press joins the stroke's own"
-    assert [e.name for e in result.spec.checks.estimates] == ["two_lumps"]
+    assert [e.name for e in result.spec.checks.estimates] == ["two_lumps", "uneven_tissue"]
 
 
 def test_every_lump_is_judged_by_models_that_have_not_seen_it(fitted):
