@@ -5,6 +5,7 @@ Nothing is fitted: what a table of the page says is drawn, so that figure and ta
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -158,7 +159,7 @@ def place(found: Sequence[Rows]) -> Figure:
 
 
 def noise(found: Sequence[Rows]) -> Figure:
-    """Errors at two levels of noise; two lumps side by side, before and after the check."""
+    """Errors at two levels of noise; two lumps, or undulating tissue, before and after the checks."""
     figure = style.new(9.6, 3.2)
     levels, pairs = figure.subplots(1, 2)
     held_out = table_with(found, "typical, with its press", "E_fat")
@@ -169,14 +170,17 @@ def noise(found: Sequence[Rows]) -> Figure:
     levels.set(ylabel="median error (%)", title="lumps that were found, at two levels of noise")
     levels.legend()
     rows = table_with(found, "two, 8 mm apart", "misses, no flag")
-    words = list(rows)
+    words = [name for name in rows if not name.startswith("none")]
+    short = ("two, ", " apart", " lump", "one, thickness undulates by ")
+    labels = [functools.reduce(lambda word, part: word.replace(part, ""), short, name) for name in words]
     _bars(
         pairs, words,
-        {"without the check": "misses, no flag, without the check", "with it": "misses, no flag"},
+        {"without the checks": "misses, no flag, without the checks", "with them": "misses, no flag"},
         lambda head, name: number(rows[name][head]),
     )  # fmt: skip
-    pairs.set_xticks(range(len(words)), [w.replace("two, ", "").replace(" apart", "") for w in words])
-    pairs.set(ylabel="d silently wrong (%)", xlabel="distance of two lumps", title="two lumps side by side")
+    pairs.set_xticks(range(len(words)), labels)
+    pairs.set(ylabel="d silently wrong (%)", xlabel="distance of two lumps; how far the thickness undulates")
+    pairs.set(title="two lumps side by side, or uneven tissue")
     pairs.legend()
     return figure
 

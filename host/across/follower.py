@@ -67,7 +67,7 @@ class Follower:
         if not (said.lump and said.valid):
             return None
         spec = self.documents.of(said.model_id)
-        if spec is None or (spec.across is None and spec.layers is None):
+        if spec is None or (said.in_domain and spec.across is None and spec.layers is None):
             return None
         from palpate.across.told import told  # with numpy, which few commands need
 
@@ -75,11 +75,11 @@ class Follower:
         features = self._features.get((said.stream, said.stroke))
         p = self._pushed(spec, said)
         if p is None:
-            return told(spec, features, None, answer)
+            return told(spec, features, None, answer, said.in_domain)
         if features is None and p.press_is_whole:
             features = tuple(p.features)
         beside_others = p.span[1] - p.span[0] < len(p.columns)
-        return told(spec, features, tuple(p.columns) if beside_others else None, answer)
+        return told(spec, features, tuple(p.columns) if beside_others else None, answer, said.in_domain)
 
     def _pushed(self, spec: ModelSpec, said: Estimate) -> _Pipeline | None:
         """The firmware's pipeline with this stroke pushed through; None if some of its frames are missing."""

@@ -1,5 +1,6 @@
 """What the host adds to a probe's answer: a lump's width across the stroke and its place there, with
-intervals (the formulas of `schema.Across`), or the layer that it lies in (`layers`).
+intervals (the formulas of `schema.Across`), or the layer that it lies in (`layers`); of a stroke that the
+model is not for, why (`outside`).
 
 The probe's answer has six outputs and its memory no room for more, so these are worked out here, from the
 features that it sends and from how much of the bump each of its columns saw. Units: mm.
@@ -17,6 +18,7 @@ import numpy as np
 from firmware_py import feature_names
 from firmware_py import features as firmware_features
 from palpate.across.layers import LumpLayer, lump_layer
+from palpate.across.outside import why_outside
 from palpate.features.across import across
 from palpate.link.answer import Span
 from palpate.model_export.fixed_point import reference
@@ -53,16 +55,21 @@ class AcrossStroke:
 
 @dataclass(frozen=True)
 class Told:
-    """What is added to one answer; None: that model does not tell it, or what it takes did not come."""
+    """What is added to one answer; None: that model does not tell it, or what it takes did not come.
+
+    `outside`: why the model is not for this stroke, as `answer.outside_words` knows it.
+    """
 
     across: AcrossStroke | None = None
     layer: LumpLayer | None = None
+    outside: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """As `--json` prints it beside the answer."""
         return {
             "across": None if self.across is None else self.across.as_dict(),
             "layer": None if self.layer is None else self.layer.as_dict(),
+            "outside": list(self.outside),
         }
 
 
@@ -71,6 +78,7 @@ def told(
     features: Sequence[int] | None,
     columns: Sequence[int] | None,
     answer: Sequence[Span] = (),
+    in_domain: bool = True,
 ) -> Told:
     """What the model tells of a stroke over a lump.
 
@@ -81,6 +89,7 @@ def told(
     columns : how much of the bump each column saw (`Pipeline.columns`); None: frames are missing, or all saw
         as much
     answer : the probe's, value, low and high of each output
+    in_domain : whether the probe says that the model is for such strokes
     """
     x = None
     if features is not None and len(features) >= _least_count(spec):
@@ -89,7 +98,8 @@ def told(
     layer = None
     if spec.layers is not None and x is not None and answer:
         layer = lump_layer(spec.layers, reference.standardised(spec, x)[0], answer)
-    return Told(_across(spec, x, columns), layer)
+    outside = () if in_domain or x is None else why_outside(spec, x)
+    return Told(_across(spec, x, columns), layer, outside)
 
 
 def _across(spec: ModelSpec, x: np.ndarray | None, columns: Sequence[int] | None) -> AcrossStroke | None:

@@ -11,7 +11,15 @@ import click
 from firmware_py import geometry, outputs
 from palpate.across import NOTHING_TOLD
 from palpate.cli.output import note
-from palpate.link.answer import HARDNESS, Span, place_words, size_words, stiffness_kPa, stiffness_words
+from palpate.link.answer import (
+    HARDNESS,
+    Span,
+    outside_words,
+    place_words,
+    size_words,
+    stiffness_kPa,
+    stiffness_words,
+)
 from palpate.model_export.vocabulary import SHOWN_UNITS, WORDS
 
 if TYPE_CHECKING:
@@ -103,6 +111,8 @@ def estimate_lines(estimate: Estimate, fat_kPa: float | None = None, told: Told 
         lines.append("  the probe has lost its calibration: do not rely on the numbers")
     if not estimate.in_domain:
         lines.append("  outside what the model was trained on: do not rely on the numbers")
+        if why := outside_words(() if told is None else told.outside):
+            lines.append(f"  {'perhaps because':20} {why}")
     lines.append("  research use, not a diagnosis")
     return lines
 

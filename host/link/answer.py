@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import exp, hypot, log, sqrt
 
+from palpate.model_export.vocabulary import WORDS
+
 Span = tuple[float, float, float]
 
 BORDER = 10.0
@@ -23,6 +25,27 @@ HARDNESS = {
     "soft": f"soft: less than {BORDER:g} times as stiff as fat",
     "unsure": f"unsure: the interval lies on both sides of {BORDER:g} times fat, the border of hard",
 }
+
+WITHOUT_PRESS, UNFAMILIAR = "no_press", "unfamiliar"
+_OUTSIDE = {
+    "two_lumps": "there may be two lumps side by side",
+    "uneven_tissue": "the tissue's thickness seems to rise and fall along the stroke",
+    "softer": "the tissue seems softer than the model was told",
+    "stiffer": "the tissue seems stiffer than the model was told",
+    WITHOUT_PRESS: "the probe felt no press before the stroke, or too light a one",
+    UNFAMILIAR: "no stroke that the model was fitted to was like it",
+}
+
+
+def outside_words(why: Sequence[str]) -> str:
+    """Why a model is not for a stroke, as `palpate.across.outside` finds it; "" if nothing is known."""
+    beyond = [WORDS[name] for name in why if name in WORDS]
+    other = [name.replace("_", " ") for name in why if name not in _OUTSIDE and name not in WORDS]
+    told = [f"{' and '.join(beyond)} would lie beyond what the model knows"] if beyond else []
+    told += [_OUTSIDE[name] for name in why if name in _OUTSIDE]
+    if other:
+        told.append(f"it looks like {' or '.join(other)}")
+    return "; ".join(told)
 
 
 def depth_mm(t_mm: Span, d_mm: Span, h: Span) -> Span:

@@ -126,6 +126,7 @@ class Estimate:
     width_mm: Interval | None = None
     place_mm: Interval | None = None
     layer: LumpLayer | None = None
+    outside: tuple[str, ...] = ()
     lump: bool = False
     hardness: str = "unsure"
     in_domain: bool = False

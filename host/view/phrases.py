@@ -122,6 +122,8 @@ def card(
     if estimate is None:
         return out
     out["level"], out["model_id"] = estimate.level, estimate.model_id
+    if kind == "outside" and (why := answer.outside_words(estimate.outside)):
+        out["text"] += f" Perhaps {why}."
     if kind in ("lump", "outside"):
         out["reference"] = _REFERENCE.get(estimate.reference, "")
     if kind == "unread" and estimate.status_text:

@@ -153,6 +153,7 @@ def estimate(event: link.Estimate, told: Told | None = None) -> Estimate:
         width_mm=_interval(None if across is None else across.width_mm),
         place_mm=_interval(None if across is None else across.place_mm),
         layer=None if told is None else told.layer,
+        outside=() if told is None else told.outside,
         lump=event.lump,
         hardness=event.hardness,
         in_domain=event.in_domain,

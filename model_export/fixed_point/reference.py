@@ -115,8 +115,9 @@ def evaluate(spec: ModelSpec, features: np.ndarray) -> dict[str, Any]:
     -------
     dict
         value, low, high (n x 5, units of `schema.OUTPUTS`), y (n x 5, link scale, clipped), sigma (n x 5),
-        distance (n, squared, 1 at the threshold), beyond (n: an estimate is out of its range and margin),
-        unlike (n: a check is above 0), in_domain (n), hardness (n strings), force_out (n).
+        boxed (n x features: a feature is within its ends), distance (n, squared, 1 at the threshold),
+        beyond (n x 5: an estimate is out of its range and margin), unlike (n x checks: a check is above 0),
+        in_domain (n), hardness (n strings), force_out (n).
         The lump rule is not applied: it may need features that the model does not use.
     """
     raw = np.atleast_2d(np.asarray(features, float))
@@ -131,10 +132,10 @@ def evaluate(spec: ModelSpec, features: np.ndarray) -> dict[str, Any]:
     away = z - np.array(spec.domain.centre)
     distance = np.einsum("ni,ij,nj->n", away, np.array(spec.domain.precision), away) / spec.domain.threshold
     own = raw[:, : len(spec.features)]
-    boxed = np.all((own >= spec.domain.lo) & (own <= spec.domain.hi), axis=1)
+    boxed = (own >= spec.domain.lo) & (own <= spec.domain.hi)
     sure_hard, sure_soft = high[:, 4] < spec.hard_below, low[:, 4] >= spec.hard_below
     beyond = _beyond(spec, y, width, is_ln)
-    unlike = (checks_of(spec, raw) > 0).any(axis=1)
+    unlike = checks_of(spec, raw) > 0
     force = value[:, 0]
     return {
         "value": value,
@@ -142,8 +143,9 @@ def evaluate(spec: ModelSpec, features: np.ndarray) -> dict[str, Any]:
         "high": high,
         "y": y,
         "sigma": sigma,
+        "boxed": boxed,
         "distance": distance,
-        "in_domain": boxed & (distance <= 1) & ~beyond & ~unlike,
+        "in_domain": boxed.all(axis=1) & (distance <= 1) & ~(beyond.any(axis=1) | unlike.any(axis=1)),
         "beyond": beyond,
         "unlike": unlike,
         "hardness": np.where(sure_hard, "hard", np.where(sure_soft, "soft", "unsure")),
@@ -152,11 +154,11 @@ def evaluate(spec: ModelSpec, features: np.ndarray) -> dict[str, Any]:
 
 
 def _beyond(spec: ModelSpec, y: np.ndarray, width: np.ndarray, is_ln: np.ndarray) -> np.ndarray:
-    """Whether any estimate lies beyond its declared range by more than the margin."""
+    """Whether each estimate lies beyond its declared range by more than the margin, n x 5."""
     ends = np.array(
         [[-np.inf if lo is None else lo, np.inf if hi is None else hi] for lo, hi in spec.domain.ranges]
     )
     with np.errstate(invalid="ignore", divide="ignore"):
         ends[is_ln] = np.log(np.maximum(ends[is_ln], 0))
     excess = np.maximum(ends[:, 0] - y, y - ends[:, 1])
-    return np.asarray((excess > spec.domain.margin * width).any(axis=1))
+    return np.asarray(excess > spec.domain.margin * width)

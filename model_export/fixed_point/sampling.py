@@ -31,7 +31,7 @@ def in_domain(spec: ModelSpec, n: int, seed: int = 1) -> np.ndarray:
         away = (x - spec.centre) / spec.scale - middle
         distance = np.einsum("ni,ij,nj->n", away, np.array(spec.domain.precision), away)
         x = x[distance <= spec.domain.threshold]
-        found.append(x[~reference.evaluate(spec, x)["beyond"]] if len(x) else x)
+        found.append(x[~reference.evaluate(spec, x)["beyond"].any(axis=1)] if len(x) else x)
         if sum(map(len, found)) >= n:
             return np.vstack(found)[:n]
     raise ModelError(

@@ -48,7 +48,7 @@ def test_figures_are_drawn_from_the_tables_of_the_page():
         draw.table_with(found, "typical, with its press", "E_fat")["typical, with its press"]["d"]
     )
     assert levels.patches[0].get_height() == first
-    assert len(pairs.patches) == 12 and len(by_place.patches) == 9 and len(bound.patches) == 8
+    assert len(pairs.patches) == 18 and len(by_place.patches) == 9 and len(bound.patches) == 8
     assert sum(bar.get_width() for bar in said.patches) == pytest.approx(300, abs=2)
     width = [line.get_ydata() for line in tissue[0].lines]
     assert np.all(np.diff(width, axis=1) > 0) and np.all(np.diff(width, axis=0) < 0), "soft fat, wide image"

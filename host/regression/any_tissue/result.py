@@ -28,7 +28,7 @@ _WORDS = {
 _STRANGE = {
     "flagged": "flagged",
     "d_missed": "d's interval misses",
-    "silent_before": "misses, no flag, without the check",
+    "silent_before": "misses, no flag, without the checks",
     "silent": "misses, no flag",
 }
 
