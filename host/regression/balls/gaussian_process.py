@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 
 from palpate.features.map_features import Floats
 
-MOST = 200
+MOST = 400
 """Rows, drawn at random, that the lengths are found from; all rows then share them."""
 
 _STEPS = 50
