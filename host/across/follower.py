@@ -59,7 +59,8 @@ class Follower:
             self._forget()
 
     def of(self, said: Estimate) -> Told | None:
-        """What the model of this estimate tells; None where it shows no lump, or no document tells of it.
+        """What the model of this estimate tells, or why it is not for this stroke; None where there
+        is no lump, or no document tells of it.
 
         Features are the probe's own, or worked out from the frames of stroke and press if it sent none. The
         place takes all of the stroke's frames, and columns that felt the bump beside others that did not.
