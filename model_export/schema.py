@@ -119,7 +119,10 @@ class ModelSpec(ModelData):
             raise ModelError(f"{path} is not a readable model.json: {error}") from None
         except RecursionError:
             raise ModelError(f"{path} is not a readable model.json: it is nested too deep") from None
-        return ModelSpec.from_dict(data)
+        try:
+            return ModelSpec.from_dict(data)
+        except ModelError as error:
+            raise ModelError(f"{path} cannot be used: {error}") from None
 
 
 def _integer(digits: str) -> int:

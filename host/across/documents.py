@@ -32,28 +32,44 @@ class Documents:
     def __init__(self, named: ModelSpec | None = None) -> None:
         self._named = named
         self._known: dict[bytes, ModelSpec | None] = {}
+        self._answering: bytes | None = None  # id of the model that answers; b"": not known, None: not asked
 
     def learn(self, image: bytes) -> None:
         """Look the document of this image up; its first `HEAD` bytes are enough. b"": there is none."""
+        self._answering = b""
         if len(image) < HEAD:
             return
         head = model_image.Header(lambda at, n: image[at : at + n], model_image.u32(image, _LENGTH))
         if head.code == 0:
+            self._answering = head.model_id
             self._known[head.model_id] = self._of(head.training.hex())
 
     def ask(self, probe: Commandable) -> None:
         """Learn of the model that is live on a probe."""
+        image = b""
         with suppress(CommandRefused):  # of a probe that only streams
-            self.learn(probe.read_back(messages.READ_MODEL, HEAD))
+            image = probe.read_back(messages.READ_MODEL, HEAD)
+        self.learn(image)
 
     def of(self, model_id: bytes) -> ModelSpec | None:
         """The document of the image with this id; None if nobody has it."""
         return self._known.get(model_id)
 
     @property
-    def strange(self) -> bool:
-        """Whether the user named one, and it is of none of the models that were met."""
-        return self._named is not None and self._named not in self._known.values()
+    def remark(self) -> str:
+        """What is to be said of the document that the user named, where the model that answers has another.
+
+        The rest of a sentence that begins with its name; "" where there is nothing to say.
+        """
+        if self._named is None or self._answering is None:
+            return ""
+        if not self._answering:
+            return f"is not used: no model image was found that it could belong to; {_UNTOLD}"
+        own = self._known[self._answering]
+        if own is self._named:
+            return ""
+        instead = _UNTOLD if own is None else "its own, which comes with Palpate, is used instead"
+        return f"is not of the model that answers, and is not used: {instead}"
 
     def _of(self, training: str) -> ModelSpec | None:
         if self._named is not None and self._named.training["hash"] == training:
@@ -61,5 +77,6 @@ class Documents:
         return models.trained_on(training)
 
 
+_UNTOLD = "width and place across, the layer, and why a stroke is outside what the model knows are not shown"
 _LENGTH = 8
 """Where an image's head says how long it is."""

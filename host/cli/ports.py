@@ -36,10 +36,6 @@ NOMINAL_SCALE = (
 )
 
 
-STRANGE = "is not of the model that answers: it was fitted to other strokes, and tells nothing of these"
-"""Said of a document that does not belong."""
-
-
 def port_option(function: F) -> F:
     """`--port` and `--baud`, the same words everywhere."""
     where = "auto, a serial number, a port (/dev/ttyACM0, COM5) or socket://HOST:PORT."

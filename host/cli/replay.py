@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from palpate.cli.output import json_option, note, print_json
-from palpate.cli.ports import STRANGE, document_option, estimate_lines, fat_option
+from palpate.cli.ports import document_option, estimate_lines, fat_option
 from palpate.cli.real import load_model
 from palpate.errors import RecordingError, ReplayDiffers
 from palpate.files import read_whole
@@ -47,8 +47,8 @@ def command(
     named = None if document is None else load_model(document)
     documents = Documents(named)
     documents.learn(image or opened.attachment(MODEL) or b"")
-    if documents.strange:
-        note(f"{document} {STRANGE}")
+    if documents.remark:
+        note(f"{document} {documents.remark}")
     announce(solver=False, firmware=True)
     strokes = []
     for stroke in replay(recording, image, named):

@@ -13,7 +13,6 @@ import click
 from palpate.cli.output import json_option, note, plain, print_json
 from palpate.cli.ports import (
     NOMINAL_SCALE,
-    STRANGE,
     document_option,
     estimate_dict,
     estimate_lines,
@@ -91,9 +90,7 @@ def command(
         if not quiet:
             _greet(probe)
         clock_dict(probe)
-        _meet(follower, probe)
-        if follower.documents.strange:
-            note(f"{document} {STRANGE}")
+        remark = _meet(follower, probe, document, "")
         outlets = _outlets(probe) if lsl else None
         before = _left_behind(probe, quiet, fat_kPa) if earlier else []
         interrupted = scale_told = False
@@ -105,7 +102,7 @@ def command(
                 scale_told = True
                 follower.take(event)
                 if isinstance(event, Gap) and event.ended:
-                    _meet(follower, probe)  # it may be another
+                    remark = _meet(follower, probe, document, remark)  # it may be another
                 _show(event, follower, estimates, quiet, json_lines, fat_kPa)
                 if not quiet and probe.identity.serial != serial:
                     serial = probe.identity.serial
@@ -140,9 +137,13 @@ def command(
         )
 
 
-def _meet(follower: Follower, probe: Probe) -> None:
+def _meet(follower: Follower, probe: Probe, document: Path | None, before: str) -> str:
+    """Ask the probe for its model; says what is to be said of the document, unless it was said before."""
     with suppress(LinkError):  # gone at this moment: it is met when it is back
         follower.meet(probe)
+    if (remark := follower.documents.remark) and remark != before:
+        note(f"{document} {remark}")
+    return remark
 
 
 def _outlets(probe: Probe) -> Outlets:

@@ -36,6 +36,8 @@ class Device:
     damaged: tuple[str, ...] = ()
     reference: str | None = None
     """What the visit's reference press said, "" where there is none; None where the model takes none."""
+    document: str = ""
+    """Why the document that the user named is not used; "" where it is, or none was named."""
 
 
 @dataclass(frozen=True)

@@ -121,7 +121,7 @@ class LiveSource:
             self._documents.learn(image)
         finally:
             probe.start_stream()
-        self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", describe(probe, probe.scale)))
+        self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", self._describe(probe, probe.scale)))
         return done.model_id
 
     # ---- the reference press
@@ -134,13 +134,13 @@ class LiveSource:
             return words_of(probe.take_reference())
         finally:
             probe.start_stream()
-            self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", describe(probe, probe.scale)))
+            self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", self._describe(probe, probe.scale)))
 
     def forget_reference(self) -> None:
         """The strokes to come go without it."""
         probe = self._connected("forget a reference press on")
         probe.clear_reference()
-        self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", describe(probe, probe.scale)))
+        self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", self._describe(probe, probe.scale)))
 
     def _connected(self, what: str) -> Probe:
         probe = self._probe
@@ -174,7 +174,7 @@ class LiveSource:
         follower.meet(probe)
         translator.scale.load(follower.calibration)
         probe.reference()  # it may have been taken before this page was opened
-        device = describe(probe, translator.scale)
+        device = self._describe(probe, translator.scale)
         self.name = device.serial or self._port
         emit(LinkChanged(LinkState.CONNECTED, "Connected.", device))
         latency = Latency()
@@ -202,7 +202,9 @@ class LiveSource:
                         translator.scale.load(follower.calibration)
                         probe.reference()
                         emit(
-                            LinkChanged(LinkState.CONNECTED, "Connected.", describe(probe, translator.scale))
+                            LinkChanged(
+                                LinkState.CONNECTED, "Connected.", self._describe(probe, translator.scale)
+                            )
                         )
                     else:
                         emit(LinkChanged(LinkState.GONE, _GONE))
@@ -219,6 +221,9 @@ class LiveSource:
                     latency.sync(probe)
         if probe.connected:
             probe.stop_stream()
+
+    def _describe(self, probe: Probe, scale: CellScale) -> Device:
+        return describe(probe, scale, self._documents)
 
     def _elsewhere(self) -> bool:
         """Is there another probe than the one that has gone, where any would do? A restarted emulator, a
@@ -248,7 +253,7 @@ class LiveSource:
         )
 
 
-def describe(source: EventSource, scale: CellScale) -> Device:
+def describe(source: EventSource, scale: CellScale, documents: Documents) -> Device:
     """Who answers, for the page's head."""
     identity = source.identity
     return Device(
@@ -260,6 +265,7 @@ def describe(source: EventSource, scale: CellScale) -> Device:
         full_scale_kPa=scale.full_scale_kPa,
         damaged=identity.damaged,
         reference=_reference_of(source),
+        document=documents.remark,
     )
 
 

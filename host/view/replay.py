@@ -106,15 +106,19 @@ class ReplaySource:
         """Play the recording; see `Source`. Returns only when stopped: a recording can be wound back."""
         with open_recording(self.path) as session:
             scale = calibration(self._recording)
-            device = describe(session, scale)
+            follower = follower_of(self._recording, self._document)
+            device = describe(session, scale, follower.documents)
             emit(LinkChanged(LinkState.CONNECTED, "", device))
-            loader = threading.Thread(target=self._load, args=(session, scale, emit, stop), daemon=True)
+            loader = threading.Thread(
+                target=self._load, args=(session, Translator(scale, follower), emit, stop), daemon=True
+            )
             loader.start()
             self._play(scale, device, emit, stop)
             loader.join()
 
-    def _load(self, session: RecordedSession, scale: CellScale, emit: Emit, stop: threading.Event) -> None:
-        translator = Translator(scale, follower_of(self._recording, self._document))
+    def _load(
+        self, session: RecordedSession, translator: Translator, emit: Emit, stop: threading.Event
+    ) -> None:
         assembler = Assembler(lambda t: Stroke(number=0, visit=0, started_s=t))
         first_ns: int | None = None
         for event in session.events():

@@ -137,7 +137,8 @@ function showLink({ state, text, device }) {
   const short = { connected: "Connected", gone: "Probe gone", connecting: "Looking for the probe", ended: "Played to its end" };
   get("link-text").textContent = document.body.dataset.mode === "replay" && state === "connected" ? "Recording" : short[state];
   const found = device && device.damaged.length ? `The probe found damaged in its store: ${device.damaged.join(", ")}.` : "";
-  const told = state === "connected" || state === "ended" ? found : text;
+  const strange = device && device.document ? `The document that was named ${device.document}.` : "";
+  const told = state === "connected" || state === "ended" ? [found, strange].filter(Boolean).join(" ") : text;
   get("banner").hidden = !told;
   get("banner").replaceChildren(...sentence(told));
   page.model = device ? device.model_id : null;

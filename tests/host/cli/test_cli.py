@@ -72,12 +72,20 @@ def test_files_of_the_wrong_kind_get_one_sentence(palpate, tmp_path, images):
     noise.write_bytes(b"\xff\xfe\0")
     table.write_text("d_mm,h\n12,0.7\n")
     cut.write_bytes(images[0][:500])
+    text, other = tmp_path / "text.json", tmp_path / "other.json"
+    text.write_text("hello")
+    other.write_text('{"d_mm": 12}')
+    probe = ("--port", "socket://127.0.0.1:1", "--document")
     sweep = ("sweep", "--out", tmp_path / "s", "--design")
     for words, status, says in (
         (("simulate", "d10h08e10f10", "--out", pipe), 1, "it is a device or a directory"),
         ((*sweep, noise), 2, "cannot be read as text"),
         ((*sweep, table), 2, "lacks the columns E_ratio"),
         (("flash", cut), 2, "is cut short: 500 bytes of more than"),
+        (("stream", *probe, text), 2, f"{text} is not a readable model.json"),
+        (("view", *probe, text), 2, f"{text} is not a readable model.json"),
+        (("view", *probe, other), 2, f"{other} cannot be used: this is not a Palpate model"),
+        (("view", *probe, tmp_path), 2, f"cannot read the model {tmp_path}: is a directory"),
     ):
         got, _, err = palpate(*words)
         assert says in err and one_sentence(err)

@@ -7,14 +7,17 @@ import os
 import pytest
 from playwright.sync_api import expect
 
+from palpate import models
 from palpate.link import emulated as notes
 from palpate.link.events import Estimate, Gap
 from palpate.link.flash import flash
 from palpate.link.probe import Probe
 from palpate.recording.playback import open_recording
+from palpate.recording.session import recorded
 from palpate.view.live import LiveSource
+from palpate.view.replay import ReplaySource
 from tests.host.view.card import numbers_of, numbers_on
-from tests.host.view.waiting import eventually, noticed, recording_begun, see
+from tests.host.view.waiting import PATIENCE_S, eventually, noticed, recording_begun, see
 
 pytestmark = pytest.mark.browser
 
@@ -68,6 +71,22 @@ def test_what_the_probe_found_damaged_is_shown(emulated, rotten_store, viewer, o
     page = open_page(viewer(LiveSource(emulated("cpython", store=rotten_store, repeat=True).port)))
     expect(page.locator("#link-text")).to_have_text("Connected")
     expect(page.locator("#banner")).to_have_text("The probe found damaged in its store: settings.")
+
+
+@pytest.mark.parametrize("of", ["live", "recorded"])
+def test_a_document_of_another_model_is_not_passed_over_in_silence(probe, viewer, open_page, tmp_path, of):
+    """The page showed neither width nor layer, and did not say why."""
+    document = models.load()
+    if of == "live":
+        page = open_page(viewer(LiveSource(probe.port, document)))
+    else:
+        with recorded(probe.port, tmp_path / "visit.mcap") as client:
+            list(client.stream(strokes=1, timeout_s=PATIENCE_S))
+        page = open_page(viewer(ReplaySource(tmp_path / "visit.mcap", document), mode="replay"))
+    expect(page.locator("#banner")).to_have_text(
+        "The document that was named is not of the model that answers, and is not used: width and place "
+        "across, the layer, and why a stroke is outside what the model knows are not shown."
+    )
 
 
 def test_health_is_shown_and_nothing_is_lost(probe, viewer, open_page):
