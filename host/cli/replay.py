@@ -44,14 +44,13 @@ def command(
 
     image = read_whole(model, "model image") if model is not None else None
     opened = Recording(recording)
-    named = None if document is None else load_model(document)
-    documents = Documents(named)
+    documents = Documents(None if document is None else load_model(document))
     documents.learn(image or opened.attachment(MODEL) or b"")
     if documents.remark:
         note(f"{document} {documents.remark}")
     announce(solver=False, firmware=True)
     strokes = []
-    for stroke in replay(recording, image, named):
+    for stroke in replay(recording, image, documents):
         strokes.append(stroke)
         if not as_json:
             click.echo("\n".join(estimate_lines(stroke.probe, fat_kPa, stroke.told)))

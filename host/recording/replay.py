@@ -27,7 +27,6 @@ from palpate.recording.reader import Recording
 
 if TYPE_CHECKING:
     from palpate.across.told import Told
-    from palpate.model_export.schema import ModelSpec
 
 FRAMES_KEPT = 1 << 16
 """Frames kept for a stroke's estimate, at most; 41 MB."""
@@ -161,7 +160,7 @@ class Replayer:
 
 
 def replay(
-    path: str | Path, model: bytes | None = None, document: ModelSpec | None = None
+    path: str | Path, model: bytes | None = None, documents: Documents | None = None
 ) -> Iterator[ReplayedStroke]:
     """Replay every stroke of a recording.
 
@@ -171,8 +170,8 @@ def replay(
         The recording.
     model : bytes, optional
         A model image to use instead of the recorded one.
-    document : ModelSpec, optional
-        The model's document, where it is none that comes with Palpate.
+    documents : Documents, optional
+        Where the model's document has been looked up already; by default it is one that comes with Palpate.
 
     Yields
     ------
@@ -185,8 +184,9 @@ def replay(
     recording = Recording(path)
     image = model or recording.attachment(MODEL)
     replayer = Replayer(image, recording.attachment(CALIBRATION) or b"") if image else None
-    documents = Documents(document)
-    documents.learn(image or b"")
+    if documents is None:
+        documents = Documents()
+        documents.learn(image or b"")
     follower = Follower(documents, recording.attachment(CALIBRATION) or b"")
     frames: dict[int, Frame] = {}
     told: dict[int, tuple[int, ...]] = {}

@@ -144,7 +144,9 @@ def test_only_strokes_that_show_a_lump_are_told_of(visit):
             assert follower.of(replace(event, flags=0)) is None
 
 
-def test_a_document_of_the_user_s_own_is_taken_where_it_belongs_and_nowhere_else(palpate, visit, tmp_path):
+def test_a_document_of_the_user_s_own_is_taken_where_it_belongs_and_nowhere_else(
+    palpate, visit, tmp_path, monkeypatch
+):
     strokes, file = visit
     image = Recording(file).attachment(MODEL)
     wider = models.load(models.BALLS)
@@ -161,6 +163,11 @@ def test_a_document_of_the_user_s_own_is_taken_where_it_belongs_and_nowhere_else
         "instead\n"
     )
     assert [s["across"] for s in json.loads(out)["strokes"]] == [s["across"] for s in strokes]
+    with monkeypatch.context() as m:
+        looked_up = []
+        m.setattr(models, "trained_on", lambda hash_: looked_up.append(hash_))
+        palpate("replay", file)
+        assert len(looked_up) == 1, "it was looked up twice"
     unknown = Documents()
     unknown.learn(image[:48] + bytes(32) + image[80:])
     assert unknown.of(image[40:48]) is None
