@@ -20,5 +20,7 @@ OF_THE_PRESS = tuple(
     for name in feature_names.NAMES[first : first + n]
 )
 """The firmware's features that a stroke has only where a press preceded it."""
+ABSENT = features.ABSENT / 2**24
+"""What stands for each of these where there was no press, or too little of one."""
 
 Term = tuple[int, ...]

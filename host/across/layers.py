@@ -30,7 +30,6 @@ WIDEST = 8.0
 """Half of an interval, at most: it tells nothing then."""
 
 _T, _D, _H = (OUTPUTS.index(name) for name in ("t_mm", "d_mm", "h"))
-_PARTS = ("value", "low", "high")
 
 
 def values(y: Floats, slope: float) -> Floats:
@@ -108,8 +107,8 @@ class LumpLayer:
             "level": self.level,
             "place": self.place,
             "odds": self.odds,
-            "in_fat": dict(zip(_PARTS, self.in_fat)),
-            "depth_mm": dict(zip(_PARTS, self.depth_mm)),
+            "in_fat": dict(zip(outputs.PARTS, self.in_fat)),
+            "depth_mm": dict(zip(outputs.PARTS, self.depth_mm)),
             "size": {"if": sizes, "within": self.within, "worth_saying": self.worth_saying},
         }
 

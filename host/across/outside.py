@@ -6,12 +6,11 @@ They are worked out in float64: of a stroke at the very edge there may be none.
 from __future__ import annotations
 
 from palpate.features.map_features import Floats
-from palpate.features.press_features import ABSENT
-from palpate.features.press_features import NAMES as PRESS
 from palpate.link.answer import UNFAMILIAR, WITHOUT_PRESS
 from palpate.link.events import OUTPUTS
 from palpate.model_export.fixed_point import reference
 from palpate.model_export.schema import ModelSpec
+from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS
 
 
 def why_outside(spec: ModelSpec, x: Floats) -> tuple[str, ...]:
@@ -23,7 +22,7 @@ def why_outside(spec: ModelSpec, x: Floats) -> tuple[str, ...]:
     x : (1, features)
         Of `reference.inputs`.
     """
-    if any(name in PRESS and value == ABSENT for name, value in zip(spec.features, x[0])):
+    if any(name in OF_THE_PRESS and value == ABSENT for name, value in zip(spec.features, x[0])):
         return (WITHOUT_PRESS,)
     said = reference.evaluate(spec, x)
     checks = () if spec.checks is None else spec.checks.estimates

@@ -17,6 +17,7 @@ import numpy as np
 
 from firmware_py import feature_names
 from firmware_py import features as firmware_features
+from firmware_py.outputs import PARTS
 from palpate.across.layers import LumpLayer, lump_layer
 from palpate.across.outside import why_outside
 from palpate.features.across import across
@@ -26,7 +27,6 @@ from palpate.model_export.schema import Across, ModelSpec
 
 FEATURE_ONE = 1 << 24
 """Of the features' integers, as the firmware has them and sends them."""
-_PARTS = ("value", "low", "high")
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class AcrossStroke:
     def as_dict(self) -> dict[str, Any]:
         """As `--json` prints it."""
         spans = {"width_mm": self.width_mm, "place_mm": self.place_mm}
-        said = {name: None if span is None else dict(zip(_PARTS, span)) for name, span in spans.items()}
+        said = {name: None if span is None else dict(zip(PARTS, span)) for name, span in spans.items()}
         return {"level": self.level, **said}
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from firmware_py import calib, feature_names, features, geometry, press, profile
+from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS
 from palpate.sim.probe.cells import PITCH_MM, ROW_MM
 
 Floats = NDArray[np.float64]
@@ -19,11 +20,9 @@ PARTS = (0.25, 0.5, 1.0)
 """Of the stroke's force: where the press is looked at."""
 
 OUTER = feature_names.NAMES[features.PRESS_OUTER : features.PRESS_OUTER + 3]
-NAMES = (*feature_names.NAMES[features.PRESS : features.PRESS + 9], *OUTER)
+NAMES = OF_THE_PRESS
 PLACES = [feature_names.NAMES.index(name) for name in NAMES]
 """Where these stand among the firmware's."""
-ABSENT = features.ABSENT / 2**24
-"""What stands for each where there was no press, or too little of one."""
 
 _SENSOR_MM, _SENSOR_KPA = 0.05, 0.02
 _MODEL_LN = 0.004

@@ -19,6 +19,7 @@ from palpate.across.documents import Documents
 from palpate.across.follower import Follower
 from palpate.errors import RecordingError
 from palpate.link.events import Estimate, Features, Frame, StrokeState
+from palpate.model_export.vocabulary import OF_THE_PRESS
 from palpate.recording.channels import CALIBRATION, MODEL
 from palpate.recording.playback import open_recording
 from palpate.recording.presses import Presses
@@ -110,7 +111,7 @@ class Replayer:
         """Whether the model looks at the press before a stroke."""
         tables, stages = self.model.tables, (self.model.first, self.model.checks)
         used = {*tables.ids, *tables.limits[::3], *(i for stage in stages if stage for i in stage.ids)}
-        return any(i < features.COUNT and feature_names.NAMES[i].startswith("press_") for i in used)
+        return any(i < features.COUNT and feature_names.NAMES[i] in OF_THE_PRESS for i in used)
 
     def estimate(
         self,
@@ -250,4 +251,4 @@ def _met_reference(said: Estimate) -> bool:
 def _same(told: tuple[int, ...], here: tuple[int, ...], with_press: bool) -> bool:
     """Whether the features are the same: those that the probe knew, which may be older than this program."""
     pairs = zip(feature_names.NAMES, told, here)
-    return all(a == b for name, a, b in pairs if with_press or not name.startswith("press_"))
+    return all(a == b for name, a, b in pairs if with_press or name not in OF_THE_PRESS)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.features.map_features import Floats
+from palpate.model_export.fixed_point.reference import checks_among
 from palpate.model_export.schema import Estimate, FirstStage
 from palpate.regression.conformal import out_of_fold
 from palpate.regression.probe_model import Polynomial, fit_polynomial, floats, stage_of, standardised
@@ -87,6 +88,11 @@ def fit_checks(
         coefficients[terms.index(())] -= border * _SIZE
         estimates.append(Estimate(kind, -1.0, 1.0, floats(coefficients)))
     return stage_of(known, estimates)
+
+
+def above_zero(checks: FirstStage, names: Sequence[str], X: Floats) -> NDArray[np.bool_]:
+    """Whether a check is above 0, (n), of features X (n, names)."""
+    return np.asarray((checks_among(checks, names, X) > 0).any(axis=1))
 
 
 def joined(one: FirstStage, other: FirstStage) -> FirstStage:

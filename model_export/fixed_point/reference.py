@@ -8,11 +8,8 @@ from typing import Any
 import numpy as np
 
 from firmware_py import feature_names, outputs
-from firmware_py import features as firmware_features
 from palpate.model_export.schema import FirstStage, ModelSpec, Term
-from palpate.model_export.vocabulary import OF_THE_PRESS
-
-ABSENT = firmware_features.ABSENT / 2**24
+from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS
 
 
 def monomials(z: np.ndarray, terms: tuple[Term, ...]) -> np.ndarray:
@@ -64,8 +61,13 @@ def checks_among(checks: FirstStage, names: Sequence[str], X: np.ndarray) -> np.
 
 def input_names(spec: ModelSpec) -> tuple[str, ...]:
     """The model's features, and behind them those of the press that only its checks take."""
-    more = () if spec.checks is None else spec.checks.features
-    return (*spec.features, *(name for name in more if name not in spec.features))
+    return with_checks(spec.features, spec.checks)
+
+
+def with_checks(features: tuple[str, ...], checks: FirstStage | None) -> tuple[str, ...]:
+    """These features, and behind them those of the press that only the checks take."""
+    more = () if checks is None else checks.features
+    return (*features, *(name for name in more if name not in features))
 
 
 def inputs(spec: ModelSpec, X: np.ndarray) -> np.ndarray:

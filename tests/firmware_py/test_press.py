@@ -14,6 +14,7 @@ from firmware_py import settings as probe_settings
 from palpate.features import pipeline_features, press_features
 from palpate.firmware_twin import twin
 from palpate.firmware_twin.replay_core import Replay
+from palpate.model_export.vocabulary import ABSENT
 from palpate.sim.probe.cells import PITCH_MM
 from palpate.sim.probe.scripts import run_micropython
 from palpate.sim.probe.sensors import LEVELS, SensorModel
@@ -84,7 +85,7 @@ def test_a_press_that_does_not_reach_from_a_quarter_to_all_of_the_force_counts_a
     missing = data.draw(st.sampled_from([part > 0.36, part < 0.7, np.arange(len(part)) < 5]))
     got, code = pressed(rows[missing], sides[missing], depths_um[missing], force)
     assert code in (press.NARROW, press.FEW)
-    assert (got == press_features.ABSENT).all()
+    assert (got == ABSENT).all()
 
 
 @pytest.mark.parametrize("n", [1, 31, 32, 33, 64, 65, 500])
@@ -190,7 +191,7 @@ def test_without_a_press_nothing_else_changes_and_a_later_stroke_has_none(fields
     first = replay.features()
     replay.stream(SensorModel(fields[1], LEVELS["none"], 1).stroke())
     second = replay.features()
-    assert (second[OF_THE_PRESS] == press_features.ABSENT).all()
+    assert (second[OF_THE_PRESS] == ABSENT).all()
     assert (first[OF_THE_PRESS] > -5).all()
     others = np.delete(np.arange(features.COUNT), np.arange(features.COUNT)[OF_THE_PRESS])
     assert np.array_equal(first[others], second[others])

@@ -15,7 +15,7 @@ from palpate.model_export.exporter import export, prepare
 from palpate.model_export.fixed_point import bounds, compiler, reference
 from palpate.model_export.schema import Estimate, FirstStage, ModelSpec
 from palpate.model_export.source import emit
-from palpate.model_export.vocabulary import OF_THE_PRESS
+from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS
 from palpate.regression.checks import joined
 from palpate.sim.probe.scripts import run_micropython
 from tests.model_export import synthetic
@@ -104,7 +104,7 @@ def pressed(spec, n=600):
     rng = np.random.default_rng(4)
     for name in WIDE.features:
         X[:, feature_names.NAMES.index(name)] = np.round(rng.normal(1.0, 0.4, n) * 2**16) / 2**16
-    X[: n // 2, [feature_names.NAMES.index(name) for name in OF_THE_PRESS]] = reference.ABSENT
+    X[: n // 2, [feature_names.NAMES.index(name) for name in OF_THE_PRESS]] = ABSENT
     return X
 
 
@@ -128,7 +128,7 @@ def test_checks_of_the_press_say_nothing_where_there_was_none(by_press):
 
 def test_the_models_own_features_are_those_of_a_stroke_without_a_press(by_press):
     X = pressed(by_press, 400)
-    X[:, [feature_names.NAMES.index(name) for name in OF_THE_PRESS]] = reference.ABSENT
+    X[:, [feature_names.NAMES.index(name) for name in OF_THE_PRESS]] = ABSENT
     inputs = reference.inputs(by_press, X)
     own = reference.evaluate(by_press, inputs[:, : len(by_press.features)])
     assert np.array_equal(reference.evaluate(by_press, inputs)["unlike"], own["unlike"])

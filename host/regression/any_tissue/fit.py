@@ -87,9 +87,10 @@ def fit_in_any_tissue(
     )
     tell("plain tissue")
     watch = StrangeStrokes(noise, seed, blob)
-    checks = strange_checks(model, seen, observe_strange(watch, strokes.lumps, strokes.plain))
+    strange = observe_strange(watch, strokes.lumps, strokes.plain)
+    checks = strange_checks(model, seen, strange)
     tell("checks fitted")
-    strange = strange_table(strokes.lumps, strokes.plain, seen, rim, watch, kind.scope)
+    became = strange_table(strokes.lumps, strokes.plain, seen, rim, watch, strange, kind.scope)
     tell("strange strokes")
     spec = tissue_spec(
         model,
@@ -115,7 +116,7 @@ def fit_in_any_tissue(
         noise=noise,
         rows=rows,
         study=study,
-        strange=strange,
+        strange=became,
         facts=facts_of(model, float(study.row("")["flagged"]), outside, plain, kind.scope),  # type: ignore[arg-type]
         excluded=strokes.excluded | {"no lump found": int((~seen.found).sum())},
         targets=kind.targets,

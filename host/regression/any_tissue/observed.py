@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from palpate.errors import UsageError
 from palpate.features import press_features
 from palpate.features.map_features import Floats
-from palpate.features.press_features import ABSENT
 from palpate.firmware_twin.replay_core import Replay
+from palpate.model_export.vocabulary import ABSENT
 from palpate.regression.field.data import read_lumps
 from palpate.regression.field.design import LumpStrokes
 from palpate.regression.field.presses import read_presses

@@ -18,9 +18,9 @@ from firmware_py import reference as firmware_reference
 from firmware_py import settings, status, stroke_state
 from palpate.features import press_features
 from palpate.features.map_features import Floats
-from palpate.features.press_features import ABSENT
 from palpate.firmware_twin.replay_core import Replay
 from palpate.model_export.schema import Joining as JoiningData
+from palpate.model_export.vocabulary import ABSENT
 from palpate.regression.any_tissue.model import FOLDS, tissue_truth
 from palpate.regression.any_tissue.observed import (
     ObservedInTissue,
@@ -53,7 +53,7 @@ _LN_FORCE = NAMES.index("ln_force")
 class References:
     """One reference for each of n strokes.
 
-    press (n, 12): by `press_features.NAMES`, all `press_features.ABSENT` where the probe refused it; ln_force
+    press (n, 12): by `press_features.NAMES`, all `ABSENT` where the probe refused it; ln_force
     (n): of N/m.
     """
 

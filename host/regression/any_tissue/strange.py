@@ -8,12 +8,11 @@ lump's size and depth come out wrong, and plain tissue looks like a lump (`Noise
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
-from palpate.model_export.fixed_point.reference import estimates
 from palpate.model_export.schema import FirstStage
 from palpate.regression.any_tissue.model import (
     ON_BORDER,
@@ -25,7 +24,7 @@ from palpate.regression.any_tissue.model import (
     truth,
 )
 from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe
-from palpate.regression.checks import fit_checks
+from palpate.regression.checks import above_zero, fit_checks
 from palpate.regression.observed import noise_named
 from palpate.sim.probe.sensors import Noise
 from palpate.sim.probe.two_lumps import APART_MM
@@ -69,7 +68,7 @@ class StrangeStrokes:
     def uneven_plain(self, plain: Sequence[TissueLump], undulation: float, draw: int = 0) -> ObservedInTissue:
         """The same without a lump; their numbers are below 0."""
         seen = self.uneven(plain, undulation, draw, _PLAIN_SEED)
-        return ObservedInTissue(**{**vars(seen), "group": -1 - seen.group})
+        return replace(seen, group=-1 - seen.group)
 
     def _seed(self, first: int, draw: int) -> int:
         return 1000 * self.seed + first + draw
@@ -102,8 +101,7 @@ def strange_checks(
 
 def unlike(check: FirstStage, model: TissueModel, seen: ObservedInTissue) -> np.ndarray:
     """Whether one of the checks is above 0, (n)."""
-    at = [input_names(True).index(name) for name in check.features]
-    return np.asarray((estimates(check, model.inputs(seen)[:, at]) > 0).any(axis=1))
+    return above_zero(check, input_names(True), model.inputs(seen))
 
 
 def strange_table(
@@ -112,9 +110,15 @@ def strange_table(
     seen: ObservedInTissue,
     rim: ObservedInTissue,
     watch: StrangeStrokes,
+    strange: dict[str, ObservedInTissue],
     scope: Scope = ON_BORDER,
 ) -> pd.DataFrame:
     """What becomes of strokes that neither model nor checks have met: half of the lumps for each.
+
+    Parameters
+    ----------
+    strange : dict
+        What the checks are fitted to, of `observe_strange` with these lumps and tissues.
 
     Returns
     -------
@@ -124,9 +128,8 @@ def strange_table(
     half = seen.group % 2 == 0
     train, test = seen.take(half), seen.take(~half)
     model = fit_tissue_model(train, True, rim, scope=scope)
-    fit_to = observe_strange(watch, lumps, plain)
     check = strange_checks(
-        model, train, {kind: other.take(other.group % 2 == 0) for kind, other in fit_to.items()}
+        model, train, {kind: other.take(other.group % 2 == 0) for kind, other in strange.items()}
     )
     return strange_rows(model, check, test, lumps, plain, watch, odd=True)
 

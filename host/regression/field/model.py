@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from firmware_py import outputs
 from palpate.features.map_features import Floats
 from palpate.model_export.fixed_point import force_map as force_maps
-from palpate.model_export.fixed_point.reference import checks_among
+from palpate.model_export.fixed_point.reference import with_checks
 from palpate.model_export.schema import FirstStage, ModelSpec
+from palpate.regression.checks import above_zero
 from palpate.regression.conformal import Widths, calibrate, fit_sigma, out_of_fold
 from palpate.regression.domain import DomainCheck, fit_domain, with_ranges
 from palpate.regression.field.design import LumpStrokes
@@ -109,15 +110,13 @@ class FieldModel:
     @property
     def inputs(self) -> tuple[str, ...]:
         """The recipe's features, and behind them those of the press that only the checks take."""
-        more = () if self.checks is None else self.checks.features
-        return (*self.recipe.features, *(name for name in more if name not in self.recipe.features))
+        return with_checks(self.recipe.features, self.checks)
 
     def unlike(self, X: Floats) -> NDArray[np.bool_]:
         """Whether a check is above 0 for X (n, inputs), or without the press's, (n)."""
         if self.checks is None:
             return np.zeros(len(X), bool)
-        values = checks_among(self.checks, self.inputs[: X.shape[1]], X)
-        return np.asarray((values > 0).any(axis=1))
+        return above_zero(self.checks, self.inputs[: X.shape[1]], X)
 
     def lump(self, observed: ObservedStrokes) -> NDArray[np.bool_]:
         """The lump rule."""
@@ -141,11 +140,6 @@ class FieldModel:
         )
         version = max(spec.features_version, features_version(self.inputs))
         return replace(spec, checks=self.checks, features_version=version).validate()
-
-
-def above_zero(checks: FirstStage, seen: ObservedStrokes) -> NDArray[np.bool_]:
-    """Whether a check is above 0, (n)."""
-    return np.asarray((checks_among(checks, NAMES, seen.X) > 0).any(axis=1))
 
 
 def learn_force_map(lumps: Sequence[LumpStrokes], displacement: bool = True) -> force_maps.ForceMap:
@@ -230,7 +224,7 @@ def fit_field_model(
     familiar = familiar_unseen(model, both, groups)
     share_out = FLAGGED_INSIDE
     if fitted is not None:
-        familiar &= ~above_zero(fitted, own)
+        familiar &= ~above_zero(fitted, NAMES, own.X)
         share_out = WITH_CHECKS
     domain = with_ranges(domain, *_links(RANGE_LO, RANGE_HI), familiar, guesses, half, share_out)
     step("models fitted")

@@ -14,9 +14,9 @@ from math import log
 import numpy as np
 
 from palpate.features.map_features import Floats
-from palpate.features.press_features import ABSENT, OUTER
-from palpate.features.press_features import NAMES as OF_THE_PRESS
+from palpate.features.press_features import OUTER
 from palpate.model_export.schema import FirstStage
+from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS
 from palpate.regression.any_tissue.observed import scaled
 from palpate.regression.checks import fit_checks, joined
 from palpate.regression.field.bench import Bench

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from palpate import models
-from palpate.features.press_features import ABSENT, PLACES
+from palpate.features.press_features import PLACES
 from palpate.model_export.fixed_point import force_map
 from palpate.model_export.fixed_point.reference import checks_of, evaluate, inputs
+from palpate.model_export.vocabulary import ABSENT
 from palpate.models.coverage import shows_lump
 from palpate.regression.any_tissue.observed import scaled
 from palpate.regression.field import data

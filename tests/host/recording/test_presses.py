@@ -15,6 +15,7 @@ from palpate.importing.firmware import Session
 from palpate.link.events import Estimate, Features
 from palpate.model_export import exporter, image_builder
 from palpate.model_export.image_builder import inspect
+from palpate.model_export.vocabulary import ABSENT
 from palpate.models import emulator
 from palpate.recording import channels
 from palpate.recording.playback import open_recording
@@ -89,7 +90,7 @@ def test_a_stroke_that_follows_without_lifting_has_the_same_press(hang, tmp_path
     stream, back = SensorModel(field, noise, 4).stroke(60, press=24), SensorModel(field, noise, 4).stroke(60)
     path = recorded(tmp_path / "a.mcap", stream, back, lift=False)
     first, second = told(path)
-    assert (second[OF_THE_PRESS] > press_features.ABSENT).all()
+    assert (second[OF_THE_PRESS] > ABSENT).all()
     assert second[OF_THE_PRESS] == pytest.approx(first[OF_THE_PRESS], abs=0.1)
     assert [s.identical for s in replay(path)] == [True, True]
 
@@ -98,8 +99,8 @@ def test_a_stroke_after_lifting_has_its_own_press_or_none(stream, tmp_path):
     bare = SensorModel(StrokeField(*read_strokes()[1]), LEVELS["typical"], 4).stroke(60)
     path = recorded(tmp_path / "a.mcap", stream, bare)
     first, second = told(path)
-    assert (first[OF_THE_PRESS] > press_features.ABSENT).all()
-    assert (second[OF_THE_PRESS] == press_features.ABSENT).all()
+    assert (first[OF_THE_PRESS] > ABSENT).all()
+    assert (second[OF_THE_PRESS] == ABSENT).all()
     assert [s.identical for s in replay(path)] == [True, True]
 
 
