@@ -2,6 +2,7 @@
 
 TissueError
   CaseError    (UsageError)    invalid arguments: a case or a setting that does not make sense
+    FoldedElement              no mesh: the lump's shape and place fold an element over
   SweepStopped (RuntimeError)  what computes a sweep has gone; what was finished is kept
   StrokeError  (RuntimeError)  the work failed: no equilibrium at one position, with its reason
 """
@@ -17,6 +18,10 @@ class TissueError(PalpateError):
 
 class CaseError(TissueError, UsageError):
     """A case, its code or a setting is not one that can be simulated; the text is one sentence."""
+
+
+class FoldedElement(CaseError):
+    """The lump's shape and place fold an element of the mesh over."""
 
 
 class SweepStopped(TissueError, RuntimeError):

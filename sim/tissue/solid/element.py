@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from skfem import CellBasis, ElementHex0, ElementHex2
 
 from palpate.sim.tissue.case import Case
-from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.errors import FoldedElement
 from palpate.sim.tissue.solid.mesh import SolidMesh
 
 Floats = NDArray[np.float64]
@@ -57,8 +57,8 @@ def integrate(mesh: SolidMesh) -> SolidIntegrals:
 
     Raises
     ------
-    CaseError
-        An element is folded over (its Jacobian is not positive).
+    FoldedElement
+        Its Jacobian is not positive.
     """
     basis = CellBasis(mesh.fem, ElementHex0(), intorder=5)  # three by three by three Gauss points
     inverse = basis.mapping.invDF(
@@ -66,7 +66,7 @@ def integrate(mesh: SolidMesh) -> SolidIntegrals:
     )  # once, where a basis of ElementHex2 would for each of its functions
     corners = mesh.nodes_mm[mesh.elements]
     if not (basis.dx > 0).all() or basis.dx.shape[1] != POINTS or not _right_handed(corners):
-        raise CaseError("the lump cannot be meshed: an element is folded over")
+        raise FoldedElement("the lump cannot be meshed: an element is folded over")
     count = len(mesh.elements)
     dN, dx = np.zeros((count, 3, 27, LANES)), np.zeros((count, LANES))
     for a in range(27):

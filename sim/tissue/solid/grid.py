@@ -81,8 +81,16 @@ class SolidGrid:
     through: bool = False
 
 
-def lay_grid(case: Case, settings: Settings, first_mm: float, last_mm: float) -> SolidGrid:
+def lay_grid(
+    case: Case, settings: Settings, first_mm: float, last_mm: float, follow_border: bool = True
+) -> SolidGrid:
     """The grid for strokes whose positions lie between `first_mm` and `last_mm`.
+
+    Parameters
+    ----------
+    follow_border : bool
+        Whether elements follow a border between fat and gland that passes through the lump, as far as they
+        can; otherwise it cuts them.
 
     Raises
     ------
@@ -104,7 +112,7 @@ def lay_grid(case: Case, settings: Settings, first_mm: float, last_mm: float) ->
     fine = np.arange(-round(fine_left / hx), round(fine_right / hx) + 1) * hx
     left, right = _far(fine[0], _SIDES_MM[0], 3.0 * hx), _far(fine[-1], _SIDES_MM[1], 3.0 * hx)
     x = np.concatenate([left[:0:-1], fine, right[1:]])
-    y, box_y, split = _rows(case)
+    y, box_y, split = _rows(case, follow_border)
     z, box_z = _layers(case.offset_mm, 0.0 if through else across, half)
     if through:
         box_z = (0, len(z) - 1)
@@ -138,7 +146,7 @@ def _margin(radius: float) -> float:
     return max(min(0.5 * radius, 3.0), 1.2)
 
 
-def _rows(case: Case) -> tuple[Floats, tuple[int, int], float]:
+def _rows(case: Case, follow_border: bool) -> tuple[Floats, tuple[int, int], float]:
     """Rows from the chest wall to the skin, the box among them, and the height of the line inside it."""
     radius, surface, depth = case.half_down, case.centre_mm, case.depth_mm
     border = surface - case.t_mm
@@ -152,7 +160,7 @@ def _rows(case: Case) -> tuple[Floats, tuple[int, int], float]:
         top = max(border, radius + 0.5 * above)  # the box ends where the fat begins
     if floor < border < -radius and border > bottom - 1.0:
         bottom = min(border, -radius - 0.5 * (-radius - bottom))
-    split = border if abs(border) <= _HIGHEST_SPLIT * radius else 0.0
+    split = border if follow_border and abs(border) <= _HIGHEST_SPLIT * radius else 0.0
     over = with_line(_rows_over(top, surface - skin, skin), border, _LEAST_ROW_MM)
     rows = np.linspace(floor, bottom, max(1, math.ceil((bottom - floor) / _GLAND_ROW_MM)) + 1)
     under = with_line(rows, border, _LEAST_ROW_MM)

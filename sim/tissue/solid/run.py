@@ -50,7 +50,7 @@ def set_up(grid: SolidGrid) -> SolidGeometry:
 
     Raises
     ------
-    CaseError
+    FoldedElement
         An element is folded over.
     """
     mesh = build_mesh(grid)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from palpate.sim.tissue import face_sensors
 from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.errors import FoldedElement
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.solid.grid import lay_grid
 from palpate.sim.tissue.solid.plain import PlainPress
@@ -143,7 +144,10 @@ def _geometry_of(case: Case, settings: Settings, first: float, last: float) -> S
     key = (plain, settings, first, last)
     if _local.__dict__.get("key") != key:
         _local.__dict__.clear()
-        _local.geometry = set_up(lay_grid(case, settings, first, last))
+        try:
+            _local.geometry = set_up(lay_grid(case, settings, first, last))
+        except FoldedElement:  # a wide lump whose border to the gland lies near its top or bottom
+            _local.geometry = set_up(lay_grid(case, settings, first, last, follow_border=False))
         _local.key = key
     geometry: SolidGeometry = _local.geometry
     return geometry

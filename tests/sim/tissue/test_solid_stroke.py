@@ -153,3 +153,11 @@ def test_a_sweep_keeps_balls_with_their_ramp_and_goes_on(tmp_path):
 def test_a_lump_that_does_not_fit_is_refused():
     with pytest.raises(CaseError, match="wide"):
         simulate(Case.from_code("d10h08e10f10_ellipsoid48x4"))
+
+
+def test_a_border_that_the_mesh_cannot_follow_cuts_its_elements():
+    # One of 250 random lumps, wide and with the border near its lower end, folded an element over.
+    code = "d21.48h0.4467e2.07f0.1787_ball_R39.83_g19.56_G9.791_sf2.565_sg1.739_t{}"
+    cut, followed = (simulate(Case.from_code(code.format(t)), COARSE, (-4.0, 0.0)) for t in (27.7, 27.6))
+    np.testing.assert_allclose(cut.displacement_mm, followed.displacement_mm, rtol=1e-3)
+    np.testing.assert_allclose(cut.images_kPa, followed.images_kPa, atol=0.005 * followed.images_kPa.max())
