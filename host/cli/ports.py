@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from firmware_py import geometry, outputs
-from palpate.across import NOTHING_TOLD
+from palpate.across import answer_dict
 from palpate.cli.output import note
 from palpate.link.answer import (
     HARDNESS,
@@ -76,7 +76,7 @@ def estimate_dict(
 ) -> dict[str, Any]:
     """An estimate for programs, with `E_kPa` where the fat is known, or estimated, and what was worked out
     here."""
-    out = estimate.as_dict() | (NOTHING_TOLD if told is None else told.as_dict())
+    out = answer_dict(estimate, told)
     fat = estimate.fat_kPa(fat_kPa)
     if fat is not None and "E_inv23" in estimate.outputs:
         out["E_kPa"] = dict(zip(outputs.PARTS, stiffness_kPa(estimate.span("E_inv23"), fat)))

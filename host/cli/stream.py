@@ -25,6 +25,7 @@ from palpate.errors import CommandTimeout, LinkError
 
 if TYPE_CHECKING:
     from palpate.across.follower import Follower
+    from palpate.across.told import Told
     from palpate.link.events import Event
     from palpate.link.lsl import Outlets
     from palpate.link.probe import Probe
@@ -79,7 +80,7 @@ def command(
     """
     from palpate.across.documents import Documents
     from palpate.across.follower import Follower
-    from palpate.link.events import Gap
+    from palpate.link.events import Estimate, Gap
     from palpate.recording.session import both_counts, recorded
 
     follower = Follower(Documents(None if document is None else load_model(document)))
@@ -92,7 +93,7 @@ def command(
         clock_dict(probe)
         remark = _meet(follower, probe, document, "")
         outlets = _outlets(probe) if lsl else None
-        before = _left_behind(probe, quiet, fat_kPa) if earlier else []
+        before = _left_behind(probe, follower, quiet, fat_kPa) if earlier else []
         interrupted = scale_told = False
         serial = probe.identity.serial
         try:
@@ -103,12 +104,13 @@ def command(
                 follower.take(event)
                 if isinstance(event, Gap) and event.ended:
                     remark = _meet(follower, probe, document, remark)  # it may be another
-                _show(event, follower, estimates, quiet, json_lines, fat_kPa)
+                told = follower.of(event) if isinstance(event, Estimate) else None
+                _show(event, told, estimates, quiet, json_lines, fat_kPa)
                 if not quiet and probe.identity.serial != serial:
                     serial = probe.identity.serial
                     note(f"  it is another one: probe {serial}")
                 if outlets is not None:
-                    outlets.push(event)
+                    outlets.push(event, told)
                 probe.check_recording()
         except KeyboardInterrupt:
             interrupted = True
@@ -154,16 +156,24 @@ def _outlets(probe: Probe) -> Outlets:
     return outlets
 
 
-def _left_behind(probe: Probe, quiet: bool, fat_kPa: float | None) -> list[dict[str, Any]]:
-    """Estimates of strokes that another client's stream made and nobody took: shown apart from this one's."""
+def _left_behind(
+    probe: Probe, follower: Follower, quiet: bool, fat_kPa: float | None
+) -> list[dict[str, Any]]:
+    """Estimates of strokes that another client's stream made and nobody took: shown apart from this one's.
+
+    What follows from features is added; for a place it would take the frames, which have gone.
+    """
     from palpate.link.events import Estimate
 
-    found = [event for event in probe.earlier_results() if isinstance(event, Estimate)]
-    for event in found:
+    results = probe.earlier_results()
+    for result in results:
+        follower.take(result)
+    found = [(event, follower.of(event)) for event in results if isinstance(event, Estimate)]
+    for event, told in found:
         if not quiet:
             click.echo(f"of an earlier stream ({event.stream}):")
-            click.echo("\n".join(estimate_lines(event, fat_kPa)))
-    return [estimate_dict(event, fat_kPa) for event in found]
+            click.echo("\n".join(estimate_lines(event, fat_kPa, told)))
+    return [estimate_dict(event, fat_kPa, told) for event, told in found]
 
 
 def clock_dict(probe: Probe) -> dict[str, float] | None:
@@ -196,7 +206,7 @@ def _say_scale(probe: Probe) -> None:
 
 def _show(
     event: Event,
-    follower: Follower,
+    told: Told | None,
     estimates: list[dict[str, Any]],
     quiet: bool,
     json_lines: bool,
@@ -205,7 +215,6 @@ def _show(
     from palpate.link.events import Estimate, Gap, Log, StrokeState
 
     if isinstance(event, Estimate):
-        told = follower.of(event)
         estimates.append(estimate_dict(event, fat_kPa, told))
         if json_lines:
             sys.stdout.write(json.dumps(plain(estimates[-1])) + "\n")

@@ -21,6 +21,7 @@ from palpate.recording.replay import replay
 from palpate.sim.tissue import Case
 from palpate.view.read_strokes import follower_of, load_strokes
 from tests.host.conftest import emulated
+from tests.host.link.test_streams import leave_a_stroke_behind
 from tests.host.view import balls
 
 __all__ = ["emulated"]
@@ -86,6 +87,17 @@ def test_a_lump_beside_the_line_is_told_on_its_side_live_and_replayed(palpate, v
     status, out, _ = palpate("replay", file)
     assert status == 0
     assert out.count("width across") == out.count("place across") == 2 and "90 % interval" in out
+
+
+def test_of_a_stroke_that_an_earlier_client_left_behind_the_width_is_told(palpate, emulated, visit, beside):
+    """The probe keeps features, and no frames: a place cannot be told."""
+    given = {"public_key": emulator.public_key(), "model": emulator.image(models.BALLS)}
+    probe = emulated(strokes=beside[1], calibration=beside[2], **given)
+    left_behind = leave_a_stroke_behind(probe)
+    status, out, _ = palpate("stream", "--port", probe.port, "--strokes", 1, "--earlier", "--json")
+    (left,) = json.loads(out)["earlier"]
+    assert status == 0 and left["stream"] == left_behind
+    assert left["across"] == {**visit[0][0]["across"], "place_mm": None}
 
 
 def test_a_model_that_does_not_tell_them_says_neither(palpate, emulated, tmp_path, beside):

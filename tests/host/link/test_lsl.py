@@ -8,10 +8,16 @@ import time
 import pylsl
 import pytest
 
+from palpate import models
+from palpate.across.documents import Documents
+from palpate.across.follower import Follower
+from palpate.cli.emulate import strokes_over
+from palpate.demo.lump import LUMP, NOISE, SEED
 from palpate.link.events import Estimate, Frame
 from palpate.link.flash import flash
-from palpate.link.lsl import EVENTS, FRAMES, Outlets
+from palpate.link.lsl import ADDED, EVENTS, FRAMES, Outlets
 from palpate.link.probe import Probe
+from palpate.models import emulator
 
 PATIENCE_S = 60.0
 
@@ -21,6 +27,13 @@ def inlet(name: str, serial: str) -> pylsl.StreamInlet:
     opened = pylsl.StreamInlet(found)
     opened.open_stream(PATIENCE_S)
     return opened
+
+
+def estimate_of(events: pylsl.StreamInlet) -> dict:
+    while True:
+        (text,), _ = events.pull_sample(PATIENCE_S)
+        if (told := json.loads(text))["event"] == "estimate":
+            return told
 
 
 @pytest.mark.timeout(300)
@@ -47,9 +60,36 @@ def test_frames_and_estimate_arrive_with_their_numbers_and_times(emulated, image
             assert values[2:] == pytest.approx(frame.pressure_kPa.ravel().tolist(), abs=1e-5)
             age_s = time.time() - frame.host_ns * 1e-9
             assert now - at == pytest.approx(age_s, abs=1.0)
-        told = None
-        while told is None or told["event"] != "estimate":
-            (text,), _ = events.pull_sample(PATIENCE_S)
-            told = json.loads(text)
+        told = estimate_of(events)
+        assert told["across"] is None and told["layer"] is None, "its model tells neither"
         assert said is not None and told["d_mm"]["value"] == pytest.approx(said.outputs["d_mm"]["value"])
         assert told["depth_mm"]["low"] <= told["depth_mm"]["value"] <= told["depth_mm"]["high"]
+
+
+@pytest.mark.timeout(300)
+def test_width_and_place_across_arrive_with_the_estimate_and_are_described(emulated):
+    """LSL carried only what the probe itself had said."""
+    streams, calibration = strokes_over(LUMP, NOISE, SEED, 50, 1, press=True)
+    given = {"public_key": emulator.public_key(), "model": emulator.image(models.BALLS)}
+    made = emulated("cpython", strokes=streams, calibration=calibration, **given)
+    with Probe.open(made.port) as probe:
+        follower = Follower(Documents())
+        follower.meet(probe)
+        outlets = Outlets(probe)
+        events = inlet(EVENTS, probe.identity.serial)
+        for event in probe.stream(strokes=1, timeout_s=PATIENCE_S):
+            follower.take(event)
+            said = follower.of(event) if isinstance(event, Estimate) else None
+            outlets.push(event, said)
+        told = estimate_of(events)
+        width = told["across"]["width_mm"]
+        assert 0 < width["low"] < width["value"] < width["high"] and told["across"]["place_mm"]
+        field = events.info(PATIENCE_S).desc().child("added_by_host").child("field")
+        assert field.child_value("name") == "across.width_mm" and field.child_value("unit") == "mm"
+        for _ in ADDED:
+            room = told
+            for name in field.child_value("name").split("."):
+                assert room is None or name in room, "what is described is there"
+                room = None if room is None else room[name]
+            field = field.next_sibling()
+        assert field.empty()
