@@ -101,14 +101,13 @@ class LumpLayer:
     worth_saying: bool
 
     def as_dict(self) -> dict[str, Any]:
-        """As `--json` prints it."""
+        """As `--json` prints it; the depth stands beside it, in place of the one that the tie tells."""
         sizes = [{"E_over_fat": E, "d_mm": d} for E, d in self.sizes]
         return {
             "level": self.level,
             "place": self.place,
             "odds": self.odds,
             "in_fat": dict(zip(outputs.PARTS, self.in_fat)),
-            "depth_mm": dict(zip(outputs.PARTS, self.depth_mm)),
             "size": {"if": sizes, "within": self.within, "worth_saying": self.worth_saying},
         }
 

@@ -28,7 +28,6 @@ ADDED = (
     ("across.place_mm", "mm", "of the lump's middle from the face's, across the stroke: value, low, high"),
     ("layer.place", "", "in the fat, at the border, in the gland, unsure"),
     ("layer.in_fat", "", "share of the lump's height that lies in the fat: value, low, high"),
-    ("layer.depth_mm", "mm", "tissue over the lump: value, low, high"),
     ("layer.size", "", "which diameter goes with which stiffness"),
     ("outside", "", "why the model is not for the stroke"),
 )

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from firmware_py import calib, evaluator, feature_names, features, messages, outputs, pipeline, status
 from firmware_py.estimator import answer
-from palpate.across import NOTHING_TOLD
+from palpate.across import NOTHING_TOLD, probe_dict
 from palpate.across.documents import Documents
 from palpate.across.follower import Follower
 from palpate.errors import RecordingError
@@ -67,13 +67,14 @@ class ReplayedStroke:
 
     def as_dict(self) -> dict[str, Any]:
         """The stroke as `--json` prints it."""
+        told = self.told if self.identical else None  # it is of what the probe said
         return {
             "stroke": self.probe.stroke,
             "identical": self.identical,
             "missing": self.missing,
-            "estimate": self.probe.as_dict(),
+            "estimate": probe_dict(self.probe, self.told),
             **(NOTHING_TOLD if self.told is None else self.told.as_dict()),
-            "replayed": None if self.host is None else self.host.as_dict(),
+            "replayed": None if self.host is None else probe_dict(self.host, told),
         }
 
 

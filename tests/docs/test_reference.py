@@ -86,9 +86,13 @@ def test_the_fields_are_those_in_the_page(table, printed):
 
 def test_an_estimates_fields_are_those_in_the_page(printed):
     """No model is on this probe: the outputs, and what follows from them, are missing; the reason is said."""
-    assert set(printed["estimate"]) | {*OUTPUTS, "depth_mm", "E_ratio", "E_kPa"} == fields_in_the_page(
-        "estimate"
-    )
+    assert set(printed["estimate"]) | {
+        *OUTPUTS,
+        "depth_mm",
+        "depth_from",
+        "E_ratio",
+        "E_kPa",
+    } == fields_in_the_page("estimate")
     assert not printed["estimate"]["valid"]
 
 

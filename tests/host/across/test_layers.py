@@ -39,28 +39,35 @@ def test_a_reader_is_told_the_layer_the_depth_and_which_size_goes_with_which_sti
     assert said["place"] in (place, "unsure") and said["odds"][other] < 0.05 < said["odds"][place]
     assert sum(said["odds"].values()) == pytest.approx(1)
     assert holds(said["in_fat"], (case.t_mm - case.depth_mm) / case.d_mm)
-    assert holds(said["depth_mm"], case.depth_mm)
+    assert stroke["depth_from"] == "layer" and holds(stroke["depth_mm"], case.depth_mm)
+    assert stroke["depth_mm"]["high"] < 4 * stroke["depth_mm"]["low"], "the tie's were 0.3 and 29 mm"
     soft, hard = said["size"]["if"]
     assert hard["d_mm"] < soft["d_mm"], "soft and large looks like hard and small"
-    assert math.isclose(said["depth_mm"]["value"], stroke["depth_mm"]["value"], rel_tol=1e-4)
+    assert math.isclose(
+        stroke["depth_mm"]["value"], stroke["d_mm"]["value"] * stroke["h"]["value"], rel_tol=1e-4
+    )
     status, out, _ = palpate("replay", visit)
+    (line,) = (line for line in out.splitlines() if "lump depth" in line)
+    assert "({low:.3f} to {high:.3f}, ".format(**stroke["depth_mm"]) in line
     assert status == 0 and place in out and "× fat" in out
     across_the_border = said["in_fat"]["low"] < 1 and said["in_fat"]["high"] > 0
     assert ("of its height in fat" in out) == across_the_border
     (again,) = replay(visit)
     assert again.identical and again.told.layer.as_dict() == said
-    assert again.as_dict()["layer"] == said
+    replayed = again.as_dict()
+    assert replayed["layer"] == said
+    assert replayed["estimate"]["depth_mm"] == replayed["replayed"]["depth_mm"] == stroke["depth_mm"]
     (shown,) = load_strokes(visit)
     card = shown.summary()["card"]
     assert card["layer"]["place"] == said["place"]
     (depth,) = (row for row in card["rows"] if row["key"] == "depth_mm")
-    assert depth["low"] == said["depth_mm"]["low"]
+    assert [depth[part] for part in ("value", "low", "high")] == list(stroke["depth_mm"].values())
 
 
 def test_a_model_of_lumps_on_the_border_tells_no_layer(palpate, emulated, tmp_path, lump):
     _, _, streams, calibration = lump
     ((stroke,), _) = streamed(palpate, emulated, tmp_path, streams, calibration, models.FIELD)
-    assert stroke["layer"] is None
+    assert stroke["layer"] is None and stroke["depth_from"] == "tie"
 
 
 def test_a_lump_with_a_fat_of_its_own_thickness_has_the_model_that_tells_where_it_lies():
