@@ -38,7 +38,8 @@ function range({ low, high, value, marks = [], from, to }) {
     tick.style.left = place(value);
     bar.append(tick);
   }
-  return element("dd", { class: "between", "aria-hidden": "true" }, element("span", {}, from), bar, element("span", {}, to));
+  const scale = { class: "between", title: `${from} to ${to}`, "aria-hidden": "true" };
+  return element("dd", scale, element("span", {}, from), bar, element("span", {}, to));
 }
 
 function quantity({ key, label, unit, value, low, high, beside }, hero, level) {
@@ -60,7 +61,7 @@ function quantity({ key, label, unit, value, low, high, beside }, hero, level) {
 }
 
 function stiffness({ hardness, hardness_text: words, stiffness_text: text, E_ratio: ratio }) {
-  const row = element("dl", { class: "quantity", "data-key": "stiffness" });
+  const row = element("dl", { class: "quantity", "data-key": "stiffness", title: words });
   const said = element("dd", {}, element("b", { class: "number" }, hardness), " ", element("span", { class: "range-text" }, text));
   row.append(element("dt", {}, "Stiffness"), said);
   if (ratio) {

@@ -49,6 +49,9 @@ class Bump:
     across_mm: float = 3.0
     columns: tuple[int, int] = (11, 19)
     layer: LumpLayer | None = None
+    width_mm: float | None = None
+    place_mm: float | None = None
+    outside: tuple[str, ...] = ()
 
 
 IN_GLAND = LumpLayer(
@@ -79,6 +82,9 @@ def estimate(bump: Bump, time_s: float) -> Estimate:
         further={} if bump.E_fat_kPa is None else {"E_fat_kPa": _around(bump.E_fat_kPa, 0.06)},
         lump=bump.kind in ("lump", "outside"),
         layer=bump.layer,
+        width_mm=None if bump.width_mm is None else _around(bump.width_mm, 0.3),
+        place_mm=None if bump.place_mm is None else _around(bump.place_mm, 0.2),
+        outside=bump.outside,
         hardness=bump.hardness,
         in_domain=bump.kind == "lump",
         force_out=bump.kind == "force",

@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.host.view.pages import LUMP, once
-from tests.host.view.synthetic import Bump
+from tests.host.view.synthetic import IN_GLAND, Bump
 from tests.host.view.waiting import settled
 
 pytestmark = pytest.mark.browser
@@ -48,10 +48,15 @@ def test_everything_fits_the_window(viewer, open_page, name, width, height, sche
         assert box["width"] > 120 and box["height"] > 80, canvas
 
 
-def test_the_comparison_of_visits_fits_below_the_longest_card(viewer, open_page):
+@pytest.mark.parametrize(
+    "further",
+    [{}, {"width_mm": 14.0, "place_mm": 3.0}, {"layer": IN_GLAND}],
+    ids=["border", "solid", "anywhere"],
+)
+def test_the_comparison_of_visits_fits_below_the_longest_card(viewer, open_page, further):
     """At 1280 x 800 its last line was cut when the stroke was outside what the model knows, and when a model
-    told the fat, too."""
-    fat = Bump(d_mm=10.0, E_fat_kPa=10.4)
+    told the fat, or width and place across, too."""
+    fat = Bump(d_mm=10.0, E_fat_kPa=10.4, hardness="unsure", E_inv23=0.2, **further)
     source = once(fat, fat, fat)
     page = open_page(viewer(source), 1280, 800)
     expect(page.locator("#stroke-3")).to_be_visible()
@@ -60,7 +65,11 @@ def test_the_comparison_of_visits_fits_below_the_longest_card(viewer, open_page)
     page.keyboard.press("Enter")
     expect(page.locator("#visit-b option:checked")).to_have_text("After six months")
     source.bumps, source.limit = (
-        [replace(fat, d_mm=13.0), replace(fat, d_mm=13.2), replace(fat, kind="outside", d_mm=23.0)],
+        [
+            replace(fat, d_mm=13.0),
+            replace(fat, d_mm=13.2),
+            replace(fat, kind="outside", d_mm=23.0, outside=("d_mm",)),
+        ],
         6,
     )
     expect(page.locator("#stroke-6")).to_be_visible()
