@@ -6,7 +6,7 @@ import pytest
 
 from firmware_py import calib, status
 from palpate.firmware_twin.replay_core import Replay
-from palpate.sim.probe.scripts import run_micropython
+from palpate.sim.probe.scripts import ScriptFailed, run_micropython
 from palpate.sim.probe.sensors import LEVELS, SensorModel
 
 SCRIPT = """
@@ -80,6 +80,20 @@ def grow():
 grow()
 """
     assert run_micropython(script).strip() == "caught"
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("bytearray(100)", "memory was asked for while the heap was locked"),
+        ("raise READY", "ValueError: made before"),
+    ],
+)
+def test_a_script_that_fails_with_the_heap_locked_ends_and_says_so(line, says):
+    """The interpreter hung, and a test that found an allocation said nothing for fifteen minutes."""
+    script = "import micropython\nREADY = ValueError('made before')\nmicropython.heap_lock()\n"
+    with pytest.raises(ScriptFailed, match=says):
+        run_micropython(script + line, timeout_s=60)
 
 
 @pytest.mark.parametrize("small", [False, True])
