@@ -149,10 +149,10 @@ def _meet(follower: Follower, probe: Probe, document: Path | None, before: str) 
 
 
 def _outlets(probe: Probe) -> Outlets:
-    from palpate.link.lsl import EVENTS, FRAMES, Outlets
+    from palpate.link.lsl import ESTIMATES, EVENTS, FRAMES, Outlets
 
     outlets = Outlets(probe)
-    note(f"on LabStreamingLayer as {FRAMES} and {EVENTS}")
+    note(f"on LabStreamingLayer as {FRAMES}, {ESTIMATES} and {EVENTS}")
     return outlets
 
 

@@ -1,37 +1,33 @@
 """A probe's stream on LabStreamingLayer, beside EEG, eye trackers and whatever else a laboratory records.
 
-Two outlets: `PalpateFrames` (place, displacement and every cell's pressure, stamped with the moment of the
-scan) and `PalpateEvents` (stroke states and estimates as JSON, of LSL's type Markers). An estimate has the
-fields of `palpate stream --json`; `ADDED` are those that the host adds, null where the model does not tell
-them.
+Three outlets: `PalpateFrames` (place, displacement and every cell's pressure, stamped with the moment of the
+scan), `PalpateEstimates` (each stroke's numbers, a channel each, NaN where the model does not tell one) and
+`PalpateEvents` (stroke states and estimates as JSON, of LSL's type Markers, with the fields of
+`palpate stream --json`).
 """
 
 from __future__ import annotations
 
 import json
+import math
 import time
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from firmware_py import geometry
+from firmware_py import geometry, outputs
 from palpate.across import answer_dict
 from palpate.errors import MissingExtra
 from palpate.link.events import Estimate, Event, Frame, StrokeState
 from palpate.link.probe import Probe
+from palpate.model_export.vocabulary import SHOWN_UNITS
 
 if TYPE_CHECKING:
     from palpate.across.told import Told
 
-FRAMES, EVENTS = "PalpateFrames", "PalpateEvents"
+FRAMES, ESTIMATES, EVENTS = "PalpateFrames", "PalpateEstimates", "PalpateEvents"
 MOTION = (("position", "mm"), ("displacement", "mm"))
-ADDED = (
-    ("across.width_mm", "mm", "width across the stroke: value, low, high"),
-    ("across.place_mm", "mm", "of the lump's middle from the face's, across the stroke: value, low, high"),
-    ("layer.place", "", "in the fat, at the border, in the gland, unsure"),
-    ("layer.in_fat", "", "share of the lump's height that lies in the fat: value, low, high"),
-    ("layer.size", "", "which diameter goes with which stiffness"),
-    ("outside", "", "why the model is not for the stroke"),
-)
-"""Field of an estimate's JSON, unit, what it is; in the stream's description, too."""
+NUMBERS = (*SHOWN_UNITS.items(), ("depth_mm", "mm"), ("width_mm", "mm"), ("place_mm", "mm"), ("in_fat", ""))
+"""Of an estimate, with units: the probe's outputs, then what the host works out; each has three channels."""
 
 
 class Outlets:
@@ -54,34 +50,31 @@ class Outlets:
         except (ImportError, RuntimeError) as error:  # RuntimeError: without the library it wraps
             raise MissingExtra("pylsl", "lsl", "LabStreamingLayer") from error
         self._probe = probe
-        self._clock = pylsl.local_clock
-        serial = probe.identity.serial
-        channels = len(MOTION) + geometry.CELLS
-        frames = pylsl.StreamInfo(
-            FRAMES, "Pressure", channels, pylsl.IRREGULAR_RATE, pylsl.cf_float32, f"palpate-{serial}-frames"
-        )
-        listed = frames.desc().append_child("channels")
+        self._lsl = pylsl
         cells = [
             (f"cell {row},{column}", "kPa")
             for row in range(geometry.ROWS)
             for column in range(geometry.COLUMNS)
         ]
-        for label, unit in (*MOTION, *cells):
+        numbers = [(f"{name}{end}", unit) for name, unit in NUMBERS for end in ("", "_low", "_high")]
+        self._frames = self._outlet(FRAMES, "Pressure", pylsl.cf_float32, (*MOTION, *cells))
+        self._estimates = self._outlet(ESTIMATES, "Estimate", pylsl.cf_double64, numbers)
+        self._events = self._outlet(EVENTS, "Markers", pylsl.cf_string, [("event", "JSON")])
+
+    def _outlet(self, name: str, kind: str, form: int, channels: Sequence[tuple[str, str]]) -> Any:
+        """An outlet whose description tells label and unit of every channel."""
+        lsl, who = self._lsl, self._probe.identity
+        ending = name.removeprefix("Palpate").lower()
+        source = f"palpate-{who.serial}-{ending}"
+        info = lsl.StreamInfo(name, kind, len(channels), lsl.IRREGULAR_RATE, form, source)
+        listed = info.desc().append_child("channels")
+        for label, unit in channels:
             channel = listed.append_child("channel")
             channel.append_child_value("label", label)
             channel.append_child_value("unit", unit)
-        events = pylsl.StreamInfo(
-            EVENTS, "Markers", 1, pylsl.IRREGULAR_RATE, pylsl.cf_string, f"palpate-{serial}-events"
-        )
-        fields = events.desc().append_child("added_by_host")
-        for name, unit, meaning in ADDED:
-            field = fields.append_child("field")
-            for key, text in (("name", name), ("unit", unit), ("meaning", meaning)):
-                field.append_child_value(key, text)
-        for info in (frames, events):
-            info.desc().append_child_value("serial", serial)
-            info.desc().append_child_value("model_id", probe.identity.model_id)
-        self._frames, self._events = pylsl.StreamOutlet(frames), pylsl.StreamOutlet(events)
+        info.desc().append_child_value("serial", who.serial)
+        info.desc().append_child_value("model_id", who.model_id)
+        return lsl.StreamOutlet(info)
 
     def push(self, event: Event, told: Told | None = None) -> None:
         """Hand one event on; those that are neither frame, stroke state nor estimate are left out.
@@ -92,7 +85,9 @@ class Outlets:
             sample = [event.position_mm, event.displacement_mm, *map(float, event.pressure_kPa.ravel())]
             self._frames.push_sample(sample, self._when(event))
         elif isinstance(event, Estimate):
-            self._tell({"event": "estimate", **answer_dict(event, told)}, event)
+            said = answer_dict(event, told)
+            self._estimates.push_sample(_numbers(event, said), self._when(event))
+            self._tell({"event": "estimate", **said}, event)
         elif isinstance(event, StrokeState):
             self._tell({"event": event.state, "stroke": event.stroke}, event)
 
@@ -104,4 +99,10 @@ class Outlets:
         arrival."""
         host_us = self._probe.host_time_us(event.time_us)
         unix_s = event.host_ns * 1e-9 if host_us is None else host_us * 1e-6
-        return float(self._clock() - (time.time() - unix_s))
+        return float(self._lsl.local_clock() - (time.time() - unix_s))
+
+
+def _numbers(event: Estimate, said: dict[str, Any]) -> list[float]:
+    """The channels of `NUMBERS`; all NaN where there is no lump, for which a probe sends zeros."""
+    told = {**said, **(said["across"] or {}), **(said["layer"] or {})} if event.valid and event.lump else {}
+    return [(told.get(name) or {}).get(part, math.nan) for name, _ in NUMBERS for part in outputs.PARTS]

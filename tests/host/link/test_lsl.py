@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import time
+from dataclasses import replace
 
 import pylsl
 import pytest
@@ -15,7 +17,7 @@ from palpate.cli.emulate import strokes_over
 from palpate.demo.lump import LUMP, NOISE, SEED
 from palpate.link.events import Estimate, Frame
 from palpate.link.flash import flash
-from palpate.link.lsl import ADDED, EVENTS, FRAMES, Outlets
+from palpate.link.lsl import ESTIMATES, EVENTS, FRAMES, Outlets
 from palpate.link.probe import Probe
 from palpate.models import emulator
 
@@ -76,20 +78,28 @@ def test_width_and_place_across_arrive_with_the_estimate_and_are_described(emula
         follower = Follower(Documents())
         follower.meet(probe)
         outlets = Outlets(probe)
-        events = inlet(EVENTS, probe.identity.serial)
+        serial = probe.identity.serial
+        estimates, events = inlet(ESTIMATES, serial), inlet(EVENTS, serial)
         for event in probe.stream(strokes=1, timeout_s=PATIENCE_S):
             follower.take(event)
-            said = follower.of(event) if isinstance(event, Estimate) else None
-            outlets.push(event, said)
+            if isinstance(event, Estimate):
+                said = event
+                outlets.push(event, follower.of(event))
+        outlets.push(replace(said, flags=0))
+        labels = labels_of(estimates.info(PATIENCE_S))
         told = estimate_of(events)
-        width = told["across"]["width_mm"]
-        assert 0 < width["low"] < width["value"] < width["high"] and told["across"]["place_mm"]
-        field = events.info(PATIENCE_S).desc().child("added_by_host").child("field")
-        assert field.child_value("name") == "across.width_mm" and field.child_value("unit") == "mm"
-        for _ in ADDED:
-            room = told
-            for name in field.child_value("name").split("."):
-                assert room is None or name in room, "what is described is there"
-                room = None if room is None else room[name]
-            field = field.next_sibling()
-        assert field.empty()
+        (row, _), (nothing, _) = estimates.pull_sample(PATIENCE_S), estimates.pull_sample(PATIENCE_S)
+        numbers = dict(zip(labels, row, strict=True))
+        for name, span in (("d_mm", told["d_mm"]), *list(told["across"].items())[1:]):
+            assert [numbers[name + end, "mm"] for end in ("", "_low", "_high")] == list(span.values())
+        assert 0 < numbers["width_mm_low", "mm"] < numbers["width_mm", "mm"]
+        assert math.isnan(numbers["in_fat", ""]), "its model does not tell in which layer"
+        assert all(map(math.isnan, nothing)), "no lump was found: the probe sends zeros"
+
+
+def labels_of(info: pylsl.StreamInfo) -> list[tuple[str, str]]:
+    channel, found = info.desc().child("channels").child("channel"), []
+    while not channel.empty():
+        found.append((channel.child_value("label"), channel.child_value("unit")))
+        channel = channel.next_sibling()
+    return found
