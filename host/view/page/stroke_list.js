@@ -42,6 +42,12 @@ export function arrange(box, nodes) {
   while (box.children.length > nodes.length) box.lastElementChild.remove();
 }
 
+/** Whether all of the line can be seen in the box. */
+export function inSight(box, line) {
+  const [outer, inner] = [box.getBoundingClientRect(), line.getBoundingClientRect()];
+  return inner.top >= outer.top - 1 && inner.bottom <= outer.bottom + 1;
+}
+
 /** Scroll the box, and not the page: on a phone that would take what is being read out of sight. */
 export function reveal(box, line) {
   const [outer, inner] = [box.getBoundingClientRect(), line.getBoundingClientRect()];

@@ -2,7 +2,7 @@
 
 import { comparison } from "./comparison.js";
 import { Held, Plot, extent } from "./plot.js";
-import { arrange, head, item, reveal } from "./stroke_list.js";
+import { arrange, head, inSight, item, reveal } from "./stroke_list.js";
 
 const UNITS = { d_mm: "mm", depth_mm: "mm", t_mm: "mm", F_N_per_m: "N/m" };
 
@@ -103,7 +103,11 @@ export class History {
     }
     if (!nodes.size) add("none", () => head("Strokes are listed here as they end."));
     this.items = nodes;
-    arrange(this.get("strokes"), [...nodes.values()]);
+    const box = this.get("strokes");
+    const picked = box.querySelector('[aria-selected="true"]');
+    const seen = picked && inSight(box, picked);
+    arrange(box, [...nodes.values()]);
+    if (seen) this.keepInSight(); // those that come push it down; a reader who has scrolled elsewhere stays there
     const n = this.strokes.length;
     this.get("history-note").textContent = n ? `${n} so far; pick one to see it again` : "";
   }
