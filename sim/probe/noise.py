@@ -42,7 +42,8 @@ class Noise:
     stuck : float
         Share of cells that hang since the calibration: half at their zero, half anywhere.
     modulus : float
-        Spread of the tissue's stiffness, all layers alike, about what the model was told.
+        Spread of the tissue's stiffness, all layers alike, about what the model was told. Over a stroke that
+        was simulated at one force the hand's goes with it.
     undulation : float
         How far the tissue's thickness swings along the stroke, as a fraction, over `WAVE_MM`. What it does
         is worked out as a change of stiffness: thicker and softer tissue feel very nearly alike
@@ -88,7 +89,7 @@ class Noise:
         return self.with_(**dict.fromkeys(names, 0.0))
 
     def at_one_force(self) -> Noise:
-        """The same without what takes strokes at several forces: a wandering hand, other tissue."""
+        """The same in a steady hand, over tissue as it was simulated."""
         return self.without("force", "modulus", "undulation")
 
     def with_(self, **values: Any) -> Noise:
@@ -102,21 +103,22 @@ LEVELS: dict[str, Noise] = {
         white=0.001, offset=0.001, drift=0.0005, gain=0.01, dead=0.01,
         displacement_noise_mm=0.010, displacement_zero_mm=0.02, displacement_drift_mm=0.02,
         position_mm=0.1, position_scale=0.001, force=0.05, creep=0.005, start_mm=5.0,
+        common_gain=0.01, modulus=0.01,
     ),
     "typical": Noise(
         white=0.0025, offset=0.002, drift=0.001, gain=0.02, dead=0.01,
         displacement_noise_mm=0.025, displacement_zero_mm=0.05, displacement_drift_mm=0.05,
         position_mm=0.25, position_scale=0.003, force=0.10, creep=0.01, start_mm=5.0,
+        common_gain=0.02, modulus=0.02,
     ),
     "poor": Noise(
         white=0.005, offset=0.004, drift=0.002, gain=0.03, dead=0.01,
         displacement_noise_mm=0.050, displacement_zero_mm=0.1, displacement_drift_mm=0.1,
         position_mm=0.5, position_scale=0.005, force=0.20, creep=0.02, start_mm=5.0,
+        common_gain=0.03, modulus=0.03,
     ),
 }  # fmt: skip
-LEVELS["real"] = LEVELS["typical"].with_(
-    hysteresis=0.01, common_gain=0.02, stuck=0.005, modulus=0.02, undulation=0.05
-)
+LEVELS["real"] = LEVELS["typical"].with_(hysteresis=0.01, stuck=0.005, undulation=0.05)
 """Typical, and what an audit found missing from it."""
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from firmware_py.outputs import NAMES
 from palpate.sim.tissue.case import Case
 
-FORCE = "F_N_per_m"
+FORCE, FAT = "F_N_per_m", "E_fat_kPa"
 
 
 @dataclass(frozen=True)
@@ -24,11 +24,19 @@ class Truth:
     F_N_per_m : float
     centre_mm : float
         Where the lump is in the stroke.
+    stiffness : float
+        Of the tissue, over the case's (`Noise.modulus`).
     """
 
     case: Case
     F_N_per_m: float
     centre_mm: float
+    stiffness: float = 1.0
+
+    @property
+    def fat_kPa(self) -> float:
+        """The fat's modulus as it was under the probe."""
+        return self.case.fat_kPa * self.stiffness
 
     @property
     def lump(self) -> bool:
@@ -37,7 +45,8 @@ class Truth:
 
     def outputs(self) -> dict[str, float]:
         """The outputs of the inverse model (`firmware_py.outputs`), in its order."""
-        return {k: self.F_N_per_m if k == FORCE else getattr(self.case, k) for k in NAMES}
+        felt = {FORCE: self.F_N_per_m, FAT: self.fat_kPa}
+        return {k: felt[k] if k in felt else getattr(self.case, k) for k in NAMES}
 
 
 @dataclass(frozen=True)

@@ -82,7 +82,7 @@ class SensorModel:
         mean_force_N_per_m: float | None = None,
         travel_mm: float = 80.0,
     ) -> None:
-        if field.one_force and (noise.force or noise.modulus or noise.undulation):
+        if field.one_force and (noise.force or noise.undulation):
             raise UsageError(f"{field.low.code} was simulated at one force only: the hand cannot vary it")
         if len(field.shape) > 1 and across_mm is not None:
             raise UsageError(f"{field.low.code} has images across the stroke: their width cannot be chosen")
@@ -114,6 +114,9 @@ class SensorModel:
         else:
             self._across = np.exp(-((COLUMN_MM - across_centre_mm) ** 2) / (2 * across_mm**2))
         self._imperfect(np.random.default_rng((seed, 2)))
+        if field.one_force:
+            # moduli and force times s leave the displacement: so the one image that there is will do
+            self.mean_force_N_per_m = field.low.F_N_per_m * self._stiffness
         self._lag = Lag()
         # pressing first changes nothing of what a seed gives in the stroke
         self._press_rng = np.random.default_rng((seed, 3))
@@ -218,8 +221,8 @@ class SensorModel:
     def truth(self, stroke_mm: Floats) -> Truth:
         """The inputs that a stroke through the places stroke_mm (n,) is to be inverted to."""
         c = self.field.low.case
-        F = self.field.low.F_N_per_m if self.field.one_force else float(np.mean(self.force_at(stroke_mm)))
-        return Truth(c, F, -self.start_mm)
+        F = self.mean_force_N_per_m if self.field.one_force else float(np.mean(self.force_at(stroke_mm)))
+        return Truth(c, F, -self.start_mm, float(np.mean(self.stiffness_at(stroke_mm))))
 
     def _press(
         self, frames: int, frames_per_s: float, field: StrokeField | None

@@ -153,7 +153,7 @@ def observe_at(
         X.append(replay.features())
         press.append(X[-1][press_features.PLACES])
         case = lump.strokes.case
-        Y.append(_truth(case, stream.truth.F_N_per_m, s * case.fat_kPa))
+        Y.append(_truth(case, stream.truth.F_N_per_m, s * case.fat_kPa * stream.truth.stiffness))
         whole.append(code == 0)
         columns.append(np.array(replay.pipeline.columns, float))
         across.append([np.log(2 * case.half_axes_mm[1]), case.offset_mm])

@@ -124,6 +124,24 @@ def test_softer_tissue_is_what_scaling_says(fields):
     assert model.truth(np.array([0.0])).F_N_per_m == pytest.approx(model.mean_force_N_per_m)
 
 
+def test_the_truth_of_a_stroke_is_the_tissue_that_was_there(fields):
+    # Two per cent of stiffness that nobody told is no error of a model that estimates the stiffness.
+    model = SensorModel(fields[0], Noise(modulus=0.05), 4)
+    x = np.array([-20.0, 20.0])
+    fat_kPa = fields[0].low.case.fat_kPa * float(model.stiffness_at(x).mean())
+    assert model.truth(x).outputs()["E_fat_kPa"] == pytest.approx(fat_kPa)
+
+
+def test_over_a_stroke_of_one_force_the_hand_goes_with_the_tissue(all_strokes):
+    low, _ = all_strokes[0]
+    model = SensorModel(StrokeField(low), Noise(modulus=0.05), 4)
+    s = float(model.stiffness_at(np.array([0.0]))[0])
+    as_simulated = SensorModel(StrokeField(low), Noise(), 4)
+    (image, depth), (same, as_deep) = (m.pressures_at(np.array([-20.0, 0.0])) for m in (model, as_simulated))
+    assert image == pytest.approx(s * same) and depth == pytest.approx(as_deep)
+    assert model.truth(np.array([0.0])).F_N_per_m == pytest.approx(s * low.F_N_per_m)
+
+
 def test_thickness_that_undulates_lets_the_probe_rise_and_fall(fields):
     model = SensorModel(fields[0], Noise(undulation=0.1), 4)
     x = np.linspace(-20, 20, 41)
