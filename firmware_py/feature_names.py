@@ -44,4 +44,16 @@ NAMES = (
     "press_outer_quarter",  # middle pressure of the outer columns / image mean
     "press_outer_half",
     "press_outer_full",
+    "ln_bump",  # ln(rms of the next eleven before they are divided by it / mm): how much the lump changes
+    "pull_3_5",  # tilt 3..5 mm / bump
+    "pull_6_9",
+    "pull_10_14",
+    "pull_15_19",
+    "pull_20_24",
+    "pull_25_33",
+    "lift_0_2",  # 4 mm times trace 0..2 mm / bump
+    "lift_3_5",
+    "lift_7_9",
+    "lift_12_16",
+    "lift_17_22",
 )

@@ -14,8 +14,8 @@ _mul = fixed.mul
 _window = profile.window
 
 # raised when features are added; what was there keeps its place and its meaning, so older models go on
-FEATURES_VERSION = 3
-COUNT = const(43)
+FEATURES_VERSION = 4
+COUNT = const(55)
 # where each stands in the vector: their places in feature_names.NAMES; a test holds them equal
 _LN_BASE = const(0)
 _LN_AMP = const(1)
@@ -50,6 +50,9 @@ _TILT_20_24 = const(29)
 PRESS = const(30)  # the first nine of the press; those before it are version 1's
 _BASE_SHARE = const(39)
 PRESS_OUTER = const(40)  # three more of the press, version 3's
+BUMP = const(43)  # it and those behind it are version 4's
+_PULL = const(44)
+_LIFT = const(50)
 # and of the Gaussian's parameters (gauss.py)
 _BASE = const(0)
 _AMP = const(1)
@@ -71,6 +74,10 @@ _AT_8_MM, _OUTER, _WEIGHTS = geometry.between(8000)
 TENTH_PERMILLE = 1678  # 1e-4
 ABSENT = -0x1FFFFFFF  # a feature of a press that there was not: outside every model's domain
 FLOOR = 16384  # the least base, Q11: 8 counts
+_CHANGES = const(11)
+_LEAST_CHANGE = const(110729)  # .0066 mm: in the sum beside them, so that noise alone stays small
+_LN_CHANGES = _ln(_CHANGES)  # of an integer, as those of the sums
+_MOST_LIFT = const(0x4000000)
 
 
 def asinh_of(v, times):
@@ -151,6 +158,50 @@ def from_profile(q, out):
     for i in range(_HALF):
         total += q[s + i]
     out[_LN_PEAK] = _ln(v * _HALF) - _ln(total if total > 1 else 1)
+    bump(q, far, out)
+
+
+def bump(q, far, out):
+    """How the image changes along the stroke by its shape alone: eleven changes over their rms, and that.
+
+    far: the middle sensors' sum over 24..33 mm.
+    """
+    out[_PULL] = out[_TILT_3_5]
+    out[_PULL + 1] = out[_TILT_6_9]
+    out[_PULL + 2] = out[_TILT_10_14]
+    out[_PULL + 3] = out[_TILT_15_19]
+    out[_PULL + 4] = out[_TILT_20_24]
+    out[_PULL + 5] = tilt(q, 25, 33)
+    out[_LIFT] = trace(q, far, 0, 2)
+    out[_LIFT + 1] = out[_TRACE_3_5]
+    out[_LIFT + 2] = out[_TRACE_7_9]
+    out[_LIFT + 3] = out[_TRACE_12_16]
+    out[_LIFT + 4] = out[_TRACE_17_22]
+    most = _LEAST_CHANGE
+    for i in range(_PULL, COUNT):
+        v = out[i]
+        if i >= _LIFT:
+            if v > _MOST_LIFT:
+                v = _MOST_LIFT
+            elif v < -_MOST_LIFT:
+                v = -_MOST_LIFT
+            v <<= 2
+            out[i] = v
+        if v < 0:
+            v = -v
+        if v > most:
+            most = v
+    r = _ratio(_LEAST_CHANGE, most)
+    s = _mul(r, r)
+    for i in range(_PULL, COUNT):
+        r = _ratio(out[i], most)
+        out[i] = r
+        s += _mul(r, r)
+    s = (_ln(s) - _LN_CHANGES) >> 1  # ln of their rms over the greatest, and 12 ln 2
+    out[BUMP] = _ln(most) + s - 36 * _LN2
+    s = fixed.exp(12 * _LN2 - s, 0)
+    for i in range(_PULL, COUNT):
+        out[i] = _mul(out[i], s)
 
 
 def dip(q, far, low, high):
@@ -182,7 +233,7 @@ def spread(q, low, high, total):
 
 def no_press(out):
     """Mark the press's features as absent."""
-    for i in range(PRESS, COUNT):
+    for i in range(PRESS, BUMP):
         if i != _BASE_SHARE:
             out[i] = ABSENT
 

@@ -35,7 +35,7 @@ def takes(model):
 
 def of_press(i):
     """Whether feature i is one of the press."""
-    return features.PRESS <= i < features.PRESS + 9 or features.PRESS_OUTER <= i < features.COUNT
+    return features.PRESS <= i < features.PRESS + 9 or features.PRESS_OUTER <= i < features.BUMP
 
 
 def answer(kind, first):

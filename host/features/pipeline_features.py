@@ -25,6 +25,8 @@ Floats = NDArray[np.float64]
 
 GRID_MM = np.arange(-28.0, 29.0)
 REACH_MM = np.arange(-34.0, 35.0)
+LEAST_CHANGE_MM = 0.0066
+"""Beside the changes in their rms, so that those of noise alone stay small."""
 
 
 class StrokeTooShort(UsageError):
@@ -200,6 +202,12 @@ def _features(
         "tilt_15_19": tilt(15, 19),
         "tilt_20_24": tilt(20, 24),
     }
+    pulls = [tilt(*of) for of in ((3, 5), (6, 9), (10, 14), (15, 19), (20, 24), (25, 33))]
+    lifts = [4 * np.clip(trace(*of), -4, 4) for of in ((0, 2), (3, 5), (7, 9), (12, 16), (17, 22))]
+    changes = np.array(pulls + lifts)
+    bump = np.sqrt((LEAST_CHANGE_MM**2 + changes @ changes) / len(changes))
+    out["ln_bump"] = np.log(bump)
+    out |= dict(zip(feature_names.NAMES[features.BUMP + 1 :], changes / bump, strict=True))
     out["base_share"] = out["ln_base"] - out["ln_force"]
     at_parts = press_features.at_parts(pressed, out["ln_force"])
     out |= dict(zip(press_features.NAMES, at_parts, strict=True))

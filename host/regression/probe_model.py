@@ -100,7 +100,9 @@ def features_version(names: Sequence[str]) -> int:
     newest = max(columns(names))
     if newest < firmware_features.PRESS:
         return 1
-    return 2 if newest < firmware_features.PRESS_OUTER else firmware_features.FEATURES_VERSION
+    if newest < firmware_features.PRESS_OUTER:
+        return 2
+    return 3 if newest < firmware_features.BUMP else firmware_features.FEATURES_VERSION
 
 
 def fit_polynomial(

@@ -50,12 +50,16 @@ def test_a_place_in_the_models_arrays_has_one_number():
 def test_a_feature_and_a_parameter_of_the_gaussian_stand_where_their_names_say():
     assert len(feature_names.NAMES) == features.COUNT
     of_the_press = [name for name in feature_names.NAMES if name.startswith("press_")]
-    others = [name for name in feature_names.NAMES if name not in of_the_press]
+    bump = feature_names.NAMES[features.BUMP :]
+    assert bump[0] == "ln_bump" and bump[features._PULL - features.BUMP] == "pull_3_5"
+    assert bump[features._LIFT - features.BUMP] == "lift_0_2"
+    others = [name for name in feature_names.NAMES if name not in (*of_the_press, *bump)]
     places = {name: vars(features)["_" + name.upper()] for name in others}
     first = features.PRESS, features.PRESS_OUTER
     later = [name for name in of_the_press if "_outer_" in name]
     for at, names in zip(first, ([n for n in of_the_press if n not in later], later)):
         places |= {name: at + k for k, name in enumerate(names)}
+    places |= {name: features.BUMP + k for k, name in enumerate(bump)}
     assert [places[name] for name in feature_names.NAMES] == list(range(features.COUNT))
     assert features._LN2 == gauss._LN2 == gaussfit._LN2 == fixed.LN2
     for module in (features, gaussfit):

@@ -16,7 +16,7 @@ from palpate.regression.any_tissue.observed import TRUTH, ObservedInTissue, join
 from palpate.regression.conformal import LEVEL, Widths, calibrate, fit_sigma, out_of_fold
 from palpate.regression.domain import DomainCheck, fit_domain, with_ranges
 from palpate.regression.field.model import FLAGGED_INSIDE, UNFAMILIAR_INSIDE, even_odds, familiar_unseen
-from palpate.regression.field.recipe import CUBIC, FIELD_FEATURES
+from palpate.regression.field.recipe import CUBIC
 from palpate.regression.observed import NAMES
 from palpate.regression.probe_model import HARD_BELOW, Polynomial, fit_polynomial, standardised
 from palpate.regression.ridge import Term, all_terms, fit_ridge, importance, monomials
@@ -36,9 +36,6 @@ STIFFNESS = OUTPUTS.index("E^-2/3")
 _OF_DEPTH = OUTPUTS.index("ln d"), OUTPUTS.index("ln h")
 """The depth's interval follows from theirs (`answer.depth_mm`): wider for one alone, they would contradict
 each other."""
-SCALE_FREE = tuple(n for n in FIELD_FEATURES if n not in ("ln_force", "ln_base"))
-"""What does not change when all moduli and the force do; ln_base less ln_force is the twentieth."""
-
 PRESS_TERMS, STROKE_TERMS, FOLDS, GROUPS = 50, 200, 4, 4
 """So many that the board has room for both stages; 120 and 340 err by a fiftieth less."""
 _WIDER_H = (1.0, 1.025, 1.05, 1.075, 1.1)
@@ -47,8 +44,16 @@ PRESS = tuple(name for name in press_features.NAMES if name not in press_feature
 ESTIMATES = ("ln_reach", "ln_t", "ln_layers")
 DEEPEST = "press_d_full"
 """The one of the press that the second stage has too: where there was no press it is outside the domain."""
-_STROKE = (*SCALE_FREE, "base_share")
-_CUBIC = tuple(n for n in CUBIC if n in SCALE_FREE)
+_STROKE = (
+    *("asinh_amp", "ln_stdev", "dip_6_10", "ln_misfit", "trace_7_9", "trace_12_16", "dip_12_16", "ln_peak"),
+    *("ln_width_far", "ln_bump", "pull_3_5", "pull_6_9", "pull_10_14", "pull_15_19", "pull_20_24"),
+    *("pull_25_33", "lift_3_5", "lift_17_22", "base_share"),
+)
+"""What does not change when all moduli and the force do: the nineteen that were left when those worth least
+to held-out lumps were dropped, two at a time."""
+ALONE = "ln_d_far"
+"""How deep the probe sinks, where there is no press to say it."""
+_CUBIC = (*(n for n in CUBIC if n in _STROKE), "ln_bump", "pull_6_9", "pull_10_14")
 """What may be multiplied by two others, with `base_share` and the press's estimates."""
 
 
@@ -111,13 +116,13 @@ class TissueModel:
 def _inputs(seen: ObservedInTissue, estimates: Floats | None) -> Floats:
     """The second stage's features, by `input_names`."""
     x = seen.X[:, [NAMES.index(name) for name in _STROKE]]
-    last = seen.X[:, [NAMES.index(name) for name in (DEEPEST, "ln_force")]]
-    return np.column_stack([x, last[:, 1:]] if estimates is None else [x, estimates, last])
+    last = seen.X[:, [NAMES.index(name) for name in (ALONE if estimates is None else DEEPEST, "ln_force")]]
+    return np.column_stack([x, last] if estimates is None else [x, estimates, last])
 
 
 def input_names(with_press: bool) -> tuple[str, ...]:
     """Names of the second stage's features."""
-    return (*_STROKE, *ESTIMATES, DEEPEST, "ln_force") if with_press else (*_STROKE, "ln_force")
+    return (*_STROKE, *ESTIMATES, DEEPEST, "ln_force") if with_press else (*_STROKE, ALONE, "ln_force")
 
 
 def truth(seen: ObservedInTissue) -> Floats:
