@@ -44,17 +44,18 @@ PRESS = tuple(name for name in press_features.NAMES if name not in press_feature
 ESTIMATES = ("ln_reach", "ln_t", "ln_layers")
 DEEPEST = "press_d_full"
 """The one of the press that the second stage has too: where there was no press it is outside the domain."""
-_STROKE = (
+STROKE = (
     *("asinh_amp", "ln_stdev", "dip_6_10", "ln_misfit", "trace_7_9", "trace_12_16", "dip_12_16", "ln_peak"),
     *("ln_width_far", "ln_bump", "pull_3_5", "pull_6_9", "pull_10_14", "pull_15_19", "pull_20_24"),
     *("pull_25_33", "lift_3_5", "lift_17_22", "base_share"),
 )
-"""What does not change when all moduli and the force do: the nineteen that were left when those worth least
-to held-out lumps were dropped, two at a time."""
+"""Of the stroke, what does not change when all moduli and the force do: the nineteen that were left when
+those worth least to held-out lumps on the border were dropped, two at a time."""
+LAST = (DEEPEST, "ln_force")
 ALONE = "ln_d_far"
 """How deep the probe sinks, where there is no press to say it."""
-_CUBIC = (*(n for n in CUBIC if n in _STROKE), "ln_bump", "pull_6_9", "pull_10_14")
-"""What may be multiplied by two others, with `base_share` and the press's estimates."""
+_CUBIC = (*CUBIC, "ln_bump", "pull_6_9", "pull_10_14", "base_share", *ESTIMATES)
+"""What may be multiplied by two others."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +63,12 @@ class Scope:
     """What a model is for.
 
     ranges: of `OUTPUTS`, link scale; what lies beyond is outside the domain. parts: those for each of which
-    the intervals are to hold.
+    the intervals are to hold. features: of the stroke, for the second stage.
     """
 
     ranges: Mapping[str, tuple[float, float]]
     parts: Callable[[ObservedInTissue], Parts]
+    features: tuple[str, ...] = STROKE
 
 
 @dataclass(frozen=True)
@@ -94,10 +96,10 @@ class TissueModel:
     domain: DomainCheck
 
     def inputs(self, seen: ObservedInTissue, tissue: Floats | None = None) -> Floats:
-        """The second stage's features, (n, features), by `input_names`; tissue as in `answer`."""
+        """The second stage's features, (n, features), by `stroke.names`; tissue as in `answer`."""
         if tissue is None and self.with_press:
             tissue = self.press.predict(press_features.named(seen.press, self.press.names))
-        return _inputs(seen, tissue)
+        return _inputs(self.stroke.names, seen, tissue)
 
     def answer(self, seen: ObservedInTissue, tissue: Floats | None = None) -> TissueAnswers:
         """Estimates of every stroke; tissue (n, 3): what stands in the first stage's place."""
@@ -113,16 +115,17 @@ class TissueModel:
         return self.domain.inside(X, self.stroke.standard(X), said.y, said.half)
 
 
-def _inputs(seen: ObservedInTissue, estimates: Floats | None) -> Floats:
-    """The second stage's features, by `input_names`."""
-    x = seen.X[:, [NAMES.index(name) for name in _STROKE]]
-    last = seen.X[:, [NAMES.index(name) for name in (ALONE if estimates is None else DEEPEST, "ln_force")]]
-    return np.column_stack([x, last] if estimates is None else [x, estimates, last])
+def _inputs(names: tuple[str, ...], seen: ObservedInTissue, estimates: Floats | None) -> Floats:
+    """The second stage's features, by `names`: the firmware's, and the press's estimates (n, 3)."""
+    of = {} if estimates is None else dict(zip(ESTIMATES, estimates.T, strict=True))
+    return np.column_stack([of[n] if n in of else seen.X[:, NAMES.index(n)] for n in names])
 
 
-def input_names(with_press: bool) -> tuple[str, ...]:
-    """Names of the second stage's features."""
-    return (*_STROKE, *ESTIMATES, DEEPEST, "ln_force") if with_press else (*_STROKE, ALONE, "ln_force")
+def _input_names(of_stroke: tuple[str, ...], with_press: bool) -> tuple[str, ...]:
+    """Names of the second stage's features; `_candidates` takes those behind the estimates for themselves."""
+    if with_press:
+        return (*of_stroke, *ESTIMATES, DEEPEST, "ln_force")
+    return (*of_stroke, "ln_force") if ALONE in of_stroke else (*of_stroke, ALONE, "ln_force")
 
 
 def truth(seen: ObservedInTissue) -> Floats:
@@ -165,8 +168,8 @@ def _candidates(names: tuple[str, ...]) -> tuple[Term, ...]:
 
     Where moduli and forces scale together only F and E_fat change, and both go as the force.
     """
-    alone = [k for k, name in enumerate(names) if name in (DEEPEST, "ln_force")]
-    among = {names.index(name) for name in (*_CUBIC, "base_share", *ESTIMATES) if name in names}
+    alone = [k for k, name in enumerate(names) if name in LAST]
+    among = {names.index(name) for name in _CUBIC if name in names and name not in LAST}
     cubic = tuple(t for t in combinations_with_replacement(sorted(among), 3))
     return (*all_terms(min(alone), 2), *cubic, *((k,) for k in alone))
 
@@ -206,8 +209,8 @@ def fit_tissue_model(
     step("press")
     within = int(train.found[:within].sum())
     found = train.take(train.found)
-    X = _inputs(found, guessed[train.found] if with_press else None)
-    names = input_names(with_press)
+    names = _input_names(scope.features, with_press)
+    X = _inputs(names, found, guessed[train.found] if with_press else None)
     Y = truth(found)
     chosen = best_terms(X, Y, found.group, _candidates(names), STROKE_TERMS)
 

@@ -20,7 +20,6 @@ from palpate.regression.any_tissue.model import (
     Scope,
     TissueModel,
     fit_tissue_model,
-    input_names,
     truth,
 )
 from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe
@@ -90,7 +89,7 @@ def strange_checks(
     own = seen.take(seen.found)
     others = {kind: other.take(other.found) for kind, other in strange.items()}
     return fit_checks(
-        input_names(True)[:-1],
+        model.stroke.names[:-1],
         model.inputs(own)[:, :-1],
         own.group,
         {kind: (model.inputs(other)[:, :-1], other.group) for kind, other in others.items()},
@@ -101,7 +100,7 @@ def strange_checks(
 
 def unlike(check: FirstStage, model: TissueModel, seen: ObservedInTissue) -> np.ndarray:
     """Whether one of the checks is above 0, (n)."""
-    return above_zero(check, input_names(True), model.inputs(seen))
+    return above_zero(check, model.stroke.names, model.inputs(seen))
 
 
 def strange_table(

@@ -47,6 +47,13 @@ def _parts(seen: ObservedInTissue) -> Parts:
     return quarters(seen) | places(seen)
 
 
+FEATURES = (
+    *("asinh_amp", "ln_stdev", "ln_centre_share", "ln_misfit", "asinh_rise", "trace_7_9", "trace_12_16"),
+    *("tilt_3_5", "tilt_6_9", "dip_0_2", "dip_12_16", "ln_peak", "ln_width_near", "ln_width_far"),
+    *("lift_0_2", "lift_7_9", "lift_12_16", "lift_17_22", "base_share"),
+)
+"""Of the stroke; found as `any_tissue.model.STROKE` was, on these lumps."""
+
 ANYWHERE = Scope(
     MappingProxyType(
         RANGES
@@ -56,6 +63,7 @@ ANYWHERE = Scope(
         }
     ),
     _parts,
+    FEATURES,
 )
 """The fat's thickness for itself; depth is no output, but h holds it roughly: 2 mm under the skin to 30."""
 
