@@ -38,7 +38,7 @@ from palpate.sim.tissue.solid.stroke import simulate_forces as simulate_solid
 
 MADE: dict[str, dict[str, Any]] = {
     FIELD: {"lumps": 1300, "noise": "typical", "seed": 1},
-    BALLS: {"design": "balls:680:1", "noise": "typical", "seed": 1},
+    BALLS: {"design": "balls:1000:1", "noise": "typical", "seed": 1},
     ANYWHERE: {"lumps": 1000, "noise": "typical", "seed": 1},
     TOLD: {
         "lumps": 1024,
