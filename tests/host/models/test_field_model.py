@@ -12,7 +12,7 @@ from palpate.models.coverage import NAMES, coverage
 # A gain of all cells that is off, in one sample by three times its spread, goes into F and E_fat.
 NEAR = {
     models.FIELD: {"F_N_per_m": 0.08, "t_mm": 0.08, "d_mm": 0.15, "h": 0.2, "E_fat_kPa": 0.12},
-    models.BALLS: {"F_N_per_m": 0.08, "t_mm": 0.17, "d_mm": 0.2, "h": 0.25, "E_fat_kPa": 0.12},
+    models.BALLS: {"F_N_per_m": 0.08, "t_mm": 0.17, "d_mm": 0.2, "h": 0.25, "E_fat_kPa": 0.16},
     models.ANYWHERE: {"F_N_per_m": 0.08, "t_mm": 0.1, "d_mm": 0.12, "h": 0.35, "E_fat_kPa": 0.12},
     models.TOLD: {"F_N_per_m": 0.08, "t_mm": 0.06, "d_mm": 0.06, "h": 0.1, "E_fat_kPa": 1e-6},
 }
