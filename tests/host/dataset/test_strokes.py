@@ -69,7 +69,7 @@ def test_answers_are_the_probe_s(home):
         ),
         (
             "flat.mcap,1,A,12,8,\n",
-            "row 2, column recording: flat.mcap has no displacement, and the model needs ln_d",
+            "row 2, column recording: flat.mcap has no displacement, and the model needs dip_6_10",
         ),
     ],
 )

