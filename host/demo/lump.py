@@ -7,7 +7,7 @@ from palpate.cli.output import note
 LUMP = "d12h06e20f07_ball"
 """The lump under the emulated probe: a ball that no model has met."""
 
-NOISE, SEED = "typical", 5
+NOISE, SEED = "typical", 10
 
 
 def say(text: str) -> None:
