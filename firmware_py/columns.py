@@ -8,21 +8,32 @@ Where a hand presses harder the image grows sideways: the columns at the edge ga
 the force, those in the middle less. In some columns' rows that would be a bump; `even_out` takes it out.
 """
 
-from firmware_py import fixed, geometry
+from firmware_py import constant, fixed, geometry
+
+const = constant.const
 
 _exp = fixed.exp
 _ln = fixed.ln
 _mul = fixed.mul
+_ratio = fixed.ratio
 
 COLS = geometry.COLUMNS
 CLEAR = 6  # the best column must rise this many times the scatter above the columns that see nothing
 NEARLY_ALL = COLS * 11 // 13
 _ROWS = geometry.ROWS
 FEWEST = 8  # bins beside the lump
-_BESIDE_UM = 16000  # from so far off the lump the images tell what the force does to the columns' share
-_LEAST = 2048  # of a bin's image, Q5 counts: less is no contact
-_LEAN = 16777  # .001: with squares of ln force that add up to this the slope leans half way to none
-_NONE = 0x3FFFFFFF
+# from so far off the lump the images tell what the force does to the columns' share
+_BESIDE_UM = const(16000)
+_LEAST = const(2048)  # of a bin's image, Q5 counts: less is no contact
+_LEAN = const(16777)  # .001: with squares of ln force that add up to this the slope leans half way to none
+_NONE = const(0x3FFFFFFF)
+# in which ring a column lies, by how far off the best is: 0 up to 2 mm, then up to 5, 9 and 15 mm
+_STEP_UM = geometry.PITCH_UM
+_RING = bytes(
+    [(x > 2000) + (x > 5000) + (x > 9000) + (x > 15000) for x in range(0, COLS * _STEP_UM, _STEP_UM)]
+)
+_LEAST_CORE = const(128)  # Q3 counts: of weaker bumps columns see little but noise
+_MOST_OF_CORE = const(0x4000000)  # 4, Q24
 
 
 def make_bump(points, centre, stdev, bump):
@@ -34,9 +45,11 @@ def make_bump(points, centre, stdev, bump):
         bump[i] = _exp(-(z * z >> 1), 14) if -21000 < z < 21000 else 0
         s += bump[i]
     mean = s // points
+    over = s - mean * points
     norm = 0
     for i in range(points):
-        bump[i] -= mean
+        # its sum is 0 to the last bit: what all places read alike must not count
+        bump[i] -= mean + 1 if i < over else mean
         norm += bump[i] * bump[i]
     if norm < 4096:
         return 0
@@ -87,15 +100,42 @@ def scatter(answer):
     return high * 39 // 64
 
 
-def choose(answer, out, span):
-    """Set span[0], span[1] to the first column used and the one after the last; returns the best column."""
-    span[0] = 0
-    span[1] = COLS
+def best_of(answer, out):
+    """The column where three neighbours' mean, out[c], is greatest."""
     smooth(answer, 1, out)
     best = 0
     for c in range(COLS):
         if out[c] > out[best]:
             best = c
+    return best
+
+
+def rings(answer, out, found, at):
+    """Set found[at], ... to what columns ever further from the best see of the bump, over what it sees.
+
+    found[at]: those over 2 and up to 5 mm off, then up to 9 mm, then up to 15 mm; the best is all within 2
+    mm, and 16 counts at least. Q24, held at +-4.
+    """
+    best = best_of(answer, out)
+    for i in range(10):
+        out[i] = 0
+    for c in range(COLS):
+        k = _RING[abs(c - best)]
+        out[k] += answer[c]
+        out[k + 5] += 1
+    near = out[5]
+    core = max(out[0], _LEAST_CORE * near)
+    for k in range(1, 4):
+        v = _ratio(out[k] * near, core * out[k + 5]) if out[k + 5] else 0
+        found[at] = max(-_MOST_OF_CORE, min(_MOST_OF_CORE, v))
+        at += 1
+
+
+def choose(answer, out, span):
+    """Set span[0], span[1] to the first column used and the one after the last; returns the best column."""
+    span[0] = 0
+    span[1] = COLS
+    best = best_of(answer, out)
     peak = out[best]
     noise = scatter(answer) + 1
     # standard error of three columns' mean: .58 of one's

@@ -194,8 +194,8 @@ class Chain:
         features.from_profile(self.profile, self.features)
         force = self.force if self.force > 1 else 1
         features.finish(force, self.calibration.count_mpa, self.features)
-        self._look_at_press(force)
+        self._look_further(force)
         return middle
 
-    def _look_at_press(self, force):
-        """Fill the features of the press, of a stroke with this force; a small build leaves them absent."""
+    def _look_further(self, force):
+        """Fill the features of columns and press, of a stroke with this force; a small build has none."""

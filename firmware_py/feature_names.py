@@ -56,4 +56,7 @@ NAMES = (
     "lift_7_9",
     "lift_12_16",
     "lift_17_22",
+    "across_3_5",  # how much of the bump the columns 3..5 mm from the best see / those within 2 mm
+    "across_6_9",
+    "across_10_15",
 )

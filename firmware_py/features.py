@@ -14,8 +14,8 @@ _mul = fixed.mul
 _window = profile.window
 
 # raised when features are added; what was there keeps its place and its meaning, so older models go on
-FEATURES_VERSION = 4
-COUNT = const(55)
+FEATURES_VERSION = 5
+COUNT = const(58)
 # where each stands in the vector: their places in feature_names.NAMES; a test holds them equal
 _LN_BASE = const(0)
 _LN_AMP = const(1)
@@ -50,9 +50,10 @@ _TILT_20_24 = const(29)
 PRESS = const(30)  # the first nine of the press; those before it are version 1's
 _BASE_SHARE = const(39)
 PRESS_OUTER = const(40)  # three more of the press, version 3's
-BUMP = const(43)  # it and those behind it are version 4's
+BUMP = const(43)  # it and the eleven behind it are version 4's
 _PULL = const(44)
 _LIFT = const(50)
+ACROSS = const(55)  # it and those behind it are version 5's
 # and of the Gaussian's parameters (gauss.py)
 _BASE = const(0)
 _AMP = const(1)
@@ -72,7 +73,7 @@ _HALF = geometry.HALF_ROWS
 _OUTERMOST = profile.OUTERMOST
 _AT_8_MM, _OUTER, _WEIGHTS = geometry.between(8000)
 TENTH_PERMILLE = 1678  # 1e-4
-ABSENT = -0x1FFFFFFF  # a feature of a press that there was not: outside every model's domain
+ABSENT = -0x1FFFFFFF  # of a press that there was not, of columns not looked at: outside every domain
 FLOOR = 16384  # the least base, Q11: 8 counts
 _CHANGES = const(11)
 _LEAST_CHANGE = const(110729)  # .0066 mm: in the sum beside them, so that noise alone stays small
@@ -178,7 +179,7 @@ def bump(q, far, out):
     out[_LIFT + 3] = out[_TRACE_12_16]
     out[_LIFT + 4] = out[_TRACE_17_22]
     most = _LEAST_CHANGE
-    for i in range(_PULL, COUNT):
+    for i in range(_PULL, ACROSS):
         v = out[i]
         if i >= _LIFT:
             if v > _MOST_LIFT:
@@ -193,14 +194,14 @@ def bump(q, far, out):
             most = v
     r = _ratio(_LEAST_CHANGE, most)
     s = _mul(r, r)
-    for i in range(_PULL, COUNT):
+    for i in range(_PULL, ACROSS):
         r = _ratio(out[i], most)
         out[i] = r
         s += _mul(r, r)
     s = (_ln(s) - _LN_CHANGES) >> 1  # ln of their rms over the greatest, and 12 ln 2
     out[BUMP] = _ln(most) + s - 36 * _LN2
     s = fixed.exp(12 * _LN2 - s, 0)
-    for i in range(_PULL, COUNT):
+    for i in range(_PULL, ACROSS):
         out[i] = _mul(out[i], s)
 
 
@@ -249,6 +250,8 @@ def finish(force, count_mpa, out):
     out[_LN_FORCE] = _ln(force) + LN_SUM_TO_N_PER_M + unit
     out[_BASE_SHARE] = out[_LN_BASE] - out[_LN_FORCE]
     no_press(out)
+    for i in range(ACROSS, COUNT):
+        out[i] = ABSENT
     for i in range(COUNT):
         if out[i] > 0x1FFFFFFF:
             out[i] = 0x1FFFFFFF

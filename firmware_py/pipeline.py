@@ -15,6 +15,7 @@ from firmware_py import (
     calib,
     columns,
     feature_chain,
+    features,
     gauss,
     geometry,
     memory,
@@ -153,7 +154,9 @@ class Pipeline(feature_chain.Chain):
         image[_ROWS] = outer * _ROWS // (2 * _MIDDLE)
         return image
 
-    def _look_at_press(self, force):
+    def _look_further(self, force):
+        if not self.fixed_columns:
+            columns.rings(self.columns, self._small, self.features, features.ACROSS)
         kept = self.press.kept
         if self.stuck:
             from firmware_py import hanging  # seldom needed: a board has no room for it at other times
@@ -171,6 +174,8 @@ class Pipeline(feature_chain.Chain):
         span = self.span
         span[0] = 0
         span[1] = _COLUMNS
+        for i in range(_COLUMNS):
+            self.columns[i] = 0
         if self.fixed_columns:
             span[0] = self.fixed_columns[0]
             span[1] = self.fixed_columns[1]

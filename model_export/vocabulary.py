@@ -20,7 +20,9 @@ OF_THE_PRESS = tuple(
     for name in feature_names.NAMES[first : first + n]
 )
 """The firmware's features that a stroke has only where a press preceded it."""
+OF_THE_COLUMNS = feature_names.NAMES[features.ACROSS : features.COUNT]
+"""Those that a probe with fixed columns does not have."""
 ABSENT = features.ABSENT / 2**24
-"""What stands for each of these where there was no press, or too little of one."""
+"""What stands for each of these where there was no press or too little of one, or where columns are fixed."""
 
 Term = tuple[int, ...]

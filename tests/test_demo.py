@@ -43,6 +43,9 @@ def test_the_estimate_is_near_the_truth(demo):
         said = result["estimate"][name]
         assert said["value"] == pytest.approx(result["truth"][name], rel=share), name
         assert said["low"] <= result["truth"][name] <= said["high"], name
+    for name in ("width_mm", "place_mm"):
+        said = result["across"][name]
+        assert said["low"] <= result["truth"][name] <= said["high"], name
 
 
 def test_it_leaves_the_picture_the_recording_and_the_image(demo):

@@ -24,6 +24,8 @@ ROWS = (
     ("t_mm", "fat thickness t", "mm"),
     ("E_fat_kPa", "fat's stiffness", "kPa"),
     ("F_N_per_m", "force F", "N/m"),
+    ("width_mm", "width across (host)", "mm"),
+    ("place_mm", "place across (host)", "mm"),
 )
 
 
@@ -47,7 +49,7 @@ def draw(
     found : TactileMap
         The probe's own tactile map and Gaussian fit.
     estimate : dict
-        The estimate's JSON form.
+        The estimate's JSON form, with what the host adds across the stroke.
     truth : dict
         The case's inputs, under the estimate's names.
     headline : str
@@ -56,7 +58,7 @@ def draw(
         All panels in one column, for a phone.
     """
     with style.look():
-        size = (3.7, 13.5) if narrow else (11.5, 5.9)
+        size = (3.7, 15.0) if narrow else (11.5, 6.9)
         w_pad, h_pad = (0.1, 0.08) if narrow else (None, None)
         figure = Figure(
             figsize=size, layout=ConstrainedLayoutEngine(w_pad=w_pad, h_pad=h_pad), facecolor="white"
@@ -64,7 +66,7 @@ def draw(
         if headline:
             figure.suptitle(headline, x=0.01, ha="left", fontsize=14, weight="bold")
         parts: Any = (
-            figure.subfigures(3, 1, height_ratios=(1, 1, 1.25))
+            figure.subfigures(3, 1, height_ratios=(1, 1, 1.6))
             if narrow
             else figure.subfigures(1, 3, width_ratios=(1.05, 1, 1), wspace=0.04)
         )
@@ -106,17 +108,21 @@ def _displacement(ax: Axes, frames: list[Frame], found: TactileMap) -> None:
 
 def _estimate(figure: SubFigure, estimate: dict[str, Any], truth: dict[str, float]) -> None:
     level = round(100 * estimate["level"])
-    rows = [row for row in ROWS if row[0] in estimate and row[0] in truth]
+    rows = [row for row in ROWS if estimate.get(row[0]) is not None and row[0] in truth]
     axes = np.atleast_1d(figure.subplots(len(rows), 1))
     for ax, (name, label, unit) in zip(axes, rows):
-        value, low, high = (max(estimate[name][key], 0.0) for key in ("value", "low", "high"))
+        least = -np.inf if name == "place_mm" else 0.0
+        # to a thousandth at the least: a place may be as good as 0, and none is -0
+        value, low, high = (
+            round(max(estimate[name][key], least), 3) + 0.0 for key in ("value", "low", "high")
+        )
         ax.plot([low, high], [0, 0], color=style.TEAL, lw=6, alpha=0.3, solid_capstyle="butt",
                 label=f"{level} % interval")  # fmt: skip
-        ax.plot(value, 0, "o", color=style.TEAL, ms=7, label="the probe's estimate")
+        ax.plot(value, 0, "o", color=style.TEAL, ms=7, label="estimate")
         ax.plot(truth[name], 0, "D", color=style.ORANGE, ms=6, mfc="none", mew=1.8, label="truth")
         edges = np.array([low, high, value, truth[name]])
         pad = 0.25 * max(np.ptp(edges), 1e-3 * abs(value), 1e-3)
-        ax.set(xlim=(max(edges.min() - pad, 0.0), edges.max() + pad), ylim=(-1, 1), yticks=[])
+        ax.set(xlim=(max(edges.min() - pad, least), edges.max() + pad), ylim=(-1, 1), yticks=[])
         words = f"{label}: {value:.3g} {unit}".rstrip()
         ax.set_title(style.powers(f"{words}, truth {truth[name]:.3g}"), weight="normal")
         ax.spines["left"].set_visible(False)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from palpate.cli.output import progress
 from palpate.cli.stream import counts_line
 from palpate.demo.lump import LUMP, NOISE, SEED, say
 from palpate.errors import PalpateError
 from palpate.link.events import Estimate, Frame, TactileMap
+
+if TYPE_CHECKING:
+    from palpate.across.told import AcrossStroke
 
 
 def emulate_step(runtime: str, out: Path) -> Any:
@@ -63,9 +66,11 @@ def stroke_step(port: str, recording: Path) -> tuple[list[Frame], TactileMap, Es
     return frames, found, estimate
 
 
-def replay_step(recording: Path) -> bool:
-    """Replay the recording: is every estimate the same, bit for bit?"""
+def replay_step(recording: Path) -> tuple[bool, AcrossStroke | None]:
+    """Replay the recording: is every estimate the same, bit for bit? And what the host tells across."""
     from palpate.recording.replay import replay
 
     strokes = list(replay(recording))
-    return bool(strokes) and all(stroke.identical for stroke in strokes)
+    told = strokes[-1].told if strokes else None
+    identical = bool(strokes) and all(stroke.identical for stroke in strokes)
+    return identical, None if told is None else told.across

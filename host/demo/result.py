@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,6 +12,9 @@ from palpate.cli.output import table
 from palpate.demo.lump import LUMP, NOISE
 from palpate.link.answer import stiffness_words
 from palpate.link.events import Estimate
+
+if TYPE_CHECKING:
+    from palpate.across.told import AcrossStroke
 
 
 @dataclass(frozen=True)
@@ -22,8 +25,10 @@ class DemoResult:
     ----------
     estimate : dict
         The probe's own estimate, in its JSON form.
+    across : dict or None
+        Width and place across the stroke, which the host worked out, in their JSON form.
     truth : dict
-        The case's inputs under the estimate's names.
+        The case's inputs under the estimates' names.
     replay_identical : bool
         True where the host's replay of the recording gave the same integers.
     model_id : str
@@ -37,6 +42,7 @@ class DemoResult:
     """
 
     estimate: dict[str, Any]
+    across: dict[str, Any] | None
     truth: dict[str, float]
     replay_identical: bool
     model_id: str
@@ -59,20 +65,24 @@ def truth() -> dict[str, float]:
         "E_inv23": case.E_ratio ** (-2 / 3),
         "E_ratio": case.E_ratio,
         "E_fat_kPa": case.fat_kPa,
+        "width_mm": 2 * case.half_axes_mm[1],
+        "place_mm": case.offset_mm,
     }
 
 
-def summary(estimate: Estimate, true: dict[str, float], files: dict[str, Path]) -> Any:
+def summary(
+    estimate: Estimate, across: AcrossStroke | None, true: dict[str, float], files: dict[str, Path]
+) -> Any:
     """The demo's stroke as the report's first section."""
     from palpate.report.items import Summary
 
     text = (
         f"One stroke of an emulated probe over a lump no model has seen ({LUMP}), {NOISE} sensors in a hand "
-        "whose force wanders. The probe worked the numbers out by itself, in integers; the host's replay of "
-        "the recording gives the same."
+        "whose force wanders. The probe worked the numbers out by itself, in integers; what lies across the "
+        "stroke is the host's. The host's replay of the recording gives the same."
     )
     title = "What the probe felt, and what it says"
-    rows, level = rows_of(estimate, true), _level(estimate)
+    rows, level = rows_of(estimate, across, true), _level(estimate)
     return Summary(verdict(estimate, true), text, title, rows, files["picture"], files["narrow"], level)
 
 
@@ -94,11 +104,15 @@ def verdict(estimate: Estimate, true: dict[str, float]) -> str:
     return f"A lump of {size:.1f} mm, {depth[0]:.1f} mm deep, {estimate.hardness}: {factor}{caveat}"
 
 
-def rows_of(estimate: Estimate, true: dict[str, float]) -> list[tuple[str, str, str, str]]:
-    """Quantity, value, interval and truth, as text; nothing here can be below 0."""
+def rows_of(
+    estimate: Estimate, across: AcrossStroke | None, true: dict[str, float]
+) -> list[tuple[str, str, str, str]]:
+    """Quantity, value, interval and truth, as text; but for the place nothing here can be below 0."""
     spans = {name: estimate.span(name) for name in estimate.outputs}
-    if (depth := estimate.depth_mm) is not None:
-        spans["depth_mm"] = depth
+    added = {"depth_mm": estimate.depth_mm}
+    if across is not None:
+        added |= {"width_mm": across.width_mm, "place_mm": across.place_mm}
+    spans |= {name: span for name, span in added.items() if span is not None}
     names = {
         "d_mm": "diameter d, mm",
         "depth_mm": "depth, mm",
@@ -107,11 +121,14 @@ def rows_of(estimate: Estimate, true: dict[str, float]) -> list[tuple[str, str, 
         "E_inv23": "stiffness E^(-2/3)",
         "E_fat_kPa": "stiffness of the fat, kPa",
         "F_N_per_m": "force F, N/m",
+        "width_mm": "width across, mm (host)",
+        "place_mm": "place across, mm (host)",
     }
     rows = []
     for name, words in names.items():
         if name in spans:
-            value, low, high = (max(x, 0.0) for x in spans[name])
+            # places to a hundredth, and none of them -0
+            value, low, high = (round(x, 2) + 0.0 if name == "place_mm" else max(x, 0.0) for x in spans[name])
             rows.append((words, f"{value:.3g}", f"{low:.3g} to {high:.3g}", f"{true[name]:.3g}"))
     if "E_inv23" in spans:
         factor = stiffness_words(spans["E_inv23"], spans.get("E_fat_kPa"))
@@ -122,6 +139,7 @@ def rows_of(estimate: Estimate, true: dict[str, float]) -> list[tuple[str, str, 
 
 def say_result(
     estimate: Estimate,
+    across: AcrossStroke | None,
     truth: dict[str, float],
     identical: bool,
     files: dict[str, Path],
@@ -129,7 +147,7 @@ def say_result(
 ) -> None:
     """Print the estimate beside the truth, and where the files lie."""
     click.echo(f"   {verdict(estimate, truth)}", err=stderr)
-    table(("", "the probe says", _level(estimate), "truth"), rows_of(estimate, truth), stderr=stderr)
+    table(("", "the probe says", _level(estimate), "truth"), rows_of(estimate, across, truth), stderr=stderr)
     click.echo(
         f"   {'inside' if estimate.in_domain else 'outside'} the model's domain; "
         f"replay: {'identical' if identical else 'DIFFERENT'}",

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from palpate import models
 from palpate.cli.output import console, progress
@@ -19,6 +19,9 @@ from palpate.errors import PalpateError
 from palpate.files import whole_file
 from palpate.link.events import Estimate, Frame, TactileMap
 from palpate.sim.probe.node import check_runtime
+
+if TYPE_CHECKING:
+    from palpate.across.told import AcrossStroke
 
 EXPERIENCE = "the thesis' thirty strokes"
 
@@ -84,15 +87,16 @@ def run(out: Path, runtime: str = "micropython", fresh: bool = False, stderr: bo
             model_id = flash_step(probe.port, image)
         with step("Stroke", "frames, displacement, and the probe's own estimate"):
             frames, found, estimate = stroke_step(probe.port, files["recording"])
-            identical = replay_step(files["recording"])
+            identical, across = replay_step(files["recording"])
             true = truth()
-            _pictures(files, frames, found, estimate, true)
+            _pictures(files, frames, found, estimate, across, true)
     with step("Report", "this stroke, and the thesis' figures and tables from the thirty"):
-        _report(strokes, thesis, files["report"], summary(estimate, true, files))
-    say_result(estimate, true, identical, files, stderr)
+        _report(strokes, thesis, files["report"], summary(estimate, across, true, files))
+    say_result(estimate, across, true, identical, files, stderr)
     if not identical:
         raise PalpateError("the host's replay of the stroke differs from what the probe sent")
-    return DemoResult(estimate.as_dict(), true, identical, model_id, len(image), files, step.seconds)
+    said = None if across is None else across.as_dict()
+    return DemoResult(estimate.as_dict(), said, true, identical, model_id, len(image), files, step.seconds)
 
 
 def _report(strokes: list[Any], thesis: Any, page: Path, told: Any) -> None:
@@ -118,12 +122,14 @@ def _pictures(
     frames: list[Frame],
     found: TactileMap,
     estimate: Estimate,
+    across: AcrossStroke | None,
     truth: dict[str, float],
 ) -> None:
     """For a desk with the verdict as its headline; for a phone, whose report has it as its own."""
     from palpate.demo.picture import draw
 
+    said = ({} if across is None else across.as_dict()) | estimate.as_dict()
     with whole_file(files["picture"]) as part:
-        draw(part, frames, found, estimate.as_dict(), truth, verdict(estimate, truth))
+        draw(part, frames, found, said, truth, verdict(estimate, truth))
     with whole_file(files["narrow"]) as part:
-        draw(part, frames, found, estimate.as_dict(), truth, narrow=True)
+        draw(part, frames, found, said, truth, narrow=True)

@@ -17,6 +17,7 @@ from palpate.features import pipeline_steps as steps
 from palpate.features import press_features
 from palpate.features.pipeline_steps import Gaussian, fit_like_firmware
 from palpate.model_export.fixed_point.force_map import ForceMap
+from palpate.model_export.vocabulary import ABSENT
 from palpate.sim.probe.cells import PITCH_MM, ROW_MM
 
 __all__ = ["Gaussian", "Reference", "StrokeTooShort", "compute", "fit_like_firmware"]
@@ -134,12 +135,22 @@ def compute(
     if press:
         hang = steps.hanging(mean_counts, calibration.dead)
         pressed = press_features.curves(steps.mended(press[0], hang), press[1], calibration)
-    found = _features(x, image, depth, middle + fit.centre, fit, float(force.mean()), pressed)
+    seen_by = np.full(len(steps.RINGS_MM), ABSENT)
+    if not fixed_columns:
+        seen_by = steps.rings(answer, calibration.count_mpa * 1e-6)
+    found = _features(x, image, depth, middle + fit.centre, fit, float(force.mean()), pressed, seen_by)
     return Reference(found, y, fit, float(middle), (int(span[0]), int(span[1])), answer)
 
 
 def _features(
-    x: Floats, image: Floats, depth: Floats, centre: float, fit: Gaussian, force: float, pressed: Floats
+    x: Floats,
+    image: Floats,
+    depth: Floats,
+    centre: float,
+    fit: Gaussian,
+    force: float,
+    pressed: Floats,
+    across: Floats,
 ) -> dict[str, float]:
     w = steps.weights(x, centre + REACH_MM)
     r, d = w @ image, w @ depth
@@ -207,7 +218,8 @@ def _features(
     changes = np.array(pulls + lifts)
     bump = np.sqrt((LEAST_CHANGE_MM**2 + changes @ changes) / len(changes))
     out["ln_bump"] = np.log(bump)
-    out |= dict(zip(feature_names.NAMES[features.BUMP + 1 :], changes / bump, strict=True))
+    out |= dict(zip(feature_names.NAMES[features.BUMP + 1 : features.ACROSS], changes / bump, strict=True))
+    out |= dict(zip(feature_names.NAMES[features.ACROSS :], across, strict=True))
     out["base_share"] = out["ln_base"] - out["ln_force"]
     at_parts = press_features.at_parts(pressed, out["ln_force"])
     out |= dict(zip(press_features.NAMES, at_parts, strict=True))

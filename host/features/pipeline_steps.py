@@ -10,12 +10,16 @@ from numpy.typing import ArrayLike, NDArray
 from firmware_py import bins, calib, columns, gauss, geometry, search, stuck
 from palpate.errors import UsageError
 from palpate.features.gaussian import bounded_bump
-from palpate.sim.probe.cells import ROW_MM, SHAPE
+from palpate.sim.probe.cells import COLUMN_MM, ROW_MM, SHAPE
 
 Floats = NDArray[np.float64]
 
 _ROUNDING = 1e-6
 """Of a bin's mean, which the firmware rounds down to an eighth of a count."""
+
+RINGS_MM = ((2, 5), (5, 9), (9, 15))
+"""Over so far from the best column and up to so far; it stands for those within `_CORE_MM`."""
+_CORE_MM, _LEAST_CORE_COUNTS = 2.0, 16
 
 STDEV_BOUNDS_MM = (gauss.MIN_STDEV / 2**16, gauss.MAX_STDEV / 2**16)
 
@@ -164,7 +168,7 @@ def fit_like_firmware(
 def choose_columns(answer: Floats) -> tuple[int, int]:
     """The columns that see the lump, from each column's share of the bump (firmware_py.columns)."""
     every = (0, len(answer))
-    smooth = np.array([answer[max(c - 1, 0) : c + 2].mean() for c in range(len(answer))])
+    smooth = _smooth(answer)
     best = int(smooth.argmax())
     peak = smooth[best]
     second = np.abs(np.diff(answer, 2))
@@ -182,6 +186,23 @@ def choose_columns(answer: Floats) -> tuple[int, int]:
     if len(far) >= 4 and far.mean() * 3 > peak:
         return every
     return a, b
+
+
+def rings(answer: Floats, count_kPa: float) -> Floats:
+    """What columns ever further from the best see of the bump, over what those within 2 mm of it do, (3,).
+
+    The latter is 16 counts at least; count_kPa: one of them, in the unit of `answer`.
+    """
+    away_mm = np.round(np.abs(COLUMN_MM - COLUMN_MM[_smooth(answer).argmax()]), 6)
+    core = max(answer[away_mm <= _CORE_MM].mean(), _LEAST_CORE_COUNTS * count_kPa)
+    parts = [answer[(away_mm > low) & (away_mm <= high)] for low, high in RINGS_MM]
+    out: Floats = np.clip([part.mean() / core if len(part) else 0.0 for part in parts], -4.0, 4.0)
+    return out
+
+
+def _smooth(answer: Floats) -> Floats:
+    """Means of each column and its neighbours."""
+    return np.array([answer[max(c - 1, 0) : c + 2].mean() for c in range(len(answer))])
 
 
 def evened_out(rows: Floats, beside_mm: Floats, force: Floats) -> Floats:

@@ -98,11 +98,8 @@ def columns(names: Sequence[str]) -> list[int]:
 def features_version(names: Sequence[str]) -> int:
     """The first version of the firmware's features that has all of these: older probes take such a model."""
     newest = max(columns(names))
-    if newest < firmware_features.PRESS:
-        return 1
-    if newest < firmware_features.PRESS_OUTER:
-        return 2
-    return 3 if newest < firmware_features.BUMP else firmware_features.FEATURES_VERSION
+    f = firmware_features
+    return 1 + sum(newest >= first for first in (f.PRESS, f.PRESS_OUTER, f.BUMP, f.ACROSS))
 
 
 def fit_polynomial(

@@ -113,15 +113,15 @@ def test_checks_of_the_press_say_nothing_where_there_was_none(by_press):
     body = image_builder.build(by_press, compiler.compile_model(by_press), None, 1)
     code, model = loaded(body)
     assert code == status.OK
-    X = pressed(by_press, 2000)
+    X = pressed(by_press, 4000)
     values = reference.checks_of(by_press, reference.inputs(by_press, X))
-    assert (values[:1000, 2] == 0).all() and 100 < (values[1000:, 2] > 0).sum() < 900
-    assert (values[:1000, :2] > 0).any(axis=1).sum() > 100, "those of the stroke go on"
+    assert (values[:2000, 2] == 0).all() and 200 < (values[2000:, 2] > 0).sum() < 1800
+    assert (values[:2000, :2] > 0).any(axis=1).sum() > 200, "those of the stroke go on"
     without = dataclasses.replace(by_press, checks=None)
     _, plain = loaded(image_builder.build(without, compiler.compile_model(without), None, 1))
     flags = 1 + evaluator.FLAGS
     inside, was = (said(m, X)[:, flags] & outputs.IN_DOMAIN > 0 for m in (model, plain))
-    assert (was & inside)[1000:].sum() > 10 < (was & ~inside)[1000:].sum()
+    assert (was & inside)[2000:].sum() > 10 < (was & ~inside)[2000:].sum()
     clear = np.where(values == 0, 1.0, np.abs(values)).min(axis=1) > 1e-3
     assert np.array_equal(inside[clear], (was & ~(values > 0).any(axis=1))[clear])
 

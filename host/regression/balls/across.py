@@ -1,9 +1,9 @@
 """What a model of solid lumps says across the stroke: how wide a lump is, and where it lies.
 
 The probe has no room for either; the host works them out (`palpate.across`). The width is a polynomial of the
-second stage's features, learnt from emulated strokes as that stage is. The place is the middle of the bump
-that the columns see, stretched: a face curved along the stroke alone shows it nearer to the middle than it
-is. How wide the place's interval must be depends on how clear that bump is.
+second stage's features, learnt as that stage is. The place is the middle of the bump that the columns see,
+stretched: a face curved along the stroke alone shows it nearer to the middle than it is. How wide the place's
+interval must be depends on how clear that bump is.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """`fit_to_balls`: from a set of computed strokes over balls and ellipsoids to a model of solid lumps.
 
-The model is fitted to strokes that an emulator makes from all computed lumps. What is said of it, and how
-wide its intervals are, comes from computed lumps that neither had met (`training.held_out_fold`).
+The model is fitted to all computed strokes, and to others that an emulator makes from them. What is said of
+it, and how wide its intervals are, comes from computed lumps that neither had met (`training.held_out_fold`).
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ from palpate.regression.balls.training import (
     BallStudy,
     Fold,
     across_factor,
-    emulated,
     emulated_seed,
     held_out_fold,
     judged,
     observed,
+    taught,
     train,
     widened,
     width_factors,
@@ -123,7 +123,7 @@ def fit_to_balls(
         tell("plane-strain model asked")
     study = studies[noise, True]
     emulator = fit_emulator(lumps)
-    seen = emulated(emulator, noise, seed, blob, count)
+    seen = taught(emulator, lumps, noise, seed, blob, count)
     tell("emulated")
     trained = train(seen)
     left_out = [fold.studies[noise, True] for fold in folds]

@@ -20,7 +20,7 @@ from palpate.regression.any_tissue.model import OUTPUTS, STIFFNESS, truth
 from palpate.regression.any_tissue.observed import TRUTH, ObservedInTissue, TissueLump
 from palpate.regression.balls.emulator import fit_emulator
 from palpate.regression.balls.fit import held_out_folds
-from palpate.regression.balls.training import BallStudy, emulated, judged, observed, train
+from palpate.regression.balls.training import BallStudy, judged, observed, taught, train
 from palpate.regression.probe_model import HARD_BELOW
 
 PARTS = 3
@@ -59,7 +59,8 @@ def learning_of(
     asked = observed(lumps[known:], noise, seed, force_map, known)
     rows = []
     for n in (known // 8, known // 4, known // 2, known):
-        trained = train(emulated(fit_emulator(lumps[:n]), noise, seed, force_map))
+        own = lumps[:n]
+        trained = train(taught(fit_emulator(own), own, noise, seed, force_map))
         # of the width the sizes of errors are learnt; only computed lumps make intervals of them
         said = replace(trained.study(asked, with_press=True), width_half=None)
         rows.append({"computed": n, **said.row(f"{n} lumps computed")})

@@ -1,8 +1,9 @@
-"""A model of solid lumps, learnt from emulated strokes and held to computed ones.
+"""A model of solid lumps, learnt from emulated strokes and computed ones, and held to others.
 
 The emulator (`emulator.py`) knows the computed lumps and gives as many others as a model of two stages needs
-(`any_tissue.model`). How wide its intervals must be is then counted on computed lumps that emulator and model
-have not seen: the emulator's own error is in it.
+(`any_tissue.model`); the computed ones are learnt from beside them, since they have none of its error. How
+wide its intervals must be is then counted on computed lumps that emulator and model have not seen: the
+emulator's own error is in it.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from palpate.features import press_features
 from palpate.features.map_features import Floats
+from palpate.model_export.vocabulary import OF_THE_COLUMNS
 from palpate.regression.any_tissue.model import ON_BORDER, TissueModel, fit_tissue_model, truth
 from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe
 from palpate.regression.any_tissue.study import TissueStudy
@@ -32,22 +34,26 @@ from palpate.regression.table import r_squared
 from palpate.sim.tissue.solid.design import ball_cases
 
 EMULATED, DRAWS, FOLDS = 4000, 3, 4
+OWN_DRAWS = 6
+"""Strokes over each computed lump that a model learns from."""
 EMULATED_SEED = 77
 """Of the emulated lumps; computed ones are of another."""
 
+_LEFT_OUT = ("ln_force", "ln_base", "ln_d_far", "tilt_6_9", "dip_12_16")
 SCOPE = replace(
     ON_BORDER,
-    features=(*(n for n in FIELD_FEATURES if n not in ("ln_force", "ln_base")), "base_share"),
+    features=(*(n for n in FIELD_FEATURES if n not in _LEFT_OUT), "base_share", *OF_THE_COLUMNS),
 )
-"""Lumps on the border; the features of the told model, but for what grows with moduli and force. Those of the
-bump bring nothing here: the noise is in the narrow image of a ball, not in how it is put together."""
+"""Lumps on the border; the features of the told model, but for what grows with moduli and force, and in place
+of the three worth least how the bump is spread across. Those of its shape along the stroke bring nothing
+here: the noise is in the narrow image of a ball, not in how it is put together."""
 
 Step = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class Trained:
-    """What emulated strokes teach.
+    """What strokes teach.
 
     `alone` does without the press; `width` estimates the width across from the same features as `model`, and
     stays on the host.
@@ -123,6 +129,19 @@ def emulated(
     )
 
 
+def taught(
+    emulator: StrokeEmulator,
+    lumps: Sequence[TissueLump],
+    noise: str,
+    seed: int,
+    force_map: bytes,
+    count: int = EMULATED,
+) -> ObservedInTissue:
+    """What a model learns from: emulated strokes, and those over the lumps behind the emulator."""
+    others = emulated(emulator, noise, seed, force_map, count)
+    return joined([others, observed(lumps, noise, seed, force_map, first=count, draws=OWN_DRAWS)])
+
+
 _AT_ONCE = 1500
 """Cases whose images are in memory together; three a lump."""
 
@@ -133,7 +152,7 @@ def emulated_seed(seed: int) -> int:
 
 
 def train(seen: ObservedInTissue) -> Trained:
-    """Fit to emulated strokes."""
+    """Fit to strokes of `taught`."""
     model = fit_tissue_model(seen, True, press_names=press_features.NAMES, scope=SCOPE)
     found = seen.take(seen.found)
     width = fit_width(model.stroke, model.inputs(found), found)
@@ -158,10 +177,11 @@ def held_out_fold(
     """Leave out one of `FOLDS` equal parts, emulate and fit without it, and ask about it."""
     ends = np.linspace(0, len(lumps), FOLDS + 1).astype(int)
     first, last = int(ends[fold]), int(ends[fold + 1])
-    emulator = fit_emulator([*lumps[:first], *lumps[last:]])
+    rest = [*lumps[:first], *lumps[last:]]
+    emulator = fit_emulator(rest)
     studies = {}
     for level in levels:
-        trained = train(emulated(emulator, level, seed, force_map, count))
+        trained = train(taught(emulator, rest, level, seed, force_map, count))
         seen = observed(lumps[first:last], level, seed, force_map, first)
         for with_press in (False, True):
             studies[level, with_press] = trained.study(seen, with_press)

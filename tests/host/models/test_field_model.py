@@ -8,6 +8,7 @@ from palpate import models
 from palpate.link.events import OUTPUTS
 from palpate.models.build import MADE, sample
 from palpate.models.coverage import NAMES, coverage
+from palpate.regression.probe_model import features_version
 
 # A gain of all cells that is off, in one sample by three times its spread, goes into F and E_fat.
 NEAR = {
@@ -16,6 +17,7 @@ NEAR = {
     models.ANYWHERE: {"F_N_per_m": 0.08, "t_mm": 0.1, "d_mm": 0.12, "h": 0.35, "E_fat_kPa": 0.12},
     models.TOLD: {"F_N_per_m": 0.08, "t_mm": 0.06, "d_mm": 0.06, "h": 0.1, "E_fat_kPa": 1e-6},
 }
+SINCE = {"tilt_20_24": 1, "base_share": 2, "press_outer_full": 3, "lift_17_22": 4, "across_3_5": 5}
 each = pytest.mark.parametrize("name", models.NAMES)
 
 
@@ -43,6 +45,17 @@ def test_its_answers_are_near_the_truth(name):
             assert stroke[output]["value"] == pytest.approx(stroke[output]["truth"], rel=share), stroke[
                 "code"
             ]
+
+
+def test_each_asks_for_no_newer_probe_than_its_features_need():
+    wanted = {name: models.load(name).features_version for name in models.NAMES}
+    assert wanted == {models.FIELD: 4, models.BALLS: 5, models.ANYWHERE: 4, models.TOLD: 2}
+
+
+@pytest.mark.parametrize(("newest", "version"), SINCE.items())
+def test_a_model_fitted_now_asks_for_no_newer_one_either(newest, version):
+    """Whatever was not the oldest asked for the newest, once a fifth version came."""
+    assert features_version(["ln_base", newest]) == version
 
 
 def test_only_the_one_that_was_told_its_tissue_does_without_the_press():
