@@ -12,7 +12,8 @@ from palpate.features.map_features import Floats
 from palpate.sim.probe.cells import COLUMN_MM
 
 _WIDTHS_MM = np.geomspace(1.6, 18.0, 14)
-_PLACES_MM = np.arange(-18.0, 18.01, 0.5)
+_PLACES_MM = np.arange(-180, 181) / 10
+"""So fine that the clearest of bumps, with its likelihood in one place of the grid, is where it is."""
 _CLEAREST = 0.003
 """Of the blur: under it nothing becomes clearer."""
 

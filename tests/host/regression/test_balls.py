@@ -48,6 +48,13 @@ def test_a_bump_across_is_found_where_it_is_and_as_wide_as_it_is(place, width):
     )
 
 
+@pytest.mark.parametrize("place", [-4.75, -0.23, 0.15, 2.36])
+def test_the_clearest_of_bumps_is_not_drawn_to_a_grid(place):
+    """Places half a millimetre apart took it whole, and a ball near the line lay on it to the nanometre."""
+    bump = np.exp(-((COLUMN_MM - place) ** 2) / (2 * 3.3**2))
+    assert across(40 + 4000 * bump).place_mm == pytest.approx(place, abs=0.06)
+
+
 def test_columns_that_all_see_as_much_say_so():
     rng = np.random.default_rng(2)
     assert across(400 + 2 * rng.standard_normal(26)).share > 0.9
