@@ -27,11 +27,8 @@ _BESIDE_UM = const(16000)
 _LEAST = const(2048)  # of a bin's image, Q5 counts: less is no contact
 _LEAN = const(16777)  # .001: with squares of ln force that add up to this the slope leans half way to none
 _NONE = const(0x3FFFFFFF)
-# in which ring a column lies, by how far off the best is: 0 up to 2 mm, then up to 5, 9 and 15 mm
-_STEP_UM = geometry.PITCH_UM
-_RING = bytes(
-    [(x > 2000) + (x > 5000) + (x > 9000) + (x > 15000) for x in range(0, COLS * _STEP_UM, _STEP_UM)]
-)
+# how many columns from the best one those lie that are up to 2, 5, 9 and 15 mm off
+_RINGS = bytes([x // geometry.PITCH_UM for x in (2000, 5000, 9000, 15000)])
 _LEAST_CORE = const(128)  # Q3 counts: of weaker bumps columns see little but noise
 _MOST_OF_CORE = const(0x4000000)  # 4, Q24
 
@@ -120,7 +117,9 @@ def rings(answer, out, found, at):
     for i in range(10):
         out[i] = 0
     for c in range(COLS):
-        k = _RING[abs(c - best)]
+        k = 0
+        while k < 4 and abs(c - best) > _RINGS[k]:
+            k += 1
         out[k] += answer[c]
         out[k + 5] += 1
     near = out[5]

@@ -10,7 +10,7 @@ from array import array
 
 from firmware_py import geometry
 
-BINS = 56  # 84 mm of travel: with many more, 40 kB would not stay free beside a model of two stages
+BINS = 55  # 82.5 mm of travel: with many more, 40 kB would not stay free beside a model of two stages
 # what checks and loads a model
 FLASHING = ("model_image", "model_check", "unpack", "stage_image", "slh_dsa", "sha_thumb")
 CALIBRATING = ("calibrate", "reference")

@@ -12,6 +12,7 @@ from firmware_py import sensor_array, status
 from palpate import array
 from palpate.cli import main
 from palpate.errors import UsageError
+from palpate.model_export.vocabulary import OF_THE_COLUMNS
 
 ROOT = Path(__file__).parent.parent
 REFERENCE = Path(str(sensor_array.__file__)).read_text()
@@ -45,10 +46,15 @@ def chain(path, runtime, directory):
     return json.loads(done.stdout.splitlines()[-1])
 
 
+def wrong(worst, most, across):
+    """Those further off than `most`, or `across` of what tells how a bump is spread across."""
+    return {name: v for name, v in worst.items() if v > (across if name in OF_THE_COLUMNS else most)}
+
+
 @pytest.mark.parametrize("runtime", ["micropython", pytest.param("cpython", marks=pytest.mark.long)])
 def test_eight_by_twelve_at_3_mm_from_strokes_to_an_estimate(tmp_path, runtime):
     said = chain(description(tmp_path, 8, 12, 3000), runtime, tmp_path)
-    assert {name: v for name, v in said["worst"].items() if v > 2e-3} == {}
+    assert wrong(said["worst"], 2e-3, across=0.02) == {}
     recorded_kPa, true_kPa = said["means"]  # was divided by the reference's 416 cells
     assert recorded_kPa == pytest.approx(true_kPa, abs=1e-3) and true_kPa > 0.1
     assert said["array"] == said["image_for"] == "8x12 at 3000 um"
@@ -69,7 +75,8 @@ def test_the_integers_of_other_arrays_are_right_and_in_range(tmp_path, shape):
     # on a face of 64 mm a row bears up to 5.6 times the mean: the force map once held it to 3, and ln_misfit
     # was .49 from float64
     said = chain(description(tmp_path, *shape), "none", tmp_path)
-    assert {name: v for name, v in said["worst"].items() if v > 3e-3} == {}
+    # and columns of cells of 2 mm see so little of a bump that an eighth of a count is a tenth of it
+    assert wrong(said["worst"], 3e-3, across=0.1) == {}
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-gc.threshold(32768)  # what loading modules leaves behind is cleared away before the next one is put there
+gc.threshold(40960)  # what loading modules leaves behind is cleared away before the next one is put there
 
 from firmware_py import (  # noqa: E402
     counters,
@@ -117,12 +117,23 @@ class Board:
         return self._scan.displacement() * DISPLACEMENT_UM // (geometry.FULL_COUNT * scan.READINGS)
 
 
+def say(link: "links.UsbLink | links.UartLink", text: str) -> None:
+    """Tell the host something before there is a probe to tell it; what the link does not take is left out."""
+    body = bytearray(len(text) + 16)
+    n = messages.pack(body, messages.TYPE["log"], 0, 0, (messages.LOG_INFO, time.ticks_us()), text.encode())
+    packet = bytearray(wire.wire_size(n))
+    link.write(packet, 0, wire.seal(body, n, packet, 1))
+
+
 def make(link: "links.UsbLink | links.UartLink") -> "tuple[Board, estimator.Estimator]":
     """The board and what makes its estimates; it can be flashed if the public key is in the file key.pub."""
+    global say
     board = Board(link)
+    del scan.scan_order.tables
     key = board.store.read(KEY_FILE, 0, 64)
     if key:
         say(link, "starting: the model's signature is checked")
+    del say  # its place is free when the model is loaded
     estimates = estimator.Estimator(board.store, flash.Flash(board.store, key) if key else None)
     if not key:
         estimates.model_status = status.NO_KEY
@@ -144,14 +155,6 @@ def notes(code: str, estimates: "estimator.Estimator") -> "Iterator[tuple[int, s
         yield messages.LOG_WARNING, "no public key: copy the key's public half onto the probe as " + KEY_FILE
 
 
-def say(link: "links.UsbLink | links.UartLink", text: str) -> None:
-    """Tell the host something before there is a probe to tell it; what the link does not take is left out."""
-    body = bytearray(len(text) + 16)
-    n = messages.pack(body, messages.TYPE["log"], 0, 0, (messages.LOG_INFO, time.ticks_us()), text.encode())
-    packet = bytearray(wire.wire_size(n))
-    link.write(packet, 0, wire.seal(body, n, packet, 1))
-
-
 def _machine_code() -> str:
     """The loops as machine code; what tries them is taken out again."""
     from firmware_py import boards
@@ -168,8 +171,9 @@ def main(uart: bool = False) -> None:
     if rp2.bootsel_button():
         micropython.kbd_intr(3)
         return
-    global _machine_code, make, say, notes  # each is called once, and then given back
+    global _machine_code, make, notes  # each is called once, and then given back
     code = _machine_code()
+    del _machine_code
     gc.threshold(-1)
     link: "links.UsbLink | links.UartLink"
     if uart:
@@ -180,6 +184,6 @@ def main(uart: bool = False) -> None:
     board, estimates = make(link)
     board.watch()
     told = notes(code, estimates)
-    del _machine_code, make, say, notes, scan.scan_order.tables
+    del make, notes
     gc.collect()
     probe.run(board, estimates, told)

@@ -20,6 +20,11 @@ def replayed(replay, model, n_frames=50, **kwargs):
     return frames, code
 
 
+def in_float64(frames, model, fitted_map):
+    x_mm, displacements_mm = frames.positions_um / 1e3, frames.displacements_um / 1e3
+    return field_features.compute(frames.counts, x_mm, displacements_mm, model.calibration(), fitted_map)
+
+
 def test_within_a_fifth_of_a_percent_of_float64_on_200_strokes(fields, replay, fitted_map):
     worst = dict.fromkeys(feature_names.NAMES, 0.0)
     n = 0
@@ -29,13 +34,7 @@ def test_within_a_fifth_of_a_percent_of_float64_on_200_strokes(fields, replay, f
             model = SensorModel(field, LEVELS[level], 100 * i + seed)
             frames, code = replayed(replay, model)
             assert code == status.OK
-            true = field_features.compute(
-                frames.counts,
-                frames.positions_um / 1e3,
-                frames.displacements_um / 1e3,
-                model.calibration(),
-                fitted_map,
-            )
+            true = in_float64(frames, model, fitted_map)
             assert tuple(replay.pipeline.span) == true.columns
             assert replay.pipeline.place_um / 1e3 == pytest.approx(true.place_mm, abs=0.05)
             for name, got in zip(feature_names.NAMES[: features.ACROSS], replay.features()):
@@ -55,13 +54,7 @@ def test_how_a_bump_is_spread_across_is_told_to_a_fiftieth_of_its_best_columns(f
         for across_mm in (2.5, 3.9, 6.0):
             model = SensorModel(field, LEVELS["typical"], i, across_mm=across_mm)
             frames, _ = replayed(replay, model)
-            true = field_features.compute(
-                frames.counts,
-                frames.positions_um / 1e3,
-                frames.displacements_um / 1e3,
-                model.calibration(),
-                fitted_map,
-            )
+            true = in_float64(frames, model, fitted_map)
             of_true = [true.features[name] for name in feature_names.NAMES[features.ACROSS :]]
             off.append(np.abs(replay.features()[features.ACROSS :] - of_true))
             found.setdefault(across_mm, []).append(of_true)

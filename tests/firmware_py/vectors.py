@@ -86,11 +86,20 @@ def _respond(random, total):
         yield maps, points, bump, norm, array("i", bytes(104)), first, int(random.integers(1, 27 - first))
 
 
+def _answer(random):
+    bump = np.exp(-(((np.arange(26) - random.uniform(0, 26)) / random.uniform(1, 12)) ** 2))
+    answer = random.integers(100, 9000) * bump + random.integers(1, 300) * random.normal(size=26)
+    return array("i", answer.astype(int).tolist())
+
+
 def _choose(random, total):
     for _ in range(total):
-        bump = np.exp(-(((np.arange(26) - random.uniform(0, 26)) / random.uniform(1, 12)) ** 2))
-        answer = random.integers(100, 9000) * bump + random.integers(1, 300) * random.normal(size=26)
-        yield array("i", answer.astype(int).tolist()), array("i", bytes(104)), array("i", bytes(8))
+        yield _answer(random), array("i", bytes(104)), array("i", bytes(8))
+
+
+def _rings(random, total):
+    for k in range(total):
+        yield _answer(random), array("i", bytes(104)), array("i", bytes(20)), k % 3
 
 
 def _even_out(random, total):
@@ -151,6 +160,7 @@ _MAKERS = {
     "columns.make_bump": _bump,
     "columns.respond": _respond,
     "columns.choose": _choose,
+    "columns.rings": _rings,
     "columns.even_out": _even_out,
     "stuck.mend": _mend,
     "stuck.full": _full,

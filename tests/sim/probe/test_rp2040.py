@@ -139,7 +139,8 @@ def test_it_starts_in_machine_code_with_its_model_live_and_memory_left(started):
     """With the model that comes with Palpate it did not: 5,560 bytes in one piece were not to be had."""
     board = started
     first, code, memory = board.logs()[:3]
-    print(f"first word after {board.first_us / 1e6:.2f} s, ready after {board.up_us / 1e6:.2f} s; {memory}")
+    ready = f"ready after {board.up_us / 1e6:.3f} s"
+    print(f"first word after {board.first_us / 1e6:.3f} s, {ready}; {memory}")
     assert first.startswith("starting: ")
     assert board.first_us < FIRST_WORD_US
     assert board.up_us < READY_US
