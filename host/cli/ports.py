@@ -19,6 +19,7 @@ from palpate.link.answer import (
     size_words,
     stiffness_kPa,
     stiffness_words,
+    without_minus_zero,
 )
 from palpate.model_export.vocabulary import SHOWN_UNITS, WORDS
 
@@ -118,7 +119,7 @@ def _across_lines(across: AcrossStroke | None) -> list[str]:
         return []
     level = f"{100 * across.level:g} % interval"
     spans = (("width across", across.width_mm), ("place across", across.place_mm))
-    return [_number(words, "mm", _without_minus_zero(span), level) for words, span in spans if span]
+    return [_number(words, "mm", without_minus_zero(span), level) for words, span in spans if span]
 
 
 def _layer_lines(layer: LumpLayer | None) -> list[str]:
@@ -132,11 +133,6 @@ def _layer_lines(layer: LumpLayer | None) -> list[str]:
     if layer.worth_saying:
         lines.append(f"  {'size and stiffness':20} {size_words(layer.sizes, layer.within)}")
     return lines
-
-
-def _without_minus_zero(span: Span) -> Span:
-    value, low, high = (round(v, 3) + 0.0 for v in span)
-    return value, low, high
 
 
 def _number(words: str, unit: str, span: Span, level: str) -> str:

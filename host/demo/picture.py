@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from palpate.demo.result import shown
 from palpate.features.gaussian import bump
 from palpate.link.events import Frame, TactileMap
 from palpate.report import stroke_panels, style
@@ -111,18 +112,16 @@ def _estimate(figure: SubFigure, estimate: dict[str, Any], truth: dict[str, floa
     rows = [row for row in ROWS if estimate.get(row[0]) is not None and row[0] in truth]
     axes = np.atleast_1d(figure.subplots(len(rows), 1))
     for ax, (name, label, unit) in zip(axes, rows):
-        least = -np.inf if name == "place_mm" else 0.0
-        # to a thousandth at the least: a place may be as good as 0, and none is -0
-        value, low, high = (
-            round(max(estimate[name][key], least), 3) + 0.0 for key in ("value", "low", "high")
-        )
+        said = estimate[name]
+        value, low, high = shown(name, (said["value"], said["low"], said["high"]))
         ax.plot([low, high], [0, 0], color=style.TEAL, lw=6, alpha=0.3, solid_capstyle="butt",
                 label=f"{level} % interval")  # fmt: skip
         ax.plot(value, 0, "o", color=style.TEAL, ms=7, label="estimate")
         ax.plot(truth[name], 0, "D", color=style.ORANGE, ms=6, mfc="none", mew=1.8, label="truth")
         edges = np.array([low, high, value, truth[name]])
         pad = 0.25 * max(np.ptp(edges), 1e-3 * abs(value), 1e-3)
-        ax.set(xlim=(max(edges.min() - pad, least), edges.max() + pad), ylim=(-1, 1), yticks=[])
+        left = edges.min() - pad if name == "place_mm" else max(edges.min() - pad, 0.0)
+        ax.set(xlim=(left, edges.max() + pad), ylim=(-1, 1), yticks=[])
         words = f"{label}: {value:.3g} {unit}".rstrip()
         ax.set_title(style.powers(f"{words}, truth {truth[name]:.3g}"), weight="normal")
         ax.spines["left"].set_visible(False)

@@ -10,7 +10,7 @@ import click
 
 from palpate.cli.output import table
 from palpate.demo.lump import LUMP, NOISE
-from palpate.link.answer import stiffness_words
+from palpate.link.answer import Span, stiffness_words, without_minus_zero
 from palpate.link.events import Estimate
 
 if TYPE_CHECKING:
@@ -104,10 +104,18 @@ def verdict(estimate: Estimate, true: dict[str, float]) -> str:
     return f"A lump of {size:.1f} mm, {depth[0]:.1f} mm deep, {estimate.hardness}: {factor}{caveat}"
 
 
+def shown(name: str, span: Span) -> Span:
+    """Value, low and high as they are shown: but for the place nothing can be below 0."""
+    if name == "place_mm":
+        return without_minus_zero(span)
+    value, low, high = (max(x, 0.0) for x in span)
+    return value, low, high
+
+
 def rows_of(
     estimate: Estimate, across: AcrossStroke | None, true: dict[str, float]
 ) -> list[tuple[str, str, str, str]]:
-    """Quantity, value, interval and truth, as text; but for the place nothing here can be below 0."""
+    """Quantity, value, interval and truth, as text."""
     spans = {name: estimate.span(name) for name in estimate.outputs}
     added = {"depth_mm": estimate.depth_mm}
     if across is not None:
@@ -127,8 +135,7 @@ def rows_of(
     rows = []
     for name, words in names.items():
         if name in spans:
-            # places to a hundredth, and none of them -0
-            value, low, high = (round(x, 2) + 0.0 if name == "place_mm" else max(x, 0.0) for x in spans[name])
+            value, low, high = shown(name, spans[name])
             rows.append((words, f"{value:.3g}", f"{low:.3g} to {high:.3g}", f"{true[name]:.3g}"))
     if "E_inv23" in spans:
         factor = stiffness_words(spans["E_inv23"], spans.get("E_fat_kPa"))

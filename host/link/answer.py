@@ -48,6 +48,12 @@ def outside_words(why: Sequence[str]) -> str:
     return "; ".join(told)
 
 
+def without_minus_zero(span: Span) -> Span:
+    """The same to a thousandth, and none of it -0: a place may be as good as 0."""
+    value, low, high = (round(v, 3) + 0.0 for v in span)
+    return value, low, high
+
+
 def depth_mm(t_mm: Span, d_mm: Span, h: Span) -> Span:
     """Fat over the lump, d h, with the interval that the model's three intervals imply.
 
