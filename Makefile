@@ -33,12 +33,13 @@ test-long: ## the campaigns: 2000 random strokes, fuzzing, power cuts
 	@.ci/setup bench
 	$(PY) -m pytest -n 2 --dist loadfile -m long -rP --timeout 7200
 
-lint: dev ## format, style, types, declared dependencies
+lint: dev ## format, style, types, declared dependencies, spelling, prose
 	$(PY) -m ruff format --check .
 	$(PY) -m ruff check .
 	@.ci/lint-types
 	@.ci/lint-firmware
 	$(PY) -m deptry host sim model_export firmware_py tests docs
+	@.ci/lint-prose
 
 format: dev
 	$(PY) -m ruff check --fix .

@@ -9,10 +9,10 @@ import schemdraw
 import schemdraw.elements as elm
 
 from firmware_py import geometry
-from palpate.cli.output import table
-from palpate.sim.probe.readout import FLOATING, FULL_SCALE_KPA, REFERENCE, errors
+from palpate.console import table
 from palpate.sim.tissue import Case, simulate
 from palpate.sim.tissue.probe_shape import ProbeShape
+from tests.sim.probe.readout import FLOATING, FULL_SCALE_KPA, REFERENCE, errors
 
 FIGURES = Path(__file__).parent / "figures"
 LUMP = "d10h08e10f10"

@@ -1,6 +1,6 @@
 """When the next frame is due, and reading it: the one path that must allocate nothing."""
 
-from firmware_py import counters, messages, settings
+from firmware_py import counters, messages, settings, tables
 
 _MASK = counters.MASK
 
@@ -16,6 +16,7 @@ class Acquire:
         self._board = board
         self._counts = counts
         self._values = values
+        self._more = [getattr(board, name) for name in tables.FRAME_MORE]
         self._due_us = 0
         self._begun_us = 0
         self._begun_um = 0
@@ -56,5 +57,7 @@ class Acquire:
         board.scan(counts)
         self.under_way = False
         messages.put_frame_head(body, self.seq, self.time_us, self.position_um, self.displacement_um)
+        for k in range(len(self._more)):
+            messages.put_frame_more(body, k, self._more[k]())
         self.seq = (self.seq + 1) & _MASK
         counters.add(self._counts, counters.FRAMES_ACQUIRED, 1)

@@ -22,21 +22,13 @@ def _never():
     return False
 
 
-def _pipeline(calibration, columns):
-    if columns is None:
-        return pipeline.Pipeline(calibration, once=True)
-    from firmware_py import rowpipeline
-
-    return rowpipeline.RowPipeline(calibration, columns[0], columns[1])
-
-
 def answer(code, model, found, out):
     """What the probe says of a stroke, and a replay must: status, flags, level, distance (permille), values.
 
     code: the pipeline's status, or why there is no model; model: model_image.Model, or None; found: the
     features; out: working space of evaluator.OUT_SIZE numbers.
     """
-    if model is None or code != status.OK and code != status.NO_FIT:
+    if model is None or (code != status.OK and code != status.NO_FIT):
         return code, outputs.INVALID, 0, 0, out[:0]
     code = model.evaluate(found, out)
     distance = min(out[evaluator.DISTANCE], 0xFFFF)
@@ -49,10 +41,9 @@ class Estimator:
     Parameters
     store: see firmware_py/store.py
     flash: flash.Flash, the model's slots and commands; None for a build that cannot be flashed
-    columns: first, last: a small build, which works on the columns first..last-1 (rowpipeline.RowPipeline)
     """
 
-    def __init__(self, store, flash=None, columns=None):
+    def __init__(self, store, flash=None):
         self.calibration = calib.Calibration()
         self._record = safe_record.Record(store, "cal")
         stored = self._record.restore()
@@ -63,8 +54,7 @@ class Estimator:
             if code != status.OK:
                 self.calibration_status = code
         memory.tidy()
-        self._fixed = columns is not None
-        self.pipeline = _pipeline(self.calibration, columns)
+        self.pipeline = pipeline.Pipeline(self.calibration, once=True)
         self.flash = flash
         self.model = None
         self.model_status = status.NO_MODEL
@@ -101,9 +91,7 @@ class Estimator:
     def describe(self):
         """For identify: capabilities, version of the features, the model's status and id."""
         can = messages.CAN_CALIBRATE | (messages.CAN_FLASH if self.flash else 0)
-        if self._fixed:
-            can |= messages.FIXED_COLUMNS
-        elif self.model and self.model.first and self.model.first.refers:
+        if self.model and self.model.first and self.model.first.refers:
             can |= messages.TAKES_REFERENCE | (messages.HOLDS_REFERENCE if self.model.first.held else 0)
         return can, features.FEATURES_VERSION, self.model_status, self.model_id()
 
@@ -173,8 +161,7 @@ class Estimator:
         self._begin_measuring = begin_measuring
         table[messages.TYPE["calibrate"]] = self._calibrate
         table[messages.TYPE["read_back"]] = self._read_back
-        if not self._fixed:
-            table[messages.TYPE["reference"]] = self._reference
+        table[messages.TYPE["reference"]] = self._reference
         if self.flash:
             self.flash.add_handlers(table, self.take_model)
 

@@ -1,7 +1,7 @@
-"""From calibrated rows to features: what every build of the pipeline has in common.
+"""From calibrated rows to features.
 
-A build (pipeline.Pipeline, rowpipeline.RowPipeline) keeps the frames. When the stroke is over it hands
-over each position bin's row means and how deep it was; this does the rest.
+pipeline.Pipeline keeps the frames. When the stroke is over it hands over each position bin's row means and
+how deep it was; this does the rest.
 """
 
 from array import array
@@ -73,13 +73,6 @@ class Chain:
         self.place_um = 0
         self.force = 0
 
-    def begin_press(self):
-        """The probe touches the skin: its press begins. A small build passes over it."""
-
-    def add_press(self, packed, displacement_um, at=0):
-        """Add the packed frame at packed[at:] to the press, until the stroke begins. Allocates nothing."""
-        return status.OK
-
     def finish(self, force_map=None):
         """Work out map, fit and features. force_map: what forcemap.load returned, or None.
 
@@ -116,10 +109,10 @@ class Chain:
         return code
 
     def _take(self):
-        """Fill n, _x, _raw_depth, _rows and _force from the frames; what every build does its own way."""
+        """Fill n, _x, _raw_depth, _rows and _force from the frames."""
 
     def _saturated(self):
-        """Whether cells read full scale; a small build does not look."""
+        """Whether cells read full scale."""
         return False
 
     def _choose(self):
@@ -198,4 +191,4 @@ class Chain:
         return middle
 
     def _look_further(self, force):
-        """Fill the features of columns and press, of a stroke with this force; a small build has none."""
+        """Fill the features of columns and press, of a stroke with this force."""

@@ -20,7 +20,7 @@ class Flash:
     def live(self):
         """The live model or None, and OK or the reason why there is none."""
         model = self.slots.live()
-        return model, status.OK if model else self.status
+        return model, status.OK if model else self.status or status.NO_MODEL
 
     def read_live(self, offset, n):
         """Size of the live image (-1: none) and up to n bytes of it."""
@@ -30,18 +30,12 @@ class Flash:
         return size, self.slots.read(offset, n)
 
     def add_handlers(self, table, take_model):
-        """Add the commands to the probe's table; `take_model` is called when another model went live."""
-
-        def confirm(fields):
-            code = self._confirm(fields[0])
-            if code == status.OK:
-                take_model()
-            return code, (self.slots.live_id(),), b""
-
+        """Add the commands to the probe's table; `take_model` is called when the live model is another."""
+        self.slots.changed = take_model
         table[messages.TYPE["flash_begin"]] = self._begin
         table[messages.TYPE["flash_data"]] = self._data
         table[messages.TYPE["flash_verify"]] = self._verify
-        table[messages.TYPE["flash_confirm"]] = confirm
+        table[messages.TYPE["flash_confirm"]] = self._confirm
         table[messages.TYPE["flash_abort"]] = self._abort
 
     def _begin(self, fields):
@@ -69,24 +63,29 @@ class Flash:
         if code == status.OK:
             code = self.slots.try_()
         memory.forget(memory.FLASHING)
-        trial = self.slots.trial
         if code != status.OK:
             if self.slots.state == slots.IDLE:
                 self._refused = code
             return code, (), b""
-        return code, (trial.model_id if trial else keyring.name(self.slots.successor),), b""
+        return code, (self.slots.trial_id or keyring.name(self.slots.successor[keyring.MOMENT :]),), b""
 
-    def _confirm(self, model_id):
+    def _confirm(self, fields):
+        code = self._go_live(fields[0])
+        memory.forget(memory.FLASHING)
+        return code, (self.slots.live_id(),), b""
+
+    def _go_live(self, model_id):
         """Make the model with this id the live one; done where it is, so that it may be asked again."""
-        trial = self.slots.trial
-        if self.slots.successor and keyring.name(self.slots.successor) == model_id:
+        if self.slots.successor and keyring.name(self.slots.successor[keyring.MOMENT :]) == model_id:
             return self.slots.confirm()
         if self.slots.state == slots.IDLE and keyring.name(self.slots.keys.current) == model_id:
             return status.OK
-        if trial is None or trial.model_id != model_id:
+        if self.slots.trial_id != model_id:
             live = self.slots.model is not None and self.slots.live_id() == model_id
             return status.OK if live and self.slots.state == slots.IDLE else status.BAD_STATE
         return self.slots.confirm()
 
     def _abort(self, _fields):
-        return self.slots.abort(), (self.slots.live_id(),), b""
+        code = self.slots.abort()
+        memory.forget(memory.FLASHING)
+        return code, (self.slots.live_id(),), b""

@@ -41,7 +41,7 @@ STEEPEST = 0x1FFFFF  # 8 in Q18
 # longer one fewer rows bear the force, and each bears more of it
 _RELATIVE_Q = 13
 _long = 30000
-while geometry.LENGTH_UM > _long and _RELATIVE_Q > 10 and _HALF <= 1 << (_RELATIVE_Q - 7):  # sums below 2^30
+while _long < geometry.LENGTH_UM and _RELATIVE_Q > 10 and _HALF <= 1 << (_RELATIVE_Q - 7):  # sums below 2^30
     _RELATIVE_Q -= 1
     _long *= 2
 

@@ -6,7 +6,7 @@
 puts them in the place of the plain ones. Viper's integers are 32 bits and wrap silently; nothing here
 leaves +-2^30: tests/firmware_py checks it on the plain loops and, with viper's types read as plain Python, on
 these.
-Ports without viper (the micro:bit, WebAssembly) do not import this file.
+Ports without viper (WebAssembly) do not import this file.
 
 No number here needs more than 16 bits, zeros at its end not counted. On a Cortex-M0 such a number would lie
 between the instructions and be loaded from an address that is a multiple of four, and MicroPython's build

@@ -4,7 +4,8 @@ The live slot is never written. Nothing has to be undone at a start: `boot` only
 cut as often as one likes. `settle`, after it, repairs what had rotted. slots.py receives a new model.
 
 What checks and loads a model is imported where it is called: a board has no room for it at other times
-(memory.forget).
+(memory.forget). Nor has it room for the tables of two models: the live one is set aside while another is
+tried, and then read again from its slot.
 """
 
 from firmware_py import keyring, memory, safe_record, status
@@ -16,13 +17,18 @@ RECORD_BYTES = 21  # live slot (1), highest counter (4), id of the live model (8
 _NONE = 255
 
 
+def _nobody():
+    pass
+
+
 class LiveModel:
     """The live model of a probe.
 
     Parameters: the store; the public key that signs models (slh_dsa.py); what this firmware
     computes (features_version, feature_count); the probe's identity (model_image.PROBE).
-    `model` is the live model (evaluator.Model) or None. After `boot`, `health` is OK or the worst of
-    REPAIRED, ROTTEN and TRIAL_HUNG (status.py).
+    `model` is the live model (evaluator.Model) or None. `changed` is called whenever it is another one, or
+    for a while none: nobody may hold on to the tables of the one before. After `boot`, `health` is OK or the
+    worst of REPAIRED, ROTTEN and TRIAL_HUNG (status.py).
     """
 
     def __init__(self, store, key, features_version, feature_count, probe):
@@ -36,6 +42,9 @@ class LiveModel:
         self.model = None
         self._live = _NONE
         self._highest = 0
+        self.changed = _nobody
+        self._aside = None  # id of the model that is set aside, and its reference
+        self._reference = ()
 
     def spare(self):
         """The slot that is not live."""
@@ -103,14 +112,20 @@ class LiveModel:
         size = self.store.size(NAMES[slot])
         if size <= 0:
             return status.NO_MODEL, None
-        code, key = self.keys.signed(self._reader(slot), size)
+        code, body = self._signed(slot, size)
         if code != status.OK:
             return code, None
-        memory.tidy()
-        code, model = self._load(slot, key)
+        code, model = self._load(slot, body)
         if code == status.OK:
             code = self._self_test(model, slot)
         return code, model if code == status.OK else None
+
+    def _signed(self, slot, size, stays=True):
+        """(status, bytes before the signature) of a slot; stays: see keyring.Keyring.signed."""
+        try:
+            return self.keys.signed(self._reader(slot), size, stays)
+        except MemoryError:
+            return status.NO_SPACE, 0
 
     def _self_test(self, model, slot):
         from firmware_py import model_image
@@ -119,16 +134,19 @@ class LiveModel:
             return model_image.self_test(model, self._reader(slot), self.feature_count)
         except (OverflowError, ValueError, IndexError):
             return status.OVERFLOW
+        except MemoryError:
+            return status.NO_SPACE
 
     def _reader(self, slot):
         store = self.store
         name = NAMES[slot]
         return lambda offset, n: store.read(name, offset, n)
 
-    def _load(self, slot, key):
-        from firmware_py import model_image, slh_dsa
+    def _load(self, slot, body):
+        """(status, model) of a slot whose signature is good; `body` bytes stand before it."""
+        memory.give_back(memory.SIGNATURE)
+        from firmware_py import model_image
 
-        body = self.store.size(NAMES[slot]) - slh_dsa.signature_size(key)
         return model_image.load(
             self._reader(slot), body, self.features_version, self.feature_count, self.probe
         )
@@ -140,7 +158,7 @@ class LiveModel:
         return status.OK if counter >= self._highest else status.TOO_OLD
 
     def _record_of(self, slot, model, before):
-        """The record with this model live, and another one before it."""
+        """The record with this model live, and the one with the id `before` (or None) before it."""
         highest = max(self._highest, model.counter)
         b = bytearray(RECORD_BYTES)
         b[0] = slot
@@ -148,18 +166,41 @@ class LiveModel:
             b[1 + i] = highest >> 8 * i & 255
         b[5:13] = model.model_id
         if before:
-            b[13:21] = before.model_id
+            b[13:21] = before
         return b
 
     def _make_live(self, slot, model):
         """Put this model, which lies in `slot`, in the live one's place for good. A status."""
-        code = self.record.save(self._record_of(slot, model, self.model))
+        before = self.model.model_id if self.model else self._aside
+        code = self.record.save(self._record_of(slot, model, before))
         if code == status.OK:
             self._highest = max(self._highest, model.counter)
             self._live = slot
             self.health = status.OK
             self.model = model
+            self._aside = None
+            self.changed()
         return code
+
+    def set_aside(self):
+        """The live model's tables make room for another's."""
+        if self.model:
+            first = self.model.first
+            self._aside = self.model.model_id
+            self._reference = tuple(first.reference) if first and first.held else ()
+            self.model = None
+            self.changed()
+
+    def take_back(self):
+        """Read, and check, the live model that was set aside once more; nothing happens if none was."""
+        if self.model or not self._aside:
+            return
+        code, self.model = self._open(self._live)
+        if self.model and self._reference:
+            self.model.first.set(*self._reference)
+        if code != status.OK and code != status.NO_SPACE:
+            self._note(status.ROTTEN)
+        self.changed()
 
     def live(self):
         """The live model, or None."""

@@ -11,8 +11,9 @@ from array import array
 from firmware_py import geometry
 
 BINS = 55  # 82.5 mm of travel: with many more, 40 kB would not stay free beside a model of two stages
+SIGNATURE = ("slh_dsa", "sha_thumb")
 # what checks and loads a model
-FLASHING = ("model_image", "model_check", "unpack", "stage_image", "slh_dsa", "sha_thumb")
+FLASHING = SIGNATURE + ("model_image", "model_check", "unpack", "stage_image")
 CALIBRATING = ("calibrate", "reference")
 
 _reserved = []  # type: list[array[int]]
@@ -38,12 +39,18 @@ def cells(n):
 
 def forget(names):
     """On a small board: give back the code of these modules; importing one loads it again."""
+    if _small:
+        loaded()
+        give_back(names)
+
+
+def give_back(names):
+    """The same where more modules are about to be imported."""
     if not _small:
         return
     for name in names:
         if sys.modules.pop("firmware_py." + name, None):
             delattr(sys.modules["firmware_py"], name)
-    loaded()
     gc.collect()
 
 

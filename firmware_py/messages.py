@@ -53,7 +53,6 @@ DAMAGE_TRIAL_HUNG = 16  # the probe restarted while it tried a model; the one th
 # capabilities (identify, bits)
 CAN_FLASH = 1
 CAN_CALIBRATE = 2
-FIXED_COLUMNS = 4  # a small build, which does not look for the lump across the stroke
 TAKES_REFERENCE = 8  # the live model does
 HOLDS_REFERENCE = 16  # a reference press of this visit
 
@@ -108,8 +107,8 @@ def _table():
 
 TABLE = _table()
 # type -> its fields for `struct`, its tail: all that is needed to pack it
-FORMATS = dict([(d[0], ("<" + d[2], d[4])) for d in COMMANDS + ANSWERS + EVENTS])
-TYPE = dict([(d[1], d[0]) for d in COMMANDS + EVENTS])
+FORMATS = {d[0]: ("<" + d[2], d[4]) for d in COMMANDS + ANSWERS + EVENTS}
+TYPE = {d[1]: d[0] for d in COMMANDS + EVENTS}
 
 
 def head_size(kind):
@@ -203,7 +202,8 @@ def unpack(body, length):
     return values
 
 
-FRAME_HEAD = 17  # bytes before the packed counts of a frame
+_MORE = 17  # where the fields of FRAME_MORE begin
+FRAME_HEAD = _MORE + 4 * len(tables.FRAME_MORE)  # bytes before the packed counts of a frame
 FRAME_BODY = FRAME_HEAD + geometry.FRAME_BYTES
 
 
@@ -222,3 +222,8 @@ def put_frame_head(body, seq, time_us, position_um, displacement_um):
     put_int(body, 5, time_us)
     put_int(body, 9, position_um)
     put_int(body, 13, displacement_um)
+
+
+def put_frame_more(body, k, value):
+    """Write the k-th of `tables.FRAME_MORE`, without allocating."""
+    put_int(body, _MORE + 4 * k, value)

@@ -51,7 +51,8 @@ def features(numbers):
 def check(parts, counts, feature_count, values=0):
     """OK, or what is wrong with an image's sections (parts: number of a section -> its bytes).
 
-    counts: of its program (`unpack.program`); values: how many more features a first stage gives.
+    Of the words, the largest, there is only the length. counts: of the program (`unpack.program`); values:
+    how many more features a first stage gives.
 
     BAD_LENGTH where sections do not fit each other, MISSING_FEATURE, BAD_MODEL where a number is impossible.
     """
@@ -82,7 +83,7 @@ def check(parts, counts, feature_count, values=0):
     size = ((leaves + branches) * sum(sizes[:outputs]) + 7) // 8 + (
         (outputs + n) * sum(sizes[outputs:]) + 7
     ) // 8
-    if len(words) != size + (n * (n + 1) // 2 * DISTANCE_BITS + 7) // 8 or len(info) > INFO_BYTES:
+    if words != size + (n * (n + 1) // 2 * DISTANCE_BITS + 7) // 8 or len(info) > INFO_BYTES:
         return status.BAD_LENGTH
     for byte in info:
         if byte != 10 and not 32 <= byte <= 126:

@@ -147,9 +147,11 @@ def _load(read, body, features_version, feature_count, probe):
     c = array("h", bytearray(2 * (two + coarse)))
     d = array("h", bytearray(2 * two))
     own = array("i", bytearray(4 * outputs * branches))
-    parts = [b""] + [b"" if tag in (NUMBERS, STEPS) else h.section(read, tag) for tag in range(1, SELF_TEST)]
-    parts[NUMBERS] = numbers
-    parts[STEPS] = steps
+    words, length = h.places[WORDS]
+    parts = [b"", numbers, b"", b"", steps, length]
+    for tag in (IDS, FEATURES):
+        parts[tag] = h.section(read, tag)
+    parts += [h.section(read, tag) for tag in range(ROWS, SELF_TEST)]
     staged = h.places[FIRST_STAGE][1] > 0
     code = model_check.check(parts, counts, feature_count, model_check.MOST_VALUES if staged else 0)
     if code != status.OK:
@@ -161,16 +163,13 @@ def _load(read, body, features_version, feature_count, probe):
     head[evaluator.LEAVES] = leaves
     head[evaluator.STEPS] = outer
     low = head[evaluator.LOW_BITS]
-    words = parts[WORDS]
-    parts[WORDS] = b""
-    sigma = ((leaves + branches) * sum(sizes[:outputs]) + 7) // 8
+    sigma = words + ((leaves + branches) * sum(sizes[:outputs]) + 7) // 8
     start = sigma + ((outputs + n) * sum(sizes[outputs:]) + 7) // 8
-    unpack.share(steps, outer, unpack.Numbers(words, 0, sizes[:outputs]), head, c, d, own)
-    more = unpack.Numbers(words, sigma, sizes[outputs:])
+    unpack.share(steps, outer, unpack.Numbers(read, words, sizes[:outputs]), head, c, d, own)
+    more = unpack.Numbers(read, sigma, sizes[outputs:])
     unpack.pieces(more.take(outputs * (outputs + n)), low, c, d, outputs * leaves)
-    for k, v in enumerate(unpack.Numbers(words, start, (DISTANCE_BITS,)).take(coarse)):
+    for k, v in enumerate(unpack.Numbers(read, start, (DISTANCE_BITS,)).take(coarse)):
         c[two + k] = v
-    words = b""
     memory.tidy()
     tables = evaluator.Tables(
         ids,

@@ -20,7 +20,7 @@ TABLE = (
     # (stiffness over the fat's)^(-2/3)
     ("E_inv23", "1", False, "stiffness E^-2/3", 0.0, 2.0 ** (-2 / 3), 1000.0 ** (-2 / 3), 0.9),
     # the fat's modulus at rest; a model that was told its tissue repeats what it was told
-    ("E_fat_kPa", "kPa", True, "stiffness of the fat", 5.0, 25.0, 3.5, 36.0),
+    ("E_fat_kPa", "kPa", True, "stiffness of the fat", 2.0, 40.0, 1.4, 56.0),
 )
 NAMES = tuple([row[0] for row in TABLE])
 UNITS = tuple([row[1] for row in TABLE])

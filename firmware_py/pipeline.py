@@ -79,16 +79,14 @@ class Pipeline(feature_chain.Chain):
     calibration : calib.Calibration
     n_bins, width_um : int
         How many position bins, and how wide; memory is two bytes a cell and bin.
-    fixed_columns : (first, one after the last) to look at these only; None to find those that see the lump
     once : bool
         `finish` is asked for once a stroke; so the rows need not be kept as they were, which is 4 kB.
     """
 
-    def __init__(self, calibration, n_bins=bins.BINS, width_um=bins.WIDTH_UM, fixed_columns=None, once=False):
+    def __init__(self, calibration, n_bins=bins.BINS, width_um=bins.WIDTH_UM, once=False):
         feature_chain.Chain.__init__(self, calibration, n_bins)
         self.press = press.Press()
         self.bins = bins.Bins(n_bins, width_um)
-        self.fixed_columns = fixed_columns
         self.columns = array("i", bytes(4 * _COLUMNS))  # how much of the bump each column sees, Q3 counts
         self.stuck = 0  # how many cells hung all along, and were mended
         self.full = 0  # how many cells, at most, read full scale in one bin
@@ -155,8 +153,7 @@ class Pipeline(feature_chain.Chain):
         return image
 
     def _look_further(self, force):
-        if not self.fixed_columns:
-            columns.rings(self.columns, self._small, self.features, features.ACROSS)
+        columns.rings(self.columns, self._small, self.features, features.ACROSS)
         kept = self.press.kept
         if self.stuck:
             from firmware_py import hanging  # seldom needed: a board has no room for it at other times
@@ -176,9 +173,6 @@ class Pipeline(feature_chain.Chain):
         span[1] = _COLUMNS
         for i in range(_COLUMNS):
             self.columns[i] = 0
-        if self.fixed_columns:
-            span[0] = self.fixed_columns[0]
-            span[1] = self.fixed_columns[1]
         if not self.done:
             self.done = True
             self.n = b.order(self._x, self._raw_depth, self._slot)
@@ -198,9 +192,7 @@ class Pipeline(feature_chain.Chain):
                 self._exact,
                 self._force,
             )
-        if self.fixed_columns:
-            sum_rows(b.cells, self._slot, self.n, span[0], span[1], self._rows, self._force)
-        elif self._exact is not self._rows:
+        if self._exact is not self._rows:
             for i in range(_ROWS * self.n):
                 self._rows[i] = self._exact[i]
 
@@ -220,8 +212,6 @@ class Pipeline(feature_chain.Chain):
 
     def _choose(self):
         """Find the columns that see the lump and sum the rows over them; True if they are not all."""
-        if self.fixed_columns:
-            return False
         span = self.span
         cells = self.bins.cells
         bump = self._small

@@ -320,5 +320,5 @@ def run(board, estimator=None, notes=()):
     while True:
         try:
             board.idle(probe.step())
-        except Exception as error:  # noqa: BLE001  a probe that falls silent helps nobody
-            probe.log(messages.LOG_ERROR, "%s: %s" % (type(error).__name__, error))
+        except Exception as error:  # a probe that falls silent helps nobody
+            probe.log(messages.LOG_ERROR, f"{type(error).__name__}: {error}")

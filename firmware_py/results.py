@@ -1,6 +1,6 @@
 """The last strokes' maps, features and estimates, sent until the host has them.
 
-Which are kept: the estimates of the last 32 strokes, the features and maps of the last 4. A new one takes the
+Which are kept: the estimates of the last 32 strokes, the features and maps of the last 3. A new one takes the
 place of the oldest that was acknowledged, else of the oldest, which is then counted as given up.
 
 Which are sent: those of the stream that began last, one at a time, when no other message waits for the link.
@@ -23,8 +23,8 @@ _ESTIMATES = 2
 _LISTED = 20  # streams in the answer to `results`
 # how many are kept of each, and the numbers behind its fields
 _KEPT = (
-    (messages.TYPE["map"], 4, feature_chain.POINTS),
-    (messages.TYPE["features"], 4, features.COUNT),
+    (messages.TYPE["map"], 3, feature_chain.POINTS),
+    (messages.TYPE["features"], 3, features.COUNT),
     (messages.TYPE["estimate"], 32, outputs.VALUES),
 )
 
@@ -52,7 +52,7 @@ class Ring:
         for i in range(1, len(self.state)):
             if self.state[i] and not self.state[best]:
                 continue
-            if self.state[best] and not self.state[i] or self.older(i, best):
+            if (self.state[best] and not self.state[i]) or self.older(i, best):
                 best = i
         return best
 

@@ -69,7 +69,7 @@ class Settings:
     def set(self, key, value):
         """Change and keep a value; return a status. A value that could not be kept is not changed."""
         code = self.check(key, value)
-        if code != status.OK or self.values[key] == value and self.state != status.ROTTEN:
+        if code != status.OK or (self.values[key] == value and self.state != status.ROTTEN):
             return code
         before = self.values[key]
         self.values[key] = value

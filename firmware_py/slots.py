@@ -37,7 +37,8 @@ class Slots(live_model.LiveModel):
 
     def _forget(self):
         self.trial = None
-        self.successor = b""  # the public key of a succession that was verified
+        self.trial_id = b""  # of the model that was verified
+        self.successor = b""  # moment and public key of a succession that was verified
         self.state = IDLE
         self.received = 0
         self.size = 0
@@ -103,6 +104,14 @@ class Slots(live_model.LiveModel):
         """
         if self.state >= VERIFIED:
             return status.OK
+        # the live model comes back when `_verify` has returned: as long as it runs, what is left on its stack
+        # may keep the tables of the one on trial from being cleared away
+        code = self._verify()
+        if self.state != VERIFIED:
+            self.take_back()
+        return code
+
+    def _verify(self):
         if self.state != RECEIVING or self.received != self.size:
             return status.BAD_STATE
         self._page = bytearray()
@@ -116,21 +125,21 @@ class Slots(live_model.LiveModel):
                 if code == status.OK:
                     self.state = TRIED  # there is nothing to try
                 else:
-                    self.abort()
+                    self._drop()
                 return code
-            from firmware_py import slh_dsa
-
-            code = slh_dsa.verify(self.keys.current, read, self.size)
+            code, body = self._signed(slot, self.size, False)
         if code == status.OK:
             # should it hang, the next start says so; what is live has not been touched
             code = self.store.create(TRIAL, self.store.read(NAMES[slot], 40, 8))
             self.store.sync()
         if code == status.OK:
-            code, self.trial = self._load(slot, self.keys.current)
+            self.set_aside()
+            code, self.trial = self._load(slot, body)
         if self.trial is not None:
+            self.trial_id = self.trial.model_id
             code = self._new_enough(self.trial)
         if code != status.OK:
-            self.abort()
+            self._drop()
             return code
         self.state = VERIFIED
         return status.OK
@@ -141,40 +150,62 @@ class Slots(live_model.LiveModel):
             return status.OK
         if self.state != VERIFIED:
             return status.BAD_STATE
+        code = self._try()
+        self.take_back()
+        return code
+
+    def _try(self):
         code = self._self_test(self.trial, self._target)
+        self.trial = None  # its place is needed
         self.store.remove(TRIAL)
         if code != status.OK:
-            self.abort()
+            self._drop()
             return code
         self.state = TRIED
         return status.OK
 
     def confirm(self):
-        """Make the tried model the live one, for good. A status; on STORE_ERROR the old one stays live."""
+        """Make the tried model the live one, for good. A status; unless it is OK the old one stays live.
+
+        Signature and vectors are tried once more, on what lies in the flash now.
+        """
         if self.state != TRIED:
             return status.BAD_STATE
         if self.successor:
             code = self.keys.take(self.successor)
             if code == status.OK:
-                self.abort()
+                self._drop()
             return code
-        if self.trial is None:
-            return status.BAD_STATE
-        code = self._make_live(self._target, self.trial)
+        self.set_aside()
+        code = self._confirm()
+        self.take_back()
+        return code
+
+    def _confirm(self):
+        code, model = self._open(self._target)
+        if code == status.OK and model.model_id != self.trial_id:
+            code = status.STORE_ERROR
         if code == status.OK:
-            self.trial = None
+            code = self._make_live(self._target, model)
+        if code == status.OK:
+            self.trial_id = b""
             self.state = IDLE
         return code
 
     def abort(self):
         """Drop a model that is on its way; the live one is not touched."""
+        self._drop()
+        self.take_back()
+        return status.OK
+
+    def _drop(self):
         if self.state != IDLE:
             self.store.remove(NAMES[self._target])
             if self.store.size(TRIAL) >= 0:
                 self.store.remove(TRIAL)
         self.trial = None
+        self.trial_id = b""
         self.successor = b""
         self._page = bytearray()
         self.state = IDLE
         self.received = 0
-        return status.OK

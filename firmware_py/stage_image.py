@@ -85,7 +85,8 @@ def load(raw, feature_count, values=0):
     c = array("h", bytearray(2 * outputs * leaves))
     d = array("h", bytearray(2 * outputs * leaves))
     own = array("i", bytearray(4 * outputs * branches))
-    unpack.share(steps, len(steps), unpack.Numbers(raw, at[5], sizes), head, c, d, own)
+    numbers = unpack.Numbers(lambda offset, n: raw[offset : offset + n], at[5], sizes)
+    unpack.share(steps, len(steps), numbers, head, c, d, own)
     rows = unpack.rows(raw[at[3] : at[3] + unpack.ROW_BYTES * outputs])
     ids = model_check.places(ids, feature_count)
     feature_count += values

@@ -63,8 +63,17 @@ ANSWERS = (
     ),  # answers a type that the probe does not know, or a body too short for an id
 )
 
+# What a frame tells besides: whole numbers below 2^30, each from a method of that name on the board.
+FRAME_MORE = ()  # type: tuple[str, ...]
+
 EVENTS = (
-    (0x40, "frame", "IIii", "seq time_us position_um displacement_um", "B"),
+    (
+        0x40,
+        "frame",
+        "IIii" + "i" * len(FRAME_MORE),
+        " ".join(("seq time_us position_um displacement_um",) + FRAME_MORE),
+        "B",
+    ),
     (0x42, "stroke_state", "HIIBIIi", "event_seq stream stroke state time_us frame_seq value", ""),
     (
         0x43,
@@ -140,7 +149,7 @@ def schema_text():
     """The tables above as one string: what the schema hash is taken of."""
     lines = ["palpate %d" % PROTOCOL]
     for kind, name, fields, names, tail in COMMANDS + ANSWERS + EVENTS:
-        lines.append("%02x %s %s %s %s" % (kind, name, fields, names, tail))
+        lines.append(f"{kind:02x} {name} {fields} {names} {tail}")
     for key, name, unit, low, high, default in SETTINGS:
         lines.append("%d %s %s %d %d %d" % (key, name, unit, low, high, default))
     for low, high in ORDERED:

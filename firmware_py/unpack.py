@@ -17,6 +17,7 @@ _PART_BITS = const(23)
 _HIGH_BITS = const(24)
 NUMBERS_HEAD = 25  # bytes of the numbers before the sizes of the words
 ROW_BYTES = 5  # an intercept and its shift
+_PIECE = const(1024)  # bytes read at a time
 # what the image keeps of a feature's row and of an output's; the rest is worked out
 FEATURE_KEPT = (
     evaluator.CLIP_LO,
@@ -103,14 +104,17 @@ def program(steps, n):
 
 
 class Numbers:
-    """Signed numbers of sizes[0], sizes[1], .. bits in turns, lowest bit first, from raw[at:].
+    """Signed numbers of sizes[0], sizes[1], .. bits in turns, lowest bit first, from `at` on.
 
-    They are taken some at a time: all of a model at once are a block that a board may not have in one piece.
+    read(offset, n) gives their bytes. They are read and taken some at a time: a board may have no block for
+    all of a model's at once.
     """
 
-    def __init__(self, raw, at, sizes):
-        self._raw = raw
+    def __init__(self, read, at, sizes):
+        self._read = read
         self._at = at
+        self._piece = b""
+        self._next = 0
         self._sizes = sizes
         self._turn = 0
         self._held = 0
@@ -121,19 +125,35 @@ class Numbers:
         out = array("i", bytearray(4 * n))
         held = self._held
         have = self._have
+        piece = self._piece
+        end = len(piece)
+        k = self._next
+        sizes = self._sizes
+        turns = len(sizes)
+        turn = self._turn
         for i in range(n):
-            bits = self._sizes[self._turn]
-            self._turn = (self._turn + 1) % len(self._sizes)
+            bits = sizes[turn]
+            turn += 1
+            if turn == turns:
+                turn = 0
             sign = 1 << bits - 1
             while have < bits:
-                held |= self._raw[self._at] << have
+                if k == end:
+                    piece = self._read(self._at, _PIECE)
+                    end = len(piece)
+                    self._at += end
+                    k = 0
+                held |= piece[k] << have
                 have += 8
-                self._at += 1
+                k += 1
             out[i] = ((held & (2 * sign - 1)) ^ sign) - sign
             held >>= bits
             have -= bits
+        self._turn = turn
         self._held = held
         self._have = have
+        self._piece = piece
+        self._next = k
         return out
 
 

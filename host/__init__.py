@@ -6,6 +6,7 @@ The names below are the front door. Each is imported when it is first used: the 
     from palpate import fit, export             # a model of them, and its signed image for the probe
     from palpate import EmulatedProbe, Probe    # a probe without hardware, and the client that talks to any
     from palpate import open_recording          # what a probe sent, again
+    from palpate import invert                  # its strokes fitted by the finite-element model itself
     from palpate import PalpateError            # root of every error
 """
 
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from palpate.errors import PalpateError
+    from palpate.inversion import invert
     from palpate.link.probe import Probe
     from palpate.model_export.exporter import export
     from palpate.recording.playback import open_recording
@@ -31,6 +33,7 @@ _HOMES = {
     "Probe": "palpate.link.probe",
     "export": "palpate.model_export.exporter",
     "fit": "palpate.regression.fit",
+    "invert": "palpate.inversion",
     "open_recording": "palpate.recording.playback",
     "simulate": "palpate.sim.tissue",
     "sweep": "palpate.sim.tissue",
@@ -46,6 +49,7 @@ __all__ = [
     "Probe",
     "export",
     "fit",
+    "invert",
     "open_recording",
     "simulate",
     "sweep",

@@ -16,6 +16,7 @@ from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 from palpate.errors import NoSuchFile, UsageError
+from palpate.files import read_limited
 
 VARIABLE = "PALPATE_ARRAY"
 HOME = "firmware_py.sensor_array"
@@ -34,10 +35,10 @@ LEAST_REACH_UM = 8000
 def read(path: Path) -> dict[str, int]:
     """The numbers of a description. Raises NoSuchFile, or UsageError with what is wrong with it."""
     try:
-        tree = ast.parse(path.read_text(encoding="utf-8"))
+        tree = ast.parse(read_limited(path, 1 << 20).decode())
     except OSError as error:
         raise NoSuchFile(f"the array's description {path} cannot be read: {error.strerror}") from None
-    except (SyntaxError, UnicodeDecodeError, ValueError):
+    except (SyntaxError, UnicodeDecodeError, ValueError, RecursionError, MemoryError):
         raise UsageError(f"{path} is no description of an array: copy firmware_py/sensor_array.py") from None
     numbers = {}
     for node in tree.body:

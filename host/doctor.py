@@ -11,7 +11,6 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-MICROBIT_FIRMWARE = Path("/usr/share/firmware-microbit-micropython/firmware.hex")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "firefox", "microsoft-edge")
 
 
@@ -44,7 +43,7 @@ class Finding:
 def examine() -> Iterator[Finding]:
     """Look at everything, one finding after the other; nothing is changed."""
     checks: tuple[Callable[[], Finding | list[Finding]], ...] = (
-        _python, _packages, _solver, _wasm, _qemu, _browser, _extras, _place, _ports, _probes,
+        _python, _packages, _solver, _wasm, _browser, _extras, _place, _ports, _probes,
     )  # fmt: skip
     for check in checks:
         found = check()
@@ -81,15 +80,6 @@ def _wasm() -> Finding:
     except node.RuntimeMissing as error:
         return Finding("MicroPython", "broken", "the WASM runtime is not there", str(error))
     return Finding("MicroPython", "ok", f"WASM port under {path}")
-
-
-def _qemu() -> Finding:
-    path = shutil.which("qemu-system-arm")
-    if path and MICROBIT_FIRMWARE.exists():
-        return Finding("micro:bit", "ok", f"{path} with {MICROBIT_FIRMWARE}")
-    what = "its firmware" if path else "qemu-system-arm"
-    todo = "Only our own tests use it; Debian: apt-get install qemu-system-arm firmware-microbit-micropython"
-    return Finding("micro:bit", "missing", f"{what} is not there", todo)
 
 
 def _browser() -> Finding:
@@ -147,7 +137,7 @@ def _probes() -> list[Finding]:
     for device in devices.find():
         if device.state == "probe":
             model = f"model {device.model_id}" if device.model_id else "no model yet"
-            said = ", ".join([device.serial, model, *device.remarks])
+            said = ", ".join([device.serial, model])
             findings.append(Finding("probe", "ok", f"{device.port}: {said}"))
         elif device.message and device.state in ("busy", "forbidden", "other protocol"):
             findings.append(Finding("probe", "missing", f"{device.port}: {device.state}", device.message))

@@ -15,6 +15,7 @@
         NotAProbe                     bytes come, or none, but no handshake
         VersionMismatch               probe and host speak different protocols (`.names` says where)
         NotLive                       a recording takes no commands
+        Contradiction                 what the probe answers cannot be
         CommandTimeout                no answer after all retries
         CommandRefused                the probe answered with an error (`.status`)
       FlashError
@@ -131,6 +132,10 @@ class VersionMismatch(LinkError):
 
 class NotLive(LinkError):
     """The source is a recording: it can be read, not commanded."""
+
+
+class Contradiction(LinkError):
+    """The probe's answers contradict each other, or what a probe can be; it is not followed any further."""
 
 
 class CommandTimeout(LinkError):

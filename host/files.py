@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import json
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from palpate.errors import DiskFull, NoSuchFile, PalpateError, UnknownFormat
+from palpate.errors import DiskFull, NoSuchFile, PalpateError, UnknownFormat, UsageError
 
 T = TypeVar("T")
 
@@ -39,6 +40,26 @@ def whole_file(path: Path) -> Iterator[Path]:
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def json_text(value: Any, indent: str = "") -> str:
+    """JSON to be kept and compared: keys sorted, and a row of a table on one line.
+
+    Raises
+    ------
+    ValueError, TypeError
+        There is a number that is not finite, or what JSON has no word for.
+    """
+    deeper = indent + " "
+    if isinstance(value, dict) and value:
+        parts = [f"{json.dumps(str(key))}: {json_text(value[key], deeper)}" for key in sorted(value)]
+        ends = "{}"
+    elif isinstance(value, (list, tuple)) and any(isinstance(one, (dict, list, tuple)) for one in value):
+        parts = [json_text(one, deeper) for one in value]
+        ends = "[]"
+    else:
+        return json.dumps(value, allow_nan=False)
+    return f"{ends[0]}\n{deeper}" + f",\n{deeper}".join(parts) + f"\n{indent}{ends[1]}"
 
 
 def check_writable(path: Path) -> None:
@@ -72,10 +93,19 @@ def cannot_write(path: Path, error: OSError) -> PalpateError:
     return PalpateError(f"{path} cannot be written: {(error.strerror or str(error)).lower()}")
 
 
-def read_whole(path: Path, what: str) -> bytes:
-    """The bytes of a file that a user named; `what` is the word for it in the error."""
+def read_limited(path: Path, most: int) -> bytes:
+    """The bytes of a file; `UsageError` where there are more than `most`, and OSError as `open` raises it."""
+    with path.open("rb") as stream:
+        data = stream.read(most + 1)
+    if len(data) > most:
+        raise UsageError(f"{path} is larger than {most / 1e6:.3g} MB, too large to be what it should be")
+    return data
+
+
+def read_whole(path: Path, what: str, most: int = 1 << 20) -> bytes:
+    """The bytes of a file that a user named; `what` is the word for it in errors, `most` its largest size."""
     try:
-        return path.read_bytes()
+        return read_limited(path, most)
     except FileNotFoundError:
         raise NoSuchFile(f"there is no {what} {path}; check the name") from None
     except OSError as error:

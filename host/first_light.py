@@ -11,8 +11,8 @@ from firmware_py import geometry
 from palpate.doctor import Finding
 
 if TYPE_CHECKING:
-    from palpate.link.events import Frame
     from palpate.link.probe import Probe
+    from palpate.wire.events import Frame
 
 FRAMES = 100
 _QUIET_COUNTS = 20.0  # .5 % of full scale, the poorest sensors that models are made for
@@ -49,7 +49,7 @@ def first_light(probe: Probe, push_mm: float = 0.0) -> Iterator[Finding]:
 
 
 def _frames(probe: Probe, wanted: int) -> list[Frame]:
-    from palpate.link.events import Frame
+    from palpate.wire.events import Frame
 
     found: list[Frame] = []
     for event in probe.stream(timeout_s=_TIMEOUT_S):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from palpate.cli.output import note
+from palpate.console import note
 
 LINE = "compiling {what} for this machine: only the first time, a minute or two (longer on a busy machine)"
 

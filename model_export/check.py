@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-import sys
 from typing import Any
 
 from palpate.model_export.errors import ModelError
 from palpate.model_export.model_data import Across, FirstStage, Joining, Layers, ModelData
 from palpate.model_export.vocabulary import KINDS, LINKS, OF_THE_PRESS, OUTPUTS
 
+MOST = 1e18
+"""Any number of a model; fixed point holds none as large, and squares of it are no infinities."""
 MAX_FEATURES = 24
 MAX_TERMS = 400
 MAX_DEGREE = 3
@@ -39,8 +40,8 @@ def _need(condition: bool, sentence: str) -> None:
 
 def _number(value: Any, where: str) -> float:
     ok = isinstance(value, int | float) and not isinstance(value, bool)
-    ok = ok and -sys.float_info.max <= value <= sys.float_info.max  # an integer can be larger than any float
-    _need(ok, f"{where} must be a finite number, not {_short(value)}")
+    _need(ok and value - value == 0, f"{where} must be a finite number, not {_short(value)}")
+    _need(abs(value) <= MOST, f"{where} must lie within +-{MOST:g}, not {_short(value)}")
     return float(value)
 
 

@@ -105,6 +105,9 @@ def export(
     counter: int | None = None,
     rollback: bool = False,
     features: np.ndarray | None = None,
+    held: int = 0,
+    seen_s: float = 0.0,
+    force: bool = False,
 ) -> tuple[bytes, Report]:
     """Signed image of a model, and a report.
 
@@ -120,6 +123,10 @@ def export(
     features : array, optional
         Feature vectors (n x features) for the error report; by default the training set's, if the model
         brings them, else 2000 random vectors of the domain.
+    held : int
+        Of a rollback: the counter that a probe holds, where another home of the key has signed its model.
+    seen_s, force : float, bool
+        Whether to believe the clock, as `keys.sign` takes them.
 
     Raises
     ------
@@ -136,10 +143,10 @@ def export(
     errors = accuracy.measure(spec, tables, features)
 
     def make(own: int) -> bytes:
-        return image_builder.build(spec, tables, blob, own, max(last, own) if rollback else 0)
+        return image_builder.build(spec, tables, blob, own, max(last, own, held) if rollback else 0)
 
     last = keys.load(key_dir).counter
-    signed, key = keys.sign(key_dir, make, counter)
+    signed, key = keys.sign(key_dir, make, counter, seen_s, force)
     info = image_builder.inspect(signed, key.public, spec.probe)
     report = Report(
         info.model_id,

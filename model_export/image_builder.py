@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from firmware_py import evaluator, feature_names, model_check, slh_dsa, stage, status, unpack
 from firmware_py import features as firmware_features
 from firmware_py import model_image as fw
+from palpate.fixedpoint import nested
 from palpate.model_export import self_test
 from palpate.model_export.errors import ImageError, ModelError, ProofError
-from palpate.model_export.fixed_point import compiler, nested
+from palpate.model_export.fixed_point import compiler
 from palpate.model_export.schema import KINDS, OUTPUTS, ModelSpec
 
 MAX_COUNTER = fw.MAX_COUNTER

@@ -160,7 +160,7 @@ class Across:
     """What the host adds to the probe's answer about a solid lump: width and place across the stroke.
 
     With z the standardised features of `width`, y its estimate, and a Gaussian through the columns' responses
-    (`palpate.features.across`) that lies at x mm:
+    (`palpate.answer.across`) that lies at x mm:
 
         width = exp(y), from exp(y - w) to exp(y + w),     ln w = width_spread . (1, z_1, .., z_n, y)
         place = place_stretch x -+ p,                      ln p = place_spread . (1, ln_blur)

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from palpate.files import whole_file
+from palpate.files import json_text, read_limited, whole_file
 from palpate.model_export import check
 from palpate.model_export.errors import ModelError
 from palpate.model_export.model_data import (
@@ -49,6 +49,8 @@ FORMAT = "palpate-model"
 VERSION = 2
 LONGEST_INTEGER = 20
 """Digits of the longest integer in model.json, with its sign; no model needs so many."""
+LARGEST = 1 << 26
+"""Bytes of a model's file; ours have 2 MB."""
 DEEPEST = 32
 """Levels of lists and objects in a model, at most; ours have five."""
 
@@ -99,7 +101,7 @@ class ModelSpec(ModelData):
         """Validate and write model.json; the old file stays whole until the new one is on disk."""
         self.validate()
         try:
-            text = json.dumps(self.to_dict(), indent=1, allow_nan=False, sort_keys=True)
+            text = json_text(self.to_dict())
         except (ValueError, TypeError) as error:
             raise ModelError(f"the model cannot be written as JSON: {error}") from None
         with whole_file(Path(path)) as temporary:
@@ -109,7 +111,7 @@ class ModelSpec(ModelData):
     def load(path: str | os.PathLike[str]) -> ModelSpec:
         """Read and validate model.json; raises ModelError with one clear sentence."""
         try:
-            text = Path(path).read_text(encoding="utf-8")
+            text = read_limited(Path(path), LARGEST).decode()
         except (OSError, UnicodeDecodeError) as error:
             why = error.strerror if isinstance(error, OSError) else "it is not text"
             raise ModelError(f"cannot read the model {path}: {(why or str(error)).lower()}") from None

@@ -21,8 +21,8 @@ OF_THE_PRESS = tuple(
 )
 """The firmware's features that a stroke has only where a press preceded it."""
 OF_THE_COLUMNS = feature_names.NAMES[features.ACROSS : features.COUNT]
-"""Those that a probe with fixed columns does not have."""
+"""Those of the columns that see the lump."""
 ABSENT = features.ABSENT / 2**24
-"""What stands for each of these where there was no press or too little of one, or where columns are fixed."""
+"""What stands for a feature of the press where there was no press, or too little of one."""
 
 Term = tuple[int, ...]

@@ -15,12 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from firmware_py import calib, evaluator, forcemap, outputs, status
-from palpate.features import pipeline_features
 from palpate.firmware_twin.replay_core import Replay
 from palpate.link import flash
-from palpate.link.events import Estimate, Frame
 from palpate.link.probe import Probe
-from palpate.link.scale import NOMINAL
 from palpate.model_export.errors import ImageError
 from palpate.model_export.exporter import export
 from palpate.model_export.fixed_point import force_map
@@ -34,7 +31,9 @@ from palpate.regression.ridge import all_terms
 from palpate.sim.probe.emulated import EmulatedProbe
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
 from palpate.sim.probe.stroke_field import on_the_array
-from tests.firmware_py import checked_int
+from palpate.wire.events import Estimate, Frame
+from palpate.wire.scale import NOMINAL
+from tests.firmware_py import checked_int, pipeline_features
 from tests.firmware_py.strokes import read_strokes
 from tests.waiting import PATIENCE_S
 

@@ -8,13 +8,11 @@ import json
 import sys
 from pathlib import Path
 
+from palpate.answer.card import card
 from palpate.cli import ports
-from palpate.link.scale import NOMINAL
 from palpate.model_export.exporter import export
 from palpate.model_export.signing import keys
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
-from palpate.view import phrases
-from palpate.view.translate import Translator
 from tests import another_array
 from tests.firmware_py.strokes import read_strokes
 
@@ -30,12 +28,10 @@ def main(directory):
     stroke = model.stroke(another_array.FRAMES)
     public = (key / "public.key").read_bytes()
     found, _ = another_array.answer(image, public, "micropython", stroke, model.calibration())
-    translator = Translator(NOMINAL)
-    (shown,) = [*translator.feed(found), *translator.finish()]
     said = {
         "estimate": found.as_dict(),
         "lines": ports.estimate_lines(found),
-        "rows": phrases.card(shown)["rows"],
+        "rows": card(found)["rows"],
         "truth": stroke.truth.outputs(),
     }
     print(json.dumps(said))

@@ -5,7 +5,7 @@
     python -m tests.foreign_world keep                                       computes foreign_world.npz anew
 
 Tissue that stiffens, friction of .2, a face 5 % too curved; a sensor with hysteresis and creep whose cells
-read 4 % too much. The strokes that tests and docs/accuracy-told.md rest on are kept, with recipe and hash.
+read 4 % too much. The strokes that tests and docs/accuracy.md rest on are kept, with recipe and hash.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from palpate.sim.probe.cells import COLUMN_MM, FULL_SCALE_KPA, PEDESTAL_KPA, ROW_MM
 from palpate.sim.probe.noise import LEVELS
 from palpate.sim.probe.sensors import SensorModel, StrokeField
 from palpate.sim.tissue import Case, Settings, Stroke, simulate_forces, sobol_cases
 from palpate.sim.tissue.design import Ranges
+from palpate.wire.cells import COLUMN_MM, FULL_SCALE_KPA, PEDESTAL_KPA, ROW_MM
 
 FILE = Path(__file__).with_name("foreign_world.npz")
 TISSUE = {"fat_stiffening": 3.0, "gland_stiffening": 3.0, "friction": 0.2, "probe_radius_mm": 38.0}

@@ -31,7 +31,6 @@ LONGEST = (
     "tests/sim/tissue/test_solid_verification.py",
     "tests/host/report/test_report.py",
     "tests/host/regression/test_science_commands.py",
-    "tests/sim/probe/test_micro_bit.py",
     "tests/sim/probe/test_machine_code.py",
     "tests/host/adaptation/test_adapt.py",
     "tests/host/regression/test_any_tissue.py",

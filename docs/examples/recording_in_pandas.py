@@ -16,7 +16,7 @@ from palpate.recording.convert import convert
 recording = Path(sys.argv[1] if len(sys.argv) > 1 else "out/examples/visit.mcap")
 table = recording.with_suffix(".parquet")
 
-written = convert(recording, table)
+written = convert(recording, table, overwrite=True)
 frames = pd.read_parquet(table)
 estimates = pd.read_parquet(written.files[1])
 print(f"{len(frames)} frames, {len(estimates)} strokes, {written.lost} frames lost")

@@ -9,17 +9,17 @@ import sys
 import tempfile
 from pathlib import Path
 
-from palpate.link.events import Estimate, Frame
 from palpate.link.flash import flash
 from palpate.link.probe import Probe
+from palpate.link.session import recorded
 from palpate.model_export.exporter import export
 from palpate.model_export.signing import keys
-from palpate.recording.replay import replay
-from palpate.recording.session import recorded
 from palpate.regression.thesis.polynomial import fit_thesis_model
 from palpate.sim.probe.emulated import EmulatedProbe
 from palpate.sim.probe.sensors import LEVELS, stroke_frames
 from palpate.sim.tissue import Case, load_strokes, read_design, simulate, sweep
+from palpate.stroke.replay import replay
+from palpate.wire.events import Estimate, Frame
 
 SEED = 11
 directory = Path(sys.argv[1] if len(sys.argv) > 1 else "out/thesis")

@@ -14,6 +14,8 @@ A board has
     scan(counts)         them, into geometry.FRAME_BYTES bytes, two counts of 12 bits in three
     position_um()        of the stroke, signed
     displacement_um()    of the probe into the tissue, signed
+    the names of tables.FRAME_MORE()
+                         what a frame tells besides, each a whole number below 2**30
     settings_record      where the settings are kept (safe_record.Record), or None
 
 `read`, `write`, `start_scan`, `scanned`, `scan`, `position_um`, `displacement_um` and `ticks_us` run in the

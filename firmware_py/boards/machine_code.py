@@ -243,9 +243,9 @@ def install(parts=PARTS):
             put()
             fast.append(name)
         except (ImportError, SyntaxError, AttributeError, ValueError, NotImplementedError, RuntimeError) as e:
-            why = "%s: %s" % (type(e).__name__, e)
+            why = f"{type(e).__name__}: {e}"
         except MemoryError:
             why = "no memory to compile"
     if len(fast) == len(parts):
         return "machine code: " + ", ".join(fast)
-    return "machine code: %s; the rest in plain loops (%s)" % (", ".join(fast) or "none", why)
+    return "machine code: {}; the rest in plain loops ({})".format(", ".join(fast) or "none", why)

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from palpate.adaptation.adapt import FEWEST_LUMPS, adapt_to
+from palpate.dataset.agreement import errors_of
 from palpate.dataset.answers import OUTPUTS, Answers, answers
 from palpate.dataset.strokes import ObservedDataSet
 from palpate.model_export.schema import ModelSpec
-from palpate.validation.agreement import errors_of
 
 FOLDS = 10
 SHOWN = tuple(dict.fromkeys(("d_mm", "depth_mm", "h", "t_mm", "E_inv23", "F_N_per_m", *OUTPUTS)))

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from palpate.dataset.agreement import spread
 from palpate.features.map_features import Floats
-from palpate.validation.agreement import spread
 
 
 def factor(score: Floats, group: NDArray[np.int64], level: float) -> float:

@@ -30,10 +30,11 @@ from numpy.typing import NDArray
 
 from firmware_py import calib, status
 from palpate.errors import NoSuchFile, RecordingError, UsageError
-from palpate.link.events import Estimate, Frame
+from palpate.files import read_limited
 from palpate.recording.channels import CALIBRATION
 from palpate.recording.playback import open_recording
-from palpate.sim.probe.cells import SHAPE
+from palpate.wire.cells import SHAPE
+from palpate.wire.events import Estimate, Frame
 
 Floats = NDArray[np.float64]
 
@@ -86,10 +87,10 @@ def read(path: str | Path) -> list[Measured]:
     """
     path = Path(path)
     try:
-        said = tomllib.loads(path.read_text(encoding="utf-8"))
+        said = tomllib.loads(read_limited(path, 1 << 20).decode())
     except OSError as error:
         raise NoSuchFile(f"the campaign {path} cannot be read: {(error.strerror or '').lower()}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise UsageError(f"{path} is not TOML: {error}") from None
     entries = said.get("recording")
     if set(said) - {"recording"} or not isinstance(entries, list) or not entries:

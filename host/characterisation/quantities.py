@@ -15,9 +15,9 @@ from scipy.optimize import least_squares
 
 from firmware_py import geometry
 from palpate.characterisation.campaign import Floats, Measured
-from palpate.sim.probe.cells import FULL_SCALE_KPA
 from palpate.sim.probe.noise import Noise
 from palpate.sim.probe.sensors import SensorModel
+from palpate.wire.cells import FULL_SCALE_KPA
 
 LEVEL = 0.95
 LAG_S = 0.3

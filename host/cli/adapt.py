@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from palpate.cli.output import json_option, note, print_json, showing_progress, table
 from palpate.cli.real import data_option, leave_out_option, load_data, load_model
+from palpate.console import json_option, note, print_json, say, showing_progress, table
 from palpate.files import check_writable, whole_file
 from palpate.first_time import announce
 
@@ -58,5 +58,5 @@ def command(model: Path, data: Path, leave_out: bool, out: Path, as_json: bool) 
         return
     table(*compared.as_table())
     for name, c in adapted.corrections.items():
-        click.echo(f"{name}: {c.words}; intervals {adapted.widths[name]:.2f} times as wide")
+        say(f"{name}: {c.words}; intervals {adapted.widths[name]:.2f} times as wide")
     note(f"wrote {out}, adapted to {adapted.strokes} strokes over {adapted.lumps} lumps")

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from palpate.cli.emulate import public_key
-from palpate.cli.output import json_option, note, print_json
+from palpate.console import json_option, note, print_json, say
 
 
 @click.command("board")
@@ -42,7 +42,7 @@ def command(directory: Path, key: Path | None, uart: bool, as_json: bool) -> Non
     if as_json:
         print_json({"directory": directory, "files": sorted(files), "bytes": size, "key": public is not None})
         return
-    click.echo(str(directory))
+    say(str(directory))
     paths = " ".join(str(directory / name) for name in sorted(files))
     note(f"{len(files)} files, {size} bytes; onto the board: mpremote fs cp {paths} :")
     if not public:

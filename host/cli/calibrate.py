@@ -6,14 +6,16 @@ from dataclasses import asdict
 
 import click
 
-from palpate.cli.output import json_option, print_json
+from palpate.cli.numbers import Finite
 from palpate.cli.ports import port_option, tell_damage
+from palpate.console import json_option, print_json, say
 from palpate.errors import UsageError
 
 
 @click.command("calibrate")
 @click.argument("kind", type=click.Choice(["zero", "gain", "clear"]))
-@click.option("--pressure", "pressure_kPa", type=float, help="gain: the uniform pressure on the cells, kPa.")
+@click.option("--pressure", "pressure_kPa", type=Finite(0.001, 1000.0),
+              help="gain: the uniform pressure on the cells, kPa.")  # fmt: skip
 @click.option("--frames", type=click.IntRange(1, 255), default=100, show_default=True, help="To average.")
 @port_option
 @json_option
@@ -44,7 +46,7 @@ def command(kind: str, pressure_kPa: float | None, frames: int, port: str, baud:
     if as_json:
         print_json({"kind": kind, "pressure_kPa": pressure_kPa, **asdict(done)})
     elif kind == "clear":
-        click.echo("the calibration is forgotten; zero and gain are nominal")
+        say("the calibration is forgotten; zero and gain are nominal")
     else:
         noise = f"noise {done.noise_counts:.2f} counts"
-        click.echo(f"{kind}: {done.frames} frames, {noise}, {done.dead_cells} dead cells")
+        say(f"{kind}: {done.frames} frames, {noise}, {done.dead_cells} dead cells")

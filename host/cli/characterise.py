@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from palpate.cli.output import json_option, note, print_json, table
+from palpate.console import json_option, note, print_json, say, table
 from palpate.files import check_writable
 
 
@@ -40,5 +40,5 @@ def command(campaign: Path, out: Path, as_json: bool) -> None:
     ]
     table(["", "value", "95 % interval", "of"], rows)
     dead, stuck = int(found.cells.dead.sum()), int(found.cells.stuck.sum())
-    click.echo(f"{dead} dead cells, {stuck} stuck ones, of {found.cells.dead.size}")
+    say(f"{dead} dead cells, {stuck} stuck ones, of {found.cells.dead.size}")
     note(f"wrote {out}")

@@ -7,34 +7,36 @@ from pathlib import Path
 
 import click
 
-from palpate.cli.output import json_option, note, print_json, showing_progress
 from palpate.cli.real import load_model
+from palpate.console import json_option, note, print_json, say, showing_progress
 from palpate.first_time import announce
 
 
 @click.command("compare")
 @click.argument("visit1", type=click.Path(path_type=Path, dir_okay=False))
 @click.argument("visit2", type=click.Path(path_type=Path, dir_okay=False))
-@click.option("--model", default="field", show_default=True, type=click.Path(path_type=Path),
-              help="model.json, or field, the model that comes with Palpate.")  # fmt: skip
+@click.option("--model", type=click.Path(path_type=Path),
+              help="model.json, or a bundled model's name; default: the recordings' own.")  # fmt: skip
 @click.option("--data", type=click.Path(path_type=Path, dir_okay=False),
               help="Data set with lumps visited again: what visits differ by themselves.")  # fmt: skip
 @json_option
-def command(visit1: Path, visit2: Path, model: Path, data: Path | None, as_json: bool) -> None:
+def command(visit1: Path, visit2: Path, model: Path | None, data: Path | None, as_json: bool) -> None:
     """Compare the strokes of two recordings over one lump: the change of each quantity, with its interval.
 
-    Without --data the intervals count how strokes of one visit differ. With a data set in which lumps were
-    visited again they also count what differs between visits: zeroing, gain, force, place.
+    Strokes outside what the model knows are left out. Without --data the intervals count how strokes of one
+    visit differ. With a data set in which lumps were visited again they also count what differs between
+    visits: zeroing, gain, force, place.
 
     \b
     Example:
       palpate compare january.mcap may.mcap --data set.csv
     """
     from palpate.comparison.between import between_visits, compare_recordings
-    from palpate.comparison.change import ASSUMES, ASSUMES_BETWEEN
+    from palpate.comparison.model import common_model
     from palpate.dataset import table
+    from palpate.stroke.change import ASSUMES, ASSUMES_BETWEEN
 
-    spec = load_model(Path(model))
+    spec = common_model(visit1, visit2) if model is None else load_model(model)
     known = None if data is None else table.read(data)
     announce(solver=False, firmware=True)
     with showing_progress() as progress:
@@ -44,10 +46,15 @@ def command(visit1: Path, visit2: Path, model: Path, data: Path | None, as_json:
     if as_json:
         changes = {name: asdict(change) for name, change in found.changes.items()}
         visits = {name: asdict(b) for name, b in between.items()}
-        print_json({"changes": changes, "between_visits": visits, "assumes": assumes})
+        print_json(
+            {"changes": changes, "between_visits": visits, "left_out": found.left_out, "assumes": assumes}
+        )
         return
+    for path, n in zip((visit1, visit2), found.left_out):
+        if n:
+            note(f"{n} of the strokes of {path} left out: outside what the model knows")
     for change in found.changes.values():
-        click.echo(change.text)
+        say(change.text)
     for name, b in between.items():
         note(f"{name} differs by {100 * b.sd:.1f} % from visit to visit ({b.freedom} degrees of freedom)")
     note(assumes)

@@ -6,15 +6,16 @@ from pathlib import Path
 
 import click
 
-from palpate.cli.output import json_option, note, print_json
 from palpate.cli.ports import NOMINAL_SCALE
+from palpate.console import json_option, note, print_json, say
 
 
 @click.command("convert")
 @click.argument("recording", type=click.Path(path_type=Path))
 @click.argument("out", type=click.Path(path_type=Path, dir_okay=False))
+@click.option("--overwrite", is_flag=True, help="Replace tables that are there.")
 @json_option
-def command(recording: Path, out: Path, as_json: bool) -> None:
+def command(recording: Path, out: Path, overwrite: bool, as_json: bool) -> None:
     """Write a recording as a table: OUT ends in .parquet, .h5 or .csv.
 
     One row per frame: seq, time_us (the probe's clock), host_time_ns, position_mm, displacement_mm and the
@@ -29,7 +30,7 @@ def command(recording: Path, out: Path, as_json: bool) -> None:
     from palpate.recording.convert import convert
     from palpate.recording.reader import Recording
 
-    done = convert(recording, out)
+    done = convert(recording, out, overwrite)
     if damage := Recording(recording).check():
         note(damage)
     if done.frames and not done.calibrated:
@@ -47,4 +48,4 @@ def command(recording: Path, out: Path, as_json: bool) -> None:
         return
     note(f"{done.frames} frames ({done.lost} lost on the link), {done.estimates} estimates")
     for path in done.files:
-        click.echo(str(path))
+        say(str(path))

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import click
 
-from palpate.cli.output import json_option, print_json
+from palpate.console import json_option, print_json
 
 
 @click.command("demo")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("out/demo"),
               show_default=True, help="Directory of everything it makes.")  # fmt: skip
-@click.option("--runtime", default="micropython", show_default=True, help="micropython or cpython.")
+@click.option("--runtime", type=click.Choice(["micropython", "cpython"]), default="micropython",
+              show_default=True, help="What carries the probe's firmware.")  # fmt: skip
 @click.option("--fresh", is_flag=True, help="Compute the strokes again.")
 @json_option
 def command(out: Path, runtime: str, fresh: bool, as_json: bool) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from palpate.cli.output import json_option, note, print_json, table
+from palpate.console import json_option, note, print_json, say, table
 
 
 @click.command("devices")
@@ -27,12 +27,10 @@ def command(ask: bool, as_json: bool) -> None:
         print_json([device.as_dict() for device in devices])
         return
     if not devices:
-        click.echo("no serial ports; plug a probe in, or start one with `palpate emulate d10h08e10f10`")
+        say("no serial ports; plug a probe in, or start one with `palpate emulate d10h08e10f10`")
         return
     rows = [(d.port, d.state, d.description, d.usb_serial or d.serial, d.model_id) for d in devices]
     table(("port", "state", "what", "serial", "model"), rows)
     for device in devices:
         if device.message and device.state != "silent":
             note(f"  {device.message}")
-        for remark in device.remarks:
-            note(f"  {device.port}: {remark}")

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import click
 from rich.markup import escape
 
-from palpate.cli.output import console, json_option, note, print_json, table
+from palpate.cli.numbers import Finite
 from palpate.cli.ports import tell_damage
+from palpate.console import console, json_option, note, print_json, printable, say, table
 from palpate.errors import PalpateError, UsageError
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ MARKS = {"ok": "[green]ok[/green]", "missing": "[yellow]missing[/yellow]", "brok
 @click.command("doctor")
 @click.option("--port", help="Look at the probe there instead: a port, a serial number or auto.")
 @click.option("--baud", default=921_600, show_default=True, help="Of a UART.")
-@click.option("--push", "push_mm", type=click.FloatRange(5, 500), metavar="MM",
+@click.option("--push", "push_mm", type=Finite(5, 500), metavar="MM",
               help="Push it so far along a ruler, pressing a little, and back, in ten seconds.")  # fmt: skip
 @click.option("--sizes", is_flag=True, help="Print what each package takes on the disk instead.")
 @json_option
@@ -48,9 +49,11 @@ def command(port: str | None, baud: int, push_mm: float | None, sizes: bool, as_
     for finding in _looked_at(port, baud, push_mm):
         findings.append(finding)
         if not as_json:
-            console().print(f"{MARKS[finding.state]:>28}  {finding.name:12} {escape(finding.found)}")
+            console().print(
+                f"{MARKS[finding.state]:>28}  {finding.name:12} {escape(printable(finding.found))}"
+            )
             if finding.todo:  # escaped: the brackets of 'palpate[view]' are no markup
-                console().print(f"{'':22}[dim]{escape(finding.todo)}[/dim]")
+                console().print(f"{'':22}[dim]{escape(printable(finding.todo))}[/dim]")
     if as_json:
         print_json([finding.as_dict() for finding in findings])
     broken = [finding.name for finding in findings if finding.state == "broken"]
@@ -71,7 +74,7 @@ def _print_sizes(as_json: bool) -> None:
     table(("package", "MB", "for"), rows)
     small = [size.MB for size in found if size.MB < 1.0]
     needed = sum(size.MB for size in found if "[" not in size.asked_by)
-    click.echo(f"{len(small)} more under 1 MB, {sum(small):.0f} MB; all {sum(s.MB for s in found):.0f} MB, "
+    say(f"{len(small)} more under 1 MB, {sum(small):.0f} MB; all {sum(s.MB for s in found):.0f} MB, "
                f"{needed:.0f} MB of them without extras")  # fmt: skip
 
 

@@ -5,28 +5,21 @@ from __future__ import annotations
 import os
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from palpate.cli.output import json_option, note, print_json
+from firmware_py import slh_dsa
+from palpate.cli.numbers import SEED
+from palpate.console import json_option, note, print_json, say
 from palpate.errors import NoSuchFile, PalpateError, UsageError
+from palpate.files import read_limited
 from palpate.first_time import announce
 from palpate.sim.probe.noise import LEVELS
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from firmware_py.calib import Calibration
-    from palpate.sim.probe.sensors import FrameStream
-    from palpate.sim.tissue import Case
-    from palpate.sim.tissue.solid.result import SolidStroke
-
 PUBLIC_KEY = "public.key"
 POLL_S = 0.2
-BESIDE_MM = 35.0
-"""From the lump to the reference press."""
-FIRST_MM = (-28.0,)
+STROKES = 20
 
 
 @click.command("emulate")
@@ -53,7 +46,7 @@ FIRST_MM = (-28.0,)
 @click.option("--reference", is_flag=True,
               help="The hand first presses beside the lump, as `palpate reference` wants it.")  # fmt: skip
 @click.option("--still", is_flag=True, help="Nobody touches it, as `palpate doctor --port` wants it.")
-@click.option("--seed", default=1, show_default=True, help="Of the sensors' noise.")
+@click.option("--seed", type=SEED, default=1, show_default=True, help="Of the sensors' noise.")
 @click.option(
     "--frames",
     type=click.IntRange(8, 2000),
@@ -61,8 +54,8 @@ FIRST_MM = (-28.0,)
     show_default=True,
     help="Per stroke, its press not counted.",
 )
-@click.option("--strokes", type=click.IntRange(1, 1000), default=1, show_default=True,
-              help="Different strokes (seeds) over the lump, one after the other.")  # fmt: skip
+@click.option("--strokes", type=click.IntRange(1, 1000), default=STROKES, show_default=True,
+              help="Different strokes (seeds) over the lump, one after the other; then again.")  # fmt: skip
 @json_option
 def command(
     code: str,
@@ -99,6 +92,8 @@ def command(
     from palpate.link import emulated
     from palpate.sim.probe.emulated import RUNTIMES, EmulatedProbe
     from palpate.sim.probe.node import check_runtime
+    from palpate.sim.probe.over_lump import reference_beside, strokes_over
+    from palpate.sim.tissue import Case
 
     if board:
         runtime = board
@@ -109,8 +104,7 @@ def command(
     name = ""
     if own_model:
         from palpate import models
-        from palpate.models import emulator
-        from palpate.sim.tissue import Case
+        from palpate.link import emulator_model as emulator
 
         own_model = models.suits_array()
         if own_model:
@@ -124,7 +118,9 @@ def command(
         interpreter.find()
     announce()
     streams: Any
-    streams, calibration = strokes_over(code, noise, seed, frames, strokes, steady, still, press=True)
+    if Case.from_code(code).solid:
+        note(f"{code} is a solid lump: its strokes take a quarter of a minute, one beside the line a whole")
+    streams, calibration = strokes_over(code, noise, seed, frames, strokes, steady, still)
     if reference and not still:
         streams = [reference_beside(code, noise, seed, steady), *streams]
     # over its wire a model would take the board minutes
@@ -159,95 +155,6 @@ def command(
         )
 
 
-def strokes_over(
-    code: str,
-    noise: str,
-    seed: int,
-    frames: int,
-    strokes: int,
-    steady: bool = False,
-    still: bool = False,
-    press: bool = False,
-) -> tuple[list[FrameStream], Calibration]:
-    """What a probe's sensors read of some strokes over one lump, and the calibration it left the bench with.
-
-    Parameters
-    ----------
-    code : str
-        The case. It is simulated at three forces around its own, so that the hand can wander.
-    noise : str
-        A level of `palpate.sim.probe.noise.LEVELS`, or a file as sensor.toml.
-    seed : int
-        Of the first stroke; each further one has the next.
-    frames, strokes : int
-        Frames per stroke, and strokes.
-    steady : bool
-        The hand's force does not wander.
-    still : bool
-        There is no hand: frames of a probe lying in the air.
-    press : bool
-        The hand presses before it strokes, in `PRESS_FRAMES` frames more, over tissue simulated at forces
-        from a fifth on.
-    """
-    import numpy as np
-
-    from palpate.sim.probe.noise import level_named
-    from palpate.sim.probe.sensors import FORCE_RATIO, PRESS_FRAMES, SensorModel, StrokeField
-    from palpate.sim.tissue import Case, Settings, simulate_forces
-    from palpate.sim.tissue.any_tissue import PRESS_PARTS, PRESSES
-
-    case = Case.from_code(code)
-    forces = [case.F_rel * FORCE_RATIO**part for part in (-0.5, 0.0, 0.5)]
-    ramped: list[Any] = _solid(case, forces) if case.solid else []
-    field = StrokeField(*(ramped or simulate_forces(case, forces, Settings(far_start_mm=-44.0))))
-    level = level_named(noise)
-    if steady:
-        level = level.without("force")
-    probes = [SensorModel(field, level, seed + k, mean_force_N_per_m=case.F_N_per_m) for k in range(strokes)]
-    calibration = probes[0].calibration()
-    # One emulated probe stands for all of them: it knows the dead cells of each.
-    calibration.set_dead([int(cell) for probe in probes for cell in np.flatnonzero(probe.known_dead)])
-    if still:
-        return [probe.untouched(frames) for probe in probes], calibration
-    if not press:
-        return [probe.stroke(frames) for probe in probes], calibration
-    if ramped:
-        from palpate.regression.balls.lumps import press_before
-
-        pressed = StrokeField(*press_before(ramped))
-    else:
-        pressed = StrokeField(*simulate_forces(case, [case.F_rel * part for part in PRESS_PARTS], PRESSES))
-    return [probe.stroke(frames, press=PRESS_FRAMES, pressed=pressed) for probe in probes], calibration
-
-
-def _solid(case: Case, forces: Sequence[float]) -> list[SolidStroke]:
-    """Strokes over a solid lump with images of the press before; a quarter of a minute on its line."""
-    from palpate.sim.tissue.solid.stroke import simulate_forces
-
-    note(f"{case.code} is a solid lump: its strokes take a quarter of a minute, one beside the line a whole")
-    return simulate_forces(case, forces, ramp=True)
-
-
-def reference_beside(code: str, noise: str, seed: int, steady: bool = False) -> FrameStream:
-    """A press 35 mm beside the lump, by the probe and the hand of `strokes_over`."""
-    from palpate.sim.probe.noise import level_named
-    from palpate.sim.probe.sensors import SensorModel, StrokeField
-    from palpate.sim.tissue import Case, simulate_forces
-    from palpate.sim.tissue.any_tissue import PRESSES, REFERENCE_PARTS, without_its_lump
-
-    case = Case.from_code(code)
-    level = level_named(noise)
-    forces = [case.F_rel * part for part in REFERENCE_PARTS]
-    if case.solid:
-        # where a stroke begins, as far beside the lump as the mesh goes
-        strokes = simulate_forces(case, forces, positions_mm=FIRST_MM)
-    else:
-        strokes = simulate_forces(without_its_lump(case), forces, PRESSES)
-    pressed = StrokeField(*strokes)
-    hand = SensorModel(pressed, level.without("force") if steady else level, seed)
-    return hand.reference(pressed, case.F_N_per_m, place_mm=BESIDE_MM)
-
-
 def check_arguments(code: str, noise: str, listen: str) -> None:
     """Refuse invalid arguments before anything is computed."""
     from palpate.sim.probe.endpoints import endpoint
@@ -267,7 +174,7 @@ def _announce(port: str, code: str, runtime: str, as_json: bool) -> None:
     if as_json:
         print_json({"port": port, "pid": os.getpid(), "code": code, "runtime": runtime})
     else:
-        click.echo(port)
+        say(port)
         note(f"{code} on {runtime}; try `palpate stream --port {port} --strokes 1`; Ctrl-C ends it")
 
 
@@ -277,8 +184,11 @@ def public_key(directory: Path | None) -> bytes | None:
         return None
     path = directory / PUBLIC_KEY if directory.is_dir() else directory
     try:
-        return path.read_bytes()
+        key = read_limited(path, 1 << 10)
     except OSError:
         raise NoSuchFile(
             f"there is no key in {directory}; make one with `palpate keygen {directory}`"
         ) from None
+    if slh_dsa.parameters(key) is None:
+        raise UsageError(f"{path} is no public key; `palpate keygen` writes one, public.key")
+    return key

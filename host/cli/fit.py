@@ -6,7 +6,8 @@ from pathlib import Path
 
 import click
 
-from palpate.cli.output import console, json_option, note, print_json, showing_progress
+from palpate.cli.numbers import SEED, Finite
+from palpate.console import console, json_option, note, print_json, showing_progress
 from palpate.errors import UsageError
 from palpate.first_time import announce
 from palpate.sim.probe.noise import LEVELS
@@ -19,7 +20,9 @@ from palpate.sim.probe.noise import LEVELS
 @click.option("--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="As model.json.")
 @click.option("--noise", default="typical", show_default=True,
               help=f"Sensors to train for: {', '.join(LEVELS)}, or a sensor.toml.")  # fmt: skip
-@click.option("--seed", default=1, show_default=True, help="Of the split and of the sensors' noise.")
+@click.option(
+    "--seed", type=SEED, default=1, show_default=True, help="Of the split and of the sensors' noise."
+)
 @click.option("--lumps", default=None, type=click.IntRange(64),
               help="field: lumps to simulate where DIRECTORY holds none.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1), help="field: processes for that; all cores by default.")
@@ -28,13 +31,12 @@ from palpate.sim.probe.noise import LEVELS
 @click.option("--anywhere", is_flag=True, help="field: lumps in the fat, in the gland, between.")
 @click.option("--without", type=click.Choice(["displacement"]),
               help="field, told its tissue: the pressure alone, for recordings without it.")  # fmt: skip
-@click.option("--studies", is_flag=True, help="field, told its tissue: all of palpate study too (an hour).")
 @click.option("--report", type=click.Path(path_type=Path, file_okay=False), help="Draw the figures there.")
 @click.option("--recording", type=click.Path(path_type=Path, dir_okay=False),
               help="A real stroke beside it: .mcap, or .csv of place in mm and kPa.")  # fmt: skip
 @click.option("--weights", multiple=True, type=click.Path(path_type=Path, dir_okay=False),
               help="A real lump pressed: .csv of force, displacement in mm; one a lump.")  # fmt: skip
-@click.option("--thickness", default=30.0, show_default=True, type=click.FloatRange(min=0, min_open=True),
+@click.option("--thickness", default=30.0, show_default=True, type=Finite(min=0, min_open=True),
               help="mm of the model that --weights was measured on.")  # fmt: skip
 @json_option
 def command(
@@ -48,7 +50,6 @@ def command(
     tissue: tuple[str, ...],
     anywhere: bool,
     without: str | None,
-    studies: bool,
     report: Path | None,
     recording: Path | None,
     weights: tuple[Path, ...],
@@ -82,7 +83,7 @@ def command(
     # Read before the work: what is wrong with arguments and files is said at once.
     noise_named(noise)
     changed = _tissue(tissue)
-    check_kind(kind, without is None, changed is not None, studies, anywhere)
+    check_kind(kind, without is None, changed is not None, anywhere)
     if kind == "field":
         check_begun(directory, lumps)
         if not begun(directory):
@@ -102,16 +103,25 @@ def command(
             lumps=lumps,
             workers=workers,
             tissue=changed,
-            studies=studies,
             displacement=without is None,
             anywhere=anywhere,
             progress=progress,
-            note=note,
         )
     fitted.save(out)
     page = None
     if report is not None:
-        page = fitted.write_report(report, recording=recording, weights=weights, thickness_mm=thickness)
+        from palpate.regression.thesis.fit import ThesisFit
+        from palpate.report import write_report
+
+        page = write_report(
+            report,
+            strokes=fitted.strokes,
+            thesis=fitted.result if isinstance(fitted.result, ThesisFit) else None,
+            field=None if isinstance(fitted.result, ThesisFit) else fitted.result,
+            recording=recording,
+            weights=weights,
+            thickness_mm=thickness,
+        )
     if as_json:
         print_json({"out": out, "report": page, "measured": measured.to_dict(), **fitted.to_dict()})
         return

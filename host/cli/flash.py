@@ -8,8 +8,8 @@ from pathlib import Path
 
 import click
 
-from palpate.cli.output import json_option, print_json, progress
 from palpate.cli.ports import port_option, tell_damage
+from palpate.console import json_option, print_json, progress, say
 from palpate.files import read_whole
 
 
@@ -27,8 +27,9 @@ def command(image: Path, port: str, baud: int, as_json: bool) -> None:
     Example:
       palpate flash model.palp --port auto
     """
-    from palpate.link.flash import check_image, flash, is_succession
+    from palpate.link.flash import flash
     from palpate.link.probe import Probe
+    from palpate.model_export.check_image import check_image, is_succession
     from palpate.model_export.image_builder import inspect
 
     data = read_whole(image, "model image")
@@ -48,10 +49,10 @@ def command(image: Path, port: str, baud: int, as_json: bool) -> None:
     if as_json:
         print_json(summary)
     elif is_succession(data):
-        click.echo(f"{summary['port']}: from now on it takes models of the new key only; what is live stays")
+        say(f"{summary['port']}: from now on it takes models of the new key only; what is live stays")
     else:
         was = f" (was {before})" if before and before != done.model_id else ""
-        click.echo(
+        say(
             f"{summary['port']}: model {done.model_id} is live{was}; {done.size} bytes in {seconds:.1f} s"
             + (f"; {adapted}" if adapted else "")
         )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from palpate.cli.output import json_option, note, print_json
+from palpate.console import json_option, note, print_json, say
 from palpate.errors import UsageError
 from palpate.files import read_whole
 from palpate.first_time import announce
@@ -53,7 +53,7 @@ def command(
     image = None if model is None else read_whole(model, "model image")
     announce(solver=False, firmware=True)
     if image is None and models.suits_array():
-        from palpate.models import emulator
+        from palpate.link import emulator_model as emulator
 
         image = emulator.image(models.TOLD)
     done = []
@@ -61,7 +61,7 @@ def command(
         found = importer.import_file(file, target, said, image, overwrite)
         done.append(found.to_dict())
         if not as_json:
-            click.echo(f"{target}: {found.strokes} strokes, {found.frames} frames")
+            say(f"{target}: {found.strokes} strokes, {found.frames} frames")
             for remark in found.remarks:
                 note(f"  {remark}")
     if as_json:

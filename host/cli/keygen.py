@@ -6,18 +6,16 @@ from pathlib import Path
 
 import click
 
-from palpate.cli.output import json_option, note, print_json
-from palpate.files import whole_file
-
-SUCCESSION = "succession.palp"
+from palpate.console import json_option, note, print_json, say
 
 
 @click.command("keygen")
 @click.argument("directory", type=click.Path(path_type=Path, file_okay=False))
 @click.option("--succeeds", type=click.Path(path_type=Path, file_okay=False),
               help="Directory of the key that it takes the place of.")  # fmt: skip
+@click.option("--force", is_flag=True, help="With --succeeds: sign although the clock seems to run ahead.")
 @json_option
-def command(directory: Path, succeeds: Path | None, as_json: bool) -> None:
+def command(directory: Path, succeeds: Path | None, force: bool, as_json: bool) -> None:
     """Make a signing key (SLH-DSA, FIPS 205); a probe accepts models that it has signed.
 
     Copies of the directory sign as well as the original: keep one in a safe place, and all of them secret.
@@ -33,18 +31,14 @@ def command(directory: Path, succeeds: Path | None, as_json: bool) -> None:
     """
     from palpate.model_export.signing import keys
 
-    if succeeds is not None:
-        keys.load(succeeds)  # before anything is made
-    public = keys.generate(directory)
+    public = keys.generate(directory, succeeds=succeeds, force=force)
     result = {"directory": directory, "public_key": public}
     if succeeds is not None:
-        result["succession"] = directory / SUCCESSION
-        with whole_file(directory / SUCCESSION) as path:
-            path.write_bytes(keys.succeed(succeeds, public))
+        result["succession"] = directory / keys.SUCCESSION
     if as_json:
         print_json(result)
         return
-    click.echo(str(directory))
+    say(str(directory))
     note(f"the probe gets {directory / 'public.key'} ({len(public)} bytes)")
     if succeeds is not None:
-        note(f"or, if it knows the old key, flash {directory / SUCCESSION}")
+        note(f"or, if it knows the old key, flash {directory / keys.SUCCESSION}")

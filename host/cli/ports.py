@@ -9,25 +9,18 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from firmware_py import geometry, outputs
-from palpate.across import answer_dict
-from palpate.cli.output import note
-from palpate.link.answer import (
-    HARDNESS,
-    Span,
-    outside_words,
-    place_words,
-    size_words,
-    stiffness_kPa,
-    stiffness_words,
-    without_minus_zero,
-)
+from palpate.answer import answer_dict
+from palpate.answer.words import HARDNESS, outside_words, place_words, size_words, stiffness_words
+from palpate.cli.numbers import Finite
+from palpate.console import note
 from palpate.model_export.vocabulary import SHOWN_UNITS, WORDS
+from palpate.spans import Span, stiffness_kPa, without_minus_zero
 
 if TYPE_CHECKING:
-    from palpate.across.layers import LumpLayer
-    from palpate.across.told import AcrossStroke, Told
-    from palpate.link.events import Estimate
+    from palpate.answer.layers import LumpLayer
+    from palpate.answer.told import AcrossStroke, Told
     from palpate.link.probe import Probe
+    from palpate.wire.events import Estimate
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -40,7 +33,9 @@ NOMINAL_SCALE = (
 def port_option(function: F) -> F:
     """`--port` and `--baud`, the same words everywhere."""
     where = "auto, a serial number, a port (/dev/ttyACM0, COM5) or socket://HOST:PORT."
-    function = click.option("--baud", default=921_600, show_default=True, help="Of a UART.")(function)
+    function = click.option(
+        "--baud", type=click.IntRange(50, 100_000_000), default=921_600, show_default=True, help="Of a UART."
+    )(function)
     return click.option("--port", default="auto", show_default=True, help=where)(function)
 
 
@@ -55,7 +50,7 @@ def fat_option(function: F) -> F:
     return click.option(
         "--fat",
         "fat_kPa",
-        type=click.FloatRange(0.1, 1000.0),
+        type=Finite(0.1, 1000.0),
         metavar="KPA",
         help="Young's modulus of the fat, where it is known: stiffness is said in kPa, too.",
     )(function)
@@ -137,4 +132,6 @@ def _layer_lines(layer: LumpLayer | None) -> list[str]:
 
 def _number(words: str, unit: str, span: Span, level: str) -> str:
     value, low, high = span
+    if low == high:  # the model was told it
+        return f"  {words:20} {value:8.3f} {unit:4} (assumed, not measured)"
     return f"  {words:20} {value:8.3f} {unit:4} ({low:.3f} to {high:.3f}, {level})"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from palpate.cli.output import note
+from palpate.console import note
 
 if TYPE_CHECKING:
     from palpate.dataset.table import DataSet

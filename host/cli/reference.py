@@ -6,8 +6,8 @@ from dataclasses import asdict
 
 import click
 
-from palpate.cli.output import json_option, note, print_json
 from palpate.cli.ports import port_option, tell_damage
+from palpate.console import json_option, note, print_json, say
 from palpate.errors import UsageError
 
 
@@ -50,9 +50,9 @@ def command(clear: bool, show: bool, port: str, baud: int, as_json: bool) -> Non
     if as_json:
         print_json({"held": found is not None, **(asdict(found) if found is not None else {})})
     elif found is None:
-        click.echo("the probe keeps no reference press")
+        say("the probe keeps no reference press")
     else:
-        click.echo(
+        say(
             f"reference: fat of {found.E_fat_kPa:.1f} kPa, {found.t_mm:.1f} mm thick; "
             "it joins the strokes from now on"
         )

@@ -7,9 +7,9 @@ from typing import Any
 
 import click
 
-from palpate.cli.output import json_option, note, print_json
 from palpate.cli.ports import document_option, estimate_lines, fat_option
 from palpate.cli.real import load_model
+from palpate.console import json_option, note, print_json, say
 from palpate.errors import RecordingError, ReplayDiffers
 from palpate.files import read_whole
 from palpate.first_time import announce
@@ -36,11 +36,11 @@ def command(
       palpate stream --strokes 1 --record visit.mcap
       palpate replay visit.mcap
     """
-    from palpate.across.documents import Documents
     from palpate.model_export.image_builder import inspect
     from palpate.recording.channels import MODEL
     from palpate.recording.reader import Recording
-    from palpate.recording.replay import replay
+    from palpate.stroke.documents import Documents
+    from palpate.stroke.replay import replay
 
     image = read_whole(model, "model image") if model is not None else None
     opened = Recording(recording)
@@ -53,8 +53,8 @@ def command(
     for stroke in replay(recording, image, documents):
         strokes.append(stroke)
         if not as_json:
-            click.echo("\n".join(estimate_lines(stroke.probe, fat_kPa, stroke.told)))
-            click.echo(f"  replay: {stroke.missing or ('identical' if stroke.identical else 'DIFFERENT')}")
+            say("\n".join(estimate_lines(stroke.probe, fat_kPa, stroke.told)))
+            say(f"  replay: {stroke.missing or ('identical' if stroke.identical else 'DIFFERENT')}")
     compared = [stroke for stroke in strokes if stroke.host is not None]
     image = image or opened.attachment(MODEL)
     adapted = inspect(image).adapted if image and compared else ""
@@ -79,5 +79,5 @@ def command(
         raise RecordingError(f"nothing in {recording} can be compared: {why}")
     if not as_json:
         if adapted:
-            click.echo(f"the model was {adapted}")
-        click.echo(f"replay: identical ({len(compared)} of {len(strokes)} strokes compared)")
+            say(f"the model was {adapted}")
+        say(f"replay: identical ({len(compared)} of {len(strokes)} strokes compared)")

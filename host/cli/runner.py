@@ -16,6 +16,7 @@ from typing import Any
 
 import click
 
+from palpate.console import note, printable
 from palpate.errors import PalpateError
 
 CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
@@ -26,7 +27,6 @@ CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
     ),
     "Model": (
         ("fit", "palpate.cli.fit", "fit a model to strokes; Table 1 beside the thesis"),
-        ("study", "palpate.cli.study", "what a better or worse probe would change"),
         ("keygen", "palpate.cli.keygen", "make a signing key"),
         ("export", "palpate.cli.export", "compile and sign the model for the probe"),
     ),
@@ -44,6 +44,7 @@ CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
     "Recordings": (
         ("replay", "palpate.cli.replay", "a recording through the live parser and the probe's code"),
         ("convert", "palpate.cli.convert", "a recording as Parquet, HDF5 or CSV"),
+        ("refine", "palpate.cli.refine", "strokes fitted by the finite-element model itself"),
     ),
     "Real strokes": (
         ("import", "palpate.cli.import_", "frames of anybody's sensor as recordings"),
@@ -150,7 +151,7 @@ def sentence(error: BaseException) -> str:
             f"unexpected {type(error).__name__}: {error}; "
             "run again with PALPATE_DEBUG=1 for the traceback and report it"
         )
-    return " ".join(text.split()) or type(error).__name__
+    return printable(" ".join(text.split())) or type(error).__name__
 
 
 def _on_sigterm(signum: int, _frame: Any) -> None:
@@ -177,6 +178,11 @@ def run(cli: click.Command, args: list[str] | None = None) -> int:
     `PALPATE_DEBUG=1` shows the traceback of an error instead of its sentence.
     """
     debug = os.environ.get("PALPATE_DEBUG", "") not in ("", "0")
+    if sys.stderr is None:  # closed: what is opened next would take its number, and what we say with it
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115
+    if sys.stdout is None:
+        note("palpate: standard output is closed; give it a place, as >/dev/null.")
+        return 1
     with contextlib.suppress(ValueError):  # not the main thread: a test or a notebook
         signal.signal(signal.SIGTERM, _on_sigterm)  # so that files are closed as on Ctrl-C
         if not debug and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -188,7 +194,7 @@ def run(cli: click.Command, args: list[str] | None = None) -> int:
     except click.exceptions.Exit as ending:
         return ending.exit_code
     except (KeyboardInterrupt, click.Abort):
-        click.echo("palpate: stopped; everything finished so far is kept.", err=True)
+        note("palpate: stopped; everything finished so far is kept.")
         return 130
     except (ReaderGone, BrokenPipeError):  # not an error, but Python must not complain at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -200,5 +206,5 @@ def run(cli: click.Command, args: list[str] | None = None) -> int:
             traceback.print_exc()
             return exit_status(error)
         text = sentence(error)
-        click.echo(f"palpate: {text}{'' if text.endswith(('.', '?', '`')) else '.'}", err=True)
+        note(f"palpate: {text}{'' if text.endswith(('.', '?', '`')) else '.'}")
         return exit_status(error)

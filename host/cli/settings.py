@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import click
 
-from palpate.cli.output import json_option, print_json, table
 from palpate.cli.ports import port_option, tell_damage
+from palpate.console import json_option, print_json, table
 
 
 @click.command("settings")

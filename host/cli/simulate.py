@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from palpate.cli.output import json_option, note, plain, print_json, table
+from palpate.cli.numbers import Finite
+from palpate.console import json_option, note, plain, print_json, say, table
 from palpate.errors import UsageError
 from palpate.files import by_suffix, whole_file
 from palpate.first_time import announce
@@ -19,9 +20,11 @@ if TYPE_CHECKING:
 
 @click.command("simulate")
 @click.argument("code")
-@click.option("--hx", "hx_mm", type=float, default=2.0, show_default=True, help="Element width, mm.")
-@click.option("--increment", "increment_mm", type=float, default=2.0, show_default=True, help="Step, mm.")
-@click.option("--start", "start_mm", type=float, default=-28.0, show_default=True, help="First position, mm.")
+@click.option("--hx", "hx_mm", type=Finite(), default=2.0, show_default=True, help="Element width, mm.")
+@click.option("--increment", "increment_mm", type=Finite(), default=2.0, show_default=True, help="Step, mm.")
+@click.option(
+    "--start", "start_mm", type=Finite(), default=-28.0, show_default=True, help="First position, mm."
+)
 @click.option(
     "--out",
     type=click.Path(path_type=Path, dir_okay=False),
@@ -162,15 +165,13 @@ def _print_words(stroke: Stroke, record: dict[str, Any]) -> None:
     table(("position mm", "displacement mm", "strain", "centre kPa", "highest kPa"), rows, title)
     if columns:
         every = stroke.images_kPa.shape[2]
-        click.echo(
-            f"pressures: mean of the sensors' columns {columns[0] + 1} to {columns[-1] + 1} of {every}"
-        )
-    click.echo(
+        say(f"pressures: mean of the sensors' columns {columns[0] + 1} to {columns[-1] + 1} of {every}")
+    say(
         f"tactile map: base {found['base_kPa']:.3f} kPa, amplitude {found['amp_kPa']:.3f} kPa, "
         f"stdev {found['stdev_mm']:.2f} mm; curvature {found['curvature']:.3f}; "
         f"displacement {found['D28_mm']:.3f} mm far from the lump, {found['D0_mm']:.3f} mm over it"
     )
-    click.echo(f"{stroke.nodes} nodes, {int(stroke.iterations.sum())} Newton steps, {stroke.cpu_s:.2f} CPU s")
+    say(f"{stroke.nodes} nodes, {int(stroke.iterations.sum())} Newton steps, {stroke.cpu_s:.2f} CPU s")
 
 
 def _write_fields(path: Path, stroke: Stroke, series: list[Fields]) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from palpate.cli.output import json_option, note, plain, print_json
+from palpate.cli.numbers import Finite
 from palpate.cli.ports import (
     NOMINAL_SCALE,
     document_option,
@@ -21,20 +21,46 @@ from palpate.cli.ports import (
     tell_damage,
 )
 from palpate.cli.real import load_model
+from palpate.console import json_option, note, plain, print_json, printable, say
 from palpate.errors import CommandTimeout, LinkError
 
 if TYPE_CHECKING:
-    from palpate.across.follower import Follower
-    from palpate.across.told import Told
-    from palpate.link.events import Event
+    from palpate.answer.told import Told
     from palpate.link.lsl import Outlets
     from palpate.link.probe import Probe
+    from palpate.stroke.follower import Follower
+    from palpate.wire.events import Event, Log
 
 WARNINGS = {
     "force_low": "press harder: the force is below the range",
     "force_high": "press less: the force is above the range",
     "too_fast": "stroke more slowly",
 }
+
+
+LOGS_A_SECOND = 10
+"""A probe's log lines that are shown; all of them are recorded."""
+
+
+class ShownLogs:
+    """Which of a probe's log lines are shown: no more than `LOGS_A_SECOND` by the time at which they came."""
+
+    def __init__(self) -> None:
+        self._second = self._shown = self._left_out = 0
+
+    def lines(self, log: Log) -> list[str]:
+        """What to print of it: its text, escaped; before it how many were left out."""
+        lines = []
+        if (second := log.host_ns // 1_000_000_000) != self._second:
+            if self._left_out:
+                lines.append(f"  probe: {self._left_out} more lines, not shown")
+            self._second, self._shown, self._left_out = second, 0, 0
+        if self._shown >= LOGS_A_SECOND:
+            self._left_out += 1
+        else:
+            self._shown += 1
+            lines.append(f"  probe: {printable(log.text)}")
+        return lines
 
 
 @click.command("stream")
@@ -45,7 +71,7 @@ WARNINGS = {
 )
 @click.option("--overwrite", is_flag=True, help="Replace an existing recording.")
 @click.option("--every", type=click.IntRange(1, 255), default=1, help="Send each n-th frame only.")
-@click.option("--timeout", "timeout_s", type=float, default=60.0, show_default=True,
+@click.option("--timeout", "timeout_s", type=Finite(0.0, 1e6, min_open=True), default=60.0, show_default=True,
               help="Give up after so many of the probe's seconds without a sign of it.")  # fmt: skip
 @document_option
 @fat_option
@@ -78,14 +104,15 @@ def command(
       palpate stream --strokes 3 --record visit.mcap
       palpate stream --port socket://localhost:7624 --strokes 1 --json
     """
-    from palpate.across.documents import Documents
-    from palpate.across.follower import Follower
-    from palpate.link.events import Estimate, Gap
-    from palpate.recording.session import both_counts, recorded
+    from palpate.link.session import both_counts, counts_line, recorded
+    from palpate.stroke.documents import Documents
+    from palpate.stroke.follower import Follower
+    from palpate.wire.events import Estimate, Gap
 
     follower = Follower(Documents(None if document is None else load_model(document)))
     quiet = as_json or json_lines
     estimates: list[dict[str, Any]] = []
+    logs = ShownLogs()
     counts: dict[str, int] = {}
     with recorded(port, record, overwrite, baud) as probe:
         if not quiet:
@@ -105,7 +132,7 @@ def command(
                 if isinstance(event, Gap) and event.ended:
                     remark = _meet(follower, probe, document, remark)  # it may be another
                 told = follower.of(event) if isinstance(event, Estimate) else None
-                _show(event, told, estimates, quiet, json_lines, fat_kPa)
+                _show(event, told, estimates, logs, quiet, json_lines, fat_kPa)
                 if not quiet and probe.identity.serial != serial:
                     serial = probe.identity.serial
                     note(f"  it is another one: probe {serial}")
@@ -163,7 +190,7 @@ def _left_behind(
 
     What follows from features is added; for a place it would take the frames, which have gone.
     """
-    from palpate.link.events import Estimate
+    from palpate.wire.events import Estimate
 
     results = probe.earlier_results()
     for result in results:
@@ -171,8 +198,8 @@ def _left_behind(
     found = [(event, follower.of(event)) for event in results if isinstance(event, Estimate)]
     for event, told in found:
         if not quiet:
-            click.echo(f"of an earlier stream ({event.stream}):")
-            click.echo("\n".join(estimate_lines(event, fat_kPa, told)))
+            say(f"of an earlier stream ({event.stream}):")
+            say("\n".join(estimate_lines(event, fat_kPa, told)))
     return [estimate_dict(event, fat_kPa, told) for event, told in found]
 
 
@@ -208,11 +235,12 @@ def _show(
     event: Event,
     told: Told | None,
     estimates: list[dict[str, Any]],
+    logs: ShownLogs,
     quiet: bool,
     json_lines: bool,
     fat_kPa: float | None,
 ) -> None:
-    from palpate.link.events import Estimate, Gap, Log, StrokeState
+    from palpate.wire.events import Estimate, Gap, Log, StrokeState
 
     if isinstance(event, Estimate):
         estimates.append(estimate_dict(event, fat_kPa, told))
@@ -220,7 +248,7 @@ def _show(
             sys.stdout.write(json.dumps(plain(estimates[-1])) + "\n")
             sys.stdout.flush()
         elif not quiet:
-            click.echo("\n".join(estimate_lines(event, fat_kPa, told)))
+            say("\n".join(estimate_lines(event, fat_kPa, told)))
     elif quiet:
         return
     elif isinstance(event, StrokeState) and event.state in WARNINGS:
@@ -228,19 +256,5 @@ def _show(
     elif isinstance(event, Gap):
         note(f"  {'the probe is back' if event.ended else event.reason}")
     elif isinstance(event, Log):
-        note(f"  probe: {event.text}")
-
-
-def counts_line(counts: dict[str, int]) -> str:
-    """What the link lost, in a sentence, from the counts of both ends."""
-    damaged = counts["host_bad_crc"] + counts["host_bad_frame"] + counts["host_oversize"]
-    text = f"{counts['frames_received']} frames, {counts['frames_lost']} lost, {damaged} damaged packets"
-    if counts.get("probe_frames_dropped"):
-        text += (
-            f", {counts['probe_frames_dropped']} dropped by the probe (the link is slower than the sensors)"
-        )
-    if counts["host_queue_dropped"]:
-        text += f", {counts['host_queue_dropped']} not shown in time"
-    if counts["host_reconnects"]:
-        text += f", {counts['host_reconnects']} reconnects"
-    return text
+        for line in logs.lines(event):
+            note(line)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from palpate.cli.output import json_option, note, print_json, progress
+from palpate.cli.numbers import Finite
+from palpate.console import json_option, note, print_json, progress, say
 from palpate.errors import LinkError, MissingExtra, PalpateError, UsageError
 from palpate.files import whole_file
 from palpate.first_time import announce
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 )
 @click.option("--workers", type=click.IntRange(1), help="Processes on this machine; all cores by default.")
 @click.option("--scheduler", help="A Dask cluster instead: its address, as tcp://10.0.0.5:8786.")
-@click.option("--hx", "hx_mm", type=float, default=2.0, show_default=True, help="Element width, mm.")
+@click.option("--hx", "hx_mm", type=Finite(), default=2.0, show_default=True, help="Element width, mm.")
 @click.option(
     "--keep",
     type=click.Path(path_type=Path, dir_okay=False),
@@ -80,7 +81,7 @@ def command(
     announce()
     began = time.monotonic()
     last: list[Progress] = []
-    with _executor(scheduler) as executor, progress("strokes") as bar:
+    with executor_of(scheduler) as executor, progress("strokes") as bar:
         task = bar.add_task("simulating", total=len(cases))
 
         def show(now: Progress) -> None:
@@ -108,7 +109,7 @@ def command(
     if as_json:
         print_json(summary)
     else:
-        click.echo(f"{len(result)} strokes in {out} ({reused} were there already), {seconds:.1f} s")
+        say(f"{len(result)} strokes in {out} ({reused} were there already), {seconds:.1f} s")
     for code, reason in list(failures.items())[:10]:
         note(f"  {code}: {reason}")
     if len(failed) == len(result):
@@ -120,7 +121,7 @@ def command(
 
 
 @contextmanager
-def _executor(scheduler: str | None) -> Iterator[Executor | None]:
+def executor_of(scheduler: str | None) -> Iterator[Executor | None]:
     """The cluster's executor, or None for processes of our own."""
     if scheduler is None:
         yield None

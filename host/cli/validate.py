@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from palpate.cli.output import json_option, note, print_json, showing_progress, table
+from palpate.cli.numbers import SEED
 from palpate.cli.real import data_option, leave_out_option, load_data, load_model
+from palpate.console import json_option, note, print_json, say, showing_progress, table
 from palpate.first_time import announce
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 @click.option(
     "--report", type=click.Path(path_type=Path, file_okay=False), help="Write a page with plots there."
 )
-@click.option("--seed", default=1, show_default=True, help="Of the resampling.")
+@click.option("--seed", type=SEED, default=1, show_default=True, help="Of the resampling.")
 @json_option
 def command(model: Path, data: Path, leave_out: bool, report: Path | None, seed: int, as_json: bool) -> None:
     """Judge MODEL by strokes over lumps that are known: bias, limits of agreement, coverage, and a verdict.
@@ -68,6 +69,6 @@ def show(found: Validation) -> None:
         [[f"{row[0]} lumps", *map(str, row[1:])] for row in found.confusion.itertuples()],
     )
     for what, text in shares_of(found):
-        click.echo(f"{what}: {text}")
+        say(f"{what}: {text}")
     for name, verdict in found.verdicts.items():
-        click.echo(f"{NAMES[name]}: {verdict.text}")
+        say(f"{NAMES[name]}: {verdict.text}")

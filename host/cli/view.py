@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from palpate.cli.output import note
 from palpate.cli.ports import document_option, fat_option
 from palpate.cli.real import load_model
+from palpate.console import note, say
 from palpate.errors import MissingExtra, PalpateError, PortAmbiguous, UsageError
 
 if TYPE_CHECKING:
-    from palpate.comparison.change import Between
+    from palpate.stroke.change import Between
 
 
 @click.command(
@@ -29,7 +29,9 @@ Examples:
 """
 )
 @click.argument("recording", required=False, type=click.Path(path_type=Path))
-@click.option("--port", help="A device path, COM5, socket://HOST:PORT, a serial number, or auto.")
+@click.option(
+    "--port", help="A device path, COM5, socket://HOST:PORT, a serial number, or auto (the default)."
+)
 @click.option(
     "--host",
     default="127.0.0.1",
@@ -77,14 +79,14 @@ def command(
     after each stroke the estimate with its intervals. It keeps a history, says how well strokes repeat, and
     whether a lump has changed between two visits. Ctrl-C ends it; a running recording is closed properly.
     """
-    if (recording is None) == (port is None):
-        raise UsageError("say either --port PORT for a probe or the FILE.mcap of a recording")
+    if recording is not None and port is not None:
+        raise UsageError("say either --port PORT for a probe or the FILE.mcap of a recording, not both")
     try:
         from palpate.view.serve import Viewer
     except ModuleNotFoundError as error:
         raise MissingExtra(error.name or "starlette", "view", "the viewer") from error
+    from palpate.stroke.read import load_strokes
     from palpate.view.live import LiveSource
-    from palpate.view.read_strokes import load_strokes
     from palpate.view.replay import ReplaySource
 
     between = _between(data, model)
@@ -116,7 +118,7 @@ def command(
         ) from error
 
     def ready(url: str) -> None:
-        click.echo(f"Palpate is at {url}  (Ctrl-C ends it)")
+        say(f"Palpate is at {url}  (Ctrl-C ends it)")
 
     viewer.run(open_browser=browser, on_ready=ready)
 

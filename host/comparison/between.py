@@ -10,14 +10,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from palpate.comparison.change import QUANTITIES, Between, Comparison, compare
-from palpate.dataset.answers import OUTPUTS, answers
+from palpate.dataset.answers import OUTPUTS, Answers, answers
 from palpate.dataset.columns import DataSetError
 from palpate.dataset.strokes import ObservedDataSet, observe_data_set, read_strokes
 from palpate.dataset.table import DataSet
 from palpate.errors import RecordingError
 from palpate.features.map_features import Floats
 from palpate.model_export.schema import ModelSpec
+from palpate.stroke.change import QUANTITIES, Between, Comparison, compare
 
 FEWEST = 2
 """Visits beyond the first, over all lumps, that say what visits differ by."""
@@ -50,6 +50,7 @@ def of_observed(spec: ModelSpec, seen: ObservedDataSet) -> dict[str, Between]:
     out = {}
     for name in QUANTITIES:
         value = said.value[:, OUTPUTS.index(name)]
+        # of lumps that the model does not know, too: what visits differ by is the probe's and the hand's
         used = said.lump & (value > 0)
         found = components(np.log(value[used]), said.group[used], number[used])
         if found is not None:
@@ -90,10 +91,13 @@ class Visits:
     changes : dict of Comparison
     between : dict of Between
         What was counted in; empty where no data set was given.
+    left_out : (int, int)
+        Strokes of either recording that show a lump but lie outside what the model knows.
     """
 
     changes: dict[str, Comparison]
     between: dict[str, Between]
+    left_out: tuple[int, int]
 
 
 def compare_recordings(
@@ -104,23 +108,29 @@ def compare_recordings(
     Raises
     ------
     RecordingError
-        A recording shows no lump.
+        A recording shows no lump, or none that the model knows.
     """
     between = between or {}
-    values = [_values(spec, path) for path in (first, second)]
+    said = [_answers(spec, path) for path in (first, second)]
     changes = {}
     for name, (what, unit) in QUANTITIES.items():
-        found = compare(values[0][name], values[1][name], what=what, unit=unit, between=between.get(name))
+        a, b = (s.value[s.usable, OUTPUTS.index(name)].tolist() for s in said)
+        found = compare(a, b, what=what, unit=unit, between=between.get(name))
         if found is not None:
             changes[name] = found
-    return Visits(changes, between)
+    before, after = (int((s.lump & ~s.usable).sum()) for s in said)
+    return Visits(changes, between, (before, after))
 
 
-def _values(spec: ModelSpec, path: Path) -> dict[str, list[float]]:
+def _answers(spec: ModelSpec, path: Path) -> Answers:
     numbers = list(read_strokes(path))
     table = pd.DataFrame({"row": 1, "recording": [path] * len(numbers), "stroke": numbers, "lump": "here"})
-    seen = observe_data_set(DataSet(path, table), spec)
-    said = answers(spec, seen)
+    said = answers(spec, observe_data_set(DataSet(path, table), spec))
     if not said.lump.any():
         raise RecordingError(f"no stroke of {path} shows a lump that the model can size")
-    return {name: said.value[said.lump, OUTPUTS.index(name)].tolist() for name in QUANTITIES}
+    if not said.usable.any():
+        raise RecordingError(
+            f"every stroke of {path} over a lump lies outside what the model knows (`palpate replay {path}` "
+            "says why); name a model for such lumps with --model"
+        )
+    return said

@@ -12,10 +12,10 @@ from palpate.dataset.checks import fault, slip_of
 from palpate.dataset.strokes import ObservedDataSet
 from palpate.dataset.table import DataSet
 from palpate.features.map_features import Floats
-from palpate.link import answer
 from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.model_export.schema import ModelSpec
 from palpate.regression.observed import NAMES
+from palpate.spans import BORDER, Span, depth_mm
 
 DEPTH = "depth_mm"
 OUTPUTS = tuple(dict.fromkeys((*outputs.NAMES, DEPTH)))
@@ -57,6 +57,11 @@ class Answers:
     group: NDArray[np.int64]
     hard: NDArray[np.bool_]
     level: float
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Strokes over a lump that the model knows, (n)."""
+        return self.lump & self.in_domain
 
     @property
     def covered(self) -> Floats:
@@ -101,7 +106,7 @@ def answers(spec: ModelSpec, seen: ObservedDataSet) -> Answers:
         said["force_out"],
         said["hardness"],
         seen.lump,
-        truth[:, outputs.E_INV23] <= answer.BORDER ** (-2 / 3) + 1e-12,
+        truth[:, outputs.E_INV23] <= BORDER ** (-2 / 3) + 1e-12,
         spec.interval.level,
     )
 
@@ -112,11 +117,11 @@ def with_depth(said: dict[str, Floats], part: str) -> Floats:
         return said[part]
     at = ("value", "low", "high").index(part)
     t, d, h = (outputs.NAMES.index(name) for name in ("t_mm", "d_mm", "h"))
-    depth = [answer.depth_mm(*(_span(said, k, j) for j in (t, d, h)))[at] for k in range(len(said["value"]))]
+    depth = [depth_mm(*(_span(said, k, j) for j in (t, d, h)))[at] for k in range(len(said["value"]))]
     return np.column_stack([said[part], depth])
 
 
-def _span(said: dict[str, Floats], k: int, j: int) -> answer.Span:
+def _span(said: dict[str, Floats], k: int, j: int) -> Span:
     return float(said["value"][k, j]), float(said["low"][k, j]), float(said["high"][k, j])
 
 

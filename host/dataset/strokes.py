@@ -16,17 +16,14 @@ from palpate.dataset.table import DataSet
 from palpate.errors import PalpateError, RecordingError
 from palpate.features.map_features import Floats
 from palpate.firmware_twin.replay_core import Replay
-from palpate.link.events import Estimate, Frame, StrokeState
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.schema import ModelSpec
-from palpate.recording.channels import CALIBRATION
+from palpate.recording.channels import CALIBRATION, IMPORT_NOTE
 from palpate.recording.playback import open_recording
-from palpate.recording.presses import Presses
-from palpate.recording.replay import FRAMES_KEPT
 from palpate.regression.observed import NAMES, OF_THE_DISPLACEMENT
-
-IMPORT_NOTE = "import"
-"""Name of a recording's metadata in which `palpate import` says what was missing."""
+from palpate.stroke.presses import Presses
+from palpate.stroke.replay import FRAMES_KEPT
+from palpate.wire.events import Estimate, Frame, StrokeState
 
 
 @dataclass(frozen=True)
@@ -145,7 +142,7 @@ def observe_data_set(
     spec : ModelSpec
         Its force map is used, and what it needs must be there.
     progress : callable, optional
-        See `regression.progress.ProgressCallback`.
+        See `palpate.progress.ProgressCallback`.
 
     Raises
     ------

@@ -12,6 +12,7 @@ from typing import Any
 
 import pandas as pd
 
+from palpate.csv_dialect import COMMA_NUMBER, dialect_of
 from palpate.dataset import checks
 from palpate.dataset.columns import COLUMNS, NEEDED, TRUTH, DataSetError
 from palpate.errors import NoSuchFile
@@ -97,9 +98,21 @@ def _csv(path: Path) -> pd.DataFrame:
 
 
 def _as_text(path: Path) -> pd.DataFrame:
-    return pd.read_csv(
-        path, header=None, dtype=str, keep_default_na=False, skipinitialspace=True, skip_blank_lines=False
+    sep, decimal = dialect_of(path)
+    raw = pd.read_csv(
+        path,
+        sep=sep,
+        header=None,
+        dtype=str,
+        keep_default_na=False,
+        skipinitialspace=True,
+        skip_blank_lines=False,
     )
+    return raw.map(_with_a_point) if decimal == "," else raw
+
+
+def _with_a_point(field: str) -> str:
+    return field.replace(",", ".") if COMMA_NUMBER.fullmatch(field) else field
 
 
 def _parquet(path: Path) -> pd.DataFrame:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from palpate.cli.output import note
+from palpate.console import note
 
 LUMP = "d12h06e20f07_ball"
 """The lump under the emulated probe: a ball that no model has met."""

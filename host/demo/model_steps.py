@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from palpate.cli.output import progress, table
+from palpate.console import progress, table
 from palpate.demo.lump import NOISE, say
 from palpate.errors import PalpateError
 from palpate.files import whole_file
@@ -76,11 +76,11 @@ def export_step(spec: Any, key: Path, path: Path) -> bytes:
     from palpate.model_export.signing import keys
 
     try:
-        image, report = export(spec, key)
+        image, report = export(spec, key, force=True)
     except SigningError:  # none yet, or one of the old kind
         shutil.rmtree(key, ignore_errors=True)
         keys.generate(key)
-        image, report = export(spec, key)
+        image, report = export(spec, key, force=True)
     with whole_file(path) as part:
         part.write_bytes(image)
     for line in report.lines():

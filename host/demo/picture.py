@@ -12,9 +12,9 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from palpate.demo.result import shown
 from palpate.features.gaussian import bump
-from palpate.link.events import Frame, TactileMap
 from palpate.report import stroke_panels, style
-from palpate.sim.probe.cells import PITCH_MM, SHAPE
+from palpate.wire.cells import PITCH_MM, SHAPE
+from palpate.wire.events import Frame, TactileMap
 
 CONTACT_KPA = 0.3
 ROWS = (

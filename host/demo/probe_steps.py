@@ -6,20 +6,19 @@ import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from palpate.cli.output import progress
-from palpate.cli.stream import counts_line
+from palpate.console import progress
 from palpate.demo.lump import LUMP, NOISE, SEED, say
 from palpate.errors import PalpateError
-from palpate.link.events import Estimate, Frame, TactileMap
+from palpate.wire.events import Estimate, Frame, TactileMap
 
 if TYPE_CHECKING:
-    from palpate.across.told import AcrossStroke
+    from palpate.answer.told import AcrossStroke
 
 
 def emulate_step(runtime: str, out: Path) -> Any:
     """Start an emulated probe over the demo's lump."""
-    from palpate.cli.emulate import strokes_over
     from palpate.sim.probe.emulated import EmulatedProbe
+    from palpate.sim.probe.over_lump import strokes_over
 
     strokes, calibration = strokes_over(LUMP, NOISE, SEED, 50, 1, press=True)
     store = out / "probe"
@@ -47,7 +46,7 @@ def flash_step(port: str, image: bytes) -> str:
 
 def stroke_step(port: str, recording: Path) -> tuple[list[Frame], TactileMap, Estimate]:
     """Stroke once and record it: frames, tactile map, estimate."""
-    from palpate.recording.session import both_counts, recorded
+    from palpate.link.session import both_counts, counts_line, recorded
 
     frames: list[Frame] = []
     found: TactileMap | None = None
@@ -68,7 +67,7 @@ def stroke_step(port: str, recording: Path) -> tuple[list[Frame], TactileMap, Es
 
 def replay_step(recording: Path) -> tuple[bool, AcrossStroke | None]:
     """Replay the recording: is every estimate the same, bit for bit? And what the host tells across."""
-    from palpate.recording.replay import replay
+    from palpate.stroke.replay import replay
 
     strokes = list(replay(recording))
     told = strokes[-1].told if strokes else None

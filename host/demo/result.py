@@ -6,15 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
-from palpate.cli.output import table
+from palpate.answer.words import stiffness_words
+from palpate.console import say, table
 from palpate.demo.lump import LUMP, NOISE
-from palpate.link.answer import Span, stiffness_words, without_minus_zero
-from palpate.link.events import Estimate
+from palpate.spans import Span, without_minus_zero
+from palpate.wire.events import Estimate
 
 if TYPE_CHECKING:
-    from palpate.across.told import AcrossStroke
+    from palpate.answer.told import AcrossStroke
 
 
 @dataclass(frozen=True)
@@ -153,12 +152,12 @@ def say_result(
     stderr: bool,
 ) -> None:
     """Print the estimate beside the truth, and where the files lie."""
-    click.echo(f"   {verdict(estimate, truth)}", err=stderr)
+    say(f"   {verdict(estimate, truth)}", err=stderr)
     table(("", "the probe says", _level(estimate), "truth"), rows_of(estimate, across, truth), stderr=stderr)
-    click.echo(
+    say(
         f"   {'inside' if estimate.in_domain else 'outside'} the model's domain; "
         f"replay: {'identical' if identical else 'DIFFERENT'}",
         err=stderr,
     )
     for name in ("picture", "recording", "report"):
-        click.echo(f"   {name}: {files[name]}", err=stderr)
+        say(f"   {name}: {files[name]}", err=stderr)

@@ -10,18 +10,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from palpate import models
-from palpate.cli.output import console, progress
+from palpate.console import console, progress
 from palpate.demo.lump import LUMP, NOISE, say
 from palpate.demo.model_steps import export_step, fit_step, sweep_step
 from palpate.demo.probe_steps import emulate_step, flash_step, replay_step, stroke_step
 from palpate.demo.result import DemoResult, say_result, summary, truth, verdict
 from palpate.errors import PalpateError
 from palpate.files import whole_file
-from palpate.link.events import Estimate, Frame, TactileMap
 from palpate.sim.probe.node import check_runtime
+from palpate.wire.events import Estimate, Frame, TactileMap
 
 if TYPE_CHECKING:
-    from palpate.across.told import AcrossStroke
+    from palpate.answer.told import AcrossStroke
 
 EXPERIENCE = "the thesis' thirty strokes"
 
@@ -46,7 +46,7 @@ def run(out: Path, runtime: str = "micropython", fresh: bool = False, stderr: bo
     Parameters
     ----------
     out : Path
-        Strokes, model, key, image, recording and picture go here; strokes that are there are re-used.
+        Strokes, model, key, image, recording and picture go here; strokes that are there are reused.
     runtime : str
         What carries the emulated probe's firmware: micropython or cpython.
     fresh : bool

@@ -1,1 +1,1 @@
-"""Features of a stroke in float64: what the probe's integers are checked against."""
+"""Features of a stroke in float64: of its tactile map, and of the press before it."""

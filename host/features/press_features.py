@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from firmware_py import calib, feature_names, features, geometry, press, profile
 from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS
-from palpate.sim.probe.cells import PITCH_MM, ROW_MM
+from palpate.wire.cells import PITCH_MM, ROW_MM
 
 Floats = NDArray[np.float64]
 

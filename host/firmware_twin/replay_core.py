@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +25,11 @@ from firmware_py import (
     feature_names,
     forcemap,
     gauss,
-    geometry,
     settings,
     stroke_state,
 )
 from palpate.errors import UsageError
 from palpate.firmware_twin import twin
-from palpate.sim.probe.sensors import FrameStream
 
 _HALF_MM = feature_chain.HALF_UM / 1000
 
@@ -76,6 +74,22 @@ def _forget_old(folder: Path) -> None:
             shutil.rmtree(other, ignore_errors=True)
 
 
+class StrokeFrames(Protocol):
+    """A stroke as a simulated probe sends it; `press` counts the first frames, before it moves."""
+
+    @property
+    def packed(self) -> list[bytes]: ...
+
+    @property
+    def positions_um(self) -> NDArray[np.int64]: ...
+
+    @property
+    def displacements_um(self) -> NDArray[np.int64]: ...
+
+    @property
+    def press(self) -> int: ...
+
+
 class Replay:
     """A pipeline to push strokes through, one after the other.
 
@@ -83,10 +97,6 @@ class Replay:
     ----------
     force_map : bytes, optional
         The blob that the model carries (palpate.model_export.fixed_point.force_map.blob).
-    fixed_columns : (int, int), optional
-        Look at these columns only.
-    small : bool
-        The small build (firmware_py.rowpipeline), which keeps to fixed columns: all, if none are given.
     plain : bool
         Run the firmware under plain CPython instead (a hundred times slower), to compare.
     n_bins, width_um : int, optional
@@ -97,8 +107,6 @@ class Replay:
         self,
         force_map: bytes | None = None,
         *,
-        fixed_columns: tuple[int, int] | None = None,
-        small: bool = False,
         plain: bool = False,
         **bins: int,
     ) -> None:
@@ -108,13 +116,7 @@ class Replay:
             self.force_map = forcemap.load(force_map)
             if self.force_map is None:
                 raise UsageError("the model's force map is of a kind that this firmware does not know")
-        if small:
-            first, last = fixed_columns or (0, geometry.COLUMNS)
-            self.pipeline = modules.rowpipeline.RowPipeline(calib.Calibration(), first, last, **bins)
-        else:
-            self.pipeline = modules.pipeline.Pipeline(
-                calib.Calibration(), fixed_columns=fixed_columns, **bins
-            )
+        self.pipeline = modules.pipeline.Pipeline(calib.Calibration(), **bins)
 
     def stroke(
         self,
@@ -139,7 +141,7 @@ class Replay:
             p.add_frame(frame, int(x), int(d))
         return int(p.finish(self.force_map))
 
-    def stream(self, frames: FrameStream, calibration: calib.Calibration | None = None) -> int:
+    def stream(self, frames: StrokeFrames, calibration: calib.Calibration | None = None) -> int:
         """The same for a stroke of palpate.sim.probe.sensors, with the press before it if it has one.
 
         Of the press the probe sees what comes after it has noticed the contact.

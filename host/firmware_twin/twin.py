@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-# leaf first, as the micro:bit imports them
+# leaf first
 STAGES = (
     "fixed",
     "calib",
@@ -31,7 +31,6 @@ STAGES = (
     "press",
     "feature_chain",
     "pipeline",
-    "rowpipeline",
 )
 
 Wrap = Callable[[types.FunctionType], Any]
@@ -89,6 +88,11 @@ def load(
                 for alias in node.names:
                     other = twins.get(alias.name) or importlib.import_module(f"firmware_py.{alias.name}")
                     setattr(module, alias.asname or alias.name, other)
+            elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("firmware_py."):
+                source = str(node.module)
+                owner = twins.get(source.removeprefix("firmware_py.")) or importlib.import_module(source)
+                for alias in node.names:
+                    setattr(module, alias.asname or alias.name, getattr(owner, alias.name))
             else:
                 body.append(node)
         tree.body = body

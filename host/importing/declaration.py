@@ -38,6 +38,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate.errors import NoSuchFile, UsageError
+from palpate.files import read_limited
 
 LENGTHS = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1e3}
 TIMES = {"us": 1e-6, "ms": 1e-3, "s": 1.0}
@@ -103,11 +104,13 @@ class Declaration:
     stroke: str = ""
     lift: bool = True
 
-    def cell_names(self) -> list[str]:
-        """The columns of a table that hold the cells, row by row; [] where the pressures are one array."""
+    def cell_names(self, first: int = 0) -> list[str]:
+        """The columns of a table that hold the cells, row by row; [] where the pressures are one array.
+
+        Rows and columns are counted from `first`."""
         if "{row}" not in self.pressure:
             return []
-        pairs = ((r, c) for r in range(self.rows) for c in range(self.columns))
+        pairs = ((r + first, c + first) for r in range(self.rows) for c in range(self.columns))
         return [self.pressure.replace("{row}", str(r)).replace("{column}", str(c)) for r, c in pairs]
 
 
@@ -115,10 +118,10 @@ def read(path: str | Path) -> Declaration:
     """Read a declaration; `UsageError` says what is wrong with it, and where."""
     path = Path(path)
     try:
-        said = tomllib.loads(path.read_text(encoding="utf-8"))
+        said = tomllib.loads(read_limited(path, 1 << 20).decode())
     except OSError as error:
         raise NoSuchFile(f"the declaration {path} cannot be read: {(error.strerror or '').lower()}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise UsageError(f"{path} is not TOML: {error}") from None
     try:
         return _declaration(said)
@@ -212,7 +215,7 @@ def _pitch(value: Any) -> tuple[float, float]:
 
 def _unit(part: dict[str, Any], name: str, units: dict[str, float], default: str) -> float:
     unit = part.get("unit", default)
-    if unit not in units:
+    if not isinstance(unit, str) or unit not in units:
         raise UsageError(f"{name}.unit is one of {', '.join(units)}, not {unit!r}")
     return units[unit]
 

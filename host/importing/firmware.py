@@ -16,14 +16,14 @@ from firmware_py.estimator import Estimator
 from firmware_py.probe import Probe
 from palpate.firmware_twin.replay_core import compiled
 from palpate.link.commands import pack_command
-from palpate.link.delivery import HAVE
-from palpate.link.events import Answer, Estimate, Event, Features, TactileMap
-from palpate.link.parser import LiveParser
 from palpate.model_export.image_builder import Info
 from palpate.recording.writer import RecordingWriter
 from palpate.sim.probe.flash_sim import FlashSim
-from palpate.sim.probe.packed_frames import pack
 from palpate.sim.probe.virtual import VirtualBoard
+from palpate.wire.delivery import HAVE
+from palpate.wire.events import Answer, Estimate, Event, Features, TactileMap
+from palpate.wire.packing import pack
+from palpate.wire.parser import LiveParser
 
 LIFTED = 3
 """Frames in the air before and after each stroke."""

@@ -11,11 +11,19 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.csv_dialect import dialect_of
 from palpate.errors import MissingExtra, NoSuchFile, UsageError
 from palpate.files import by_suffix
 from palpate.importing.declaration import Declaration
 
 Floats = NDArray[np.float64]
+
+LARGEST = 1 << 26
+"""Bytes that a file may unpack to whatever its size; and `EXPANSION` times its size beyond."""
+EXPANSION = 100
+FARTHEST_MM = 1000.0
+"""Places and displacements."""
+LONGEST_S = 86_400.0
 
 
 class ImportFailed(UsageError):
@@ -76,10 +84,11 @@ def read(path: str | Path, said: Declaration) -> Frames:
 
 def assemble(source: _Source, said: Declaration, name: str) -> Frames:
     """Frames from named arrays; `name` is the file's, for sentences."""
-    pressure = said.kPa * (_pressure(source, said, name) - said.zero)
-    n = len(pressure)
+    raw = _pressure(source, said, name)
+    n = len(raw)
     if n < 2:
         raise ImportFailed(f"{name} holds {n} frames; a stroke takes more")
+    pressure = said.kPa * (raw - said.zero)
     if said.zero_frames:
         pressure = pressure - pressure[: said.zero_frames].mean(axis=0)
     _fill_dead(pressure, said, name)
@@ -92,11 +101,13 @@ def assemble(source: _Source, said: Declaration, name: str) -> Frames:
         back = np.flatnonzero((np.diff(time) <= 0) & (np.diff(stroke) == 0))
         if len(back):
             raise ImportFailed(f"{name}, frame {back[0] + 1}, {said.time}: time does not go on")
+        _within(time - time[0], LONGEST_S, "s from the first frame", f"{name}, {{}}, {said.time}")
     else:
         time = np.arange(n) / said.frames_per_s
         missing.append("time")
     if said.position:
         position = said.position_mm * _column(source, said.position, n, name)
+        _within(position, FARTHEST_MM, "mm", f"{name}, {{}}, {said.position}")
     else:
         position = np.empty(n)
         for k in np.unique(stroke):
@@ -105,10 +116,18 @@ def assemble(source: _Source, said: Declaration, name: str) -> Frames:
         missing.append("position")
     if said.displacement:
         depth = said.displacement_mm * _column(source, said.displacement, n, name)
+        _within(depth, FARTHEST_MM, "mm", f"{name}, {{}}, {said.displacement}")
     else:
         depth = np.zeros(n)
         missing.append("displacement")
     return Frames(pressure, position, depth, time, stroke.astype(np.int64), tuple(missing))
+
+
+def _within(values: Floats, most: float, unit: str, where: str) -> None:
+    """Refuse numbers that are none of a hand's stroke: their unit is another one."""
+    if len(beyond := np.flatnonzero(~(np.abs(values) <= most))):
+        place = where.format(f"frame {beyond[0]}")
+        raise ImportFailed(f"{place}: {values[beyond[0]]:.3g} {unit} is none of a stroke; look at the unit")
 
 
 def _pressure(source: _Source, said: Declaration, name: str) -> Floats:
@@ -116,27 +135,53 @@ def _pressure(source: _Source, said: Declaration, name: str) -> Floats:
     if not cells:
         found = np.asarray(_named(source, said.pressure, name))
         if found.dtype == object:  # a table's column of lists
-            found = np.array([np.asarray(row, float) for row in found])
-        if found.ndim < 2 or found[0].size != said.rows * said.columns:
+            found = _rows(found, said, name)
+        if found.ndim < 2 or found[0:1].size != min(len(found), 1) * said.rows * said.columns:
             raise ImportFailed(
                 f"{name}, {said.pressure}: {found.shape} are no frames of {said.rows} x {said.columns}"
             )
-        return np.array(found, float).reshape(len(found), said.rows, said.columns)
+        return _numbers(found, said.pressure, name).reshape(len(found), said.rows, said.columns)
+    from_one = said.cell_names(first=1)
+    if set(from_one) <= set(source.names):  # rows and columns are counted from 1, as spreadsheets do
+        cells = from_one
     missing = [cell for cell in cells if cell not in source.names]
     if missing:
         raise ImportFailed(
             f"{name} has no column {missing[0]}: {said.rows} x {said.columns} cells need {len(cells)} "
             f"columns, and {len(cells) - len(missing)} are there"
         )
-    table = np.column_stack([_numbers(source.get(cell), cell, name) for cell in cells])
+    table = np.column_stack([_numbers(_named(source, cell, name), cell, name) for cell in cells])
     return table.reshape(len(table), said.rows, said.columns)
+
+
+def _rows(found: NDArray[Any], said: Declaration, name: str) -> Floats:
+    """A table's column of lists, each a frame."""
+    cells = said.rows * said.columns
+    rows = np.empty((len(found), cells))
+    for k, row in enumerate(found):
+        try:
+            frame = np.asarray(row, float)
+        except (TypeError, ValueError):
+            raise ImportFailed(f"{name}, frame {k}, {said.pressure}: it is no list of numbers") from None
+        if frame.size != cells:
+            raise ImportFailed(
+                f"{name}, frame {k}, {said.pressure}: {frame.size} numbers are no frame of "
+                f"{said.rows} x {said.columns}"
+            )
+        rows[k] = frame.reshape(-1)
+    return rows
 
 
 def _named(source: _Source, wanted: str, name: str) -> NDArray[Any]:
     if wanted not in source.names:
         there = ", ".join(source.names[:8]) + (" ..." if len(source.names) > 8 else "")
         raise ImportFailed(f"{name} has no {wanted!r}; it has {there}")
-    return source.get(wanted)
+    try:
+        return source.get(wanted)
+    except ImportFailed:
+        raise
+    except Exception as error:  # whatever a damaged part makes of a reader of others
+        raise ImportFailed(f"{name}, {wanted}: it cannot be read: {_first_line(error)}") from None
 
 
 def _column(source: _Source, wanted: str, n: int, name: str) -> Floats:
@@ -151,12 +196,13 @@ def _column(source: _Source, wanted: str, n: int, name: str) -> Floats:
 def _numbers(values: NDArray[Any], column: str, name: str) -> Floats:
     try:
         return np.asarray(values, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         for k, value in enumerate(values):
             try:
                 float(value)
-            except (TypeError, ValueError):
-                raise ImportFailed(f"{name}, frame {k}, {column}: {str(value)!r} is not a number") from None
+            except (TypeError, ValueError, OverflowError):
+                shown = str(value)[:40]
+                raise ImportFailed(f"{name}, frame {k}, {column}: {shown!r} is not a number") from None
         raise
 
 
@@ -204,14 +250,29 @@ def _table(path: Path) -> _Source:
     import pandas as pd
 
     def load() -> pd.DataFrame:
-        return pd.read_csv(path) if path.suffix.lower() == ".csv" else pd.read_parquet(path)
+        if path.suffix.lower() == ".csv":
+            sep, decimal = dialect_of(path)
+            return pd.read_csv(path, sep=sep, decimal=decimal)
+        import pyarrow.parquet as pq
+
+        about = pq.read_metadata(path)
+        groups = (about.row_group(k) for k in range(about.num_row_groups))
+        size = sum(group.total_byte_size for group in groups)
+        _check_size(path, max(size, about.num_rows * about.num_columns))
+        return pd.read_parquet(path)
 
     table = _opened(path, load)
     return _Arrays([str(name) for name in table.columns], lambda name: table[name].to_numpy())
 
 
 def _npz(path: Path) -> _Source:
-    found = _opened(path, lambda: np.load(path, allow_pickle=False))
+    def load() -> Any:
+        if zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as packed:
+                _check_size(path, sum(member.file_size for member in packed.infolist()))
+        return np.load(path, allow_pickle=False)
+
+    found = _opened(path, load)
     if not hasattr(found, "files"):
         raise ImportFailed(f"{path} is not an archive of arrays; write it with numpy.savez")
     return _Arrays(list(found.files), lambda name: found[name])
@@ -223,16 +284,31 @@ def _hdf5(path: Path) -> _Source:
     except ModuleNotFoundError:
         raise MissingExtra("h5py", "hdf5", "reading HDF5") from None
 
-    def load() -> dict[str, NDArray[Any]]:
-        arrays: dict[str, NDArray[Any]] = {}
+    def load() -> dict[str, Any]:
+        found: dict[str, Any] = {}
         with h5py.File(path) as file:
             file.visititems(
-                lambda at, item: arrays.update({at: item[()]}) if hasattr(item, "shape") else None
+                lambda at, item: found.update({at: item.nbytes}) if isinstance(item, h5py.Dataset) else None
             )
-        return arrays
+        return found
 
-    arrays = _opened(path, load)
-    return _Arrays(list(arrays), arrays.__getitem__)
+    def get(name: str) -> NDArray[Any]:
+        with h5py.File(path) as file:
+            item = file[name]
+            if item.external or item.is_virtual:
+                raise ImportFailed(f"{path.name}, {name}: it lies in another file; put it into this one")
+            _check_size(path, item.nbytes)
+            return np.asarray(item[()])
+
+    return _Arrays(list(_opened(path, load)), get)
+
+
+def _check_size(path: Path, size: int) -> None:
+    """Refuse what unpacks to more than frames ever do: before it takes all memory."""
+    if size > max(LARGEST, EXPANSION * path.stat().st_size):
+        raise ImportFailed(
+            f"{path.name} unpacks to {size / 1e6:.0f} MB, over {EXPANSION} times its size; frames do not"
+        )
 
 
 def _opened(path: Path, load: Callable[[], Any]) -> Any:
@@ -241,7 +317,12 @@ def _opened(path: Path, load: Callable[[], Any]) -> Any:
     except FileNotFoundError:
         raise NoSuchFile(f"there is no file {path}; check the name") from None
     except OSError as error:
-        reason = error.strerror or str(error).splitlines()[0]
-        raise NoSuchFile(f"{path} cannot be read: {reason.lower()}") from None
-    except (ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise ImportFailed(f"{path} cannot be read: {str(error).splitlines()[0]}") from None
+        raise NoSuchFile(f"{path} cannot be read: {(error.strerror or _first_line(error)).lower()}") from None
+    except ImportFailed:
+        raise
+    except Exception as error:  # whatever a damaged file makes of a reader of others
+        raise ImportFailed(f"{path} cannot be read: {_first_line(error)}") from None
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip() or type(error).__name__).splitlines()[0]

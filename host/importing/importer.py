@@ -10,21 +10,24 @@ from typing import Any
 import numpy as np
 
 from firmware_py import calib, geometry
-from palpate.dataset.strokes import IMPORT_NOTE
+from palpate.errors import RecordingError
+from palpate.files import whole_file
 from palpate.importing import frames as sources
 from palpate.importing import ours, resample
 from palpate.importing.declaration import Declaration
 from palpate.importing.firmware import Session
 from palpate.importing.frames import Frames, ImportFailed
-from palpate.link.events import Estimate
 from palpate.model_export.image_builder import inspect
 from palpate.recording import channels
+from palpate.recording.channels import IMPORT_NOTE
 from palpate.recording.writer import RecordingWriter
-from palpate.sim.probe.cells import FULL_SCALE_KPA, PEDESTAL_KPA
-from palpate.sim.probe.packed_frames import pack
+from palpate.wire.cells import FULL_SCALE_KPA, PEDESTAL_KPA
+from palpate.wire.events import Estimate
+from palpate.wire.packing import pack
 
 PAUSE_US = 300_000
 """Between two strokes."""
+WIDEST_KPA = 1e6
 WORST_SATURATED = 0.001
 """Share of readings at the end of the scale from which it is worth a remark."""
 
@@ -97,20 +100,25 @@ def import_file(
     info = None if model is None else inspect(model)
     words = {
         "source": source.name,
-        "sha256": hashlib.sha256(source.read_bytes()).hexdigest(),
+        "sha256": _sha256(source),
         "array": f"{said.rows}x{said.columns} at {said.pitch_mm[0]:g} x {said.pitch_mm[1]:g} mm",
         "missing": " ".join(found.missing),
     }
     began_ns = source.stat().st_mtime_ns
     meta = {"port": "import", "started_ns": str(began_ns)}
-    with RecordingWriter(recording, overwrite, meta) as writer:
-        writer.note(IMPORT_NOTE, words)
-        writer.note("probe", {"serial": "IMPORTED", "array": words["array"]})
-        writer.attach(channels.CALIBRATION, "application/octet-stream", calib.Calibration().to_bytes())
-        if model is not None:
-            writer.attach(channels.MODEL, "application/octet-stream", model)
-        strokes = _play(Session(writer, info, began_ns), found, counts, said.lift)
-    writer.check()
+    if recording.suffix != ".mcap":
+        raise RecordingError(f"a recording's name ends in .mcap, not {recording.name!r}")
+    if recording.exists() and not overwrite:
+        raise RecordingError(f"{recording} exists already; choose another name or give --overwrite")
+    with whole_file(recording) as part:
+        with RecordingWriter(part, True, meta) as writer:
+            writer.note(IMPORT_NOTE, words)
+            writer.note("probe", {"serial": "IMPORTED", "array": words["array"]})
+            writer.attach(channels.CALIBRATION, "application/octet-stream", calib.Calibration().to_bytes())
+            if model is not None:
+                writer.attach(channels.MODEL, "application/octet-stream", model)
+            strokes = _play(Session(writer, info, began_ns), found, counts, said.lift)
+        writer.check()
     declared = len(np.unique(found.stroke))
     if said.stroke and strokes != declared:
         remarks.append(
@@ -123,8 +131,13 @@ def import_file(
     return Imported(source, recording, strokes, len(counts), found.missing, tuple(remarks))
 
 
+def _sha256(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
 def _counts(found: Frames, said: Declaration, remarks: list[str]) -> np.ndarray:
-    pressure = found.pressure_kPa
+    pressure = np.clip(found.pressure_kPa, -WIDEST_KPA, WIDEST_KPA)
     if not resample.suits(said.rows, said.columns, said.pitch_mm):
         pressure = resample.onto_this_array(pressure, said.pitch_mm)
     counts = np.rint((pressure + PEDESTAL_KPA) / FULL_SCALE_KPA * geometry.FULL_COUNT)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from base64 import b64decode
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,9 +11,11 @@ import numpy as np
 from mcap.records import Message
 
 from palpate.importing.declaration import Declaration
-from palpate.importing.frames import Frames, ImportFailed
+from palpate.importing.frames import FARTHEST_MM, Frames, ImportFailed
 from palpate.recording import channels
 from palpate.recording.reader import Recording
+
+LEAST_PITCH_MM = 0.01
 
 
 def read(path: Path, said: Declaration | None) -> tuple[Frames, Declaration]:
@@ -39,12 +42,13 @@ def read(path: Path, said: Declaration | None) -> tuple[Frames, Declaration]:
         elif topic == channels.STROKE and told.get("state") == "ended":
             running = False
         elif topic == channels.IMAGE:
-            shape, image = _image(told, path)
+            own_shape, image = _image(told, path)
+            if images and own_shape != shape:
+                raise ImportFailed(f"{path} holds tactile images of several arrays")
+            shape = own_shape
             images.append(image)
         elif topic == channels.MOTION and len(motions) < len(images):
-            motions.append(
-                [float(told.get(k, np.nan)) for k in ("position_mm", "displacement_mm", "time_us")]
-            )
+            motions.append(_motion(told, path))
             numbers.append(stroke if running else -1)
     if len(motions) < 2 or len(images) != len(motions):
         raise ImportFailed(f"{path} holds no tactile images with places")
@@ -67,15 +71,30 @@ def read(path: Path, said: Declaration | None) -> tuple[Frames, Declaration]:
 def _image(told: dict[str, object], path: Path) -> tuple[tuple[int, int], np.ndarray]:
     match told:
         case {"height": int(rows), "width": int(columns), "data": str(data)}:
-            cells = np.frombuffer(b64decode(data), "<u2")
-            if cells.size == rows * columns > 0:
-                return (rows, columns), cells.reshape(rows, columns) / 1e3
+            with suppress(ValueError):
+                cells = np.frombuffer(b64decode(data), "<u2")
+                if cells.size == rows * columns > 0 < rows:
+                    return (rows, columns), cells.reshape(rows, columns) / 1e3
     raise ImportFailed(f"{path} holds a tactile image that cannot be read")
+
+
+def _motion(told: dict[str, object], path: Path) -> list[float]:
+    """Position, displacement (mm) and time (us)."""
+    found = []
+    for name, most in (("position_mm", FARTHEST_MM), ("displacement_mm", FARTHEST_MM), ("time_us", 1e18)):
+        match told.get(name):
+            case int() | float() as number if abs(number) <= most:
+                found.append(float(number))
+            case _:
+                raise ImportFailed(f"{path} holds a motion whose {name} is none of a stroke")
+    return found
 
 
 def _pitch(recording: Recording, path: Path) -> tuple[float, float]:
     try:
         pitch = float(recording.metadata().get("probe", {})["pitch_mm"])
+        if not LEAST_PITCH_MM <= pitch <= FARTHEST_MM:
+            raise ValueError
     except (KeyError, ValueError):
         raise ImportFailed(f"{path} does not say its array's pitch; give a declaration with --as") from None
     return pitch, pitch

@@ -8,7 +8,7 @@ import time
 
 from firmware_py import messages, status, wire
 from palpate.errors import CommandRefused, UsageError
-from palpate.link.events import Answer
+from palpate.wire.events import Answer
 
 IDS = 1 << 16
 

@@ -16,7 +16,6 @@ from palpate.link.transport import open_transport
 BOARDS: dict[tuple[int, int], str] = {
     (0x2E8A, 0x0005): "RP2040/RP2350 with MicroPython",
     (0x2E8A, 0x000C): "Raspberry Pi debug probe",
-    (0x0D28, 0x0204): "BBC micro:bit",
     (0x0403, 0x6001): "FTDI USB-to-UART",
     (0x10C4, 0xEA60): "CP210x USB-to-UART",
     (0x1A86, 0x7523): "CH340 USB-to-UART",
@@ -58,13 +57,6 @@ class Device:
     firmware: str = ""
     model_id: str = ""
     capabilities: tuple[str, ...] = ()
-
-    @property
-    def remarks(self) -> list[str]:
-        """What a user should know about a probe that is ready."""
-        if "fixed_columns" in self.capabilities:
-            return ["a small build: its columns are fixed, so a ball must lie under them"]
-        return []
 
     def as_dict(self) -> dict[str, Any]:
         """The device as `--json` prints it."""

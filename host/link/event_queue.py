@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 
-from palpate.link.events import Event, Frame
+from palpate.wire.events import Event, Frame
 
 FRAMES_KEPT = 2048
 """Frames that may wait: ten seconds at 200 frames/s, 2 MB."""

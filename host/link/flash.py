@@ -10,13 +10,16 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
-from firmware_py import keyring, messages, status
-from firmware_py.model_image import MAGIC
-from palpate.errors import CommandRefused, FlashError, ImageRefused, ImageUnreadable, LinkGone
+from firmware_py import messages, status
+from palpate.errors import CommandRefused, FlashError, ImageRefused, LinkError, LinkGone
 from palpate.link.probe import Probe
+from palpate.model_export.check_image import check_image, is_succession
 
+BACK_TRIES = 100
+"""Steps back, without progress, after which a probe is not followed any further; a restart is one."""
 VERIFY_TIMEOUT_S = 60.0
 """A small probe needs seconds for SHA-256 over its image; the command is harmless to repeat."""
 
@@ -25,7 +28,6 @@ REFUSALS = {
     status.BAD_PROBE: "it was made for another probe",
     status.BAD_VERSION: "it has a format this firmware does not know; update the firmware",
     status.MISSING_FEATURE: "it needs a feature this firmware does not compute; update the firmware",
-    status.TOO_OLD: "it is older than a model the probe has held; export it again",
     status.SELF_TEST: "it failed the self-test on the probe",
     status.NO_SPACE: "it does not fit into the probe",
     status.BAD_MAGIC: "it is not a model image",
@@ -33,8 +35,8 @@ REFUSALS = {
     status.BAD_MODEL: "it holds a number that no model can have; export it again",
 }
 
-_BODY_AT = 8
-"""Where an image says how long it is, without its signature (docs/model-image.md)."""
+_HEAD = struct.Struct("<12x2I")
+"""An image's counter, and what it may replace (docs/model-image.md)."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,8 @@ def flash(probe: Probe, image: bytes, progress: Callable[[int, int], None] | Non
         )
         if refusal.status == status.BAD_PROBE:
             why = f"it was made for {made_for(image)!r}, and this probe's array is {probe.identity.array!r}"
+        if refusal.status == status.TOO_OLD:
+            why = _too_old(probe, image)
         message = f"the probe refused the model image: {why}; the model it had stays"
         raise ImageRefused(message, refusal.status) from refusal
     except LinkGone as gone:
@@ -102,48 +106,45 @@ def flash(probe: Probe, image: bytes, progress: Callable[[int, int], None] | Non
     return Flashed(live.model_id, len(image), start)
 
 
-def is_succession(image: bytes) -> bool:
-    """Whether this is no model but another key, signed by the one before it (`palpate keygen --succeeds`)."""
-    return image.startswith(keyring.SUCCESSION)
+def held_counter(probe: Probe) -> int:
+    """The security counter that an image must reach: the live model's, or what it may replace; 0 without."""
+    head = probe.read_back(messages.READ_MODEL, _HEAD.size)
+    if len(head) < _HEAD.size:
+        return 0
+    counter, replaces = _HEAD.unpack_from(head)
+    return int(max(counter, replaces))
 
 
-def check_image(image: bytes, outcome: str = "nothing was sent to the probe") -> str:
-    """The id of a model image that can be read; nothing is sent to a probe for it.
-
-    Parameters
-    ----------
-    image : bytes
-        As `palpate export` writes it.
-    outcome : str
-        How the error's text ends.
-
-    Raises
-    ------
-    ImageUnreadable
-        It is no model image, is cut short, or needs what this version does not know.
-    """
-    from palpate.model_export.errors import ImageError
-    from palpate.model_export.image_builder import inspect
-
+def _too_old(probe: Probe, image: bytes) -> str:
     if is_succession(image):
-        return keyring.name(image[len(keyring.SUCCESSION) :]).hex()
-    try:
-        if image.startswith(MAGIC) and (body := struct.unpack_from("<I", image, _BODY_AT)[0]) > len(image):
-            raise ImageError(f"the model image is cut short: {len(image)} bytes of more than {body}")
-        return inspect(image).model_id
-    except ImageError as error:
-        raise ImageUnreadable(f"{error}; {outcome}") from error
-    except (IndexError, ValueError, KeyError, struct.error, MemoryError, OverflowError) as error:
-        message = "the model image is damaged (it cannot be read to its end); export it again"
-        raise ImageUnreadable(message) from error
+        return "it is older than the succession that the probe took last; make it again"
+    own, _ = _HEAD.unpack_from(image)
+    why = f"it is older than a model the probe has held (its counter is {own})"
+    held = 0
+    with suppress(LinkError):
+        held = held_counter(probe)
+    if held <= own:
+        return f"{why}; export it again"
+    return (
+        f"{why[:-1]}, the probe's {held}); export it again or, where the other was signed by a clock that "
+        f"ran ahead, or an older model is wanted, with --rollback --counter {held}"
+    )
 
 
 def _transfer(probe: Probe, image: bytes, at: int, progress: Callable[[int, int], None] | None) -> bytes:
     """Send the image from `at` on and have it verified; the id of the model that it made ready."""
+    best, back = at, 0
     while at < len(image):
         if progress is not None:
             progress(at, len(image))
-        at = _send_piece(probe, image, at)
+        before, at = at, _send_piece(probe, image, at)
+        back = 0 if at > best else back + (at <= before)
+        best = max(best, at)
+        if not 0 <= at <= len(image) or back > BACK_TRIES:
+            raise FlashError(
+                f"{probe.name} does not keep what it is sent (it says that it has {at} bytes); the model it "
+                "had stays: reset the probe and flash it again"
+            )
     if progress is not None:
         progress(at, len(image))
     return bytes(probe.command("flash_verify", _name(image), timeout_s=VERIFY_TIMEOUT_S)[0])

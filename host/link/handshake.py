@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import random
 
-from palpate.errors import CommandRefused, CommandTimeout, NotAProbe
-from palpate.link.events import Log
-from palpate.link.identity import Identity
+from palpate.errors import CommandRefused, CommandTimeout, LinkGone, NotAProbe, PortBusy
 from palpate.link.line import Line
+from palpate.wire.events import Log
+from palpate.wire.identity import Identity
 
 
 def shake_hands(line: Line) -> Identity:
@@ -17,11 +17,17 @@ def shake_hands(line: Line) -> Identity:
     ------
     NotAProbe
         The other end does not answer the handshake.
+    PortBusy
+        It says why it talks to nobody, and hangs up: another program is connected.
     VersionMismatch
         It speaks another protocol.
     """
     try:
         answer = line.ask("identify", (random.randrange(1 << 30),))
+    except LinkGone as error:
+        if words := _last_words(line):  # an emulated probe that serves another host
+            raise PortBusy(line.transport.name, f"{line.transport.name} is busy: {words}") from error
+        raise
     except (CommandTimeout, CommandRefused) as error:
         to_do = "check the port (`palpate devices`) and that the firmware runs"
         if words := _last_words(line):

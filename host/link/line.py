@@ -14,13 +14,13 @@ from firmware_py import calib, messages, status
 from palpate.errors import CommandTimeout, LinkGone, NotAProbe, PortError
 from palpate.link.commands import check_answer, pack_command
 from palpate.link.emulated import times_slower
-from palpate.link.events import Answer, Estimate, Event, Gap, StreamEnd
-from palpate.link.identity import Identity
 from palpate.link.patience import FIRST_WAIT_S, Patience
 from palpate.link.reader import POLL_S, LineReader
 from palpate.link.recorder import Recorder
 from palpate.link.stream_wish import RENEW_S, StreamWish
 from palpate.link.transport import Transport
+from palpate.wire.events import Answer, Estimate, Event, Gap, StreamEnd
+from palpate.wire.identity import Identity
 
 AWAY_S = 60.0
 """How long a command waits for an unplugged probe to come back (a stream waits forever)."""
@@ -110,11 +110,11 @@ class Line(LineReader):
         """Ask under a new id each time: for requests whose answers go stale (the time)."""
         for _ in range(tries - 1):
             try:
-                self.asked_ns = time.time_ns()
+                self.asked_ns = self.clock.now_ns()
                 return self.ask(name, timeout_s=self._patience.wait_s, once=True)
             except CommandTimeout:
                 self.parser.counts.retries += 1
-        self.asked_ns = time.time_ns()
+        self.asked_ns = self.clock.now_ns()
         return self.ask(name, once=True)
 
     def _wait_until_up(self) -> None:
@@ -139,7 +139,7 @@ class Line(LineReader):
         began = time.monotonic()
         self._up.clear()
         self.transport.close()
-        self._tell(Gap(time.time_ns(), 0.0, str(gone), ended=False))
+        self._tell(Gap(self.clock.now_ns(), 0.0, str(gone), ended=False))
         while not self._stopping.is_set():
             elsewhere = self._elsewhere if self._may_be_replaced(began) else None
             try:
@@ -176,7 +176,7 @@ class Line(LineReader):
         restarted = before is None or another or now.boots != before.boots
         self.identity = now
         self.parser.counts.reconnects += 1
-        self._tell(Gap(time.time_ns(), time.monotonic() - began, reason, restarted=restarted))
+        self._tell(Gap(self.clock.now_ns(), time.monotonic() - began, reason, restarted=restarted))
         self._up.set()
         return True
 

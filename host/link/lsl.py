@@ -14,18 +14,18 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from firmware_py import geometry, outputs
-from palpate.across import answer_dict
+from firmware_py import geometry, outputs, tables
+from palpate.answer import answer_dict
 from palpate.errors import MissingExtra
-from palpate.link.events import Estimate, Event, Frame, StrokeState
 from palpate.link.probe import Probe
 from palpate.model_export.vocabulary import SHOWN_UNITS
+from palpate.wire.events import Estimate, Event, Frame, StrokeState
 
 if TYPE_CHECKING:
-    from palpate.across.told import Told
+    from palpate.answer.told import Told
 
 FRAMES, ESTIMATES, EVENTS = "PalpateFrames", "PalpateEstimates", "PalpateEvents"
-MOTION = (("position", "mm"), ("displacement", "mm"))
+MOTION = (("position", "mm"), ("displacement", "mm"), *((name, "") for name in tables.FRAME_MORE))
 NUMBERS = (*SHOWN_UNITS.items(), ("depth_mm", "mm"), ("width_mm", "mm"), ("place_mm", "mm"), ("in_fat", ""))
 """Of an estimate, with units: the probe's outputs, then what the host works out; each has three channels."""
 
@@ -79,10 +79,11 @@ class Outlets:
     def push(self, event: Event, told: Told | None = None) -> None:
         """Hand one event on; those that are neither frame, stroke state nor estimate are left out.
 
-        told: what the host adds to an estimate (`palpate.across.follower`).
+        told: what the host adds to an estimate (`palpate.stroke.follower`).
         """
         if isinstance(event, Frame):
-            sample = [event.position_mm, event.displacement_mm, *map(float, event.pressure_kPa.ravel())]
+            motion = event.position_mm, event.displacement_mm, *event.more
+            sample = [*map(float, motion), *map(float, event.pressure_kPa.ravel())]
             self._frames.push_sample(sample, self._when(event))
         elif isinstance(event, Estimate):
             said = answer_dict(event, told)

@@ -20,19 +20,19 @@ from typing import Self
 
 from firmware_py import messages, status
 from palpate.errors import CommandRefused, NotLive
-from palpate.link.accounting import LinkCounts
-from palpate.link.delivery import Awaited
 from palpate.link.devices import resolve
-from palpate.link.events import Estimate, Event, Frame
 from palpate.link.handshake import shake_hands
-from palpate.link.identity import Identity
 from palpate.link.line import Line
 from palpate.link.reader import POLL_S
 from palpate.link.recorder import Recorder
 from palpate.link.remote import Commandable
-from palpate.link.results import Features, TactileMap
 from palpate.link.stream_wish import StreamStart, StreamWish
 from palpate.link.transport import Transport, open_transport
+from palpate.wire.accounting import LinkCounts
+from palpate.wire.delivery import Awaited
+from palpate.wire.events import Estimate, Event, Frame
+from palpate.wire.identity import Identity
+from palpate.wire.results import Features, TactileMap
 
 EARLIER_S = 10.0
 """How long the results of one earlier stream may take to come."""

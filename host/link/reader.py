@@ -11,13 +11,14 @@ from collections import deque
 
 from palpate.errors import LinkGone, PalpateError
 from palpate.link.commands import PendingCommands, pack_command
-from palpate.link.delivery import HAVE, Again, Earlier
 from palpate.link.emulated import times_slower
 from palpate.link.event_queue import EventQueue
-from palpate.link.events import Answer, Estimate, Event, Features, TactileMap
-from palpate.link.parser import LiveParser, Noise
+from palpate.link.host_clock import HostClock
 from palpate.link.recorder import Recorder
 from palpate.link.transport import Transport
+from palpate.wire.delivery import HAVE, Again, Earlier
+from palpate.wire.events import Answer, Estimate, Event, Features, TactileMap
+from palpate.wire.parser import LiveParser, Noise
 
 POLL_S = 0.05
 EARLIER_KEPT = 256
@@ -40,6 +41,7 @@ class LineReader:
         self.times_slower = times_slower(transport.name)
         """Seconds of this computer that one of the probe's takes."""
         self._heard = time.monotonic()
+        self.clock = HostClock()
         self.parser = LiveParser(own_only=True)
         self.events = EventQueue()
         self.earlier: deque[Estimate | Features | TactileMap] = deque(maxlen=EARLIER_KEPT)
@@ -104,7 +106,7 @@ class LineReader:
                 self._note_tail()
             return
         self._heard = time.monotonic()
-        host_ns = time.time_ns()
+        host_ns = self.clock.now_ns()
         for event in self.parser.feed(data, host_ns):
             if self.recorder is not None:
                 self.recorder.received(self.parser.raw, event, host_ns)
@@ -113,7 +115,7 @@ class LineReader:
     def _note_tail(self) -> None:
         """Record the bytes that no event came of: noise, too, belongs to what the wire carried."""
         if self.recorder is not None and (tail := self.parser.take_tail()):
-            self.recorder.received(tail, None, time.time_ns())
+            self.recorder.received(tail, None, self.clock.now_ns())
 
     def _dispatch(self, event: Event) -> None:
         if isinstance(event, Noise):
@@ -149,7 +151,7 @@ class LineReader:
     def _note_sent(self, raw: bytes) -> None:
         self.parser.commanded(raw)
         if self.recorder is not None:
-            self.recorder.sent(raw, time.time_ns())
+            self.recorder.sent(raw, self.clock.now_ns())
 
     def _tell(self, event: Event) -> None:
         if self.recorder is not None:

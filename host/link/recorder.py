@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from palpate.link.events import Event
+from palpate.wire.events import Event
 
 
 class Recorder(Protocol):

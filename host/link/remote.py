@@ -9,20 +9,24 @@ from dataclasses import dataclass
 from typing import Any
 
 from firmware_py import messages, status
-from palpate.errors import CommandRefused, LinkError
-from palpate.link.clock import ClockState, ClockSync
+from palpate.errors import CommandRefused, Contradiction, LinkError, UsageError
 from palpate.link.commands import setting_key
-from palpate.link.identity import Identity
 from palpate.link.line import GIVE_UP_S, Line
-from palpate.link.reference import Reference
-from palpate.link.source import EventSource
+from palpate.wire.clock import ClockState, ClockSync
+from palpate.wire.identity import Identity
+from palpate.wire.reference import Reference
+from palpate.wire.source import EventSource
 
 BUSY_TRIES, BUSY_WAIT_S = 20, 0.1
 READ_BACK_S = 30.0
 """For a piece read back: its answer is four times as long as others, so a bad line loses it more often."""
 CALIBRATE_S = 30.0
+LONGEST_READ = 1 << 16
+"""Bytes; no probe holds a calibration or a model as long."""
+STRAY_TRIES = 20
 REFERENCE_FRAMES = 3000
 """The probe itself gives up after so many (firmware_py.reference)."""
+_INTEGER = 1 << 31
 OF_THIS_MOMENT = ("uptime_ms", "free_bytes", "estimates_waiting")
 """Of `statistics`, what is no count."""
 
@@ -168,6 +172,8 @@ class Commandable(EventSource):
         """Set and store a setting; `CommandRefused` where it is outside the limits that it has now."""
         key = setting_key(name)
         try:
+            if not -_INTEGER <= value < _INTEGER:  # the wire carries no such number
+                raise CommandRefused("set_setting", status.BAD_VALUE, "")
             self.command("set_setting", key, value)
         except CommandRefused as refusal:
             if refusal.status != status.BAD_VALUE:
@@ -188,6 +194,8 @@ class Commandable(EventSource):
 
     def calibrate_gain(self, pressure_kPa: float, frames: int = 100) -> Calibrated:
         """Set every cell's gain under a uniform pressure; cells that do not answer are marked dead."""
+        if not 0 < 1000 * pressure_kPa < _INTEGER:
+            raise UsageError(f"a pressure of {pressure_kPa:g} kPa is none to calibrate with")
         return self._calibrate(messages.CALIBRATE_GAIN, frames, pressure_kPa)
 
     def forget_calibration(self) -> Calibrated:
@@ -249,6 +257,7 @@ class Commandable(EventSource):
         `enough`: so many bytes will do, from its beginning.
         """
         found = b""
+        strayed, first = 0, None
         while True:
             try:
                 _, offset, size, piece = self.command("read_back", what, len(found), timeout_s=READ_BACK_S)
@@ -256,7 +265,14 @@ class Commandable(EventSource):
                 if refusal.status in (status.NO_MODEL, status.NOT_SUPPORTED, status.BAD_TYPE):
                     return b""
                 raise
-            if offset == len(found):
+            first = size if first is None else first
+            if offset == len(found) and size == first:
                 found += piece
+            elif (strayed := strayed + 1) > STRAY_TRIES:
+                raise Contradiction(
+                    f"{self.name} answers with other bytes than those asked for; reset the probe"
+                )
+            if not 0 <= size <= LONGEST_READ:
+                raise Contradiction(f"{self.name} says that it holds {size} bytes, more than any probe has")
             if len(found) >= (size if enough is None else min(size, enough)) or not piece:
                 return found

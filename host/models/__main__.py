@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from palpate.cli.output import console, note, showing_progress
+from palpate.console import console, note, showing_progress
 from palpate.models import NAMES, path, recipe_path
 from palpate.models.build import build
 

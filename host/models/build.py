@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -11,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from palpate.features.map_features import Floats
-from palpate.files import whole_file
-from palpate.link.events import OUTPUTS
+from palpate.files import json_text, whole_file
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.model_export.schema import ModelSpec
@@ -24,7 +22,7 @@ from palpate.regression.any_tissue.result import TissueFit
 from palpate.regression.any_tissue.study import TissueStudy
 from palpate.regression.anywhere.held_out import AnywhereStudy
 from palpate.regression.balls.fit import fit_to_balls
-from palpate.regression.balls.lumps import press_before, read_lumps, read_rim
+from palpate.regression.balls.lumps import read_lumps, read_rim
 from palpate.regression.field.data import prepare
 from palpate.regression.field.design import FIELD_SETTINGS, LumpStrokes
 from palpate.regression.field.design import at_forces as at_three_forces
@@ -34,12 +32,14 @@ from palpate.regression.observed import observe
 from palpate.sim.probe.sensors import StrokeField
 from palpate.sim.tissue import Case, simulate
 from palpate.sim.tissue.any_tissue import FORCE_PARTS, PRESS_PARTS, PRESSES, STROKES, at_forces
+from palpate.sim.tissue.solid.press import press_before
 from palpate.sim.tissue.solid.stroke import simulate_forces as simulate_solid
+from palpate.wire.events import OUTPUTS
 
 MADE: dict[str, dict[str, Any]] = {
-    FIELD: {"lumps": 1300, "noise": "typical", "seed": 1},
+    FIELD: {"lumps": 1500, "noise": "typical", "seed": 1},
     BALLS: {"design": "balls:1000:1", "noise": "typical", "seed": 1},
-    ANYWHERE: {"lumps": 1000, "noise": "typical", "seed": 1},
+    ANYWHERE: {"lumps": 1100, "noise": "typical", "seed": 1},
     TOLD: {
         "lumps": 1024,
         "rim": 64,
@@ -92,7 +92,7 @@ def build(name: str, directory: Path, progress: Progress | None = None) -> Field
     directory : Path
         Strokes that are there already are used.
     progress : callable, optional
-        See `palpate.regression.progress.ProgressCallback`.
+        See `palpate.progress.ProgressCallback`.
     """
     made = MADE[name]
     fit: FieldFit | TissueFit
@@ -121,12 +121,12 @@ def write_recipe(name: str, spec: ModelSpec, scores: dict[str, Any]) -> None:
         "command": f"python -m palpate.models {name} out/{name}",
         "made": MADE[name],
         "sha256": file_hash(path(name)),
-        "training": spec.training,
-        "scores": scores,
+        "training": spec.training["hash"],
+        "scores": {part: told for part, told in scores.items() if part != "training"},
         "sample": sample(name, spec),
     }
     with whole_file(recipe_path(name)) as part:
-        part.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+        part.write_text(json_text(record) + "\n", encoding="utf-8")
 
 
 def sample(name: str, spec: ModelSpec) -> list[dict[str, Any]]:

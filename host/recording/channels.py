@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from firmware_py import geometry
-from palpate.link.events import (
+from firmware_py import geometry, tables
+from palpate.wire.events import (
     OUTPUTS,
     Boot,
     Estimate,
@@ -30,6 +30,7 @@ from palpate.link.events import (
 
 _SIZE = (geometry.COLUMNS, geometry.ROWS, 2 * geometry.COLUMNS)
 _PA_TO_MEAN_KPA = 1000 * geometry.CELLS
+_MORE = [name.encode() for name in tables.FRAME_MORE]
 
 WIRE_IN = "/wire/probe_to_host"
 WIRE_OUT = "/wire/host_to_probe"
@@ -40,9 +41,8 @@ IMAGE, MOTION, STROKE, MAP, FEATURES, ESTIMATE, LOG, LINK = (
 )  # fmt: skip
 MODEL, CALIBRATION = "model.palp", "calibration.bin"
 """Names of a recording's attachments: what the probe computed with."""
-
-MARK_PREFIX = "mark: "
-"""Begins the lines of the log that people, and not the probe, have set."""
+IMPORT_NOTE = "import"
+"""Name of a recording's metadata in which `palpate import` says what was missing."""
 
 _NUMBER = {"type": "number"}
 _INTEGER = {"type": "integer"}
@@ -75,6 +75,7 @@ SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
             "displacement_mm": _NUMBER,
             "pressure_mean_kPa": _NUMBER,
             "lost_before": _INTEGER,
+            **dict.fromkeys(tables.FRAME_MORE, _INTEGER),
         },
     ),
     STROKE: (
@@ -188,7 +189,7 @@ def _frame(event: Frame) -> list[tuple[str, bytes]]:
     )
     motion = (
         b'{"seq":%d,"time_us":%d,"position_mm":%.3f,"displacement_mm":%.3f,'
-        b'"pressure_mean_kPa":%.4f,"lost_before":%d}'
+        b'"pressure_mean_kPa":%.4f,"lost_before":%d%b}'
         % (
             event.seq,
             event.time_us,
@@ -196,6 +197,7 @@ def _frame(event: Frame) -> list[tuple[str, bytes]]:
             event.displacement_um * 1e-3,
             pascal.sum(dtype=np.int64) / _PA_TO_MEAN_KPA,
             event.lost_before,
+            b"".join(b',"%b":%d' % told for told in zip(_MORE, event.more)),
         )
     )
     return [(IMAGE, image), (MOTION, motion)]

@@ -7,9 +7,13 @@ import zlib
 import zstandard
 from mcap.records import Chunk
 
-LARGEST_CHUNK = 1 << 26
+LARGEST_CHUNK = 1 << 24
 """Bytes that a chunk may unpack to; ours have a quarter of a MiB."""
 
+EXPANSION = 1000
+"""A chunk may unpack to so many times its own size; those of a probe unpack to three times."""
+
+_ROOM = 64  # of a packed chunk, bytes that carry nothing
 _PIECE = 1 << 16
 
 
@@ -19,8 +23,10 @@ def unpack(chunk: Chunk) -> tuple[bytes, str]:
     Parameters
     ----------
     chunk : Chunk
-        Whatever size it declares, not more than `LARGEST_CHUNK` is unpacked.
+        Whatever size it declares, not more than `LARGEST_CHUNK` is unpacked, nor `EXPANSION` times its own.
     """
+    if chunk.compression and chunk.uncompressed_size > EXPANSION * (len(chunk.data) + _ROOM):
+        return b"", f"a chunk unpacks to over {EXPANSION} times its size"
     if chunk.uncompressed_size > LARGEST_CHUNK:
         return b"", f"a chunk declares {chunk.uncompressed_size / 1e6:.0f} MB"
     if chunk.compression == "zstd":

@@ -12,17 +12,24 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from firmware_py import geometry
-from palpate.errors import MissingExtra
+from firmware_py import geometry, tables
+from palpate.errors import MissingExtra, PalpateError
 from palpate.files import by_suffix, whole_file
-from palpate.link.events import Estimate, Frame
 from palpate.recording.patient_file import PatientFile
 from palpate.recording.playback import RecordedSession, open_recording
 from palpate.recording.reader import Recording
+from palpate.wire.events import Estimate, Frame
 
 BATCH = 1000
 CELLS = [f"p_{row}_{column}_kPa" for row in range(geometry.ROWS) for column in range(geometry.COLUMNS)]
 """Names of the pressure columns of a CSV file: row along the stroke, column across it."""
+
+_NUMBERS = [
+    *((name, np.dtype(np.int64)) for name in ("seq", "time_us", "host_time_ns")),
+    *((name, np.dtype(np.float64)) for name in ("position_mm", "displacement_mm")),
+    *((name, np.dtype(np.int64)) for name in ("lost_before", *tables.FRAME_MORE)),
+]
+"""What a table tells of a frame beside its pressures."""
 
 Batch = dict[str, np.ndarray]
 
@@ -56,7 +63,7 @@ class _Sink(Protocol):
     def finish(self, estimates: list[dict[str, Any]], about: dict[str, str]) -> None: ...
 
 
-def convert(recording: str | Path, out: str | Path) -> Converted:
+def convert(recording: str | Path, out: str | Path, overwrite: bool = False) -> Converted:
     """Write a recording's frames and estimates as a table.
 
     Parameters
@@ -65,6 +72,8 @@ def convert(recording: str | Path, out: str | Path) -> Converted:
         The .mcap file, finished or not.
     out : str or Path
         Ends in .parquet, .h5, .hdf5 or .csv.
+    overwrite : bool
+        Replace files that are there.
 
     Raises
     ------
@@ -73,7 +82,7 @@ def convert(recording: str | Path, out: str | Path) -> Converted:
     NoSuchFile, NotARecording
         About the recording.
     DiskFull, PalpateError
-        The table could not be written; nothing is left of it.
+        The table is there already, or could not be written; nothing is left of it.
     MissingExtra
         HDF5 needs h5py.
     """
@@ -82,6 +91,9 @@ def convert(recording: str | Path, out: str | Path) -> Converted:
         out, {".parquet": _to_parquet, ".h5": _to_hdf5, ".hdf5": _to_hdf5, ".csv": _to_csv}
     )
     Recording(recording)
+    for path in () if overwrite else (out, _beside(out)):
+        if path.exists():
+            raise PalpateError(f"{path} exists already; choose another name or give --overwrite")
     return write(Path(recording), out)
 
 
@@ -119,15 +131,12 @@ def _batches(session: RecordedSession, estimates: list[dict[str, Any]]) -> Itera
 
 
 def _batch(frames: list[Frame]) -> Batch:
-    return {
-        "seq": np.array([f.seq for f in frames], np.int64),
-        "time_us": np.array([f.time_us for f in frames], np.int64),
-        "host_time_ns": np.array([f.host_ns for f in frames], np.int64),
-        "position_mm": np.array([f.position_um for f in frames]) / 1000,
-        "displacement_mm": np.array([f.displacement_um for f in frames]) / 1000,
-        "lost_before": np.array([f.lost_before for f in frames], np.int64),
-        "pressure_kPa": np.stack([f.pressure_kPa for f in frames]),
-    }
+    told = [
+        (f.seq, f.time_us, f.host_ns, f.position_um / 1000, f.displacement_um / 1000, f.lost_before, *f.more)
+        for f in frames
+    ]
+    batch = {name: np.array(column, kind) for (name, kind), column in zip(_NUMBERS, zip(*told))}
+    return {**batch, "pressure_kPa": np.stack([f.pressure_kPa for f in frames])}
 
 
 def _flat(estimate: dict[str, Any]) -> dict[str, Any]:
@@ -162,8 +171,7 @@ def _to_csv(recording: Path, out: Path) -> Converted:
 
         def finish(self, estimates: list[dict[str, Any]], about: dict[str, str]) -> None:
             if self.header:
-                names = ["seq", "time_us", "host_time_ns", "position_mm", "displacement_mm", "lost_before"]
-                self.stream.write(",".join([*names, *CELLS]) + "\n")
+                self.stream.write(",".join([*(name for name, _ in _NUMBERS), *CELLS]) + "\n")
             self.stream.close()
             pd.DataFrame([_flat(e) for e in estimates]).to_csv(beside, index=False)
 
@@ -176,9 +184,8 @@ def _to_parquet(recording: Path, out: Path) -> Converted:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    numbers = [("seq", pa.int64()), ("time_us", pa.int64()), ("host_time_ns", pa.int64())]
-    places = [("position_mm", pa.float64()), ("displacement_mm", pa.float64()), ("lost_before", pa.int64())]
-    schema = pa.schema([*numbers, *places, ("pressure_kPa", pa.list_(pa.float32(), len(CELLS)))])
+    numbers = [(name, pa.from_numpy_dtype(kind)) for name, kind in _NUMBERS]
+    schema = pa.schema([*numbers, ("pressure_kPa", pa.list_(pa.float32(), len(CELLS)))])
 
     class Parquet:
         def __init__(self, stream: PatientFile) -> None:
@@ -235,8 +242,14 @@ def _to_hdf5(recording: Path, out: Path) -> Converted:
             group = self.file.create_group("estimates")
             for name in rows[0] if rows else ():
                 column = [row.get(name) for row in rows]
-                text = isinstance(column[0], str)
-                group.create_dataset(name, data=column, dtype=h5py.string_dtype() if text else None)
+                if any(isinstance(value, str) for value in column):
+                    group.create_dataset(
+                        name, data=[value or "" for value in column], dtype=h5py.string_dtype()
+                    )
+                elif None in column:  # a bound that is not there
+                    group.create_dataset(name, data=[np.nan if v is None else float(v) for v in column])
+                else:
+                    group.create_dataset(name, data=column)
 
     with whole_file(out) as path, PatientFile(path) as stream:
         with h5py.File(stream, "w") as file:

@@ -10,13 +10,13 @@ from mcap.records import Attachment, Message
 
 from firmware_py import geometry, messages, status, tables
 from palpate.errors import NotAProbe
-from palpate.link.delivery import Again, Earlier
-from palpate.link.events import Answer, Event, Gap, Log
-from palpate.link.identity import Identity
-from palpate.link.parser import LiveParser, Noise
-from palpate.link.source import EventSource
 from palpate.recording import channels
 from palpate.recording.reader import Recording
+from palpate.wire.delivery import Again, Earlier
+from palpate.wire.events import Answer, Event, Gap, Log
+from palpate.wire.identity import Identity
+from palpate.wire.parser import LiveParser, Noise
+from palpate.wire.source import EventSource
 
 _LONGEST_GAP_S = 1e9
 _VERSION = re.compile(r"[0-9]{1,3}(\.[0-9]{1,3}){2}")
@@ -53,6 +53,8 @@ class RecordedSession(EventSource):
     def __init__(self, path: str | Path) -> None:
         super().__init__(str(path), LiveParser())
         self.recording = Recording(path)
+        self._calibration = self._first_calibration()
+        self._parser.told_calibration(self._calibration)
         known = self._first_identity()
         self.identified = known is not None
         self._identity = known or self._noted_identity()
@@ -66,6 +68,7 @@ class RecordedSession(EventSource):
     def events(self, timeout_s: float | None = None) -> Iterator[Event]:
         """Every event from the beginning, as fast as it can be read; counts and scale start over, too."""
         self._parser = parser = LiveParser()
+        parser.told_calibration(self._calibration)  # it may stand behind the first frames
         for topic, record in self.recording.records():
             if isinstance(record, Attachment) and record.name == channels.CALIBRATION:
                 parser.told_calibration(record.data)
@@ -85,6 +88,10 @@ class RecordedSession(EventSource):
 
     def close(self) -> None:
         """Nothing is held open between events."""
+
+    def _first_calibration(self) -> bytes:
+        attached = (r for _, r in self.recording.records() if isinstance(r, Attachment))
+        return next((r.data for r in attached if r.name == channels.CALIBRATION), b"")
 
     def _first_identity(self) -> Identity | None:
         """Who answered the first handshake; None where none was recorded, or none whole."""
@@ -143,9 +150,8 @@ def open_recording(path: str | Path) -> RecordedSession:
 def _mark_of(host_ns: int, text: bytes) -> Log | None:
     """The mark that a line of the log is; None for what the wire tells itself."""
     told = channels.read_json(text).get("message")
-    if not isinstance(told, str) or not told.startswith(channels.MARK_PREFIX):
-        return None
-    return Log(host_ns, 0, 0, told)
+    line = Log(host_ns, 0, 0, told if isinstance(told, str) else "")
+    return None if line.mark is None else line
 
 
 def _gap_of(host_ns: int, text: bytes) -> Gap | None:

@@ -67,6 +67,7 @@ class Recording:
                 f"{path} is not a recording (no MCAP file); `palpate stream --record` makes one"
             )
         self._found = records.Damage()
+        self._attached: dict[str, bytes] | None = None
 
     @property
     def damage(self) -> str:
@@ -82,7 +83,7 @@ class Recording:
     def records(self) -> Generator[tuple[str, McapRecord]]:
         """Every message, attachment and metadata record with its topic ("" where it has none), in order."""
         self._found = damage = records.Damage()
-        with self.path.open("rb", buffering=1 << 16) as stream:
+        with self.path.open("rb", buffering=0) as stream:
             if stream.read(len(MAGIC)) != MAGIC:
                 damage.add(0, len(MAGIC), "its first bytes are not MCAP's")
             topics = _Topics()
@@ -162,11 +163,10 @@ class Recording:
 
     def attachment(self, name: str) -> bytes | None:
         """An attached file, the last of that name: `model.palp`, `calibration.bin`."""
-        found = None
-        for _, record in self.records():
-            if isinstance(record, Attachment) and record.name == name:
-                found = record.data
-        return found
+        if self._attached is None:
+            attached = (record for _, record in self.records() if isinstance(record, Attachment))
+            self._attached = {record.name: record.data for record in attached}
+        return self._attached.get(name)
 
 
 class _Topics:

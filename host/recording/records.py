@@ -3,6 +3,7 @@
 A record is an opcode, a length and a body. One is believed where another stands behind it, or where its own
 content is closed (a packet's zero, a JSON object's braces); else the next place is sought where records
 follow each other. The stretch between is told as damage, and a message whose head was hit is still read.
+The work is linear in the size: where damage has no end, the rest is passed over.
 
 Source of the layout: the MCAP specification, https://mcap.dev/spec.
 """
@@ -46,7 +47,11 @@ LONGEST = 1 << 28
 _LONGEST_REPAIRED = 1 << 22
 _MESSAGE = struct.Struct("<HIQQ")
 _CRC = struct.Struct("<I")
-_BLOCK = 1 << 20
+_BLOCK = 1 << 18
+_SOUGHT = 1 << 12
+_PLACES = 4096  # of damage, and one for each so many bytes besides
+_BYTES_A_PLACE = 512
+_WASTE = 1 << 20  # bytes read in vain, and twice the size besides
 _LIKE_A_HEAD = re.compile(rb"[\x01-\x0f].{3}[\x00-\x10]\x00{4}", re.DOTALL)
 _KINDS: dict[int, Any] = {
     Opcode.HEADER: Header,
@@ -86,6 +91,36 @@ class Damage:
         self.n_bytes += n_bytes
 
 
+class _Bytes:
+    """A stream's bytes by place, read block by block; what lies far off costs no block."""
+
+    def __init__(self, stream: IO[bytes], size: int) -> None:
+        self.size = size
+        self._stream = stream
+        self._at = 0
+        self._block = b""
+
+    def read(self, at: int, end: int) -> bytes:
+        """The bytes from `at` to `end`, and the block from there on kept."""
+        if not self._at <= at <= end <= self._at + len(self._block):
+            self._stream.seek(at)
+            self._at, self._block = at, self._stream.read(min(max(_BLOCK, end - at), self.size - at))
+        return self._block[at - self._at : end - self._at]
+
+    def length(self, at: int) -> int | None:
+        """Length of the body of the record that begins at `at`, None where none can begin."""
+        place = at - self._at
+        if 0 <= place <= len(self._block) - HEAD.size:
+            opcode, length = HEAD.unpack_from(self._block, place)
+        else:
+            self._stream.seek(at)
+            head = self._stream.read(HEAD.size)
+            if len(head) < HEAD.size:
+                return None
+            opcode, length = HEAD.unpack(head)
+        return length if 1 <= opcode <= Opcode.DATA_END and length <= LONGEST else None
+
+
 def scan(
     stream: IO[bytes], at: int, size: int, closed: Closed, damage: Damage
 ) -> Generator[tuple[int, int, McapRecord]]:
@@ -93,25 +128,33 @@ def scan(
 
     What is incomplete at the end is left out, and is no damage.
     """
+    source = _Bytes(stream, size)
+    waste = _WASTE + 2 * (size - at)
+    places = _PLACES + (size - at) // _BYTES_A_PLACE
     while size - at >= HEAD.size:
-        length = _length(stream, at)
+        length = source.length(at)
         if length is not None and (end := at + HEAD.size + length) <= size:
-            opcode, body = _read(stream, at, end)
+            opcode, body = _read(source, at, end)
             record = parse(opcode, body)
             if record is not None and (
                 size - end < HEAD.size
-                or _length(stream, end) is not None
+                or source.length(end) is not None
                 or (isinstance(record, Message) and closed(record))
             ):
                 yield at, end, record
                 at = end
                 continue
-        found = _next_record(stream, at + 1, size)
+            waste -= end - at
+        places -= 1
+        if places < 0 or waste < 0:
+            damage.add(at, size - at, "too much is damaged")
+            return
+        found = _next_record(source, at + 1)
         if found == size and length is not None and at + HEAD.size + length > size:
             return  # the end was cut off
         damage.add(at, found - at, "a record is damaged")
         if found - at <= _LONGEST_REPAIRED:
-            repaired = parse(Opcode.MESSAGE, _read(stream, at, found)[1])
+            repaired = parse(Opcode.MESSAGE, _read(source, at, found)[1])
             if isinstance(repaired, Message) and closed(repaired):
                 yield at, found, repaired
         at = found
@@ -145,32 +188,21 @@ def _attachment_is_sound(body: bytes) -> bool:
     return crc in (0, zlib.crc32(body[: -_CRC.size]))
 
 
-def _length(stream: IO[bytes], at: int) -> int | None:
-    """Length of the body of the record that begins at `at`, None where none can begin."""
-    stream.seek(at)
-    head = stream.read(HEAD.size)
-    if len(head) < HEAD.size:
-        return None
-    opcode, length = HEAD.unpack(head)
-    return length if 1 <= opcode <= Opcode.DATA_END and length <= LONGEST else None
-
-
-def _read(stream: IO[bytes], at: int, end: int) -> tuple[int, bytes]:
-    stream.seek(at)
-    raw = stream.read(end - at)
+def _read(source: _Bytes, at: int, end: int) -> tuple[int, bytes]:
+    raw = source.read(at, end)
     return raw[0], raw[HEAD.size :]
 
 
-def _next_record(stream: IO[bytes], at: int, size: int) -> int:
-    """Where the next record begins that fits and is followed by another, or by the end; else `size`."""
+def _next_record(source: _Bytes, at: int) -> int:
+    """Where the next record begins that fits and is followed by another, or by the end; else the size."""
+    size = source.size
     while size - at >= HEAD.size:
-        stream.seek(at)
-        block = stream.read(min(_BLOCK, size - at))
+        block = source.read(at, min(at + _SOUGHT, size))
         place = 0
         while (found := _LIKE_A_HEAD.search(block, place)) is not None:
             place = found.start() + 1
             end = at + found.start() + HEAD.size + HEAD.unpack(found[0])[1]
-            if end == size or (end < size and _length(stream, end) is not None):
+            if end == size or (end < size and source.length(end) is not None):
                 return at + found.start()
         at += max(1, len(block) - HEAD.size + 1)
     return size

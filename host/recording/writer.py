@@ -20,10 +20,10 @@ from mcap.records import Attachment, Message, Metadata
 from mcap.writer import CompressionType, Writer
 
 from palpate.errors import RecordingError
-from palpate.link.events import Answer, Event
 from palpate.recording import channels
 from palpate.recording.journal import JournalFile
 from palpate.recording.reader import PROFILE, Recording
+from palpate.wire.events import Answer, Event
 
 LIBRARY = "palpate recording 1"
 CHUNK_BYTES = 1 << 18
@@ -143,7 +143,8 @@ class RecordingWriter:
         self.path.unlink(missing_ok=True)
 
     def _add(self, topic: str, host_ns: int, data: bytes, device_us: int | None) -> None:
-        publish_ns = host_ns if device_us is None else 1000 * device_us
+        # negative just after the probe's start, where the first time read was past the counter's wrap
+        publish_ns = host_ns if device_us is None else max(0, 1000 * device_us)
         self._mcap.add_message(self._channels[topic], host_ns, data, publish_ns)
 
     def _commit(self) -> None:

@@ -38,6 +38,7 @@ FEWEST = 50
 """Strokes of which a part of them gets a quantile of its own."""
 
 _STRENGTHS = 10.0 ** np.arange(-4.0, 1.0, 0.5)
+_SMALLEST = 1e-6
 _SMALLEST_SHARE = 0.1
 """Residuals below this quantile count as that quantile: the logarithm of a near-hit tells nothing."""
 
@@ -93,7 +94,9 @@ def fit_sigma(
     """
     terms = all_terms(z.shape[1], degree)
     size = np.abs(residual)
-    logs = np.log(np.maximum(size, np.quantile(size, _SMALLEST_SHARE, axis=0)))
+    # of few lumps many may be met exactly, at the clipped end of a range
+    least = np.maximum(np.quantile(size, _SMALLEST_SHARE, axis=0), _SMALLEST)
+    logs = np.log(np.maximum(size, least))
     A = np.hstack([monomials(z, terms), predicted])
     centre, scale = predicted.mean(0), predicted.std(0)
     A[:, len(terms) :] = (predicted - centre) / scale

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,19 +12,16 @@ from typing import TYPE_CHECKING, Any
 from palpate.errors import UsageError
 from palpate.files import whole_file
 from palpate.model_export.schema import ModelSpec
+from palpate.progress import ProgressCallback
 from palpate.regression.any_tissue.result import TissueFit
 from palpate.regression.field.result import FieldFit
 from palpate.regression.observed import noise_named
-from palpate.regression.progress import ProgressCallback
 from palpate.regression.table import TableError
 from palpate.regression.thesis.fit import ThesisFit
 from palpate.sim.tissue import Stroke
 
 if TYPE_CHECKING:
-    import pandas as pd
     from rich.table import Table
-
-    from palpate.regression.field.study import Study
 
 KINDS = ("thesis", "field")
 
@@ -63,14 +60,6 @@ class Fit:
         with whole_file(Path(path)) as temporary:
             self.spec.save(temporary)
 
-    def write_report(self, directory: str | PathLike[str], **measured: Any) -> Path:
-        """Draw the figures (`measured`: options of `palpate.report.write_report`); the path of the page."""
-        from palpate.report import write_report
-
-        thesis = self.result if isinstance(self.result, ThesisFit) else None
-        of_field = None if isinstance(self.result, ThesisFit) else self.result
-        return write_report(directory, strokes=self.strokes, thesis=thesis, field=of_field, **measured)
-
 
 def fit(
     directory: str | PathLike[str],
@@ -81,11 +70,9 @@ def fit(
     lumps: int | None = None,
     workers: int | None = None,
     tissue: Mapping[str, float] | None = None,
-    studies: bool = False,
     displacement: bool = True,
     anywhere: bool = False,
     progress: ProgressCallback | None = None,
-    note: Callable[[str], None] | None = None,
 ) -> Fit:
     """Fit a model to the strokes in a directory, as `palpate fit` does.
 
@@ -112,8 +99,6 @@ def fit(
     tissue : mapping, optional
         field: None makes a model for tissue of all kinds. Otherwise it is told that the tissue is the
         thesis' but for these fields of `Case`, as {} or {"gland_ratio": 8}.
-    studies : bool
-        field, told its tissue: all of `palpate study` too (an hour).
     displacement : bool
         field, told its tissue: False makes a model of the pressure alone, for recordings without
         displacement.
@@ -122,8 +107,6 @@ def fit(
         gland, and tell the layer that they lie in. A directory that holds such lumps needs no telling.
     progress : callable, optional
         See `progress.ProgressCallback`.
-    note : callable, optional
-        Is told a line for each setting that a study has tried.
 
     Raises
     ------
@@ -135,24 +118,20 @@ def fit(
         they were to lie anywhere.
     """
     noise_named(noise)
-    check_kind(kind, displacement, tissue is not None, studies, anywhere)
+    check_kind(kind, displacement, tissue is not None, anywhere)
     if kind == "thesis":
         return _thesis(directory, noise, seed, progress)
     if kind == "field":
-        return _field(
-            directory, noise, seed, lumps, workers, tissue, studies, displacement, anywhere, progress, note
-        )
+        return _field(directory, noise, seed, lumps, workers, tissue, displacement, anywhere, progress)
     raise UsageError(f"there is no kind of model {kind!r}; there are {', '.join(KINDS)}")
 
 
-def check_kind(kind: str, displacement: bool, told: bool, studies: bool, anywhere: bool = False) -> None:
+def check_kind(kind: str, displacement: bool, told: bool, anywhere: bool = False) -> None:
     """`UsageError` where the kind cannot do what is asked of it."""
     if kind == "thesis" and not displacement:
         raise UsageError("the thesis' equations need the displacement: only --kind field does without")
-    if kind == "field" and not told:
-        what = "--without displacement" if not displacement else "--studies" if studies else ""
-        if what:
-            raise UsageError(f"{what} is for a model that is told its tissue: add --tissue thesis")
+    if kind == "field" and not told and not displacement:
+        raise UsageError("--without displacement is for a model that is told its tissue: add --tissue thesis")
     if anywhere and (kind != "field" or told):
         raise UsageError("--anywhere is for a field model in tissue of all kinds: --kind field, no --tissue")
 
@@ -177,11 +156,9 @@ def _field(
     lumps: int | None,
     workers: int | None,
     tissue: Mapping[str, float] | None,
-    studies: bool,
     displacement: bool,
     anywhere: bool,
     progress: ProgressCallback | None,
-    note: Callable[[str], None] | None,
 ) -> Fit:
     from palpate.regression.balls.lumps import holds_balls
     from palpate.regression.field.data import LUMPS, check_begun, prepare
@@ -201,8 +178,6 @@ def _field(
     strokes = prepare(directory, lumps or LUMPS, workers=workers, tissue=tissue, progress=progress)
     recipe = FIELD if displacement else PRESSURE_ONLY
     result = fit_field(strokes, noise=noise, seed=seed, recipe=recipe, workers=workers, progress=progress)
-    if studies:
-        result = replace(result, studies=_studies(Path(directory), seed, workers, progress, note))
     return Fit("field", result.spec, result)
 
 
@@ -249,20 +224,3 @@ def _balls(
             rim=read_rim(directory),
         )
     return Fit("field", result.spec, result)
-
-
-def _studies(
-    directory: Path,
-    seed: int,
-    workers: int | None,
-    progress: ProgressCallback | None,
-    note: Callable[[str], None] | None,
-) -> list[tuple[Study, pd.DataFrame]]:
-    from palpate.regression.field.bench import Bench
-    from palpate.regression.field.data import read
-    from palpate.regression.field.study import STUDIES
-    from palpate.regression.field.tissues import TISSUE_STUDY
-
-    every = (*STUDIES.values(), TISSUE_STUDY)
-    with Bench(read(directory), seed, directory, workers, progress) as bench:
-        return [(study, study.table(bench, note)) for study in every]

@@ -1,5 +1,4 @@
-"""The report: every figure and table of the thesis that the data can make, in its numbering, beside its
-values.
+"""The report: results of the thesis that the data can make, in its numbering, beside its values.
 
 from palpate.report import write_report
 write_report("report/", strokes=read_strokes("runs/"), thesis=fit_thesis(...))

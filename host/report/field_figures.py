@@ -20,9 +20,9 @@ _UNITS = {s: f"({u})" if u else "" for s, u in zip(TARGETS, SHOWN_UNITS.values()
 
 
 def items(fit: FieldFit) -> list[Item]:
-    """Held-out table with estimates against truth, coverage, detectability; studies if the fit has them."""
+    """Held-out table with estimates against truth, coverage, detectability."""
     held_out, cover, flags, distance, left_out, found, visits = (frame_of(t) for t in fit.tables())
-    out = [
+    return [
         Item(
             "Beyond 1",
             "The field model on lumps it never saw",
@@ -45,19 +45,6 @@ def items(fit: FieldFit) -> list[Item]:
             tables=[found, visits],
         ),
     ]
-    for number, (study, result) in enumerate(fit.studies, start=4):
-        out.append(_study_item(f"Beyond {number}", study, result))
-    return out
-
-
-def _study_item(name: str, study, result: pd.DataFrame) -> Item:  # type: ignore[no-untyped-def]
-    from palpate.regression.field.study import study_table
-    from palpate.report.study_figures import study_figure
-
-    heads, rows = study_table(study, result)
-    tables = [(study.title, pd.DataFrame(rows, columns=heads))]
-    caption = "The model retrained and tested for each setting, all else typical."
-    return Item(name, study.title, caption, draw=lambda: study_figure(study, result), tables=tables)
 
 
 def figure_estimates(fit: FieldFit) -> Figure:

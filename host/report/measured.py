@@ -22,7 +22,7 @@ from palpate.sim.tissue import LIKE_FAT, Case, load_curve
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from palpate.view.stroke import Stroke
+    from palpate.stroke.stroke import Stroke
 
 FORCES = (0.2, 0.4, 0.6, 0.8, 1.0)
 REFERENCE = Case.from_code("d10h08e10f10")
@@ -109,11 +109,11 @@ def most_gaussian(path: Path) -> tuple[Stroke, RealMap]:
     UsageError
         No stroke has a lump in its map.
     """
-    from palpate.view.read_strokes import load_strokes
+    from palpate.stroke.read import load_strokes
 
     found = []
     for stroke in load_strokes(path):
-        if (m := stroke.probe_map) is not None and m.fit is not None:
+        if (m := stroke.map) is not None and m.fit is not None:
             x, p = np.asarray(m.x_mm), np.asarray(m.pressure_kPa)
             found.append((stroke, RealMap(x, p, fit_gaussian(x, p))))
     if not found:

@@ -37,7 +37,7 @@ def write_report(
     progress: Callable[[str], None] | None = None,
     summary: Summary | None = None,
 ) -> Path:
-    """Write every figure and table of the thesis that these data can make.
+    """Write every result of the thesis, figures and tables, that these data can make.
 
     Parameters
     ----------
@@ -53,8 +53,8 @@ def write_report(
         A recording (Figures 2 and 20) or table (Figure 20) of a real map; measured force curves and the
         thickness of the model they were measured on (Figure 21).
     simulate : bool
-        False leaves out what needs simulations of its own: Figures 2, 8, 15, 16 and 21, and the images of
-        Figure 6 (about half a minute).
+        False leaves out what needs simulations of its own: Figures 2, 8, 15, 16 and 21 (about half a
+        minute).
     progress : callable, optional
         Told the name of each figure and table before it is made.
     summary : Summary, optional
@@ -91,13 +91,11 @@ def _items(
     from palpate.regression.any_tissue.result import TissueFit
     from palpate.report import (
         any_tissue_figures,
-        development_figures,
         field_figures,
+        map_2d_figure,
         map_figures,
         model_figures,
-        probe_figures,
         recording_figures,
-        sketch_figures,
         strain_figures,
         tables,
         tissue_figures,
@@ -105,11 +103,9 @@ def _items(
 
     measured = None if recording is None else Path(recording)
     tell("Figure 2")
-    found = probe_figures.items(strokes, measured, simulate=simulate)
-    found += sketch_figures.items()
+    found = [map_2d_figure.item(measured, simulate=simulate)]
     tell("Figure 8" if simulate else "Figure 5")
     found += tissue_figures.items(simulate=simulate)
-    found += development_figures.items(simulate=simulate)
     found += map_figures.items(strokes)
     if thesis is not None:
         found += model_figures.items(thesis)

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from palpate.dataset.agreement import Agreement, Estimated
 from palpate.dataset.answers import OUTPUTS
 from palpate.model_export.vocabulary import SHOWN_UNITS
 from palpate.report import pages, style
-from palpate.validation.agreement import Agreement, Estimated
 from palpate.validation.result import NAMES, Validation
 from palpate.validation.verdict import percent
 

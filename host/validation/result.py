@@ -10,13 +10,13 @@ import numpy as np
 import pandas as pd
 from statsmodels.stats.proportion import proportion_confint
 
+from palpate.dataset.agreement import Agreement, Estimated, agreement
 from palpate.dataset.answers import OUTPUTS, Answers, answers
 from palpate.dataset.strokes import ObservedDataSet, observe_data_set
 from palpate.dataset.table import DataSet
 from palpate.model_export.schema import ModelSpec
 from palpate.model_export.vocabulary import WORDS
 from palpate.regression.probe_model import E_INV23
-from palpate.validation.agreement import Agreement, Estimated, agreement
 from palpate.validation.verdict import Verdict, verdict
 
 NAMES = {
@@ -104,7 +104,7 @@ def validate(
     seed : int
         Of the resampling.
     progress : callable, optional
-        See `regression.progress.ProgressCallback`.
+        See `palpate.progress.ProgressCallback`.
 
     Raises
     ------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from palpate.validation.agreement import FEWEST, Agreement, Estimated, Z
+from palpate.dataset.agreement import FEWEST, Agreement, Estimated, Z
 
 BIAS = 0.03
 """A bias up to this is none that matters; of E^-2/3 as of the others' logarithms."""

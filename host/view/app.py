@@ -17,12 +17,12 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
-from palpate.sim.probe.cells import FULL_SCALE_KPA, PITCH_MM, SHAPE
 from palpate.view import exports
 from palpate.view.commands import Commands
 from palpate.view.guard import Guard
 from palpate.view.page_connection import PageConnection
 from palpate.view.session import Session
+from palpate.wire.cells import FULL_SCALE_KPA, PITCH_MM, SHAPE
 
 MAX_MODEL_BYTES = 64 * 1024
 """Several times what a probe has room for."""

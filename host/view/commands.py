@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 from palpate.errors import PalpateError, RecordingError, UsageError
-from palpate.view.lanes import mark_of
+from palpate.stroke.lanes import mark_of
+from palpate.stroke.stroke import Stroke
 from palpate.view.session import Session
 from palpate.view.source import Flashable, Playable, Recordable, Referable, Source
-from palpate.view.stroke import Stroke
 
 LoadStrokes = Callable[[Path], Sequence[Stroke]]
 SPEEDS = (0.1, 100.0)

@@ -13,20 +13,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from firmware_py.outputs import NAMES
+from palpate.answer.card import NOT_A_DIAGNOSIS, ROWS
 from palpate.features.gaussian import bump
 from palpate.report import stroke_panels, style
-from palpate.sim.probe.cells import PITCH_MM, SHAPE
-from palpate.view.area import Strip
-from palpate.view.events import KNOWN
+from palpate.stroke.area import Strip
 from palpate.view.lump_outline import draw_outline, felt_across
-from palpate.view.phrases import NOT_A_DIAGNOSIS
+from palpate.wire.cells import PITCH_MM, SHAPE
 
 STROKE_KINDS = ("json", "csv", "png", "svg")
-_COLUMNS = (
-    *("d_mm", "depth_mm", "t_mm", "F_N_per_m", *(n for n in NAMES if n not in KNOWN)),
-    *("width_mm", "place_mm"),
-)
+_COLUMNS = tuple(row.key for row in ROWS)
 
 
 def table(snapshot: dict[str, Any]) -> bytes:

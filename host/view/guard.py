@@ -106,7 +106,7 @@ class Guard:
         if self._loopback and host_name(host) not in _LOOPBACK_NAMES:
             return 403, "The viewer answers only under the name localhost."
         origin = headers.get("origin")
-        if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
+        if origin is not None and _place(origin) != host.lower():
             return 403, "Another site's page may not talk to the viewer."
         if scope["type"] == "websocket" and origin is None and "sec-fetch-site" in headers:
             return 403, "A browser must say which page opens the connection."
@@ -138,14 +138,26 @@ class Guard:
         """Move the token out of the address bar into a cookie that scripts cannot read."""
         query = {k: v for k, v in _query(scope).items() if k != "token"}
         rest = urlencode(query, doseq=True)
-        response = RedirectResponse(scope["path"] + (f"?{rest}" if rest else ""), 303)
+        path = "/" + scope["path"].lstrip("/\\")  # "//name/" would be another site's
+        response = RedirectResponse(path + (f"?{rest}" if rest else ""), 303)
         host = next((v.decode("latin-1") for k, v in scope["headers"] if k.lower() == b"host"), "")
         response.set_cookie(cookie_name(host), self._token, httponly=True, samesite="strict")
         await response(scope, receive, _with_headers(send))
 
 
 def _query(scope: Scope) -> dict[str, list[str]]:
-    return parse_qs(scope.get("query_string", b"").decode("latin-1"), max_num_fields=32)
+    try:
+        return parse_qs(scope.get("query_string", b"").decode("latin-1"), max_num_fields=32)
+    except ValueError:  # more fields than anything of ours has
+        return {}
+
+
+def _place(origin: str) -> str | None:
+    """Name and port of an Origin header; None where it has none."""
+    try:
+        return urlsplit(origin).netloc.lower()
+    except ValueError:
+        return None
 
 
 def _with_headers(send: Send) -> Send:

@@ -8,9 +8,9 @@ import time
 from collections import deque
 
 from palpate.errors import LinkError
-from palpate.link.clock import WRAP
-from palpate.link.events import Frame
 from palpate.link.probe import Probe
+from palpate.wire.clock import WRAP
+from palpate.wire.events import Frame
 
 SYNC_EVERY_S = 20.0
 

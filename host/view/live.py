@@ -8,26 +8,24 @@ from collections import deque
 from pathlib import Path
 
 from firmware_py import messages
-from palpate.across.documents import Documents
-from palpate.across.follower import Follower
 from palpate.errors import LinkError, PortAmbiguous, PortMissing, RecordingError, VersionMismatch
 from palpate.link.devices import resolve
-from palpate.link.events import Frame as LinkFrame
-from palpate.link.events import Gap, Log
-from palpate.link.flash import check_image, flash
+from palpate.link.flash import flash
 from palpate.link.probe import Probe
-from palpate.link.reference import Reference
-from palpate.link.scale import CellScale
-from palpate.link.source import EventSource
+from palpate.model_export.check_image import check_image
 from palpate.model_export.schema import ModelSpec
-from palpate.recording.channels import MARK_PREFIX
-from palpate.recording.replay import CALIBRATION, MODEL
+from palpate.recording.channels import CALIBRATION, MODEL
 from palpate.recording.writer import RecordingWriter
-from palpate.view.events import Device, Health, LinkChanged, LinkState, RecordingStopped
+from palpate.stroke.answered import Answers
+from palpate.stroke.documents import Documents
+from palpate.stroke.follower import Follower
 from palpate.view.latency import Latency
 from palpate.view.live_recorder import LiveRecorder
+from palpate.view.notices import Device, Health, LinkChanged, LinkState, RecordingStopped
 from palpate.view.source import Emit
-from palpate.view.translate import Translator
+from palpate.wire.events import MARK_PREFIX, Frame, Gap, Log
+from palpate.wire.reference import Reference
+from palpate.wire.source import EventSource
 
 HEALTH_EVERY_S = 0.5
 RETRY_S = 1.0
@@ -121,7 +119,7 @@ class LiveSource:
             self._documents.learn(image)
         finally:
             probe.start_stream()
-        self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", self._describe(probe, probe.scale)))
+        self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", self._describe(probe)))
         return done.model_id
 
     # ---- the reference press
@@ -134,13 +132,13 @@ class LiveSource:
             return words_of(probe.take_reference())
         finally:
             probe.start_stream()
-            self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", self._describe(probe, probe.scale)))
+            self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", self._describe(probe)))
 
     def forget_reference(self) -> None:
         """The strokes to come go without it."""
         probe = self._connected("forget a reference press on")
         probe.clear_reference()
-        self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", self._describe(probe, probe.scale)))
+        self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", self._describe(probe)))
 
     def _connected(self, what: str) -> Probe:
         probe = self._probe
@@ -170,11 +168,10 @@ class LiveSource:
             stop.wait(RETRY_S)
 
     def _follow(self, probe: Probe, emit: Emit, stop: threading.Event) -> None:
-        translator = Translator(CellScale(), follower := Follower(self._documents))
+        answers = Answers(follower := Follower(self._documents))
         follower.meet(probe)
-        translator.scale.load(follower.calibration)
         probe.reference()  # it may have been taken before this page was opened
-        device = self._describe(probe, translator.scale)
+        device = self._describe(probe)
         self.name = device.serial or self._port
         emit(LinkChanged(LinkState.CONNECTED, "Connected.", device))
         latency = Latency()
@@ -188,29 +185,21 @@ class LiveSource:
                 if self._elsewhere():
                     return
             for event in probe.events(timeout_s=SILENCE_S):
-                if isinstance(event, LinkFrame):
+                if isinstance(event, Frame):
                     self._last_us = event.time_us
                     latency.add(event)
+                for each in answers.feed(event):
+                    emit(each)
                 if isinstance(event, Gap):
-                    for shown in translator.finish():
-                        emit(shown)
-                    translator.reset()
                     latency.restart()
                     gone_at = None if event.ended else time.monotonic()
                     if event.ended:
                         follower.meet(probe)
-                        translator.scale.load(follower.calibration)
                         probe.reference()
-                        emit(
-                            LinkChanged(
-                                LinkState.CONNECTED, "Connected.", self._describe(probe, translator.scale)
-                            )
-                        )
+                        emit(LinkChanged(LinkState.CONNECTED, "Connected.", self._describe(probe)))
                     else:
                         emit(LinkChanged(LinkState.GONE, _GONE))
                     continue
-                for shown in translator.feed(event):
-                    emit(shown)
                 if stop.is_set() or time.monotonic() - told > HEALTH_EVERY_S:
                     break
             if time.monotonic() - told > HEALTH_EVERY_S:
@@ -222,8 +211,8 @@ class LiveSource:
         if probe.connected:
             probe.stop_stream()
 
-    def _describe(self, probe: Probe, scale: CellScale) -> Device:
-        return describe(probe, scale, self._documents)
+    def _describe(self, probe: Probe) -> Device:
+        return describe(probe, self._documents)
 
     def _elsewhere(self) -> bool:
         """Is there another probe than the one that has gone, where any would do? A restarted emulator, a
@@ -253,7 +242,7 @@ class LiveSource:
         )
 
 
-def describe(source: EventSource, scale: CellScale, documents: Documents) -> Device:
+def describe(source: EventSource, documents: Documents) -> Device:
     """Who answers, for the page's head."""
     identity = source.identity
     return Device(
@@ -262,7 +251,7 @@ def describe(source: EventSource, scale: CellScale, documents: Documents) -> Dev
         firmware=identity.firmware,
         runtime=source.name if source.live else "",
         model_id=identity.model_id if identity.model_status == 0 else "",
-        full_scale_kPa=scale.full_scale_kPa,
+        full_scale_kPa=source.scale.full_scale_kPa,
         damaged=identity.damaged,
         reference=_reference_of(source),
         document=documents.remark,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import threading
 
-from palpate.link.events import Event
 from palpate.recording.writer import RecordingWriter
+from palpate.wire.events import Event
 
 
 class LiveRecorder:

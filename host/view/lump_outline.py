@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import Normal, withStroke
 
-from palpate.sim.probe.cells import PITCH_MM, SHAPE
+from palpate.wire.cells import PITCH_MM, SHAPE
 
 _EDGE_MM = SHAPE[1] * PITCH_MM / 2
 _END_MM = SHAPE[0] * PITCH_MM / 2

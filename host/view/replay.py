@@ -12,20 +12,17 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from pathlib import Path
 
-from palpate.link import events as link
-from palpate.link.scale import CellScale
 from palpate.model_export.schema import ModelSpec
-from palpate.recording.channels import MARK_PREFIX
 from palpate.recording.playback import RecordedSession, open_recording
 from palpate.recording.reader import Recording
-from palpate.view.assemble import Assembler
-from palpate.view.events import Device, Health, Jumped, LinkChanged, LinkState, Mark, Playback
-from palpate.view.lanes import lane_of
+from palpate.stroke.answered import Answers
+from palpate.stroke.follower import Follower
+from palpate.stroke.lanes import lane_of
+from palpate.stroke.read import follower_of, strokes_of
 from palpate.view.live import describe
-from palpate.view.read_strokes import calibration, feed, follower_of
+from palpate.view.notices import Device, Health, Jumped, LinkChanged, LinkState, Mark, Playback
 from palpate.view.source import Emit
-from palpate.view.stroke import Stroke
-from palpate.view.translate import Translator
+from palpate.wire.events import Event, Frame, Gap, Log
 
 MAX_FRAMES = 200_000
 TICK_S = 0.01
@@ -49,13 +46,13 @@ class ReplaySource:
     """
 
     def __init__(self, path: Path, document: ModelSpec | None = None) -> None:
+        Recording(path)  # a file that is none is refused here, before there is a page
         self.path = path
         self._document = document
         self.name = path.name
-        self._recording = Recording(path)
         self._lock = threading.Lock()
         self._times: list[float] = []
-        self._events: list[link.Event] = []
+        self._events: list[Event] = []
         self._frames = 0
         self._stride = 1
         self._loaded = False
@@ -105,46 +102,39 @@ class ReplaySource:
     def run(self, emit: Emit, stop: threading.Event) -> None:
         """Play the recording; see `Source`. Returns only when stopped: a recording can be wound back."""
         with open_recording(self.path) as session:
-            scale = calibration(self._recording)
-            follower = follower_of(self._recording, self._document)
-            device = describe(session, scale, follower.documents)
+            follower = follower_of(session.recording, self._document)
+            device = describe(session, follower.documents)
             emit(LinkChanged(LinkState.CONNECTED, "", device))
-            loader = threading.Thread(
-                target=self._load, args=(session, Translator(scale, follower), emit, stop), daemon=True
-            )
+            loader = threading.Thread(target=self._load, args=(session, follower, emit, stop), daemon=True)
             loader.start()
-            self._play(scale, device, emit, stop)
+            self._play(device, emit, stop)
             loader.join()
 
-    def _load(
-        self, session: RecordedSession, translator: Translator, emit: Emit, stop: threading.Event
-    ) -> None:
-        assembler = Assembler(lambda t: Stroke(number=0, visit=0, started_s=t))
+    def _load(self, session: RecordedSession, follower: Follower, emit: Emit, stop: threading.Event) -> None:
         first_ns: int | None = None
-        for event in session.events():
-            if stop.is_set():
-                return
+        at_s = 0.0
+
+        def seen(event: Event) -> None:
+            nonlocal first_ns, at_s
             first_ns = first_ns or event.host_ns
             at_s = (event.host_ns - first_ns) * 1e-9
             self._keep(at_s, event)
-            if isinstance(event, link.Log):
-                self._note_mark(at_s, event.text)
-            for stroke in feed(translator, assembler, event):
-                with self._lock:
-                    self._strokes_s.append(at_s)
-                emit(stroke)
-        for shown in translator.finish():
-            if (stroke_now := assembler.feed(shown)) is not None:
-                emit(stroke_now)
-        if (last := assembler.give_up()) is not None:
-            emit(last)
+            if isinstance(event, Log):
+                self._note_mark(at_s, event.mark)
+
+        for stroke in strokes_of(session, follower, seen, stop.is_set):
+            with self._lock:
+                self._strokes_s.append(at_s)
+            emit(stroke)
+        if stop.is_set():
+            return
         emit(_health(session))
         with self._lock:
             self._loaded = True
 
-    def _keep(self, at_s: float, event: link.Event) -> None:
+    def _keep(self, at_s: float, event: Event) -> None:
         with self._lock:
-            if isinstance(event, link.Frame):
+            if isinstance(event, Frame):
                 self._frames += 1
                 if self._frames % self._stride:
                     return
@@ -157,22 +147,21 @@ class ReplaySource:
         self._stride *= 2
         kept, odd = [], False
         for pair in zip(self._times, self._events, strict=True):
-            if isinstance(pair[1], link.Frame):
+            if isinstance(pair[1], Frame):
                 odd = not odd
                 if odd:
                     continue
             kept.append(pair)
         self._times, self._events = [t for t, _ in kept], [e for _, e in kept]
 
-    def _note_mark(self, at_s: float, line: str) -> None:
+    def _note_mark(self, at_s: float, text: str | None) -> None:
         """A mark for the ticks; a stroke's lane is none: the map shows it."""
-        text = line.removeprefix(MARK_PREFIX)
-        if text != line and lane_of(text) is None:
+        if text is not None and lane_of(text) is None:
             with self._lock:
                 self._marks.append(Mark(max(at_s, 0.0), text))
 
-    def _play(self, scale: CellScale, device: Device, emit: Emit, stop: threading.Event) -> None:
-        translator = Translator(scale)
+    def _play(self, device: Device, emit: Emit, stop: threading.Event) -> None:
+        answers = Answers()
         before, told = time.monotonic(), 0.0
         ended = False
         while not stop.wait(TICK_S):
@@ -180,17 +169,13 @@ class ReplaySource:
             due, moved = self._advance(now - before)
             before = now
             if moved:
-                translator.reset()
+                answers.forget()
                 emit(Jumped())
             for event in due:
-                if isinstance(event, link.Gap):
-                    for shown in translator.finish():
-                        emit(shown)
-                    translator.reset()
+                for each in answers.feed(event):
+                    emit(each)
+                if isinstance(event, Gap):
                     emit(LinkChanged(*_gap(event), device))
-                    continue
-                for shown in translator.feed(event):
-                    emit(shown)
             playback = self._playback()
             at_end = not playback.playing and playback.position_s >= playback.length_s > 0.0
             if at_end != ended:
@@ -201,14 +186,14 @@ class ReplaySource:
                 told = now
                 emit(playback)
 
-    def _advance(self, elapsed_s: float) -> tuple[Sequence[link.Event], bool]:
+    def _advance(self, elapsed_s: float) -> tuple[Sequence[Event], bool]:
         """Move along; returns the events passed on the way (of many frames, some) and whether it jumped."""
         with self._lock:
             moved, self._moved = self._moved, False
             end = self._length()
             if moved:
                 i = bisect_right(self._times, self._position_s)
-                shown = next((e for e in reversed(self._events[:i]) if isinstance(e, link.Frame)), None)
+                shown = next((e for e in reversed(self._events[:i]) if isinstance(e, Frame)), None)
                 return ([shown] if shown is not None else []), True
             if not self._playing:
                 return (), False
@@ -218,11 +203,11 @@ class ReplaySource:
                 self._playing = False
             first = bisect_right(self._times, begin) if begin > 0.0 else 0
             due = self._events[first : bisect_right(self._times, self._position_s)]
-        frames = sum(isinstance(e, link.Frame) for e in due)
+        frames = sum(isinstance(e, Frame) for e in due)
         step = -(-frames // FRAMES_A_TICK) or 1
         thinned, n = [], 0
         for event in due:
-            if isinstance(event, link.Frame):
+            if isinstance(event, Frame):
                 n += 1
                 if (frames - n) % step:
                     continue
@@ -245,7 +230,7 @@ class ReplaySource:
             )
 
 
-def _gap(event: link.Gap) -> tuple[LinkState, str]:
+def _gap(event: Gap) -> tuple[LinkState, str]:
     if event.ended:
         return LinkState.CONNECTED, ""
     return LinkState.GONE, "Here the link to the probe was broken for a while."

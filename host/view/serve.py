@@ -12,11 +12,11 @@ from pathlib import Path
 
 import uvicorn
 
-from palpate.comparison.change import Between
+from palpate.stroke.change import Between
 from palpate.view.app import make_app
 from palpate.view.commands import Commands, LoadStrokes
-from palpate.view.events import LinkChanged, LinkState
 from palpate.view.guard import is_loopback
+from palpate.view.notices import LinkChanged, LinkState
 from palpate.view.session import Session
 from palpate.view.source import Source
 

@@ -16,27 +16,25 @@ from typing import Any
 
 import numpy as np
 
-from palpate.view.assemble import Assembler
-from palpate.view.events import (
+from palpate.stroke.answered import Answered
+from palpate.stroke.assemble import Assembler
+from palpate.stroke.lanes import lane_of
+from palpate.stroke.phase import Phase
+from palpate.stroke.stroke import Stroke
+from palpate.stroke.tactile_map import force_N_per_m, peak_kPa
+from palpate.view.mailbox import Mailbox
+from palpate.view.notices import (
     Device,
-    Estimate,
-    Event,
-    Frame,
     Health,
     Jumped,
     LinkChanged,
     LinkState,
-    Mark,
+    Notice,
     Playback,
-    ProbeMap,
     RecordingStopped,
-    StrokeState,
 )
-from palpate.view.lanes import lane_of
-from palpate.view.mailbox import Mailbox
-from palpate.view.stroke import Stroke
-from palpate.view.tactile_map import peak_kPa
 from palpate.view.visits import Visits
+from palpate.wire.events import Event, Frame, Gap, Log, StrokeState, TactileMap
 
 PROGRESS_INTERVAL_S = 0.1
 _FRAME_HEAD = struct.Struct("<BBHIddffff")
@@ -44,19 +42,20 @@ _FRAME_HEAD = struct.Struct("<BBHIddffff")
 
 def pack_frame(frame: Frame) -> bytes:
     """A frame for the page: head (see `_FRAME_HEAD`), then a float32 a cell, kPa, all little-endian."""
+    pressure_kPa = frame.pressure_kPa
     head = _FRAME_HEAD.pack(
         1,
         0,
         0,
         frame.seq & 0xFFFFFFFF,
-        frame.time_s,
-        frame.host_time_s,
+        frame.time_us * 1e-6,
+        frame.host_ns * 1e-9,
         frame.position_mm,
         frame.displacement_mm,
-        frame.force_N_per_m,
-        peak_kPa(frame.pressure_kPa),
+        force_N_per_m(pressure_kPa),
+        peak_kPa(pressure_kPa),
     )
-    return head + np.ascontiguousarray(frame.pressure_kPa, dtype="<f4").tobytes()
+    return head + np.ascontiguousarray(pressure_kPa, dtype="<f4").tobytes()
 
 
 class Session:
@@ -79,7 +78,8 @@ class Session:
         self.link = LinkChanged(LinkState.CONNECTING, "Looking for the probe.")
         self.device: Device | None = None
         self.health = Health()
-        self.state = StrokeState(0.0)
+        self.phase = Phase(0.0)
+        """As the pages know it."""
         self.playback: Playback | None = None
         self.recording: dict[str, Any] | None = None
         self.on_lane: Callable[[float, float], None] | None = None
@@ -112,7 +112,7 @@ class Session:
                 "name": self.name,
                 "link": self._link_json(),
                 "health": asdict(self.health),
-                "state": asdict(self.state),
+                "state": asdict(self.phase),
                 "recording": self.recording,
                 "playback": None if self.playback is None else asdict(self.playback),
                 "running": None if self._assembler.running is None else self._assembler.running.progress(),
@@ -163,7 +163,7 @@ class Session:
 
     # ---- events from the source
 
-    def on_event(self, event: Event | Stroke) -> None:
+    def on_event(self, event: Event | Notice | Stroke) -> None:
         """Take one event, or a stroke that a source has read ahead; called in the source's thread."""
         with self.lock:
             match event:
@@ -171,9 +171,15 @@ class Session:
                     self._on_frame(event)
                 case StrokeState():
                     self._on_state(event)
-                case ProbeMap() | Estimate():
+                case TactileMap() | Answered():
                     if (finished := self._assembler.feed(event)) is not None:
                         self._finish(finished)
+                case Gap():
+                    self._interrupted()
+                case Log():
+                    self._assembler.feed(event)
+                    if (text := event.mark) is not None and lane_of(text) is None:
+                        self.tell({"type": "mark", "time_s": event.time_us * 1e-6, "text": text})
                 case Stroke():
                     self._read_ahead(event)
                 case Health():
@@ -184,10 +190,6 @@ class Session:
                 case RecordingStopped():
                     self.set_recording(None)
                     self.tell({"type": "notice", "text": event.text})
-                case Mark():
-                    self._assembler.feed(event)
-                    if lane_of(event.text) is None:
-                        self.tell({"type": "mark", "time_s": event.time_s, "text": event.text})
                 case Playback():
                     self.playback = event
                     self.tell_slot("playback", {"type": "playback", "playback": asdict(event)})
@@ -197,12 +199,18 @@ class Session:
     def _forget_running(self) -> None:
         """A half-seen stroke will not go on: somebody moved along the recording."""
         self._give_up()
-        self.state = StrokeState(self.state.time_s)
-        self.tell_slot("state", {"type": "state", "state": asdict(self.state)})
+        self._tell_phase()
         self.tell_slot("progress", {"type": "progress", "number": None})
+
+    def _interrupted(self) -> None:
+        """The link broke: what was under way will not be finished."""
+        if (given_up := self._give_up()) is not None:
+            self._finish(given_up)
+        self._tell_phase()
 
     def _on_frame(self, frame: Frame) -> None:
         self._assembler.feed(frame)
+        self._tell_phase()
         if not self._mailboxes:
             return
         self.tell_slot("frame", pack_frame(frame))
@@ -213,11 +221,14 @@ class Session:
     def _on_state(self, state: StrokeState) -> None:
         if (finished := self._assembler.feed(state)) is not None:
             self._finish(finished)
-        if not state.stroke and self.state.stroke and self._assembler.waiting is not None:
+        if not self._assembler.phase.stroke and self.phase.stroke and self._assembler.waiting is not None:
             self._tell_progress(self._assembler.waiting)
-        if state != self.state:
-            self.state = state
-            self.tell_slot("state", {"type": "state", "state": asdict(state)})
+        self._tell_phase()
+
+    def _tell_phase(self) -> None:
+        if (phase := self._assembler.phase) != self.phase:
+            self.phase = phase
+            self.tell_slot("state", {"type": "state", "state": asdict(phase)})
 
     def _tell_progress(self, stroke: Stroke) -> None:
         if self._mailboxes:
@@ -244,10 +255,7 @@ class Session:
         self.link = link
         self.device = link.device or self.device
         if link.state is not LinkState.CONNECTED:
-            self.state = StrokeState(self.state.time_s)
-            if (given_up := self._give_up()) is not None:
-                self._finish(given_up)
-            self.tell({"type": "state", "state": asdict(self.state)})
+            self._interrupted()
         self.tell({"type": "link", "link": self._link_json()})
 
     def _link_json(self) -> dict[str, Any]:

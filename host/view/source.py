@@ -12,11 +12,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from palpate.view.events import Event
-from palpate.view.stroke import Stroke
+from palpate.stroke.stroke import Stroke
+from palpate.view.notices import Notice
+from palpate.wire.events import Event
 
-Emit = Callable[[Event | Stroke], None]
-"""Takes an event, or a whole stroke that the source has read ahead."""
+Emit = Callable[[Event | Notice | Stroke], None]
+"""Takes an event (answers as `stroke.answered` tells them), a notice, or a stroke that was read ahead."""
 
 
 class Source(Protocol):

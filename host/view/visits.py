@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from palpate.comparison.change import ASSUMES, ASSUMES_BETWEEN, QUANTITIES, Between, compare, spread
-from palpate.view.lanes import Lanes
-from palpate.view.stroke import Stroke
+from palpate.stroke.change import ASSUMES, ASSUMES_BETWEEN, QUANTITIES, Between, compare, spread
+from palpate.stroke.lanes import Lanes
+from palpate.stroke.stroke import Stroke
 
 MAX_STROKES = 1000
 STROKES_WITH_IMAGES = 100
@@ -76,7 +76,7 @@ class Visits:
             return self.at(stroke.started_s)
         told = stroke.estimate
         visit = self.strokes(self._current.number)
-        return next((s for s in visit if s.estimate is not None and s.estimate.time_s == told.time_s), None)
+        return next((s for s in visit if s.estimate is not None and s.estimate.time_us == told.time_us), None)
 
     def get(self, number: int) -> Stroke | None:
         """The stroke with this number."""

@@ -15,10 +15,11 @@ import numpy as np
 from firmware_py import evaluator as ev
 from firmware_py import feature_names, stage, unpack
 from firmware_py import features as firmware_features
-from palpate.model_export.errors import ModelError
-from palpate.model_export.fixed_point import nested, quantise, reference, sampling
-from palpate.model_export.fixed_point import word_pairs as words
-from palpate.model_export.fixed_point.word_pairs import Row, to_word
+from palpate.fixedpoint import nested, quantise
+from palpate.fixedpoint import word_pairs as words
+from palpate.fixedpoint.word_pairs import Row, to_word
+from palpate.model_export.errors import ModelError, told_as_ours
+from palpate.model_export.fixed_point import reference, sampling
 from palpate.model_export.schema import FirstStage, ModelSpec, Term
 
 Q24 = 1 << 24
@@ -42,6 +43,7 @@ def feature_ids(names: tuple[str, ...] | list[str], first: FirstStage | None = N
     return [known.index(name) for name in names]
 
 
+@told_as_ours()
 def compile_model(spec: ModelSpec) -> ev.Tables:
     """Integer tables of a validated model.
 
@@ -119,6 +121,7 @@ def compile_model(spec: ModelSpec) -> ev.Tables:
     )
 
 
+@told_as_ours()
 def compile_first(first: FirstStage) -> stage.Stage:
     """Integer arrays of a model's first stage; the same errors as `compile_model`."""
     taken = {e.name for e in first.estimates} & set(feature_names.NAMES)
@@ -129,6 +132,7 @@ def compile_first(first: FirstStage) -> stage.Stage:
     return _compile_stage(first, feature_ids(first.features), firmware_features.COUNT)
 
 
+@told_as_ours()
 def compile_checks(spec: ModelSpec) -> stage.Stage | None:
     """Integer arrays of a model's checks, if it has any; the same errors as `compile_model`."""
     if spec.checks is None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from firmware_py import evaluator as ev
-from palpate.model_export.fixed_point import nested
-from palpate.model_export.fixed_point.nested import Run
+from palpate.fixedpoint import nested
+from palpate.fixedpoint.nested import Run
 from palpate.model_export.schema import ModelSpec
 
 N = ev.OUTPUTS

@@ -14,8 +14,8 @@ from collections.abc import Iterator
 
 from firmware_py import evaluator as ev
 from firmware_py import outputs, scales, verdict
+from palpate.fixedpoint.nested import Run
 from palpate.model_export.fixed_point import compiler
-from palpate.model_export.fixed_point.nested import Run
 from palpate.model_export.schema import OUTPUTS, ModelSpec
 from palpate.model_export.source.compiled_tables import CompiledTables, N
 from palpate.model_export.source.expressions import (

@@ -13,6 +13,7 @@ import tempfile
 import threading
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import firmware_py
 from firmware_py import calib, safe_record, sensor_array, status
@@ -22,6 +23,9 @@ from palpate.sim.probe import node, source
 from palpate.sim.probe.faults import Faults
 from palpate.sim.probe.preloaded import preload
 from palpate.sim.probe.relay import Relay
+
+if TYPE_CHECKING:
+    from palpate.sim.tissue import Case
 
 FIRMWARE = Path(firmware_py.__file__).parent
 DEVICE = Path(__file__).parent / "device"
@@ -44,8 +48,7 @@ class EmulatedProbe:
 
     Parameters
     runtime: "micropython" (the real interpreter, WASM under Node) or "cpython"; "rp2040" is the reference
-        board (MicroPython's own port on an emulated RP2040, far slower than a real one); "microbit" runs only
-        vectors, see palpate.sim.probe.microbit
+        board (MicroPython's own port on an emulated RP2040, far slower than a real one)
     strokes: what the sensors read once a stream starts: strokes one after the other
         (palpate.sim.probe.sensors.FrameStream)
     listen: "pty", or "tcp:HOST:PORT" (port 0: any)
@@ -117,6 +120,27 @@ class EmulatedProbe:
         self._process: subprocess.Popen[bytes] | None = None
         self._orders: int | None = None
         self._reader: threading.Thread | None = None
+
+    @classmethod
+    def over(
+        cls,
+        case: "Case | str",
+        noise: str = "typical",
+        seed: int = 1,
+        strokes: int = 1,
+        frames: int = 50,
+        runtime: str = "cpython",
+        **options: Any,
+    ) -> "EmulatedProbe":
+        """A probe that a hand presses and strokes over a lump, in as many different strokes as you like.
+
+        case, noise, seed, strokes, frames: see `palpate.sim.probe.over_lump.strokes_over`
+        options: see the class
+        """
+        from palpate.sim.probe.over_lump import strokes_over
+
+        streams, calibration = strokes_over(case, noise, seed, frames, strokes)
+        return cls(runtime, streams, calibration=calibration, **options)
 
     @property
     def port(self) -> str:

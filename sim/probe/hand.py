@@ -11,7 +11,7 @@ import numpy as np
 from firmware_py import geometry
 from palpate.sim.probe import source
 from palpate.sim.probe.circuit import FULL, Matrix
-from palpate.sim.probe.packed_frames import unpack
+from palpate.wire.packing import unpack
 
 TRAVEL_UM = 25_000  # of the potentiometer
 STEP_UM = 25  # a quarter step of the encoder

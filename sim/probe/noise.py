@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate.errors import UsageError
+from palpate.files import read_limited
 
 WAVE_MM = 40.0
 """Length of the undulation of the tissue's thickness."""
@@ -47,7 +48,7 @@ class Noise:
     undulation : float
         How far the tissue's thickness swings along the stroke, as a fraction, over `WAVE_MM`. What it does
         is worked out as a change of stiffness: thicker and softer tissue feel very nearly alike
-        (docs/accuracy-told.md, "tissue"). That the surface tilts is left out.
+        (docs/accuracy.md). That the surface tilts is left out.
     start_mm : float
         The lump lies up to so far from the middle of the stroke.
     quantise : bool
@@ -137,12 +138,12 @@ def level_named(name: str) -> Noise:
             f"there is no noise level {name!r}; there are {', '.join(LEVELS)}, and files as sensor.toml"
         )
     try:
-        said = tomllib.loads(Path(name).read_text(encoding="utf-8")).get("noise")
+        said = tomllib.loads(read_limited(Path(name), 1 << 20).decode()).get("noise")
     except OSError as error:
         raise UsageError(
             f"the sensor's file {name} cannot be read: {(error.strerror or '').lower()}"
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise UsageError(f"{name} is not TOML: {error}") from None
     known = {f.name for f in fields(Noise)} - {"quantise"}
     if not isinstance(said, dict) or not said:

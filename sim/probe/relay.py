@@ -96,6 +96,7 @@ class Relay:
     def _run(self) -> None:
         while not self._ending:
             now = time.monotonic()
+            self._host.look_after()
             host = self._host.fd
             allowance = self._allowance()
             readable = [self._wake_out, *self._host.waiting()]
@@ -122,9 +123,10 @@ class Relay:
                     self._cut()
                 continue
             if any(fd in can_read for fd in self._host.waiting()):
+                if host is None:
+                    self._held_for_host.clear()
+                    self._held_for_device.clear()
                 self._host.accept()
-                self._held_for_host.clear()
-                self._held_for_device.clear()
                 continue
             if self._device in can_read:
                 self._take(self._device, self.to_host, self._held_for_host, "host")
@@ -133,6 +135,8 @@ class Relay:
                 and host in can_read
                 and not self._take(host, self.to_device, self._held_for_device, "device")
             ):
+                self._held_for_host.clear()
+                self._held_for_device.clear()
                 self._host.hang_up()
                 continue
             if host is None:

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from firmware_py import calib, geometry
 from palpate.errors import UsageError
-from palpate.sim.probe.cells import COLUMN_MM, FULL_SCALE_KPA, PEDESTAL_KPA, SHAPE
 from palpate.sim.probe.creep import Lag
 from palpate.sim.probe.noise import LEVELS, WAVE_MM, Noise
-from palpate.sim.probe.packed_frames import FrameStream, Truth, pack, unpack
+from palpate.sim.probe.packed_frames import FrameStream, Truth
 from palpate.sim.probe.stroke_field import FORCE_RATIO, StrokeField
 from palpate.sim.tissue import Stroke
+from palpate.wire.cells import COLUMN_MM, FULL_SCALE_KPA, PEDESTAL_KPA, SHAPE
+from palpate.wire.packing import pack, unpack
 
 __all__ = [
     "FORCE_RATIO",

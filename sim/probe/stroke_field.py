@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from palpate.errors import UsageError
-from palpate.sim.probe.cells import COLUMN_MM, PITCH_MM, ROW_MM
 from palpate.sim.tissue import Stroke
 from palpate.sim.tissue.symmetry import both_sides
+from palpate.wire.cells import COLUMN_MM, PITCH_MM, ROW_MM
 
 Floats = NDArray[np.float64]
 

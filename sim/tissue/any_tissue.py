@@ -42,16 +42,19 @@ class TissueRanges:
         The ratio is even in its logarithm.
     stiffening : tuple of float
         b of fat and of gland, each its own.
+    linear : float
+        Share of fats, and of glands, that do not stiffen at all.
     probe_radius_mm : tuple of float
     """
 
     d_mm: tuple[float, float] = (5.0, 20.0)
     h: tuple[float, float] = (0.3, 1.5)
     E_ratio: tuple[float, float] = (2.0, 1000.0)
-    reach_mm: tuple[float, float] = (2.5, 9.0)
-    gland_ratio: tuple[float, float] = (2.0, 10.0)
+    reach_mm: tuple[float, float] = (2.5, 12.0)
+    gland_ratio: tuple[float, float] = (1.0, 10.0)
     gland_mm: tuple[float, float] = (8.0, 30.0)
     stiffening: tuple[float, float] = (0.0, 3.0)
+    linear: float = 0.15
     probe_radius_mm: tuple[float, float] = (38.0, 42.0)
 
 
@@ -152,8 +155,8 @@ def random_lumps(n: int, seed: int, r: TissueRanges) -> list[Case]:
                 F_rel=rounded(log_even(of_force, r.reach_mm) * fat_kPa / FORCE_UNIT_N_PER_M),
                 gland_ratio=rounded(log_even(of_ratio, r.gland_ratio)),
                 gland_mm=rounded(gland),
-                fat_stiffening=rounded(even(of_fat_b, r.stiffening)),
-                gland_stiffening=rounded(even(of_gland_b, r.stiffening)),
+                fat_stiffening=stiffening(of_fat_b, r),
+                gland_stiffening=stiffening(of_gland_b, r),
                 probe_radius_mm=rounded(even(of_radius, r.probe_radius_mm)),
             )
         )
@@ -177,6 +180,11 @@ def even(u: float, limits: tuple[float, float]) -> float:
 def log_even(u: float, limits: tuple[float, float]) -> float:
     """The same by logarithms."""
     return float(np.exp(even(u, (np.log(limits[0]), np.log(limits[1])))))
+
+
+def stiffening(u: float, r: TissueRanges) -> float:
+    """b of a tissue: none for a share `r.linear` of u, even in `r.stiffening` for the rest."""
+    return 0.0 if u < r.linear else rounded(even((u - r.linear) / (1.0 - r.linear), r.stiffening))
 
 
 def rounded(value: float) -> float:

@@ -18,6 +18,7 @@ from palpate.sim.tissue.any_tissue import (
     even,
     log_even,
     rounded,
+    stiffening,
 )
 from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M, Case
 from palpate.sim.tissue.errors import CaseError
@@ -106,8 +107,8 @@ def _lump(point: np.ndarray, r: TissueRanges, place: PlaceRanges) -> Case:
         F_rel=rounded(reach * 10.0 / FORCE_UNIT_N_PER_M),
         gland_ratio=rounded(log_even(of_ratio, r.gland_ratio)),
         gland_mm=rounded(even(of_gland, r.gland_mm)),
-        fat_stiffening=rounded(even(of_fat_b, r.stiffening)),
-        gland_stiffening=rounded(even(of_gland_b, r.stiffening)),
+        fat_stiffening=stiffening(of_fat_b, r),
+        gland_stiffening=stiffening(of_gland_b, r),
         probe_radius_mm=rounded(even(of_radius, r.probe_radius_mm)),
         fat_mm=rounded(log_even(of_fat, place.fat_mm)),
         fat_kPa=10.0,

@@ -102,6 +102,19 @@ class Contact:
         _, slope, _ = self.shape.height(x - position)
         return x, pressure, float(force.sum() - self.friction * (force @ slope))
 
+    def pressure_derivatives(
+        self, u: Floats, multiplier: Floats, du: Floats, dmultiplier: Floats
+    ) -> tuple[Floats, Floats]:
+        """How places and pressures (k, S) change with displacements du (k, 2N) and multipliers (k, S)."""
+        _, pressure, area = kernels.pressures(self.x0, self.x_dof, u, multiplier, self.weight)
+        dx = du[:, self.x_dof]
+        a, b, c = dx[:, :-2:2], dx[:, 1:-1:2], dx[:, 2::2]
+        darea = np.zeros_like(dx)
+        darea[:, :-2:2] += (-3 * a + 4 * b - c) / 6
+        darea[:, 1:-1:2] += 4 * (c - a) / 6
+        darea[:, 2::2] += (a - 4 * b + 3 * c) / 6
+        return dx, np.where(pressure > 0, (dmultiplier * self.weight - pressure * darea) / area, 0.0)
+
 
 _SAMPLES = np.linspace(-PITCH_MM / 2, PITCH_MM / 2, 9)
 _PLACES = SENSORS_MM[:, None] + _SAMPLES
@@ -114,3 +127,15 @@ def read_sensors(s_mm: Floats, pressure_kPa: Floats) -> Floats:
     s_mm (S,): places, ascending; pressure_kPa (S,).
     """
     return np.interp(_PLACES.ravel(), s_mm, pressure_kPa).reshape(_PLACES.shape) @ _SAMPLE_WEIGHTS
+
+
+def differentiate_sensors(s_mm: Floats, pressure_kPa: Floats, ds: Floats, dp: Floats) -> Floats:
+    """How `read_sensors` changes (k, 16) with changes ds, dp (k, S) of the profile's places and pressures."""
+    at = _PLACES.ravel()
+    i = np.clip(np.searchsorted(s_mm, at, side="right") - 1, 0, len(s_mm) - 2)
+    length, inside = s_mm[i + 1] - s_mm[i], at - s_mm[i]
+    share = inside / length
+    moved = -(ds[:, i] * (1 - share) + ds[:, i + 1] * share) / length
+    change = dp[:, i] * (1 - share) + dp[:, i + 1] * share + (pressure_kPa[i + 1] - pressure_kPa[i]) * moved
+    out: Floats = change.reshape(len(ds), *_PLACES.shape) @ _SAMPLE_WEIGHTS
+    return out

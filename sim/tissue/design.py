@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from palpate.files import read_limited
 from palpate.sim.tissue.any_tissue import PRESSES, STROKES, any_tissue_cases, press_cases
 from palpate.sim.tissue.anywhere import anywhere_cases, anywhere_press_cases
 from palpate.sim.tissue.case import Case
@@ -120,7 +121,7 @@ def one_factor_cases() -> list[Case]:
 
 def _read_file(path: Path) -> list[Case]:
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_limited(path, 1 << 26).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError):
         raise CaseError(f"{path} cannot be read as text; give a file of cases") from None
     lines = [line for line in text.splitlines() if line.strip()]

@@ -94,9 +94,7 @@ def lay_grid(case: Case, settings: Settings, first_mm: float, last_mm: float) ->
     if half + 2 * hx > min(-settings.left_mm, settings.right_mm) / 2:
         raise CaseError(f"a lump of {case.d_mm:g} mm is too wide for the tissue around it")
 
-    # The skin's thin rows make room where little tissue is left over the lump, or little fat.
-    least = min(case.depth_mm, case.t_mm)
-    skin = np.array(settings.skin_mm) * min(1.0, 0.5 * least / sum(settings.skin_mm))
+    skin = skin_rows(case, settings)
     skin_bottom = top_mm - float(skin.sum())
     clear = skin_bottom - r
     top = r + (min(max(0.35 * clear, 0.5), half - r) if clear >= 0.6 else 0.5 * clear)
@@ -105,8 +103,8 @@ def lay_grid(case: Case, settings: Settings, first_mm: float, last_mm: float) ->
         top = border  # the box ends where the fat begins
     if (1 + _CLEAR) * r < -border < bottom + _NEAR_MM:
         bottom = -border
-    meets = abs(border) <= (1 + _CLEAR) * r
-    line = border if meets else 0.0
+    met = meets(border, r)
+    line = border if met else 0.0
     row = settings.row_mm
     above = max(2, math.ceil((top - line) / min(row, max(1.0, case.d_mm / 5))))
     below = max(2, math.ceil((bottom + line) / min(1.2 * row, max(1.2, case.d_mm / 4))))
@@ -133,16 +131,27 @@ def lay_grid(case: Case, settings: Settings, first_mm: float, last_mm: float) ->
         box_y=(k * first_row, k * (first_row + below + above)),
         above=k * above,
         below=k * below,
-        in_gland=k * (below if meets else below + above if border > 0 else 0),
+        in_gland=k * (below if met else below + above if border > 0 else 0),
         inner=k * max(1, math.ceil(0.36 * r / max(1.8, case.d_mm / 6))),
         outer=k * max(1, round((half - r) / 2.0)),
         radius=r,
         border=border,
-        turns=_turns(line / r),
+        turns=turns(line / r),
     )
 
 
-def _turns(height: float) -> tuple[float, float, float]:
+def skin_rows(case: Case, settings: Settings) -> NDArray[np.float64]:
+    """Heights of the thin rows under the surface: thinner where there is little fat or a shallow lump."""
+    least = min(case.depth_mm, case.t_mm)
+    return np.array(settings.skin_mm) * min(1.0, 0.5 * least / sum(settings.skin_mm))
+
+
+def meets(border: float, radius: float) -> bool:
+    """Whether the border between fat and gland, at this height, meets the lump."""
+    return abs(border) <= (1 + _CLEAR) * radius
+
+
+def turns(height: float) -> tuple[float, float, float]:
     """`Grid.turns` for a line that meets the circle at `height`, in radii.
 
     The corners, at 45 degrees, give way to a line that comes near.

@@ -77,34 +77,27 @@ def build_mesh(case: Case, settings: Settings, first_mm: float, last_mm: float) 
     CaseError
         The lump does not fit.
     """
-    if case.fat_mm is not None and not case.has_lump:
-        case = _plain(case)
-    grid = lay_grid(case, settings, first_mm, last_mm)
+    grid = lay_grid(meshed(case), settings, first_mm, last_mm)
     x, y = grid.x, grid.y
     nx, ny = len(x) - 1, len(y) - 1
     (i0, i1), (j0, j1) = grid.box_x, grid.box_y
     m, n, rings = i1 - i0, j1 - j0, grid.inner + grid.outer
 
     # The outer grid, without what lies inside the box.
-    outer_xy = np.stack(np.meshgrid(x, y, indexing="ij"), -1)
-    inside = np.zeros(outer_xy.shape[:2], bool)
-    inside[i0 + 1 : i1, j0 + 1 : j1] = True
+    inside = _inside(grid)
     outer_id = np.full(inside.shape, -1)
     outer_id[~inside] = np.arange((~inside).sum())
     count = int((~inside).sum())
 
     # The core, a rounded square in the lump, and the closed loop of rings round it.
-    core_xy = _core(grid, m)
-    core_id = count + np.arange(core_xy[..., 0].size).reshape(core_xy.shape[:2])
+    core_id = count + np.arange((m + 1) * (n + 1)).reshape(m + 1, n + 1)
     count += core_id.size
     loop_i, loop_j = _perimeter(m, n)
-    ring_xy = _rings(grid, m, core_xy[loop_i, loop_j], outer_xy[i0 + loop_i, j0 + loop_j])
-    ring_id = np.empty(ring_xy.shape[:2], np.int64)
+    ring_id = np.empty((rings + 1, len(loop_i)), np.int64)
     ring_id[0] = core_id[loop_i, loop_j]
     ring_id[-1] = outer_id[i0 + loop_i, j0 + loop_j]
     ring_id[1:-1] = count + np.arange(ring_id[1:-1].size).reshape(ring_id[1:-1].shape)
 
-    corners = np.concatenate([outer_xy[~inside], core_xy.reshape(-1, 2), ring_xy[1:-1].reshape(-1, 2)])
     keep = np.ones((nx, ny), bool)
     keep[i0:i1, j0:j1] = False
     column = np.arange(nx) + np.where(np.arange(nx) >= i1, 2, np.where(np.arange(nx) >= i0, 1, 0)) * rings
@@ -118,7 +111,7 @@ def build_mesh(case: Case, settings: Settings, first_mm: float, last_mm: float) 
     )
     loop = np.arange(len(cells) - ring_column.size, len(cells)).reshape(ring_column.shape)
     return mesh_of(
-        corners,
+        corners_of(grid),
         cells,
         material=np.concatenate(
             [np.broadcast_to(outer_fat, (nx, ny))[keep], np.full(m * n, LUMP), ring_material.ravel()]
@@ -137,8 +130,28 @@ def build_mesh(case: Case, settings: Settings, first_mm: float, last_mm: float) 
     )
 
 
-def _plain(case: Case) -> Case:
-    """The same tissue without a lump, where the mesh is straight: on the border."""
+def corners_of(grid: Grid) -> Floats:
+    """Corners (K, 2) of all cells: of the outer grid, of the core in the lump, and of the rings round it."""
+    (i0, i1), (j0, j1) = grid.box_x, grid.box_y
+    m, n = i1 - i0, j1 - j0
+    outer_xy = np.stack(np.meshgrid(grid.x, grid.y, indexing="ij"), -1)
+    core_xy = _core(grid, m)
+    loop_i, loop_j = _perimeter(m, n)
+    ring_xy = _rings(grid, m, core_xy[loop_i, loop_j], outer_xy[i0 + loop_i, j0 + loop_j])
+    return np.concatenate([outer_xy[~_inside(grid)], core_xy.reshape(-1, 2), ring_xy[1:-1].reshape(-1, 2)])
+
+
+def _inside(grid: Grid) -> NDArray[np.bool_]:
+    """Which corners of the outer grid lie inside the box, and so are none: (columns + 1, rows + 1)."""
+    out = np.zeros((len(grid.x), len(grid.y)), bool)
+    out[grid.box_x[0] + 1 : grid.box_x[1], grid.box_y[0] + 1 : grid.box_y[1]] = True
+    return out
+
+
+def meshed(case: Case) -> Case:
+    """The case whose mesh is used: plain tissue's is straight, as for a lump on the border."""
+    if case.fat_mm is None or case.has_lump:
+        return case
     plain = Case.without_lump(case.t_mm, gland_mm=case.gland_mm)
     return replace(case, d_mm=plain.d_mm, h=plain.h, fat_mm=None)
 
@@ -160,15 +173,7 @@ def mesh_of(
     straight = MeshQuad1(corners.T.copy(), cells.T.copy())
     dofs = Dofs(straight, ElementQuad2())
     numbers = dofs.element_dofs
-    nodes = np.empty((2, dofs.N))
-    nodes[:, numbers] = straight.mapping().F(ElementQuad2.doflocs.T).transpose(0, 2, 1)
-    if round_layers is not None:
-        inner, outer = round_layers
-        on_circle = numbers[5, inner]  # the middle of the second side, which is the inner layer's outer one
-        nodes[:, on_circle] *= lump_radius_mm / np.hypot(*nodes[:, on_circle])
-        for layer in (inner, outer):  # by transfinite interpolation
-            some = nodes[:, numbers[:, layer]]
-            nodes[:, numbers[8, layer]] = some[:, 4:8].sum(1) / 2 - some[:, :4].sum(1) / 4
+    nodes = _nodes(straight, numbers, lump_radius_mm, round_layers)
     elements = np.ascontiguousarray(numbers[ALONG_THEN_UP].T, dtype=np.int64)
 
     (left, bottom), (right, top) = nodes.min(1), nodes.max(1)
@@ -190,6 +195,43 @@ def mesh_of(
         lump_radius_mm=lump_radius_mm,
         border_mm=border_mm,
     )
+
+
+def with_corners(mesh: TissueMesh, corners: Floats, grid: Grid) -> TissueMesh:
+    """The same nodes and elements where the corners (K, 2) of another grid with the same layers have them."""
+    loop = _perimeter(grid.box_x[1] - grid.box_x[0], grid.above + grid.below)[0].size
+    first = len(mesh.elements) - (grid.inner + grid.outer) * loop
+    inner = first + (grid.inner - 1) * loop + np.arange(loop)
+    numbers = np.empty(mesh.elements.T.shape, np.int64)
+    numbers[ALONG_THEN_UP] = mesh.elements.T
+    straight = MeshQuad1(corners.T.copy(), mesh.quads.t)
+    nodes = _nodes(straight, numbers, grid.radius, (inner, inner + loop))
+    return replace(
+        mesh,
+        quads=MeshQuad2(nodes, mesh.quads.t),
+        nodes_mm=nodes.T.copy(),
+        lump_radius_mm=grid.radius,
+        border_mm=grid.border,
+    )
+
+
+def _nodes(
+    straight: MeshQuad1, numbers: Ints, radius: float, round_layers: tuple[Ints, Ints] | None
+) -> Floats:
+    """Places (2, N) of the nodes `numbers` (9, M), in scikit-fem's order, of elements with straight sides.
+
+    Between the two round layers of elements the sides lie on the circle of this radius.
+    """
+    nodes = np.empty((2, numbers.max() + 1))
+    nodes[:, numbers] = straight.mapping().F(ElementQuad2.doflocs.T).transpose(0, 2, 1)
+    if round_layers is not None:
+        inner, outer = round_layers
+        on_circle = numbers[5, inner]  # the middle of the second side, which is the inner layer's outer one
+        nodes[:, on_circle] *= radius / np.hypot(*nodes[:, on_circle])
+        for layer in (inner, outer):  # by transfinite interpolation
+            some = nodes[:, numbers[:, layer]]
+            nodes[:, numbers[8, layer]] = some[:, 4:8].sum(1) / 2 - some[:, :4].sum(1) / 4
+    return nodes
 
 
 def _nodes_on(dofs: Dofs, facets: NDArray[np.bool_]) -> Ints:

@@ -148,6 +148,22 @@ class Newton:
             self.counts.iterations += 1
         raise NoConvergence(f"no equilibrium within {limit} iterations (still {error:.1e} of the force out)")
 
+    def linearise(self, state: State, position: float) -> ContactState:
+        """Factor the whole tangent at an equilibrium, for its derivatives; what touches there.
+
+        Raises
+        ------
+        NoConvergence
+            The equilibrium is not stable.
+        """
+        touching = self.contact.evaluate(state.u, state.multiplier.copy(), state.height, position)
+        theta = self.tissue.residual(state.u, state.pressure, self._frozen)[2]
+        own = State(state.u, state.height, state.multiplier, self.tissue.constants.bulk[:, None] * theta)
+        self._factor(own, touching, position, self._all)
+        if not self._started:
+            raise NoConvergence("the equilibrium is not stable")
+        return touching
+
     def _near(self, position: float) -> NDArray[np.int64]:
         return np.nonzero(np.abs(self._middle_mm - position) < _WINDOW_MM)[0]
 

@@ -31,6 +31,15 @@ class ProbeShape:
         cubes = np.maximum(np.abs(s) - self.face_half_mm, 0.0) ** 3
         return _height(s, cubes, curvature, self.face_half_mm, self.fillet_per_mm2)
 
+    def derivatives(self, s: NDArray, by: str) -> tuple[NDArray, NDArray]:
+        """Of f and f' (n,) by `probe_radius_mm`, `face_half_mm` or `fillet_per_mm2`."""
+        edge, side = np.maximum(np.abs(s) - self.face_half_mm, 0.0), np.sign(s)
+        if by == "probe_radius_mm":
+            return -(s**2) / (2 * self.radius_mm**2), -s / self.radius_mm**2
+        if by == "face_half_mm":
+            return -0.5 * self.fillet_per_mm2 * edge**2, -self.fillet_per_mm2 * edge * side
+        return edge**3 / 6, 0.5 * edge**2 * side
+
 
 @njit(cache=True, nogil=True)
 def _height(s, cubes, curvature, half, k):  # type: ignore[no-untyped-def]

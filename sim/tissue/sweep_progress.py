@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a sweep is: cases done (of which re-used and failed) of a total, rate and seconds left."""
+    """How far a sweep is: cases done (of which reused and failed) of a total, rate and seconds left."""
 
     done: int
     total: int

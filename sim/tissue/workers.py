@@ -4,12 +4,47 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import sys
 import threading
-from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, InvalidStateError, ProcessPoolExecutor
+from contextlib import contextmanager, suppress
 from typing import Any
+
+
+class QuietPool(ProcessPoolExecutor):
+    """A pool whose processes know nothing of Ctrl-C: the program that uses them hears it, and ends them.
+
+    A terminal sends it to all of them; each that was at its imports or waiting complained with a traceback.
+    """
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """As the executor's; the first call starts the processes, which inherit what is blocked here."""
+        with _interrupt_held():
+            return super().submit(fn, *args, **kwargs)
+
+
+@contextmanager
+def _interrupt_held() -> Iterator[None]:
+    """Ctrl-C waits until the block has ended, and is blocked in processes that start within it.
+
+    The mask is for them: another thread of ours would still take the signal, and a process that is not yet
+    known as ours would go on without us.
+    """
+    if not hasattr(signal, "pthread_sigmask") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[Any] = []
+    handler = signal.signal(signal.SIGINT, lambda *said: came.append(said))
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGINT, signal.SIG_DFL if handler is None else handler)
+        if came and callable(handler):
+            handler(*came[0])
 
 
 @contextmanager
@@ -33,18 +68,34 @@ def pool(workers: int, preload: str) -> Iterator[Executor]:
 
 def _pool(workers: int, context: Any) -> Iterator[Executor]:
     others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_die_with_parent)
+    pool = QuietPool(workers, mp_context=context, initializer=_die_with_parent)
     try:
         yield pool
     except BaseException:
-        try:
-            pool.shutdown(cancel_futures=True)
-        except RuntimeError:  # its thread never ran, so nobody but us ends the workers
+        with _cancelled_in_silence():
             for worker in set(multiprocessing.active_children()) - others:
-                worker.terminate()
+                worker.terminate()  # what it is at would keep us for minutes; files are whole or not there
                 worker.join()
+            with suppress(RuntimeError):  # its thread never ran
+                pool.shutdown(cancel_futures=True)
         raise
     pool.shutdown()
+
+
+@contextmanager
+def _cancelled_in_silence() -> Iterator[None]:
+    """The pool's thread may find work cancelled that it wants to call failed, and would print a traceback."""
+    hook = threading.excepthook
+
+    def unless_cancelled(error: threading.ExceptHookArgs) -> None:
+        if not issubclass(error.exc_type, InvalidStateError):
+            hook(error)
+
+    threading.excepthook = unless_cancelled
+    try:
+        yield
+    finally:
+        threading.excepthook = hook
 
 
 def _die_with_parent() -> None:

@@ -15,7 +15,7 @@ from collections import defaultdict
 from pathlib import Path
 
 from firmware_py import features, messages, slh_dsa
-from palpate.models import emulator
+from palpate.link import emulator_model as emulator
 from palpate.sim.probe.rp2040.board_files import (
     AT_THE_PROMPT,
     FIRMWARE,

@@ -15,7 +15,6 @@ import json
 import subprocess
 import sys
 import tempfile
-from array import array
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -24,19 +23,15 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from firmware_py import evaluator
-from firmware_py import features as firmware_features
 from palpate.model_export import image_builder
 from palpate.model_export.fixed_point import accuracy, compiler, force_map, sampling
 from palpate.model_export.schema import ModelSpec
 from palpate.model_export.signing import slh_sign
 from palpate.model_export.source import emit
 from palpate.sim.probe import node
-from palpate.sim.probe.on_microbit import Loaded
-from palpate.sim.probe.scripts import FIRMWARE, run_micropython, stage
 from tests.benchmarks.evaluator_script import CHECK, SETUP
 from tests.benchmarks.peers import emlearn_c, regressions
-from tests.firmware_py.stages import recorded
+from tests.micropython import FIRMWARE, run_micropython, stage
 from tests.model_export import synthetic
 from tests.model_export.flashing import a_force_map
 
@@ -142,18 +137,6 @@ def mpy(text: str) -> bytes:
         return out.read_bytes()
 
 
-def microbit_left(spec: ModelSpec) -> int:
-    """Bytes of heap that the micro:bit has left beside a model's evaluator; the constants are in flash."""
-    names = ("evaluator.compute", "evaluator.verdict")
-    tables = compiler.compile_model(spec)
-    x = array("i", [0] * firmware_features.COUNT)
-    with recorded(*names, most=1) as calls:
-        tables.evaluate(x, array("i", [0] * evaluator.OUT_SIZE))
-    constants = frozenset(("ids", "feats", "steps", "c", "d", "own", "rows", "outs", "limits", "head"))
-    with Loaded({name: calls[name][0].before for name in names}, constants) as loaded:
-        return loaded.bit.free_bytes()
-
-
 def arrays(tables: Any) -> tuple[int, int]:
     """Bytes of a loaded model's arrays: constants, and what an estimate works on."""
     size = [
@@ -182,15 +165,7 @@ def main(paths: Sequence[str] = ()) -> None:
     race(console, field, "field model")
     race(console, thesis, "thesis model")
     table = Table(title="errors against float64 over 10,000 vectors of the domain, and memory")
-    for column in (
-        "model",
-        "median",
-        "worst",
-        "ends of intervals",
-        "constants",
-        "work",
-        "left on a micro:bit",
-    ):
+    for column in ("model", "median", "worst", "ends of intervals", "constants", "work"):
         table.add_column(column, justify="left" if column == "model" else "right")
     for title, spec in (
         ("field", field),
@@ -202,7 +177,7 @@ def main(paths: Sequence[str] = ()) -> None:
         figures = (errors.median, errors.worst, errors.worst_interval)
         constants, work = arrays(tables)
         words = [f"{max(e.values()):.1e}" for e in figures] + [f"{constants} B", f"{work} B"]
-        table.add_row(f"{title}, {len(spec.terms)} terms", *words, f"{microbit_left(spec)} B")
+        table.add_row(f"{title}, {len(spec.terms)} terms", *words)
     console.print(table)
     sizes = {
         "evaluator, polynomial, scales, verdict": size_of_mpy("evaluator", "polynomial", "scales", "verdict"),

@@ -14,16 +14,16 @@ import pandas as pd
 from palpate import models
 from palpate.adaptation import recalibration
 from palpate.adaptation.adapt import adapt_to, link_truth
+from palpate.dataset.agreement import errors_of
 from palpate.dataset.answers import OUTPUTS, Answers, answers, found
 from palpate.dataset.strokes import ObservedDataSet
 from palpate.firmware_twin.replay_core import Replay
-from palpate.link import answer
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.schema import ModelSpec
 from palpate.regression.observed import NAMES
 from palpate.regression.probe_model import fit_polynomial, from_link
 from palpate.regression.ridge import all_terms
-from palpate.validation.agreement import errors_of
+from palpate.spans import depth_mm
 from tests.foreign_world import FRAMES, Laboratory, kept
 
 STROKES, SIZES, DRAWS = 4, (5, 10, 20, 40), 60
@@ -92,7 +92,7 @@ def afresh(spec: ModelSpec, part: ObservedDataSet, whole: ObservedDataSet) -> An
     base = answers(spec, whole)
     parts = {w: from_link(np.clip(y + s * half, lo, hi)) for w, s in (("value", 0), ("low", -1), ("high", 1))}
     spans = [
-        answer.depth_mm(*(tuple(float(parts[w][k, j]) for w in ("value", "low", "high")) for j in (1, 2, 3)))
+        depth_mm(*(tuple(float(parts[w][k, j]) for w in ("value", "low", "high")) for j in (1, 2, 3)))
         for k in range(len(y))
     ]
     full = {

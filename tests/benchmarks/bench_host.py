@@ -24,13 +24,13 @@ from pathlib import Path
 import numpy as np
 
 from firmware_py import geometry
-from palpate.link.events import Estimate, Frame
-from palpate.link.parser import LiveParser
 from palpate.link.probe import Probe
 from palpate.link.transport import open_transport
 from palpate.recording.convert import convert
 from palpate.recording.playback import open_recording
 from palpate.recording.writer import RecordingWriter
+from palpate.wire.events import Estimate, Frame
+from palpate.wire.parser import LiveParser
 from tests.host.link import wires
 
 N = 20_000
@@ -145,10 +145,10 @@ def through_a_terminal(data: bytes) -> int:
 
 
 def latency(runtime: str, listen: str, strokes: int = 5) -> None:
-    from palpate.cli.emulate import strokes_over
     from palpate.sim.probe.emulated import EmulatedProbe
+    from palpate.sim.probe.over_lump import strokes_over
 
-    streams, _ = strokes_over("d12h07e20f09", "typical", 1, 50, 1)
+    streams, _ = strokes_over("d12h07e20f09", press=False)
     waits = []
     frames: dict[int, int] = {}
     with (
@@ -173,7 +173,7 @@ def row(what: str, per_s: float, more: str = "") -> None:
 
 
 def main() -> None:
-    """Print the table of docs/commands.md, and the latencies."""
+    """Print the table of docs/performance.md, and the latencies."""
     data = wire_of(N)
     with tempfile.TemporaryDirectory() as folder:
         path, wire_bytes = Path(folder) / "bench.mcap", len(wires.frame(1000))
@@ -188,7 +188,10 @@ def main() -> None:
         row("parse, decode, record", recorded, on_disk)
         again = rate(lambda: play(path))
         row("play a recording back", again, f"{again / LIFE:.0f} times life at {LIFE:g} frames/s")
-        row("convert to Parquet", rate(lambda: convert(path, Path(folder) / "bench.parquet").frames))
+        row(
+            "convert to Parquet",
+            rate(lambda: convert(path, Path(folder) / "bench.parquet", overwrite=True).frames),
+        )
         packet, work = fixed_struct(N)
         row(
             "beside: fixed struct, no resynchronising", rate(work), f"{len(packet)} bytes a frame on the wire"

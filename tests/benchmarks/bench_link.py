@@ -16,8 +16,8 @@ import numpy as np
 
 from firmware_py import geometry, messages, wire
 from palpate.sim.probe.emulated import EmulatedProbe
-from palpate.sim.probe.scripts import run_micropython
 from tests.firmware_py.talk import Ears, command
+from tests.micropython import run_micropython
 
 BAUD = 921_600
 RATE_MHZ = 10_000_000  # more than any link carries

@@ -16,12 +16,12 @@ from rich.table import Table
 
 from firmware_py import cobs, evaluator, pipeline, traces
 from palpate.model_export.fixed_point import compiler
-from palpate.sim.probe.machine_code import MachineCode
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
 from tests.firmware_py import twins
 from tests.firmware_py.strokes import read_strokes
 from tests.model_export import synthetic
 from tests.model_export.test_micropython import rows
+from tests.sim.probe.machine_code import MachineCode
 
 FRAMES = 50
 ESTIMATES = 20
@@ -90,7 +90,7 @@ def estimates(architecture: str) -> dict[str, tuple[float, float]]:
 
 
 def main() -> None:
-    """Print the table of docs/fixed-point.md."""
+    """Print the instructions that each loop takes."""
     columns = {
         core: frames_and_stroke(architecture) | link(architecture) | estimates(architecture)
         for architecture, core in CORES.items()

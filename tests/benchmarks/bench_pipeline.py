@@ -19,19 +19,19 @@ from rich.console import Console
 from rich.table import Table
 
 from firmware_py import feature_names
-from palpate.features import pipeline_features as field_features
 from palpate.firmware_twin import twin
 from palpate.firmware_twin.replay_core import Replay
 from palpate.model_export.fixed_point import force_map
-from palpate.sim.probe.scripts import run_micropython
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
+from tests.firmware_py import pipeline_features as field_features
 from tests.firmware_py.strokes import read_strokes
+from tests.micropython import run_micropython
 
 ROOT = Path(__file__).parent.parent.parent
 
 SCRIPT = """
 import struct, time
-from firmware_py import calib, feature_chain, forcemap, pipeline, rowpipeline
+from firmware_py import calib, feature_chain, forcemap, pipeline
 force_map = forcemap.load(open("map", "rb").read())
 data = open("stroke", "rb").read()
 frames = []
@@ -56,26 +56,25 @@ def held(thing):
             total += len(bytes(v))
     return total
 
-for make in (pipeline.Pipeline, rowpipeline.RowPipeline):
-    p = make(calib.Calibration())
-    print("bytes", held(p))
-    def feed():
-        p.reset()
-        for f in frames:
-            p.add_frame(f[0], f[1], f[2])
-    print("frame", clock(feed, 5) / len(frames))
-    def whole():
-        feed()
-        p.finish(force_map)
-    print("stroke", clock(whole, 3))
-    def again():
-        p.finish(force_map)
-    print("finish", clock(again, 3))
-    for name in ("_take", "_find", "_fit", "_choose", "_measure"):
-        print(name, clock(getattr(p, name), 3))
-    def move():
-        p._move(force_map)
-    print("_move", clock(move, 3))
+p = pipeline.Pipeline(calib.Calibration())
+print("bytes", held(p))
+def feed():
+    p.reset()
+    for f in frames:
+        p.add_frame(f[0], f[1], f[2])
+print("frame", clock(feed, 5) / len(frames))
+def whole():
+    feed()
+    p.finish(force_map)
+print("stroke", clock(whole, 3))
+def again():
+    p.finish(force_map)
+print("finish", clock(again, 3))
+for name in ("_take", "_find", "_fit", "_choose", "_measure"):
+    print(name, clock(getattr(p, name), 3))
+def move():
+    p._move(force_map)
+print("_move", clock(move, 3))
 """
 
 WHAT = {
@@ -123,15 +122,10 @@ def main() -> None:
         for packed, x, d in zip(stream.packed, stream.positions_um, stream.displacements_um, strict=True)
     )
     said = run_micropython(SCRIPT, {"stroke": raw, "map": blob}, heap=4 << 20)
-    rows: dict[str, list[float]] = {}
-    for line in said.splitlines():
-        name, value = line.split()
-        rows.setdefault(name, []).append(float(value))
-    table = Table(
-        "MicroPython/WASM", "whole build", "small build", title="Time in us, where nothing else is said"
-    )
+    measured = dict(line.split() for line in said.splitlines())
+    table = Table("MicroPython/WASM", "us, or bytes")
     for name, text in WHAT.items():
-        table.add_row(text, *(f"{v:,.0f}" for v in rows[name]))
+        table.add_row(text, f"{float(measured[name]):,.0f}")
     console.print(table)
 
     replay = Replay(blob)

@@ -19,12 +19,10 @@ import numpy as np
 
 from firmware_py.calib import Calibration
 from palpate import models
-from palpate.cli.output import table
+from palpate.console import table
 from palpate.features.map_features import Floats
 from palpate.firmware_twin.replay_core import Replay, compiled
-from palpate.link.events import OUTPUTS
 from palpate.model_export.fixed_point import force_map as force_maps
-from palpate.models.coverage import SEED, held, shows_lump
 from palpate.regression.field.data import read_lumps, stroke_fields
 from palpate.regression.field.design import FIELD_SETTINGS, lump_cases
 from palpate.regression.observed import ObservedStrokes
@@ -32,6 +30,8 @@ from palpate.sim.probe.noise import LEVELS
 from palpate.sim.probe.packed_frames import FrameStream
 from palpate.sim.probe.sensors import SensorModel, StrokeField
 from palpate.sim.tissue import sweep
+from palpate.wire.events import OUTPUTS
+from tests.studies.coverage import SEED, held, shows_lump
 
 LUMPS = 160
 TYPICAL = LEVELS["typical"].with_(start_mm=0.0)

@@ -24,7 +24,7 @@ from palpate import models as bundled
 from palpate.model_export.exporter import export
 from palpate.model_export.signing import keys, slh_sign
 from palpate.sim.probe import node
-from palpate.sim.probe.scripts import FIRMWARE, run_micropython, stage
+from tests.micropython import FIRMWARE, run_micropython, stage
 from tests.model_export import synthetic
 
 TURNS = 9

@@ -12,9 +12,9 @@ import tempfile
 import time
 from pathlib import Path
 
-from palpate.view.events import Frame
 from palpate.view.serve import Viewer
 from palpate.view.session import Session, pack_frame
+from palpate.wire.events import Frame
 from tests.host.view.chromium import CHROMIUM_OPTIONS, chromium
 from tests.host.view.synthetic import Bump, SyntheticSource, stroke
 

@@ -111,9 +111,11 @@ def observations(folder: Path) -> None:
     print(f"E = 1: the map varies by {np.ptp(plain) / plain.mean():.1e} of its base")
 
     fig, axes = plt.subplots(2, 2, figsize=(10, 7), layout="constrained")
+    colour = {E: f"C{k}" for k, E in enumerate(strokes)}  # the same in every panel
     for E, stroke in strokes.items():
-        axes[0, 0].plot(*tactile_map(stroke), label=f"E = {E:g}")
-        axes[0, 1].plot(stroke.full().positions_mm, stroke.full().displacement_mm, label=f"E = {E:g}")
+        look = {"color": colour[E], "label": f"E = {E:g}"}
+        axes[0, 0].plot(*tactile_map(stroke), **look)
+        axes[0, 1].plot(stroke.full().positions_mm, stroke.full().displacement_mm, **look)
     soft = simulate(Case.from_code("d10h08eNLf10"))
     axes[0, 1].plot(soft.full().positions_mm, soft.full().displacement_mm, "k--", label="NL")
     axes[0, 0].set(title="Tactile maps (Method 2)", xlabel="mm from the lump", ylabel="kPa")
@@ -126,12 +128,13 @@ def observations(folder: Path) -> None:
         rest = np.log(FORCES) - slope * np.log(strain) - level
         name = "NL" if E is None else f"E = {E:g}"
         print(f"  {name:9s} {slope:.3f} {1 - rest.var() / np.log(FORCES).var():.5f}")
-        axes[1, 0].plot(strain, FORCES, "k--o" if E is None else "-o", markersize=3, label=name)
+        line = {"color": "k", "linestyle": "--"} if E is None else {"color": colour[E]}
+        axes[1, 0].plot(strain, FORCES, marker="o", markersize=3, label=name, **line)
     axes[1, 0].set(title="Strain-force curves over the lump", xlabel="nominal strain", ylabel="F")
     near = simulate(Case.from_code("d10h03e10f10")).full()
     axes[1, 1].plot(near.positions_mm, near.peak_mm, ".-")
     axes[1, 1].set(
-        title="Place of the peak pressure on the face, h = .3", xlabel="position, mm from the lump"
+        title="Place of the peak pressure on the face, h = 0.3", xlabel="position, mm from the lump"
     )
     axes[1, 1].set(ylabel="mm from the face's middle")
     for axis in axes.flat[:3]:

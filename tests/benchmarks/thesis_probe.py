@@ -1,4 +1,4 @@
-"""The thesis' lost probe, docs/accuracy-thesis.md: python -m tests.benchmarks.thesis_probe
+"""The thesis' lost probe, docs/accuracy.md: python -m tests.benchmarks.thesis_probe
 
 Strokes the thesis' 29 linear runs with one thing changed that the thesis does not give: the probe's radius,
 the shape of its face, gland, sides, force, friction, and where Curvature and displacement are taken. Prints

@@ -1,4 +1,4 @@
-// Times functions of a script in MicroPython/WASM: node turns.mjs CONFIG.json (as sim/probe/wasm/run.mjs, and `turns`).
+// Times functions of a script in MicroPython/WASM: node turns.mjs CONFIG.json (as tests/micropython.mjs, and `turns`).
 // The script defines NAMES and turn(name). This port collects garbage only between two calls from outside, so every
 // turn is such a call, with the collection of what it left behind in its time. Prints name -> microseconds of CPU of
 // the best turn; names take turns, so that what else the machine does meets all of them.

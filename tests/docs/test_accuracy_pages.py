@@ -1,56 +1,97 @@
-"""The pages on accuracy: their tables have a writer, and their figures are drawn from them."""
+"""What the documentation says of the bundled models is what their recipes say, and of these very models."""
 
 import importlib.util
 import re
+import sys
+from pathlib import Path
 
-import numpy as np
 import pytest
 
+from palpate.models import NAMES, file_hash, path
 from palpate.report import style
-from tests.docs.blocks import ROOT
+from tests.docs.blocks import DOCS, ROOT
 
-PAGES = [ROOT / "docs" / f"accuracy{part}.md" for part in ("", "-told", "-thesis")]
-BY_ANOTHER_COMMAND = {"depth"}
+HASH = re.compile(r"\b[0-9a-f]{64}\b")
 
 
 def script(name):
     """A program of docs/ as a module."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / f"{name}.py")
+    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 
 
-def test_every_table_that_is_written_has_its_place_on_one_page():
-    text = "".join(page.read_text("utf-8") for page in PAGES)
-    begun, ended = (re.findall(f"<!-- {word} ([a-z0-9-]+) -->", text) for word in ("begin", "end"))
-    assert begun == ended and len(set(begun)) == len(begun)
-    written = set(script("fill_accuracy").Numbers("", "").blocks())
-    assert written <= set(begun) <= written | BY_ANOTHER_COMMAND
+@pytest.fixture(scope="module")
+def fill():
+    return script("fill_accuracy")
 
 
-def test_tissue_place_and_noise_are_told_in_this_order():
-    page = PAGES[0].read_text("utf-8")
-    heads = re.findall("(?m)^## (.*)$", page)
-    assert heads[:3] == ["Tissue that the probe knows nothing about", "Lumps anywhere", "Noise"]
-    for name in ("tissue", "place", "noise"):
-        assert f"(figures/accuracy-{name}.svg)" in page
+def test_every_page_is_as_the_command_writes_it(fill):
+    for page, text in fill.pages().items():
+        assert page.read_text("utf-8") == text, f"{page.relative_to(ROOT)}: run python docs/fill_accuracy.py"
 
 
-def test_figures_are_drawn_from_the_tables_of_the_page():
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("folder", ["evidence", "reference/models"])
+def test_a_page_is_of_the_model_that_is_bundled(folder, name):
+    """Its stamp holds the hash of the file that lies in the package, not of one before."""
+    text = (DOCS / folder / f"{name}.md").read_text("utf-8")
+    (stamp,) = re.findall(r"(?m)^\*Model .*$", text)
+    assert HASH.findall(stamp) == [file_hash(path(name))], "stale: run python docs/fill_accuracy.py"
+
+
+def test_the_figure_is_of_the_models_that_are_bundled():
+    drawn = (DOCS / "figures" / "accuracy.svg").read_text("utf-8")
+    assert sorted(set(HASH.findall(drawn))) == sorted(file_hash(path(name)) for name in NAMES)
+
+
+def test_the_table_has_a_row_for_each_model_and_is_in_both_places(fill):
+    shown = fill.models_table()
+    assert [name for name in NAMES if f"(`{name}`)" not in shown] == []
+    assert len(shown.splitlines()) == len(NAMES) + 2
+    for page in (ROOT / "README.md", DOCS / "accuracy.md"):
+        assert shown in page.read_text("utf-8")
+
+
+def test_another_models_scores_change_the_table(fill, monkeypatch):
+    """A table that did not follow the recipes would pass the tests above."""
+    before = fill.models_table()
+    real = fill.recipe
+
+    def worse(name):
+        found = real(name)
+        fill.main_row(found["scores"])["d_error"] += 0.1
+        return found
+
+    monkeypatch.setattr(fill, "recipe", worse)
+    after = fill.models_table()
+    assert sum(a != b for a, b in zip(before.splitlines(), after.splitlines())) == len(NAMES)
+
+
+def test_the_figure_shows_the_scores():
     draw = script("draw_accuracy")
-    found = draw.tables(PAGES[0].read_text("utf-8"))
     with style.look():
-        levels, pairs = draw.noise(found).axes
-        by_place, bound, said = draw.place(found).axes
-        tissue = draw.tissue(found).axes
-    first = draw.percent(
-        draw.table_with(found, "typical, with its press", "E_fat")["typical, with its press"]["d"]
+        axes = draw.figure().axes
+    errors = draw.recipe(draw.TOLD[0])["scores"]["held_out"]
+    wanted = next(row for row in errors if row["setting"] == "typical, with its press")["d_error"]
+    assert axes[0].patches[0].get_height() == pytest.approx(100 * wanted)
+    assert all(axis.images for axis in axes[3:6])
+
+
+def test_the_program_refuses_other_words():
+    import subprocess
+
+    done = subprocess.run(
+        [sys.executable, DOCS / "fill_accuracy.py", "balls"],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        timeout=300,
     )
-    assert levels.patches[0].get_height() == first
-    assert len(pairs.patches) == 18 and len(by_place.patches) == 9 and len(bound.patches) == 8
-    assert sum(bar.get_width() for bar in said.patches) == pytest.approx(300, abs=2)
-    width = [line.get_ydata() for line in tissue[0].lines]
-    assert np.all(np.diff(width, axis=1) > 0) and np.all(np.diff(width, axis=0) < 0), "soft fat, wide image"
-    with pytest.raises(SystemExit, match="no table"):
-        draw.table_with(found, "no such row", "d")
+    assert done.returncode == 1 and "usage" in done.stderr
+
+
+def test_pages_of_evidence_name_their_command():
+    for page in sorted(Path(DOCS / "evidence").glob("*.md")):
+        assert "`python " in page.read_text("utf-8"), page.name

@@ -11,10 +11,10 @@ import pytest
 
 from palpate.cli import cli
 from palpate.link.devices import Device
-from palpate.link.events import OUTPUTS
 from palpate.sim.probe.emulated import EmulatedProbe
 from palpate.sim.probe.sensors import stroke_frames
 from palpate.sim.tissue import Case, simulate
+from palpate.wire.events import OUTPUTS
 from tests.docs import help_page
 from tests.docs.blocks import DOCS, ROOT
 

@@ -44,7 +44,7 @@ def fields_of(fields):
 def constants() -> list[str]:
     out = [f"#define PALPATE_PROTOCOL {tables.PROTOCOL}", f"#define PALPATE_SCHEMA 0x{tables.SCHEMA:08X}u"]
     for prefix in ("CONTENT_", "CAN_", "CALIBRATE_", "STATE_", "END_", "HAVE_", "READ_", "LOG_",
-                   "DAMAGE", "LEASE_", "FLASH_PIECE", "FIXED_COLUMNS", "WRAP"):  # fmt: skip
+                   "DAMAGE", "LEASE_", "FLASH_PIECE", "WRAP"):  # fmt: skip
         for name, value in vars(messages).items():
             if name.startswith(prefix) and isinstance(value, int):
                 out.append(f"#define PALPATE_{name} {value}")

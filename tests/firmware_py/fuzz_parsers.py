@@ -11,8 +11,8 @@ import atheris
 
 with atheris.instrument_imports(include=["firmware_py", "palpate.link"]):
     from firmware_py import commands, counters, messages, outbox, probe, wire
-    from palpate.link.parser import LiveParser
     from palpate.sim.probe.virtual import VirtualProbe
+    from palpate.wire.parser import LiveParser
 
 from tests.firmware_py.talk import Ears, command, packet
 

@@ -8,11 +8,11 @@ import numpy as np
 from firmware_py import messages, status, wire
 from firmware_py.estimator import Estimator
 from firmware_py.store import FileStore
-from palpate.link.parser import LiveParser
-from palpate.link.results import Estimate, TactileMap
 from palpate.sim.probe import source
-from palpate.sim.probe.packed_frames import pack
 from palpate.sim.probe.virtual import VirtualBoard, VirtualProbe
+from palpate.wire.packing import pack
+from palpate.wire.parser import LiveParser
+from palpate.wire.results import Estimate, TactileMap
 from tests.benchmarks.bench_link import Still
 from tests.firmware_py.talk import command, message
 

@@ -34,8 +34,7 @@ FIELDS: dict[str, tuple[str, str]] = {
     "identify.bits": ("", "of a count"),
     "identify.capabilities": (
         "",
-        "bits: 1 flash, 2 calibrate, 4 fixed columns (a small build), 8 the live model takes a "
-        "reference, 16 there is one",
+        "bits: 1 flash, 2 calibrate, 4 none, 8 the live model takes a reference, 16 there is one",
     ),
     "identify.features_version": ("", "of the feature list; 0: a probe that makes no estimates"),
     "identify.model_status": ("", "0: a model is live; else why none is (Status)"),

@@ -1,60 +1,13 @@
-"""The pipeline's and the evaluator's functions as they are called in real strokes.
+"""Strokes and force maps on which runtimes are compared."""
 
-Arguments, and what came out.
-"""
-
-import copy
-import importlib
 import struct
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
 from firmware_py import calib, forcemap
 from palpate.sim.probe.sensors import LEVELS, FrameStream, SensorModel, StrokeField
 from tests.firmware_py.strokes import read_strokes
-
-
-@dataclass
-class Call:
-    """One call: the arguments before it, what it returned, the arguments after it."""
-
-    before: tuple[Any, ...]
-    returned: Any
-    after: tuple[Any, ...]
-
-
-@contextmanager
-def recorded(*names: str, most: int = 100) -> Iterator[dict[str, list[Call]]]:
-    """Record the first `most` calls of each "module.function" of firmware_py for as long as this lasts."""
-    calls: dict[str, list[Call]] = {name: [] for name in names}
-    originals: list[tuple[Any, str, Callable]] = []
-
-    def wrap(name: str, original: Callable) -> Callable:
-        def wrapper(*args: Any) -> Any:
-            if len(calls[name]) >= most:
-                return original(*args)
-            before = copy.deepcopy(args)
-            returned = original(*args)
-            calls[name].append(Call(before, returned, copy.deepcopy(args)))
-            return returned
-
-        return wrapper
-
-    for name in names:
-        module_name, _, function = name.rpartition(".")
-        module = importlib.import_module(f"firmware_py.{module_name}")
-        original = getattr(module, function)
-        originals.append((module, function, original))
-        setattr(module, function, wrap(name, original))
-    try:
-        yield calls
-    finally:
-        for module, function, original in originals:
-            setattr(module, function, original)
 
 
 def any_force_map() -> bytes:

@@ -6,8 +6,8 @@ import pytest
 from firmware_py import geometry, messages, status
 from firmware_py.estimator import Estimator
 from firmware_py.store import FileStore
-from palpate.sim.probe.packed_frames import pack
 from palpate.sim.probe.virtual import VirtualBoard
+from palpate.wire.packing import pack
 from tests.firmware_py.talk import Bench
 
 ZERO, GAIN, CLEAR = messages.CALIBRATE_ZERO, messages.CALIBRATE_GAIN, messages.CALIBRATE_CLEAR

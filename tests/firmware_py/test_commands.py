@@ -12,10 +12,9 @@ import pytest
 from firmware_py import geometry, messages, status
 from firmware_py.estimator import Estimator
 from firmware_py.store import FileStore
-from palpate.link import devices
-from palpate.link.identity import Identity
 from palpate.sim.probe import source
 from palpate.sim.probe.virtual import VirtualBoard
+from palpate.wire.identity import Identity
 from tests.firmware_py.talk import Bench, Ears, command
 
 FRAMES, STROKES = messages.CONTENT_FRAMES, messages.CONTENT_STROKES
@@ -30,14 +29,10 @@ def test_identify_says_who_it_is_and_gives_the_nonce_back():
     assert fields["model_status"] == status.NO_MODEL
 
 
-@pytest.mark.parametrize("columns", [None, (6, 20)])
-def test_a_small_build_says_that_its_columns_are_fixed(columns, tmp_path):
-    bench = Bench(estimator=Estimator(FileStore(str(tmp_path)), columns=columns))
+def test_identify_says_what_the_probe_can_do(tmp_path):
+    bench = Bench(estimator=Estimator(FileStore(str(tmp_path))))
     told = Identity.from_answer(tuple(bench.ask("identify", (1,)).fields.values()))
-    assert ("fixed_columns" in told.capabilities) == (columns is not None)
-    assert "calibrate" in told.capabilities
-    device = devices.Device("/dev/ttyACM0", "usb", "", capabilities=told.capabilities)
-    assert bool(device.remarks) == (columns is not None)
+    assert told.capabilities == ("calibrate",)
 
 
 def test_a_probe_tells_that_it_has_started():

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from firmware_py import gauss, gaussfit, search
-from palpate.features.pipeline_features import fit_like_firmware
 from palpate.firmware_twin.replay_core import compiled
 from tests.firmware_py import checked_int
+from tests.firmware_py.pipeline_features import fit_like_firmware
 
 UNITS_PER_KPA = 2048 / 6105e-6
 X = np.arange(-28.0, 29.0)

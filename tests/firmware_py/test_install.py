@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import tty
+from pathlib import Path
 
 import pytest
 
@@ -26,7 +27,8 @@ def board(tmp_path):
     ours, theirs = pty.openpty()
     tty.setraw(theirs)
     kept = tmp_path / "flash"
-    process = subprocess.Popen([node.node(), node.WASM / "repl.mjs", kept], stdin=ours, stdout=ours)
+    prompt = Path(__file__).with_name("prompt.mjs")
+    process = subprocess.Popen([node.node(), prompt, kept], stdin=ours, stdout=ours)
     os.close(ours)
 
     def switch_off():

@@ -5,7 +5,7 @@ import struct
 import numpy as np
 
 from firmware_py import geometry
-from palpate.sim.probe.scripts import run_micropython
+from tests.micropython import run_micropython
 
 SCRIPT = """
 import gc

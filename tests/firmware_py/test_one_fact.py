@@ -18,16 +18,15 @@ from firmware_py import (
     geometry,
     outputs,
     polynomial,
-    rowpipeline,
     sensor_array,
     settings,
     stroke_state,
     verdict,
 )
 from firmware_py.boards import scan_order
-from palpate.sim.probe import cells, packed_frames
 from palpate.sim.tissue import face_sensors
 from palpate.view.app import array_module
+from palpate.wire import cells, packing
 from tests.firmware_py import output_numbers
 
 
@@ -93,13 +92,13 @@ def test_everybody_packs_and_unpacks_a_frame_alike(seed):
     """Five loops of the firmware unpack in place; `bins.put_cells` is what they must agree with."""
     counts = np.random.default_rng(seed).integers(0, geometry.FULL_COUNT + 1, geometry.CELLS)
     expected = counts.tolist()
-    packed = packed_frames.pack(counts)
+    packed = packing.pack(counts)
     assert len(packed) == geometry.FRAME_BYTES
     on_the_board = bytearray(geometry.FRAME_BYTES)
     scan_order.pack(expected, range(geometry.CELLS), on_the_board)
     assert bytes(on_the_board) == packed
 
-    assert packed_frames.unpack(packed).tolist() == expected
+    assert packing.unpack(packed).tolist() == expected
     cells = [0] * geometry.CELLS
     bins.put_cells(packed, 0, cells, 0)
     assert cells == expected
@@ -108,16 +107,7 @@ def test_everybody_packs_and_unpacks_a_frame_alike(seed):
     total, before = array("i", bytes(4 * geometry.CELLS)), array("H", bytes(2 * geometry.CELLS))
     calibrate.add_frame(packed, total, before, True)
     assert total.tolist() == before.tolist() == expected
-    assert counts_of_each_row(packed) == counts.reshape(geometry.ROWS, -1)[:, 1:].sum(1).tolist()
     assert least_sum_in_contact(packed) == int(counts.sum())
-
-
-def counts_of_each_row(packed):
-    """As the small build adds them up, without the first column."""
-    zero, unit = [0] * geometry.CELLS, [512 // 8] * geometry.CELLS
-    rows = [0] * geometry.ROWS
-    rowpipeline.add_rows(packed, 0, 1, geometry.COLUMNS, zero, unit, rows, 0)
-    return rows
 
 
 def least_sum_in_contact(packed):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from firmware_py import calib, feature_names, features, forcemap, status
-from palpate.features import pipeline_features as field_features
 from palpate.firmware_twin.replay_core import Replay
 from palpate.sim.probe.sensors import LEVELS, SensorModel, pack
 from tests.firmware_py import checked_int
+from tests.firmware_py import pipeline_features as field_features
 
 # .2 % of a feature: of the quantity under a logarithm, of the pressure or displacement a ratio is made of
 LOGARITHMS = [n for n in feature_names.NAMES if n.startswith(("ln_", "asinh_"))]
@@ -140,7 +140,6 @@ def test_all_200_strokes_stay_in_range(fields, map_blob):
     """The strokes of the accuracy test, and as many over balls, every intermediate watched."""
     watched, watch = checked_int.load()
     p = watched.pipeline.Pipeline(calib.Calibration())
-    small = watched.rowpipeline.RowPipeline(calib.Calibration(), 5, 21)
     loaded = forcemap.load(map_blob)
     fast = Replay(map_blob)
     for i, field in enumerate(fields):
@@ -149,14 +148,11 @@ def test_all_200_strokes_stay_in_range(fields, map_blob):
             for across in (None, 3.9):
                 model = SensorModel(field, LEVELS[level], 100 * i + seed, across_mm=across)
                 frames, code = replayed(fast, model)
-                for build in (p, small):
-                    build.reset()
-                    build.calibration = model.calibration()
-                    for k, packed in enumerate(frames.packed):
-                        build.add_frame(packed, int(frames.positions_um[k]), int(frames.displacements_um[k]))
-                    done = build.finish(loaded)
-                    if build is p:
-                        assert done == code
-                        assert list(build.features) == list(fast.pipeline.features)
+                p.reset()
+                p.calibration = model.calibration()
+                for k, packed in enumerate(frames.packed):
+                    p.add_frame(packed, int(frames.positions_um[k]), int(frames.displacements_um[k]))
+                assert p.finish(loaded) == code
+                assert list(p.features) == list(fast.pipeline.features)
     print(f"largest intermediate: {watch.most} at {watch.where}")
     assert 2**29 < watch.most < 2**30

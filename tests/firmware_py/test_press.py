@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 
 from firmware_py import calib, feature_names, features, geometry, press, profile, status, stroke_state, stuck
 from firmware_py import settings as probe_settings
-from palpate.features import pipeline_features, press_features
+from palpate.features import press_features
 from palpate.firmware_twin import twin
 from palpate.firmware_twin.replay_core import Replay
 from palpate.model_export.vocabulary import ABSENT
-from palpate.sim.probe.cells import PITCH_MM
-from palpate.sim.probe.scripts import run_micropython
 from palpate.sim.probe.sensors import LEVELS, SensorModel
-from tests.firmware_py import checked_int
+from palpate.wire.cells import PITCH_MM
+from tests.firmware_py import checked_int, pipeline_features
+from tests.micropython import run_micropython
 
 OF_THE_PRESS = press_features.PLACES
 LN_COUNTS = np.log(32e9 / (geometry.COUNT_MPA * geometry.PITCH_UM))

@@ -5,10 +5,10 @@ import json
 import pytest
 
 from firmware_py import counters, messages, wire
-from palpate.sim.probe.scripts import run_micropython
 from tests.firmware_py import c_header, protocol_files, protocol_session
 from tests.firmware_py.protocol_words import FIELDS
 from tests.firmware_py.test_packets import receive
+from tests.micropython import run_micropython
 
 HINT = "run: python -m tests.firmware_py.protocol_files"
 

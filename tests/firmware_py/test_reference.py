@@ -13,11 +13,11 @@ from firmware_py import pipeline as pipelines
 from palpate.firmware_twin.replay_core import Replay
 from palpate.model_export.fixed_point import compiler
 from palpate.regression.any_tissue.reference import features_of
-from palpate.sim.probe.scripts import run_micropython
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
 from tests import reference_model
 from tests.firmware_py import checked_int
 from tests.firmware_py.strokes import read_strokes
+from tests.micropython import run_micropython
 
 OF_THE_PRESS = slice(features.PRESS, features.PRESS + 9)
 

@@ -12,9 +12,9 @@ import pytest
 from firmware_py import cobs, crc
 from firmware_py.boards import machine_code as plain_machine_code
 from firmware_py.boards import scan_order
-from palpate.sim.probe.machine_code import MachineCode
-from palpate.sim.probe.scripts import run_micropython
 from tests.firmware_py import twins
+from tests.micropython import run_micropython
+from tests.sim.probe.machine_code import MachineCode
 
 MODULES = {
     "firmware_py.hot_viper": twins.HOT,

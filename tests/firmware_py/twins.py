@@ -11,8 +11,8 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 from firmware_py import crc
-from palpate.sim.probe.machine_code import MachineCode
-from palpate.sim.probe.scripts import FIRMWARE
+from tests.micropython import FIRMWARE
+from tests.sim.probe.machine_code import MachineCode
 
 HOT = FIRMWARE / "hot_viper.py"
 STROKE = FIRMWARE / "stroke_viper.py"

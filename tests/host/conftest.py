@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from palpate.cli import main
-from palpate.cli.emulate import strokes_over
 from palpate.model_export.exporter import export
 from palpate.sim.probe.emulated import EmulatedProbe
+from palpate.sim.probe.over_lump import strokes_over
 from tests.host.probes import FRAMES, LUMP
 from tests.model_export import synthetic
 
@@ -29,7 +29,7 @@ def own_directories(tmp_path_factory, monkeypatch):
 @pytest.fixture(scope="session")
 def bench():
     """Two strokes over one lump through typical sensors, and the calibration that knows their dead cells."""
-    return strokes_over(LUMP, "typical", 1, FRAMES, 2)
+    return strokes_over(LUMP, "typical", 1, FRAMES, 2, press=False)
 
 
 @pytest.fixture(scope="session")

@@ -17,7 +17,7 @@ from palpate.model_export.schema import Estimate, FirstStage, ModelSpec
 from palpate.model_export.source import emit
 from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS
 from palpate.regression.checks import joined
-from palpate.sim.probe.scripts import run_micropython
+from tests.micropython import run_micropython
 from tests.model_export import synthetic
 from tests.model_export.test_two_stages import SCRIPT, loaded, noticed_flips, said, two_stages, vectors
 

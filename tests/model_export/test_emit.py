@@ -14,7 +14,7 @@ from firmware_py import evaluator
 from palpate.model_export.errors import ModelError
 from palpate.model_export.fixed_point import compiler
 from palpate.model_export.source import emit
-from palpate.sim.probe.scripts import run_micropython
+from tests.micropython import run_micropython
 from tests.model_export import synthetic
 from tests.model_export.test_micropython import rows
 

@@ -118,3 +118,13 @@ def test_one_flipped_byte_gives_one_sentence(signed, public_key, flip):
 
 def test_the_features_are_the_firmwares(field):
     assert set(field.features) <= set(feature_names.NAMES)
+
+
+@pytest.mark.parametrize("number", [1e308, -1e308, 1e19, 1e17])
+@pytest.mark.filterwarnings("error")
+def test_a_coefficient_that_fixed_point_cannot_hold_is_one_sentence(thesis, key_dir, number):
+    """1e308 was "unexpected", after warnings of numpy."""
+    first, *others = thesis.outputs
+    odd = dataclasses.replace(first, coefficients=(number, *first.coefficients[1:]))
+    with pytest.raises(ExportError):
+        export(dataclasses.replace(thesis, outputs=(odd, *others)).validate(), key_dir)

@@ -21,7 +21,7 @@ from palpate.model_export import image_builder
 from palpate.model_export.errors import ImageError
 from palpate.model_export.fixed_point import compiler
 from palpate.sim.probe.flash_sim import FlashSim
-from palpate.sim.probe.scripts import run_micropython
+from tests.micropython import run_micropython
 from tests.model_export import small_key
 
 INTS = (-(1 << 31), -(1 << 30), -(1 << 29) - 1, -1, 0, 1, 1 << 29, (1 << 30) - 1, 1 << 30, (1 << 31) - 1)

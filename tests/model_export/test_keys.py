@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from firmware_py import slh_dsa, status
-from palpate.cli.keygen import SUCCESSION
 from palpate.model_export.errors import SigningError
 from palpate.model_export.signing import keys
+from palpate.model_export.signing.keys import SUCCESSION
 from tests.model_export import small_key
 
 ROOT = Path(__file__).parent.parent.parent
@@ -169,3 +169,105 @@ def test_a_directory_without_a_key_and_one_that_has_one(key, tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="POSIX permissions")
 def test_the_secret_is_for_its_owner_only(key):
     assert stat.S_IMODE((key / "secret.json").stat().st_mode) & 0o077 == 0
+
+
+YEAR_2106 = "4291747200"
+
+
+def test_a_clock_that_runs_ahead_signs_nothing_unless_it_is_said_to_be_right(key, tmp_path, monkeypatch):
+    """One export under a clock of 2106 locked the key's other homes out for ever."""
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", YEAR_2106)
+    with pytest.raises(SigningError, match=r"the clock says 2106-01-01 .* --force"):
+        sign(key)
+    with pytest.raises(SigningError, match="--force"):
+        keys.succeed(key, (key / "public.key").read_bytes())
+    assert not (key / "counter.json").exists()
+    assert sign(key, counter=7)[1].counter == 7  # it was told: the clock is not asked
+    assert sign(key, force=True)[1].counter > 43_000_000
+    monkeypatch.delenv("SOURCE_DATE_EPOCH")
+    assert sign(key)[1].counter > 43_000_000  # this home goes on from there
+
+
+def test_a_day_or_a_later_model_or_export_is_no_reason(key, monkeypatch):
+    made = (key / "secret.json").stat().st_mtime
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", str(made + keys.AHEAD_S - 60))
+    sign(key)  # from here on this was seen
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", str(made + 2 * keys.AHEAD_S - 200))
+    sign(key)
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", str(made + 40 * keys.AHEAD_S))
+    with pytest.raises(SigningError, match="--force"):
+        sign(key, seen_s=made + 38 * keys.AHEAD_S)
+    sign(key, seen_s=made + 39.5 * keys.AHEAD_S)
+
+
+@pytest.mark.parametrize("word", ["nan", "inf", "-inf", "1e308", "tomorrow"])
+def test_a_moment_that_is_none_is_one_sentence(key, monkeypatch, word):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", word)
+    with pytest.raises(SigningError, match="SOURCE_DATE_EPOCH must be a number of seconds"):
+        sign(key)
+
+
+def test_of_two_that_make_a_key_in_one_place_one_is_told_that_it_is_taken(tmp_path):
+    """Both said "made", and the one who had copied his public key had another's."""
+    code = (
+        "import sys; from tests.model_export import small_key\n"
+        "from palpate.model_export.signing import keys, key_files\n"
+        "write = key_files.write\n"
+        "def slow(*words):\n"
+        "    import time; time.sleep(0.3); write(*words)\n"
+        "key_files.write = slow\n"
+        "sys.stdout.buffer.write(keys.generate(sys.argv[1], small_key.secret(int(sys.argv[2]))))"
+    )
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    makers = [subprocess.Popen([sys.executable, "-c", code, str(tmp_path), str(k)], **pipes) for k in (1, 2)]
+    said = [maker.communicate() for maker in makers]
+    made = [out for out, _ in said if out]
+    assert made == [(tmp_path / "public.key").read_bytes()]
+    assert sum(b"already holds a signing key" in err for _, err in said) == 1
+    assert keys.load(tmp_path).public == made[0]
+
+
+@pytest.mark.parametrize("broken", ["write", "fsync", "replace"])
+def test_a_full_disk_leaves_nothing_of_a_key(tmp_path, monkeypatch, broken):
+    """`.public.key.PID` stayed in the directory."""
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(keys.files.os, broken, full)
+    if broken == "write":
+        monkeypatch.setattr(keys.files.os, "fdopen", lambda handle, _mode: Full(handle))
+    with pytest.raises(SigningError, match="No space left"):
+        keys.generate(tmp_path / "key", small_key.secret())
+    assert list((tmp_path / "key").iterdir()) == []
+
+
+class Full:
+    def __init__(self, handle):
+        self.handle = handle
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        os.close(self.handle)
+
+    def write(self, _data):
+        raise OSError(28, "No space left on device")
+
+
+def test_a_key_made_to_succeed_another_has_its_word_or_is_none(key, tmp_path, monkeypatch):
+    """Killed between the two, a key without its succession stood in the way of the next try."""
+    write = keys.files.write
+
+    def killed(path, *words):
+        if path.name == "secret.json":
+            raise KeyboardInterrupt
+        write(path, *words)
+
+    monkeypatch.setattr(keys.files, "write", killed)
+    with pytest.raises(KeyboardInterrupt):
+        keys.generate(tmp_path / "new", small_key.secret(3), succeeds=key)
+    monkeypatch.setattr(keys.files, "write", write)
+    public = keys.generate(tmp_path / "new", small_key.secret(4), succeeds=key)
+    assert public in (tmp_path / "new" / SUCCESSION).read_bytes()

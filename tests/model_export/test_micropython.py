@@ -10,7 +10,7 @@ import pytest
 from firmware_py import evaluator, model_image
 from firmware_py import features as firmware_features
 from palpate.model_export.fixed_point import compiler, sampling
-from palpate.sim.probe.scripts import run_micropython
+from tests.micropython import run_micropython
 
 COMMON = """
 import json, micropython

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_py import unpack
-from palpate.model_export.fixed_point import nested
-from palpate.model_export.fixed_point.nested import SIGMA, Close, Run
-from palpate.model_export.fixed_point.rounding import Rounding
+from palpate.fixedpoint import nested
+from palpate.fixedpoint.nested import SIGMA, Close, Run
+from palpate.fixedpoint.rounding import Rounding
 
 FEATURES = 6
 FIRST = nested.FIRST_FEATURE

@@ -221,3 +221,30 @@ def test_a_cut_at_any_byte_of_a_succession_leaves_the_old_key_or_the_new(public_
         probe = probe_of(FlashSim(left), public_key)
         assert probe.keys.current in (public_key, succession[0])
         assert probe.live_id() == model_id(signed[1])
+
+
+def test_where_an_old_key_is_taken_back_its_first_succession_is_not(public_key, key_dir, succession):
+    """After old -> new -> old anyone could send the first one again."""
+    new, first, home = succession
+    store = FlashSim()
+    probe = probe_of(store, public_key)
+    back = keys.succeed(home, public_key)
+    assert flash(probe, first) == status.OK and flash(probe, back) == status.OK
+    for _ in range(2):
+        assert probe.keys.current == public_key
+        assert flash(probe, first) == status.TOO_OLD
+        assert flash(probe, back) == status.BAD_SIGNATURE
+        probe = settled(store.files, public_key)
+    assert flash(probe, keys.succeed(key_dir, new)) == status.OK and probe.keys.current == new
+
+
+def test_a_record_of_the_firmware_before_is_read_and_a_succession_of_any_moment_taken(
+    public_key, key_dir, succession
+):
+    other = small_key.signer(11)[0]
+    store = FlashSim()
+    probe = probe_of(store, public_key)
+    assert probe.keys.record.save(public_key + public_key + other) == status.OK
+    probe = settled(store.files, public_key)
+    assert probe.keys.current == public_key and probe.keys.before == other
+    assert flash(probe, keys.succeed(key_dir, succession[0], moment_ns=1)) == status.OK

@@ -17,7 +17,7 @@ from palpate.model_export.exporter import export
 from palpate.model_export.fixed_point import bounds, compiler, reference
 from palpate.model_export.schema import Estimate, FirstStage, ModelSpec
 from palpate.model_export.source import emit
-from palpate.sim.probe.scripts import run_micropython
+from tests.micropython import run_micropython
 from tests.model_export import synthetic
 
 Q24 = 1 << 24

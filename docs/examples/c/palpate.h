@@ -60,7 +60,6 @@ static inline int8_t palpate_status(const uint8_t *body) { return (int8_t)body[3
 #define PALPATE_LEASE_LEAST_MS 500
 #define PALPATE_LEASE_MOST_MS 300000
 #define PALPATE_FLASH_PIECE 48
-#define PALPATE_FIXED_COLUMNS 4
 #define PALPATE_WRAP 1073741824
 #define PALPATE_FLAG_LUMP 1
 #define PALPATE_FLAG_IN_DOMAIN 2
@@ -386,7 +385,7 @@ struct palpate_identify_answer {
     uint8_t columns; /* sensors across it */
     uint16_t pitch_um; /* um: from one sensor to the next */
     uint8_t bits; /* of a count */
-    uint16_t capabilities; /* bits: 1 flash, 2 calibrate, 4 fixed columns (a small build), 8 the live model takes a reference, 16 there is one */
+    uint16_t capabilities; /* bits: 1 flash, 2 calibrate, 4 none, 8 the live model takes a reference, 16 there is one */
     uint8_t features_version; /* of the feature list; 0: a probe that makes no estimates */
     int8_t model_status; /* 0: a model is live; else why none is (Status) */
     uint8_t model_id[8]; /* first 8 bytes of the SHA-256 of the model image's signed part; zeros: none */

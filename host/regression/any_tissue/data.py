@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
+from palpate.progress import ProgressCallback
 from palpate.regression.any_tissue.observed import TissueLump, read_set
 from palpate.regression.any_tissue.reference import Tissue, read_references
 from palpate.regression.any_tissue.study import SEED
 from palpate.regression.field.data import sweep_progress
-from palpate.regression.progress import ProgressCallback
 from palpate.regression.table import TableError
 from palpate.sim.tissue import Case, Settings, Stroke, read_table, sweep
 from palpate.sim.tissue.any_tissue import (

@@ -13,10 +13,17 @@ from pathlib import Path
 import numpy as np
 
 from palpate.model_export.fixed_point import force_map as force_maps
+from palpate.progress import ProgressCallback, Steps
 from palpate.regression.any_tissue.data import TissueStrokes
 from palpate.regression.any_tissue.flags import NEAR, beyond, facts_of
 from palpate.regression.any_tissue.model import Scope, TissueModel, fit_tissue_model, tissue_truth
-from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe
+from palpate.regression.any_tissue.observed import (
+    ObservedInTissue,
+    TissueLump,
+    in_usual_tissue,
+    joined,
+    observe,
+)
 from palpate.regression.any_tissue.reference import (
     Joining,
     fit_joining,
@@ -33,9 +40,8 @@ from palpate.regression.any_tissue.strange import (
 )
 from palpate.regression.any_tissue.study import FOLDS, TissueStudy, learnt_force_map
 from palpate.regression.probe_model import training_hash
-from palpate.regression.progress import ProgressCallback, Steps
 
-DRAWS, RIM_DRAWS, PLAIN_DRAWS = 3, 2, 4
+DRAWS, USUAL_DRAWS, RIM_DRAWS, PLAIN_DRAWS = 3, 3, 2, 4
 _RIM_SEED, _PLAIN_SEED = 600, 400
 _RIM_TESTED = 3
 """Every third lump of the rim is kept to test the flag."""
@@ -72,6 +78,9 @@ def fit_in_any_tissue(
     rows = []
     for level in (noise, *(other for other in others if other != noise)):
         seen = joined([_observed(strokes.lumps, level, seed, k, blob, tell) for k in range(DRAWS)])
+        again = [observe(strokes.lumps, level, _seed(seed, DRAWS + k), blob) for k in range(USUAL_DRAWS)]
+        # usual tissue counts twice: the far ends of the ranges would else take their share of the terms
+        seen = joined([seen, *(more.take(in_usual_tissue(more)) for more in again)])
         rim, outside = _rim(strokes.rim, level, seed, blob, kind.scope)
         alone = kind.held_out(seen, False, step=tell, rim=rim)
         both = kind.held_out(seen, True, step=tell, rim=rim)

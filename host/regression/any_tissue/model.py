@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from palpate.features import press_features
 from palpate.features.map_features import Floats
-from palpate.link import answer
 from palpate.regression.any_tissue.observed import TRUTH, ObservedInTissue, joined
 from palpate.regression.conformal import LEVEL, Widths, calibrate, fit_sigma, out_of_fold
 from palpate.regression.domain import DomainCheck, fit_domain, with_ranges
@@ -20,6 +19,7 @@ from palpate.regression.field.recipe import CUBIC
 from palpate.regression.observed import NAMES
 from palpate.regression.probe_model import HARD_BELOW, Polynomial, fit_polynomial, standardised
 from palpate.regression.ridge import Term, all_terms, fit_ridge, importance, monomials
+from palpate.spans import depth_mm as depth_span
 
 OUTPUTS = ("ln F", "ln t", "ln d", "ln h", "E^-2/3", "ln E_fat")
 """Those of the wire (`firmware_py.outputs`), link scale."""
@@ -27,14 +27,14 @@ RANGES = {
     "ln d": (float(np.log(5.0)), float(np.log(20.0))),
     "ln h": (float(np.log(0.3)), float(np.log(1.5))),
     "E^-2/3": (-np.inf, 2.0 ** (-2 / 3)),
-    "ln E_fat": (float(np.log(5.0)), float(np.log(25.0))),
+    "ln E_fat": (float(np.log(2.0)), float(np.log(40.0))),
 }
 """What the model is for; t follows from d and h, hard lumps feel alike, the force has a flag of its own."""
 Parts = dict[str, NDArray[np.bool_]]
 """Some of n strokes each, (n), by what they have in common."""
 STIFFNESS = OUTPUTS.index("E^-2/3")
 _OF_DEPTH = OUTPUTS.index("ln d"), OUTPUTS.index("ln h")
-"""The depth's interval follows from theirs (`answer.depth_mm`): wider for one alone, they would contradict
+"""The depth's interval follows from theirs (`palpate.spans`): wider for one alone, they would contradict
 each other."""
 PRESS_TERMS, STROKE_TERMS, FOLDS, GROUPS = 50, 200, 4, 4
 """So many that the board has room for both stages; 120 and 340 err by a fiftieth less."""
@@ -236,7 +236,7 @@ def depth_mm(y: Floats, half: Floats) -> Floats:
     """Fat over the lump, which follows from t, d and h: value, low and high, (n, 3)."""
     t, d, h = (OUTPUTS.index(name) for name in ("ln t", "ln d", "ln h"))
     spans = np.exp(np.stack([y, y - half, y + half], axis=2))
-    return np.array([answer.depth_mm(*map(tuple, stroke[[t, d, h]])) for stroke in spans])
+    return np.array([depth_span(*map(tuple, stroke[[t, d, h]])) for stroke in spans])
 
 
 def _wide_enough_for_depth(
@@ -244,7 +244,7 @@ def _wide_enough_for_depth(
 ) -> Widths:
     """The same with h's intervals a little wider, where the depth's would hold too seldom.
 
-    The depth has no output of its own; how its interval follows tells h's most of all (`answer.depth_mm`).
+    The depth has no output of its own; how its interval follows tells h's most of all (`depth_mm`).
     """
     d, h = (OUTPUTS.index(name) for name in ("ln d", "ln h"))
     true = np.exp(Y[:, d] + Y[:, h])

@@ -27,8 +27,11 @@ from palpate.sim.probe.sensors import PRESS_FRAMES, Noise, SensorModel, StrokeFi
 from palpate.sim.probe.two_lumps import random_pair
 from palpate.sim.tissue import Case, Stroke
 
-FAT_KPA = (5.0, 25.0)
-FORCE_N_PER_M = (25.0, 150.0)
+FAT_KPA = (2.0, 40.0)
+FORCE_N_PER_M = (15.0, 250.0)
+USUAL_FAT_KPA, USUAL_FORCE_N_PER_M, USUAL_SHARE = (5.0, 25.0), (25.0, 150.0), 0.6
+USUAL_RATIO, USUAL_REACH_MM = 2.0, 10.7
+"""Gland over fat at least; the stroke's force over the fat's modulus at most."""
 TRUTH = ("ln d", "ln depth", "ln t", "E^-2/3", "ln F/E_fat", "ln F", "ln E_fat", "gland_ratio", "gland_mm")
 
 
@@ -94,10 +97,27 @@ def scaled(stroke: Stroke, s: float) -> Stroke:
 
 
 def random_scale(case: Case, rng: np.random.Generator) -> float:
-    """A fat modulus in `FAT_KPA`, over the case's own, that keeps the force in `FORCE_N_PER_M`."""
+    """A fat modulus in `FAT_KPA`, over the case's own, that keeps the force in `FORCE_N_PER_M`.
+
+    Three in five lie within `USUAL_FAT_KPA` and `USUAL_FORCE_N_PER_M`, and all over a solid lump: `balls` is
+    for those.
+    """
     reach = case.F_N_per_m / case.fat_kPa
-    low, high = max(FAT_KPA[0], FORCE_N_PER_M[0] / reach), min(FAT_KPA[1], FORCE_N_PER_M[1] / reach)
+    fat, force = USUAL_FAT_KPA, USUAL_FORCE_N_PER_M
+    if not case.solid and rng.random() >= USUAL_SHARE:
+        fat, force = FAT_KPA, FORCE_N_PER_M
+    low, high = max(fat[0], force[0] / reach), min(fat[1], force[1] / reach)
     return float(low * (high / low) ** rng.random() / case.fat_kPa)
+
+
+def in_usual_tissue(seen: ObservedInTissue) -> NDArray[np.bool_]:
+    """Which strokes are over tissue as most breasts have it, pressed as most hands press, (n)."""
+    of = {name: seen.Y[:, k] for k, name in enumerate(TRUTH)}
+    fat, force, reach = (np.exp(of[name]) for name in ("ln E_fat", "ln F", "ln F/E_fat"))
+    within = (of["gland_ratio"] >= USUAL_RATIO) & (reach <= USUAL_REACH_MM)
+    for value, (low, high) in ((fat, USUAL_FAT_KPA), (force, USUAL_FORCE_N_PER_M)):
+        within &= (low <= value) & (value <= high)
+    return within
 
 
 def observe(

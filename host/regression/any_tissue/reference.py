@@ -35,7 +35,6 @@ from palpate.regression.probe_model import Polynomial
 from palpate.sim.probe.packed_frames import FrameStream
 from palpate.sim.probe.sensors import Noise, SensorModel, StrokeField
 from palpate.sim.tissue import Case, Stroke
-from palpate.sim.tissue.any_tissue import thicker
 
 BESIDE_MM = (30.0, 40.0)
 """Where the reference is pressed, from the lump."""
@@ -92,17 +91,6 @@ Tissue = tuple[object, ...]
 def read_references(home: Path) -> dict[Tissue, tuple[Stroke, ...]]:
     """The presses of `reference_cases`, or of `press_cases`, which lie nearly as far from the lump."""
     return {tissue_of(press[0].case): press for press in read_presses(home)}
-
-
-def read_elsewhere(lumps: Sequence[TissueLump], home: Path, share: float) -> dict[Tissue, tuple[Stroke, ...]]:
-    """The presses of `elsewhere_cases`, by the tissue of the lump that they are not beside."""
-    found, presses = {}, read_references(home)
-    for k, lump in enumerate(lumps):
-        own = tissue_of(lump.strokes.case)
-        there = round(lump.strokes.case.t_mm * thicker(k, share), 6), *own[1:]
-        if there in presses:
-            found[own] = presses[there]
-    return found
 
 
 def tissue_of(case: Case) -> Tissue:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -30,19 +29,13 @@ from palpate.regression.any_tissue.observed import (
     ObservedInTissue,
     TissueLump,
     joined,
-    observe,
     random_scale,
-    read_set,
     scaled,
 )
-from palpate.regression.field.data import sweep_progress
 from palpate.regression.field.design import LumpStrokes
 from palpate.regression.field.model import learn_force_map
 from palpate.regression.probe_model import HARD_BELOW
-from palpate.regression.progress import ProgressCallback
 from palpate.regression.table import r_squared
-from palpate.sim.tissue import sweep
-from palpate.sim.tissue.any_tissue import PRESSES, STROKES, any_tissue_cases, press_cases
 
 if TYPE_CHECKING:
     from palpate.model_export.schema import Layers
@@ -66,18 +59,6 @@ TextTable = tuple[str, list[str], list[list[str]]]
 
 _LEAST_MM = 1e-3
 """Of a depth: where t and d contradict each other it would be none."""
-
-
-def prepare(
-    directory: Path, lumps: int, workers: int | None = None, progress: ProgressCallback | None = None
-) -> list[TissueLump]:
-    """Simulate into `directory` what it lacks of that many lumps (see `any_tissue_cases`), and read them."""
-    presses, strokes = directory / "press", directory / "lumps"
-    report = sweep_progress("pressing", progress)
-    sweep(press_cases(lumps, SEED), PRESSES, presses, workers=workers, progress=report)
-    report = sweep_progress("stroking", progress)
-    sweep(any_tissue_cases(lumps, SEED), STROKES, strokes, workers=workers, progress=report)
-    return read_set(strokes, presses)
 
 
 def learnt_force_map(lumps: Sequence[TissueLump]) -> force_maps.ForceMap:
@@ -185,7 +166,7 @@ class TissueStudy:
         return out | {"not_found": self.lost, "flagged": flagged}
 
     def depths_mm(self) -> Floats:
-        """Fat over the lump, value, low and high (n, 3), from t, d and h (`palpate.link.answer`)."""
+        """Fat over the lump, value, low and high (n, 3), from t, d and h (`palpate.spans`)."""
         return np.maximum(depth_mm(self.y, self.half), _LEAST_MM)
 
     def _depth(self) -> dict[str, float]:
@@ -201,37 +182,6 @@ class TissueStudy:
 
 def _short(name: str) -> str:
     return {"E^-2/3": "E_inv23"}.get(name, name.removeprefix("ln "))
-
-
-LEVELS = ("typical", "real")
-"""Of the table, unless others are asked for."""
-
-
-def table_of(
-    lumps: Sequence[TissueLump],
-    levels: Sequence[str] = LEVELS,
-    draws: int = DRAWS,
-    seed: int = 1,
-    step: Callable[[str], None] | None = None,
-) -> pd.DataFrame:
-    """One row a setting: the stroke alone and with its press, at each level of noise."""
-    return pd.DataFrame(list(_rows(lumps, levels, draws, seed, step)))
-
-
-def _rows(
-    lumps: Sequence[TissueLump],
-    levels: Sequence[str],
-    draws: int,
-    seed: int,
-    step: Callable[[str], None] | None,
-) -> Iterator[dict[str, object]]:
-    blob = force_map_of(lumps)
-    for level in levels:
-        seen = joined([observe(lumps, level, 1000 * seed + k, blob) for k in range(draws)])
-        if step:
-            step(f"{level}: seen")
-        yield TissueStudy.held_out(seen, False, step=step).row(f"{level}, the stroke alone")
-        yield TissueStudy.held_out(seen, True, step=step).row(f"{level}, with its press")
 
 
 _COLUMNS = {

@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.across.layers import BORDER, FAT, GLAND, PLACES, UNSURE, half_widths, odds, said, values
+from palpate.answer.layers import BORDER, FAT, GLAND, PLACES, UNSURE, half_widths, odds, said, values
 from palpate.features.map_features import Floats
 from palpate.model_export.schema import Layers
 from palpate.regression.any_tissue.model import OUTPUTS, STIFFNESS, Parts, Scope, TissueModel, truth

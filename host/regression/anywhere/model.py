@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.across.layers import BORDER, FAT, GLAND, PLACES, half_widths, layer_of, values
+from palpate.answer.layers import BORDER, FAT, GLAND, PLACES, half_widths, layer_of, values
 from palpate.features.map_features import Floats
 from palpate.model_export.schema import Layers
 from palpate.regression.any_tissue.model import (
@@ -34,7 +34,7 @@ def true_place(seen: ObservedInTissue) -> NDArray[np.int64]:
 
 
 def true_values(seen: ObservedInTissue, slope: float) -> Floats:
-    """(n, 3), as `palpate.across.layers.values`."""
+    """(n, 3), as `palpate.answer.layers.values`."""
     return values(truth(seen), slope)
 
 

@@ -1,6 +1,6 @@
 """What a model of solid lumps says across the stroke: how wide a lump is, and where it lies.
 
-The probe has no room for either; the host works them out (`palpate.across`). The width is a polynomial of the
+The probe has no room for either; the host works them out (`palpate.answer`). The width is a polynomial of the
 second stage's features, learnt as that stage is. The place is the middle of the bump that the columns see,
 stretched: a face curved along the stroke alone shows it nearer to the middle than it is. How wide the place's
 interval must be depends on how clear that bump is.
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.features.across import places
+from palpate.answer.across import places
 from palpate.features.map_features import Floats
 from palpate.model_export.schema import Across
 from palpate.regression.any_tissue.observed import ObservedInTissue

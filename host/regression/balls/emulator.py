@@ -19,9 +19,10 @@ import numpy as np
 from palpate.features.map_features import Floats
 from palpate.regression.any_tissue.observed import TissueLump
 from palpate.regression.balls.gaussian_process import GaussianProcess, fit_process
-from palpate.regression.balls.lumps import beside, felt
+from palpate.regression.balls.lumps import beside
 from palpate.regression.field.design import LumpStrokes
 from palpate.sim.tissue import Case
+from palpate.sim.tissue.solid.press import felt
 from palpate.sim.tissue.solid.stroke import RAMP
 
 _OFFSET = 11

@@ -15,6 +15,7 @@ import numpy as np
 from palpate import models
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.fixed_point.reference import evaluate, inputs
+from palpate.progress import ProgressCallback, Steps
 from palpate.regression.any_tissue.flags import facts_of
 from palpate.regression.any_tissue.model import TissueModel, tissue_truth
 from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump
@@ -54,7 +55,6 @@ from palpate.regression.balls.training import (
     width_factors,
 )
 from palpate.regression.probe_model import E_INV23, to_link, training_hash
-from palpate.regression.progress import ProgressCallback, Steps
 from palpate.sim.tissue.solid.design import ball_cases
 from palpate.sim.tissue.workers import pool
 

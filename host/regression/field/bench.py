@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.model_export.fixed_point import force_map as force_maps
+from palpate.progress import ProgressCallback
 from palpate.regression.field.data import FieldStrokes, Split, split, stroke_fields
 from palpate.regression.field.model import learn_force_map
 from palpate.regression.field.observer import Observer
 from palpate.regression.field.recipe import FIELD, Recipe
 from palpate.regression.observed import ObservedStrokes, noise_named
-from palpate.regression.progress import ProgressCallback
 from palpate.sim.probe.sensors import Noise, StrokeField
 
 TRAIN_DRAWS, CALIBRATION_DRAWS, TEST_DRAWS, RIM_DRAWS = 4, 2, 4, 2

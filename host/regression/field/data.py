@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import UsageError
+from palpate.progress import ProgressCallback
 from palpate.regression.field.design import (
     FIELD_SETTINGS,
     OUTSIDE,
@@ -41,7 +42,6 @@ from palpate.regression.field.presses import (
     read_others,
     with_presses,
 )
-from palpate.regression.progress import ProgressCallback
 from palpate.regression.table import TableError
 from palpate.sim.probe.sensors import StrokeField
 from palpate.sim.tissue import Case, Progress, Settings, load_strokes, read_table, sweep

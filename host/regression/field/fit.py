@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from palpate.features.map_features import Floats
+from palpate.progress import ProgressCallback
 from palpate.regression.field.bench import Bench
 from palpate.regression.field.data import FieldStrokes
 from palpate.regression.field.flags import flags
@@ -29,7 +30,6 @@ from palpate.regression.field.score import (
 from palpate.regression.field.strange import strange_strokes
 from palpate.regression.observed import ObservedStrokes, noise_named
 from palpate.regression.probe_model import from_link
-from palpate.regression.progress import ProgressCallback
 from palpate.sim.probe import sensors
 
 LEVELS = tuple(sensors.LEVELS)

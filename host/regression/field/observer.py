@@ -5,12 +5,13 @@ from __future__ import annotations
 import multiprocessing
 import os
 from collections.abc import Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import Any
 
+from palpate.progress import ProgressCallback
 from palpate.regression.observed import ObservedStrokes, join, observe
-from palpate.regression.progress import ProgressCallback
 from palpate.sim.probe.sensors import Noise, StrokeField
+from palpate.sim.tissue.workers import QuietPool
 
 AT_A_TIME = 48
 WORTH_A_POOL = 600
@@ -38,7 +39,7 @@ class Observer:
         self.workers = workers or os.cpu_count() or 1
         self.progress = progress
         self.worth_a_pool = worth_a_pool
-        self._pool: ProcessPoolExecutor | None = None
+        self._pool: QuietPool | None = None
 
     def __enter__(self) -> Observer:
         return self
@@ -74,7 +75,7 @@ class Observer:
             return join(observed)
         if self._pool is None:
             spawn = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(self.workers, mp_context=spawn)
+            self._pool = QuietPool(self.workers, mp_context=spawn)
         jobs = [self._pool.submit(observe, *arguments, **more) for arguments, more in pieces]
         pending: set[Future[ObservedStrokes]] = set(jobs)
         while pending:

@@ -14,7 +14,6 @@ from palpate.regression.field import tables
 from palpate.regression.field.model import Answers, FieldModel
 from palpate.regression.field.recipe import FIELD
 from palpate.regression.field.score import HeldOutRow, flat
-from palpate.regression.field.study import Study
 from palpate.regression.observed import ObservedStrokes
 
 TARGETS_MET = {
@@ -71,7 +70,6 @@ class FieldFit:
     visits: pd.DataFrame
     test: ObservedStrokes = field(repr=False)
     answers: Answers = field(repr=False)
-    studies: list[tuple[Study, pd.DataFrame]] = field(default_factory=list, repr=False)
 
     def tables(self) -> list[Table]:
         """What `palpate fit --kind field` prints."""
@@ -109,7 +107,6 @@ class FieldFit:
             "detectability": self.found.to_dict("records"),
             "two_visits_change_of_diameter_percent": self.visits.to_dict("records"),
             "training": self.spec.training,
-            "studies": {study.name: result.to_dict("records") for study, result in self.studies},
         }
 
 

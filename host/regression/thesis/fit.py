@@ -9,7 +9,7 @@ import pandas as pd
 from rich.table import Table
 
 from palpate.errors import UsageError
-from palpate.regression.progress import ProgressCallback
+from palpate.progress import ProgressCallback
 from palpate.regression.table import DISPLACEMENT, PRESSURE, TARGETS, check_table, r_squared, target_values
 from palpate.regression.thesis.direct import PermutationTest, fit_direct, permutation_test
 from palpate.regression.thesis.forward import (

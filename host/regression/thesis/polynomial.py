@@ -17,6 +17,7 @@ from scipy.stats import qmc
 
 from palpate.features.map_features import Floats
 from palpate.model_export.schema import OUTPUTS, ModelSpec
+from palpate.progress import ProgressCallback
 from palpate.regression.conformal import LEVEL, Widths, conformal_quantile, fit_sigma
 from palpate.regression.domain import fit_domain
 from palpate.regression.observed import ObservedStrokes, join, noise_named, observe
@@ -29,7 +30,6 @@ from palpate.regression.probe_model import (
     to_link,
     training_hash,
 )
-from palpate.regression.progress import ProgressCallback
 from palpate.regression.ridge import all_terms
 from palpate.regression.table import TARGETS, further_outputs, r_squared
 from palpate.regression.thesis.inverted import quadratic

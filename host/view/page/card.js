@@ -45,8 +45,9 @@ function range({ low, high, value, marks = [], from, to }) {
 function quantity({ key, label, unit, value, low, high, beside }, hero, level) {
   const span = Math.max(SPANS[key] ?? high, 10 * Math.ceil(high / 10));
   const row = element("dl", { class: hero ? "quantity first" : "quantity", "data-key": key });
-  const words = `${number(low, unit)} to ${number(high, unit)}`;
-  const interval = element("span", { class: "range-text" }, hero ? `${words} ${unit}, ${level}` : words);
+  const told = low === high; // an assumption of the model
+  const words = told ? "assumed" : `${number(low, unit)} to ${number(high, unit)}`;
+  const interval = element("span", { class: "range-text" }, hero && !told ? `${words} ${unit}, ${level}` : words);
   row.append(element("dt", {}, label));
   if (beside) row.firstChild.append(" ", element("span", { class: "beside" }, `${beside.label} ${beside.value.toFixed(2)}`));
   if (hero) {

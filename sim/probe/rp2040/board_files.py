@@ -23,8 +23,8 @@ FIRMWARE = Path(firmware_py.__file__).parent
 ARCHITECTURE = "armv6m"
 KEY = "key.pub"
 MAIN = "main.py"
-_NOT_ON_THE_BOARD = ("manifest.py", "rowpipeline.py", "feature_names.py")
-"""The list for frozen builds; the small build's pipeline; names that hosts alone say."""
+_NOT_ON_THE_BOARD = ("manifest.py", "feature_names.py")
+"""The list for frozen builds; names that hosts alone say."""
 AT_THE_PROMPT = ("Scan", "displacement", "install", "take")
 """Names that stay, for whoever tries the circuit at MicroPython's prompt."""
 PACK = "firmware.pack"

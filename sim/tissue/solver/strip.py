@@ -9,17 +9,22 @@ needs new work only from these to the root.
 
 from __future__ import annotations
 
+from types import ModuleType
+
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.sim.tissue.mesh import TissueMesh
-from palpate.sim.tissue.solver import strip_factor, strip_solve, strip_tangent
+from palpate.sim.tissue.solver import strip_factor, strip_solve, strip_solve_many, strip_tangent
 from palpate.sim.tissue.solver.lapack import lapack
 from palpate.sim.tissue.solver.linear import NotPositiveDefinite
 from palpate.sim.tissue.solver.strip_layout import CORNERS_AND_SIDES, MIDDLE, lay_out_chain, lay_out_columns
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+_FEW = 2
+"""Right-hand sides of a step of Newton's method; more go side by side."""
 
 
 class StripCholesky:
@@ -97,19 +102,25 @@ class StripCholesky:
 
     def solve(self, B: Floats) -> Floats:
         """See `LinearSolver.solve`."""
-        steps = (self._root + 1, self._count - self._root - 1)
+        if len(B) > _FEW:
+            x = np.ascontiguousarray(B.T)
+            self._substitute(strip_solve_many, x)
+            return np.ascontiguousarray(x.T)
         x = np.array(B)
-        strip_solve.forward_elements(x, self._outer, self._middle, self._condensed)
-        x[:, self._held] = 0.0
-        for c, f, count in zip(self._chains, self._factors, steps):
-            strip_solve.forward(x, count, c.dofs, c.interior, c.pivots, c.size, c.spans, c.row_starts, f.rows)
-        strip_solve.solve_root(x, self._root_dofs, self._root_rows)
-        for c, f, count in zip(self._chains, self._factors, steps):
-            strip_solve.backward(
-                x, count, c.dofs, c.interior, c.pivots, c.size, c.spans, c.row_starts, f.rows
-            )
-        strip_solve.backward_elements(x, self._outer, self._middle, self._condensed)
+        self._substitute(strip_solve, x)
         return x
+
+    def _substitute(self, kernels: ModuleType, x: Floats) -> None:
+        """Forwards and backwards, in place, by the loops of this module, which says how x is laid out."""
+        steps = (self._root + 1, self._count - self._root - 1)
+        kernels.forward_elements(x, self._outer, self._middle, self._condensed)
+        (x if kernels is strip_solve_many else x.T)[self._held] = 0.0
+        for c, f, count in zip(self._chains, self._factors, steps):
+            kernels.forward(x, count, c.dofs, c.interior, c.pivots, c.size, c.spans, c.row_starts, f.rows)
+        kernels.solve_root(x, self._root_dofs, self._root_rows)
+        for c, f, count in zip(self._chains, self._factors, steps):
+            kernels.backward(x, count, c.dofs, c.interior, c.pivots, c.size, c.spans, c.row_starts, f.rows)
+        kernels.backward_elements(x, self._outer, self._middle, self._condensed)
 
 
 def _column_middles(mesh: TissueMesh) -> Floats:

@@ -8,18 +8,18 @@ from dataclasses import replace
 import pytest
 
 from palpate import models
-from palpate.across.documents import Documents
-from palpate.cli.emulate import strokes_over
 from palpate.demo.lump import LUMP as DEMO
 from palpate.demo.lump import NOISE, SEED
-from palpate.link.events import Estimate, Features, Frame, Gap
-from palpate.models import emulator
+from palpate.link import emulator_model as emulator
 from palpate.recording.channels import MODEL
 from palpate.recording.playback import open_recording
 from palpate.recording.reader import Recording
-from palpate.recording.replay import replay
+from palpate.sim.probe.over_lump import strokes_over
 from palpate.sim.tissue import Case
-from palpate.view.read_strokes import follower_of, load_strokes
+from palpate.stroke.documents import Documents
+from palpate.stroke.read import follower_of, load_strokes
+from palpate.stroke.replay import replay
+from palpate.wire.events import Estimate, Features, Frame, Gap
 from tests.host.conftest import emulated
 from tests.host.link.test_streams import leave_a_stroke_behind
 from tests.host.view import balls

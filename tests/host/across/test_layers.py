@@ -7,10 +7,10 @@ import math
 import pytest
 
 from palpate import models
-from palpate.cli.emulate import strokes_over
-from palpate.recording.replay import replay
+from palpate.sim.probe.over_lump import strokes_over
 from palpate.sim.tissue import Case
-from palpate.view.read_strokes import load_strokes
+from palpate.stroke.read import load_strokes
+from palpate.stroke.replay import replay
 from tests.host.across.test_across import holds, streamed
 from tests.host.conftest import emulated
 

@@ -7,12 +7,12 @@ from dataclasses import asdict
 import pytest
 
 from palpate import models
-from palpate.cli.emulate import strokes_over
-from palpate.link.answer import outside_words
+from palpate.answer.words import outside_words
 from palpate.model_export.vocabulary import WORDS
-from palpate.recording.replay import replay
 from palpate.sim.probe.noise import LEVELS
-from palpate.view.read_strokes import load_strokes
+from palpate.sim.probe.over_lump import strokes_over
+from palpate.stroke.read import load_strokes
+from palpate.stroke.replay import replay
 from tests.host.across.test_across import streamed
 from tests.host.conftest import emulated
 

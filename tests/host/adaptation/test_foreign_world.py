@@ -37,7 +37,7 @@ def test_twenty_lumps_take_the_bias_away_and_intervals_hold(found):
     after = mean(found, "adapted", 20)
     for name in ("d_mm", "depth_mm"):
         assert abs(after["bias"][name]) < 0.03
-        assert 0.84 <= after["covered"][name] <= 0.97  # eight draws; docs/accuracy-told.md has sixty
+        assert 0.84 <= after["covered"][name] <= 0.97  # `tests.benchmarks foreign` draws sixty
 
 
 def test_five_lumps_do_no_harm(found):

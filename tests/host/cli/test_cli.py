@@ -50,6 +50,18 @@ COMMANDS = [name for chapter in CHAPTERS.values() for name, _, _ in chapter]
         (("completion", "tcsh"), 2, "bash"),
         (("calibrate", "gain"), 2, "--pressure"),
         (("settings", "colour"), 2, "frame_rate"),
+        (("emulate", LUMP, "--seed", "-1"), 2, "-1 is not in the range"),
+        (("calibrate", "gain", "--pressure", "nan"), 2, "is not a finite number"),
+        (("calibrate", "gain", "--pressure", "inf"), 2, "is not in the range"),
+        (("calibrate", "gain", "--pressure", "1e308"), 2, "is not in the range"),
+        (("stream", "--fat", "nan"), 2, "is not a finite number"),
+        (("stream", "--timeout", "nan"), 2, "is not a finite number"),
+        (("simulate", LUMP, "--start", "nan"), 2, "is not a finite number"),
+        (("demo", "--runtime", "nosuch"), 2, "'nosuch' is not one of"),
+        (("emulate", LUMP, "--key", "{text}"), 2, "is no public key"),
+        (("flash", "/dev/zero"), 2, "too large to be"),
+        (("export", "/dev/zero", "--key", "k", "--out", "o.palp"), 2, "too large to be"),
+        (("export", "field", "--key", "k", "--out", "o.palp", "--counter", "7"), 2, "are for --rollback"),
     ],
 )  # fmt: skip
 def test_invalid_arguments_and_missing_things_get_one_sentence(
@@ -167,3 +179,22 @@ def test_doctor_looks_at_everything_and_says_what_to_do(palpate):
     )
     assert status == (1 if any(f["state"] == "broken" for f in findings.values()) else 0)
     assert all(f["todo"] for f in findings.values() if f["state"] != "ok")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("--help",), ("devices", "--json"), ("simulate", "d10h08"), ("doctor", "--sizes"), ("board", "x")],
+)
+def test_a_closed_standard_output_is_a_sentence(words, tmp_path):
+    """Five of five commands ended as "unexpected"; and the next file opened would have had its number."""
+    done = start_palpate(*words, cwd=tmp_path, stdout=None, prepare=lambda: os.close(1))
+    with done:
+        _, err = done.communicate(timeout=PATIENCE_S)
+    assert done.returncode == 1
+    assert one_sentence(err) and "standard output is closed" in err
+
+
+def test_a_closed_standard_error_costs_nothing_but_what_is_said_there():
+    with start_palpate("simulate", "d10h08", stderr=None, prepare=lambda: os.close(2)) as done:
+        out, _ = done.communicate(timeout=PATIENCE_S)
+    assert done.returncode == 2 and out == ""

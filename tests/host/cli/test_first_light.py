@@ -8,10 +8,10 @@ import pytest
 
 from firmware_py import geometry
 from palpate import first_light
-from palpate.cli.emulate import strokes_over
-from palpate.link.events import Frame
 from palpate.sim.probe.emulated import EmulatedProbe
-from palpate.sim.probe.packed_frames import pack
+from palpate.sim.probe.over_lump import strokes_over
+from palpate.wire.events import Frame
+from palpate.wire.packing import pack
 from tests.host.probes import LUMP
 
 FRAMES = 600

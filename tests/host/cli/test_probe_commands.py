@@ -103,10 +103,10 @@ def test_numbers_without_a_calibration_say_so(emulated, images, tmp_path, palpat
 def test_a_recording_that_was_tampered_with_is_found_out(flashed, palpate, tmp_path):
     """One count of one frame changed, its checksum corrected: the replay differs and says so."""
     from firmware_py import messages, wire
-    from palpate.link.events import Frame
-    from palpate.link.parser import LiveParser
-    from palpate.recording.replay import CALIBRATION, MODEL
     from palpate.recording.writer import RecordingWriter
+    from palpate.stroke.replay import CALIBRATION, MODEL
+    from palpate.wire.events import Frame
+    from palpate.wire.parser import LiveParser
 
     path, changed = tmp_path / "true.mcap", tmp_path / "changed.mcap"
     assert palpate("stream", "--strokes", 1, "--record", path)[0] == 0

@@ -1,14 +1,20 @@
 """A change between two visits is told from what strokes, and visits, differ by themselves."""
 
+import json
+import subprocess
+import sys
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from palpate import models
+from palpate import EmulatedProbe, models
 from palpate.comparison.between import between_visits, components
-from palpate.comparison.change import Between, compare
 from palpate.dataset.columns import DataSetError
 from palpate.dataset.table import DataSet
+from palpate.link import emulator_model as emulator
+from palpate.link import session
+from palpate.stroke.change import Between, compare
 
 
 def visited(lumps, visits, strokes, of_visit, of_stroke, seed=1):
@@ -58,3 +64,39 @@ def test_a_data_set_without_repeated_visits_is_refused(tmp_path):
     table = pd.DataFrame({"row": [2, 3], "lump": ["A", "B"], "visit": ["1", "1"]})
     with pytest.raises(DataSetError, match="column visit: 2 lumps visited again"):
         between_visits(models.load(), DataSet(tmp_path / "set.csv", table))
+
+
+def recorded(case, model, path):
+    """Two strokes over the case, by an emulated probe with a bundled model."""
+    with EmulatedProbe.over(case, strokes=2, public_key=emulator.public_key()) as probe:
+        emulator.give_model(probe.port, model)
+        with session.recorded(probe.port, path) as host:
+            list(host.stream(strokes=2))
+    return path
+
+
+def compared(*words):
+    command = [sys.executable, "-m", "palpate.cli", "compare", *map(str, words), "--json"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    return done.returncode, done.stdout and json.loads(done.stdout), done.stderr
+
+
+@pytest.fixture(scope="module")
+def anywhere(tmp_path_factory):
+    return recorded(
+        "d12h05e20f06_t12_G4", models.ANYWHERE, tmp_path_factory.mktemp("visits") / "anywhere.mcap"
+    )
+
+
+def test_recordings_are_compared_by_the_model_that_was_on_the_probe(anywhere):
+    """It was always `field`, whatever had answered: a ball of 12 mm at 7 mm became one of 9 at 15."""
+    status, found, _ = compared(anywhere, anywhere)
+    assert status == 0 and found["left_out"] == [0, 0]
+    by_name = compared(anywhere, anywhere, "--model", "anywhere")[1]
+    assert found == by_name != compared(anywhere, anywhere, "--model", "field")[1]
+
+
+def test_strokes_that_the_model_does_not_know_are_not_compared(anywhere):
+    """Lumps of 12 and 15 mm, both flagged, were said to have shrunk, beyond repeatability."""
+    status, _, said = compared(anywhere, anywhere, "--model", "balls")
+    assert status == 1 and "lies outside what the model knows" in said

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from palpate import models
-from palpate.comparison.change import ASSUMES_BETWEEN, Between
 from palpate.dataset import table
 from palpate.dataset.answers import OUTPUTS, answers
 from palpate.dataset.columns import DataSetError
 from palpate.dataset.strokes import observe_data_set
 from palpate.importing import declaration, importer
-from palpate.models import emulator
-from palpate.recording.replay import replay
+from palpate.link import emulator_model as emulator
+from palpate.stroke.change import ASSUMES_BETWEEN, Between
+from palpate.stroke.replay import replay
 from palpate.view.visits import Visits
 
 DECLARED = declaration.Declaration(

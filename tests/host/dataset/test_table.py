@@ -33,6 +33,14 @@ def test_a_good_table_is_read_and_what_follows_is_worked_out(tmp_path):
     assert any("t_mm" in remark for remark in data.remarks)
 
 
+def test_semicolons_and_decimal_commas_say_the_same(tmp_path):
+    """ "Expected 1 fields in line 2, saw 4": a spreadsheet of a country that writes 8,4."""
+    said = read(tmp_path)
+    (tmp_path / "theirs.csv").write_text(GOOD.replace(",", ";").replace("8.4", "8,4"))
+    theirs = table.read(tmp_path / "theirs.csv")
+    pd.testing.assert_frame_equal(theirs.table, said.table)
+
+
 def test_csv_and_parquet_say_the_same(tmp_path):
     data = read(tmp_path)
     table.write(pd.read_csv(tmp_path / "set.csv"), tmp_path / "set.parquet")

@@ -1,5 +1,7 @@
 """Frames of anybody's sensor become recordings that replay, view and data sets read."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,10 +13,10 @@ from palpate.dataset.strokes import read_strokes
 from palpate.errors import PalpateError
 from palpate.importing import declaration, importer, resample
 from palpate.importing.frames import ImportFailed
-from palpate.models import emulator
-from palpate.recording.replay import replay
-from palpate.sim.probe.packed_frames import unpack
-from palpate.view.read_strokes import load_strokes
+from palpate.link import emulator_model as emulator
+from palpate.stroke.read import load_strokes
+from palpate.stroke.replay import replay
+from palpate.wire.packing import unpack
 from tests.host.probes import FRAMES
 
 DECLARED = """
@@ -83,6 +85,21 @@ def test_an_imported_csv_replays_bit_for_bit_and_is_the_same_stroke(felt, bench,
     own = bench[0][0]
     assert strokes[1].packed == own.packed[-len(strokes[1].packed) :], "counts come back as they were"
     assert np.array_equal(strokes[1].positions_um, own.positions_um[-len(strokes[1].packed) :])
+
+
+def test_a_table_of_another_country_is_the_same_recording(felt, tmp_path):
+    """Semicolons, decimal commas and cells counted from 1: "no column p_0_0 ... 0 are there"."""
+    said = declared(tmp_path)
+    table(felt).to_csv(tmp_path / "ours.csv", index=False)
+    names = {f"p_{r}_{c}": f"p_{r + 1}_{c + 1}" for r in range(16) for c in range(26)}
+    table(felt).rename(columns=names).to_csv(tmp_path / "theirs.csv", index=False, sep=";", decimal=",")
+    for name in ("ours", "theirs"):
+        importer.import_file(tmp_path / f"{name}.csv", tmp_path / f"{name}.mcap", said)
+    ours, theirs = (read_strokes(tmp_path / f"{name}.mcap") for name in ("ours", "theirs"))
+    assert [s.packed for s in theirs.values()] == [s.packed for s in ours.values()]
+    assert [s.positions_um.tolist() for s in theirs.values()] == [
+        s.positions_um.tolist() for s in ours.values()
+    ]
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".parquet", ".h5"])
@@ -220,3 +237,144 @@ def test_the_command_says_what_it_made(felt, tmp_path, palpate):
     status, _, err = palpate(*asked)
     assert status == 1 and "exists already" in err
     assert palpate("replay", tmp_path / "out" / "a.mcap")[0] == 0
+
+
+ONE_ARRAY = DECLARED.replace('"p_{row}_{column}"', '"pressure"')
+
+
+def arrays(felt):
+    return {name: felt[0][name] for name in ("pressure", "x", "z", "t")} | {"stroke": np.zeros(FRAMES, int)}
+
+
+def rotten(path, felt):
+    np.savez(path, **arrays(felt))
+    raw = bytearray(path.read_bytes())
+    raw[1500] ^= 0xFF
+    path.write_bytes(raw)
+
+
+def parquet(path, felt, change):
+    columns = {n: list(v.reshape(FRAMES, -1)) if v.ndim > 1 else v for n, v in arrays(felt).items()}
+    columns["pressure"] = [row.tolist() for row in columns["pressure"]]
+    change(columns)
+    pd.DataFrame(columns).to_parquet(path)
+
+
+def hollow(path, felt):
+    """80 MB of zeros in 80 kB."""
+    np.savez_compressed(path, **(arrays(felt) | {"pressure": np.zeros((24_000, 16, 26))}))
+
+
+HOSTILE = {
+    "a rotten member": ("a.npz", rotten, "cannot be read"),
+    "an array of objects": (
+        "a.npz",
+        lambda path, felt: np.savez(path, **(arrays(felt) | {"x": np.array([{}] * FRAMES)})),
+        "x: it cannot be read",
+    ),
+    "pressures of objects": (
+        "a.npz",
+        lambda path, felt: np.savez(path, **(arrays(felt) | {"pressure": np.array([[1, 2], None], object)})),
+        "pressure: it cannot be read",
+    ),
+    "no frames": (
+        "a.npz",
+        lambda path, felt: np.savez(path, **{name: values[:0] for name, values in arrays(felt).items()}),
+        "0 frames",
+    ),
+    "words for pressures": (
+        "a.npz",
+        lambda path, felt: np.savez(path, **(arrays(felt) | {"pressure": np.full((FRAMES, 416), "high")})),
+        "is not a number",
+    ),
+    "an empty row": (
+        "a.parquet",
+        lambda path, felt: parquet(path, felt, lambda c: c["pressure"].__setitem__(3, [])),
+        "frame 3, pressure: 0 numbers",
+    ),
+    "a ragged row": (
+        "a.parquet",
+        lambda path, felt: parquet(path, felt, lambda c: c["pressure"][7].pop()),
+        "frame 7, pressure: 415 numbers",
+    ),
+    "no row": (
+        "a.parquet",
+        lambda path, felt: parquet(path, felt, lambda c: c["pressure"].__setitem__(2, None)),
+        "frame 2, pressure",
+    ),
+    "a time of 1e18": (
+        "a.npz",
+        lambda path, felt: np.savez(path, **(arrays(felt) | {"t": np.r_[felt[0]["t"][:-1], 1e18]})),
+        "look at the unit",
+    ),
+    "places of 1e12 mm": (
+        "a.npz",
+        lambda path, felt: np.savez(path, **(arrays(felt) | {"x": felt[0]["x"] + 1e11})),
+        "frame 0, x: 1e+12 mm",
+    ),
+    "80 MB in a thousandth": ("a.npz", hollow, "over 100 times its size"),
+    "no archive": ("a.npz", lambda path, _: path.write_bytes(b"PK\3\4" + bytes(400)), "cannot be read"),
+    "a table cut short": (
+        "a.parquet",
+        lambda path, felt: (parquet(path, felt, len), path.write_bytes(path.read_bytes()[:-900])),
+        "cannot be read",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+def test_a_hostile_file_is_refused_in_a_sentence_and_leaves_nothing(felt, tmp_path, kind):
+    """Most ended as "unexpected", one after a minute, one with half a recording."""
+    name, make, says = HOSTILE[kind]
+    make(tmp_path / name, felt)
+    said = declared(tmp_path, ONE_ARRAY)
+    with pytest.raises(PalpateError, match=re.escape(says)):
+        importer.import_file(tmp_path / name, tmp_path / "out.mcap", said)
+    assert not list(tmp_path.glob("*out*"))
+
+
+@pytest.mark.parametrize("kind", ["hollow", "elsewhere", "virtual", "words", "good"])
+def test_a_hostile_hdf5_file_is_refused_too(felt, tmp_path, kind):
+    h5py = pytest.importorskip("h5py")
+    (tmp_path / "secret").write_bytes(bytes(416 * 8 * FRAMES))
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name, values in arrays(felt).items():
+            if name != "pressure" or kind == "good":
+                file[name] = values
+        shape = (FRAMES, 416)
+        if kind == "hollow":  # nothing is written of it, and it has a terabyte
+            file.create_dataset("pressure", (1 << 28, 416), "f8", chunks=(1, 416))
+        elif kind == "elsewhere":
+            file.create_dataset(
+                "pressure", shape, "f8", external=[(str(tmp_path / "secret"), 0, 416 * 8 * FRAMES)]
+            )
+        elif kind == "virtual":
+            layout = h5py.VirtualLayout(shape, "f8")
+            layout[:] = h5py.VirtualSource(str(tmp_path / "other.h5"), "x", shape)
+            file.create_virtual_dataset("pressure", layout)
+        elif kind == "words":
+            file["pressure"] = ["high"] * FRAMES
+    said = declared(tmp_path, ONE_ARRAY)
+    if kind == "good":
+        assert importer.import_file(tmp_path / "a.h5", tmp_path / "out.mcap", said).frames
+        return
+    with pytest.raises(PalpateError):
+        importer.import_file(tmp_path / "a.h5", tmp_path / "out.mcap", said)
+    assert not list(tmp_path.glob("*out*"))
+
+
+def test_an_import_that_fails_leaves_the_recording_that_was_there(felt, tmp_path, monkeypatch):
+    np.savez(tmp_path / "a.npz", **arrays(felt))
+    (tmp_path / "out.mcap").write_bytes(b"last week's")
+    said = declared(tmp_path, ONE_ARRAY)
+    monkeypatch.setattr(importer, "_play", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        importer.import_file(tmp_path / "a.npz", tmp_path / "out.mcap", said, overwrite=True)
+    assert (tmp_path / "out.mcap").read_bytes() == b"last week's"
+    assert [path.name for path in tmp_path.glob("*.mcap")] == ["out.mcap"]
+
+
+@pytest.mark.parametrize("text", ["unit = []", "unit = {}", "name = [1]", "kPa_per_unit = nan", "zero = inf"])
+def test_a_declaration_of_the_wrong_kinds_is_a_sentence(tmp_path, text):
+    with pytest.raises(PalpateError):
+        declared(tmp_path, DECLARED.replace('unit = "Pa"', text, 1).replace('name = "p_', 'name = "q_'))

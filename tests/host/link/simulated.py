@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from firmware_py import messages
 from palpate.link.commands import pack_command
-from palpate.link.events import Frame
-from palpate.link.parser import LiveParser
 from palpate.sim.probe.faults import Faults, FaultyLine
 from palpate.sim.probe.virtual import VirtualBoard, VirtualProbe
+from palpate.wire.events import Frame
+from palpate.wire.parser import LiveParser
 
 BYTES_PER_S = 92_160
 STEP_US = 100_000

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from palpate.link.answer import depth_mm, stiffness, stiffness_words
+from palpate.answer.words import stiffness_words
+from palpate.spans import depth_mm, stiffness
 
 WIDTH_90 = 1.645
 

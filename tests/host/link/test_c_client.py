@@ -5,9 +5,9 @@ import subprocess
 
 import pytest
 
-from palpate.link.events import Estimate
-from palpate.link.results import OUTPUTS
 from palpate.sim.probe.faults import Faults
+from palpate.wire.events import Estimate
+from palpate.wire.results import OUTPUTS
 from tests.firmware_py.protocol_files import HEADER
 from tests.host.probes import FRAMES, connect
 from tests.waiting import PATIENCE_S

@@ -5,11 +5,11 @@ import time
 
 import pytest
 
-from palpate.link.events import Estimate, Frame, Gap
 from palpate.link.flash import flash
 from palpate.sim.probe.faults import Faults
-from palpate.sim.probe.packed_frames import pack
 from palpate.sim.probe.source import lifted_record
+from palpate.wire.events import Estimate, Frame, Gap
+from palpate.wire.packing import pack
 from tests.host.probes import FRAMES, connect, settled
 from tests.waiting import PATIENCE_S, wait_until
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from palpate.link.events import Estimate, Features, Frame, Log, StrokeState, TactileMap
-from palpate.link.parser import LiveParser
+from palpate.wire.events import Estimate, Features, Frame, Log, StrokeState, TactileMap
+from palpate.wire.parser import LiveParser
 from tests.host.link import wires
 
 BATCH = 2000

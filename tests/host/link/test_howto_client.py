@@ -5,7 +5,7 @@ import subprocess
 import sys
 import time
 
-from palpate.models import emulator
+from palpate.link import emulator_model as emulator
 from tests.docs.blocks import DOCS
 from tests.host.probes import connect
 from tests.waiting import PATIENCE_S, wait_until

@@ -18,10 +18,10 @@ from palpate.errors import (
     UsageError,
 )
 from palpate.link import emulated as notes
-from palpate.link.events import Estimate, Features, Frame, Gap, StrokeState, TactileMap
 from palpate.link.flash import flash
 from palpate.link.probe import Probe
 from palpate.link.transport import FdTransport, open_transport
+from palpate.wire.events import Estimate, Features, Frame, Gap, StrokeState, TactileMap
 from tests.host.probes import FRAMES, LUMP, connect, settled
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -241,3 +241,28 @@ def test_why_a_probes_firmware_does_not_start_is_told():
     with pytest.raises(NotAProbe, match=re.escape(f"it says: {why}")):
         Probe(open_transport(os.ttyname(theirs)))
     speaker.join()
+
+
+@pytest.mark.parametrize("step_s", [600, -600, 80 * 365 * 86400])
+def test_a_step_of_the_hosts_clock_moves_no_device_time(emulated, monkeypatch, step_s):
+    """From nine minutes on the probe's times were shifted by turns of 17.9 minutes, in silence."""
+    import time
+
+    with connect(emulated()) as probe:
+        probe.start_stream()
+        frames = (e for e in probe.events(PATIENCE_S) if isinstance(e, Frame))
+        before = [next(frames) for _ in range(3)][-1]
+        now = time.time_ns
+        monkeypatch.setattr(time, "time_ns", lambda: now() + step_s * 1_000_000_000)
+        later = [next(frames) for _ in range(5)][-1]
+        assert 0 < later.time_us - before.time_us < 60_000_000
+        assert 0 < later.host_ns - before.host_ns < 60_000_000_000
+
+
+@pytest.mark.parametrize("value", [10**20, -(10**20), 1 << 31])
+def test_a_setting_that_the_wire_cannot_carry_is_refused_with_its_limits(emulated, value):
+    with connect(emulated()) as probe:
+        with pytest.raises(CommandRefused, match=r"frame_rate takes \d+ to \d+ mHz"):
+            probe.set_setting("frame_rate", value)
+        with pytest.raises(UsageError, match="none to calibrate with"):
+            probe.calibrate_gain(1e308)

@@ -11,15 +11,15 @@ import pylsl
 import pytest
 
 from palpate import models
-from palpate.across.documents import Documents
-from palpate.across.follower import Follower
-from palpate.cli.emulate import strokes_over
 from palpate.demo.lump import LUMP, NOISE, SEED
-from palpate.link.events import Estimate, Frame
+from palpate.link import emulator_model as emulator
 from palpate.link.flash import flash
 from palpate.link.lsl import ESTIMATES, EVENTS, FRAMES, Outlets
 from palpate.link.probe import Probe
-from palpate.models import emulator
+from palpate.sim.probe.over_lump import strokes_over
+from palpate.stroke.documents import Documents
+from palpate.stroke.follower import Follower
+from palpate.wire.events import Estimate, Frame
 
 PATIENCE_S = 60.0
 

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_py import messages, wire
-from palpate.link.accounting import WRAP, Sequence
-from palpate.link.clock import ClockSync, Unwrapper
-from palpate.link.events import Estimate, Frame
-from palpate.link.parser import LiveParser
 from palpate.sim.probe.faults import Faults, FaultyLine
+from palpate.wire.accounting import WRAP, Sequence
+from palpate.wire.clock import ClockSync, Unwrapper
+from palpate.wire.events import Estimate, Frame
+from palpate.wire.parser import LiveParser
 from tests.host.link import wires
 
 
@@ -200,7 +200,7 @@ def test_a_slow_program_loses_the_oldest_frames_and_no_results():
 
 
 def test_counts_are_unpacked_as_the_protocol_says():
-    from palpate.sim.probe.packed_frames import unpack
+    from palpate.wire.packing import unpack
 
     rng = np.random.default_rng(7)
     counts = rng.integers(0, 4096, 416)
@@ -208,3 +208,15 @@ def test_counts_are_unpacked_as_the_protocol_says():
     for v, w in counts.reshape(-1, 2).tolist():
         packed += bytes((v & 255, v >> 8 | (w & 15) << 4, w >> 4))  # docs/protocol.md, "frame"
     assert (unpack(bytes(packed)) == counts).all()
+
+
+def test_the_hosts_clock_of_a_session_takes_no_steps(monkeypatch):
+    """A step forward by nine minutes shifted all later device times by turns of 17.9 minutes, in silence."""
+    from palpate.link import host_clock
+
+    clock = host_clock.HostClock()
+    before, true = clock.now_ns(), host_clock.time.time_ns()
+    assert abs(before - true) < 1_000_000_000
+    for step_s in (600, -86400 * 365, 86400 * 365 * 80):
+        monkeypatch.setattr(host_clock.time, "time_ns", lambda step_s=step_s: true + step_s * 1_000_000_000)
+        assert 0 <= clock.now_ns() - before < 60_000_000_000

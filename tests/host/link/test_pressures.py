@@ -10,16 +10,16 @@ import pytest
 from mcap.reader import make_reader
 
 from firmware_py import calib
-from palpate.link.events import Frame
-from palpate.link.parser import LiveParser
-from palpate.link.scale import NOMINAL, CalibrationPieces, CellScale
+from palpate.link.session import recorded
 from palpate.recording import channels
 from palpate.recording.convert import convert
 from palpate.recording.playback import open_recording
 from palpate.recording.reader import Recording
-from palpate.recording.session import recorded
 from palpate.recording.writer import RecordingWriter
-from palpate.sim.probe import packed_frames as frames
+from palpate.wire import packing as frames
+from palpate.wire.events import Frame
+from palpate.wire.parser import LiveParser
+from palpate.wire.scale import NOMINAL, CalibrationPieces, CellScale
 from tests.host.link import wires
 from tests.host.probes import connect
 from tests.waiting import PATIENCE_S

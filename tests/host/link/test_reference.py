@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from palpate.cli.emulate import reference_beside, strokes_over
-from palpate.errors import CommandRefused
-from palpate.link.events import Estimate
+from palpate.errors import CommandRefused, ImageRefused
+from palpate.link.flash import flash
+from palpate.link.session import recorded
 from palpate.model_export.exporter import export
-from palpate.recording.replay import replay
-from palpate.recording.session import recorded
+from palpate.sim.probe.over_lump import reference_beside, strokes_over
+from palpate.stroke.replay import replay
+from palpate.wire.events import Estimate
 from tests import reference_model
 from tests.host.probes import LUMP, connect
 
@@ -83,6 +84,19 @@ def test_it_is_forgotten_with_the_power_and_with_another_zero(visit):
         probe.start()
         with connect(probe) as client:
             assert client.reference() is None
+
+
+def test_a_model_that_is_refused_leaves_the_live_one_with_its_reference(visit, real_key_dir):
+    """A new model is tried with the live one's tables out of its way, and they are read again."""
+    old = export(reference_model.model(), real_key_dir, counter=1)[0]
+    with visit() as probe, connect(probe) as client:
+        told = client.take_reference()
+        live = client.identity.model_id
+        with pytest.raises(ImageRefused, match="older than"):
+            flash(client, old)
+        assert client.refresh_identity().model_id == live
+        assert client.reference() == told
+        assert estimate(client).reference == "used"
 
 
 def test_a_reference_of_another_person_is_told_with_the_estimate_and_left_out(visit):

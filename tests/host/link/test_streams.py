@@ -8,10 +8,10 @@ import pytest
 from firmware_py import messages, status
 from palpate.errors import CommandRefused
 from palpate.link import line, stream_wish
-from palpate.link.events import Estimate, Features, Frame, Gap, StreamEnd, StrokeState, TactileMap
 from palpate.link.flash import flash
-from palpate.recording.replay import replay
-from palpate.recording.session import both_counts, recorded
+from palpate.link.session import both_counts, recorded
+from palpate.stroke.replay import replay
+from palpate.wire.events import Estimate, Features, Frame, Gap, StreamEnd, StrokeState, TactileMap
 from tests.host.probes import FRAMES, connect
 from tests.sim.probe.test_emulated import Host
 from tests.waiting import PATIENCE_S, wait_until

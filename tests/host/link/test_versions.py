@@ -11,15 +11,15 @@ import pytest
 
 from firmware_py import geometry, messages, tables
 from palpate.errors import CommandRefused, VersionMismatch
-from palpate.link.events import Estimate, Event
 from palpate.link.flash import flash
-from palpate.link.identity import Identity
-from palpate.link.parser import LiveParser
 from palpate.link.probe import Probe
 from palpate.link.transport import open_transport
 from palpate.recording.playback import open_recording
 from palpate.recording.writer import RecordingWriter
 from palpate.sim.probe import emulated as emulator
+from palpate.wire.events import Estimate, Event
+from palpate.wire.identity import Identity
+from palpate.wire.parser import LiveParser
 from tests.host.link import wires
 from tests.host.probes import connect
 from tests.waiting import PATIENCE_S

@@ -51,8 +51,13 @@ def frame(seq: int, time_us: int | None = None, rng: np.random.Generator | None 
     return packet("frame", place, counts)
 
 
-def estimate(stroke: int, first_seq: int = 0, frames: int = 10) -> bytes:
-    """An estimate packet with made-up numbers."""
-    values = tuple(1_000_000 * (k + 1) for k in range(outputs.VALUES))
+def estimate(stroke: int, first_seq: int = 0, frames: int = 10, **parts: tuple[float, ...]) -> bytes:
+    """An estimate packet with made-up numbers; `parts`: value, low and high of an output."""
+    values = [1_000_000 * (k + 1) for k in range(outputs.VALUES)]
+    for name, span in parts.items():
+        at = 3 * outputs.NAMES.index(name)
+        values[at : at + 3] = [round(1_000_000 * part) for part in span]
     place = (frames, first_seq, first_seq + frames, 0, 5000 * (first_seq + frames))
-    return packet("estimate", (STREAM, stroke, 0, 3 | 2 << 2, 0, 900, 400, b"MODEL-ID", *place), values)
+    return packet(
+        "estimate", (STREAM, stroke, 0, 3 | 2 << 2, 0, 900, 400, b"MODEL-ID", *place), tuple(values)
+    )

@@ -12,7 +12,6 @@ from palpate.features.press_features import PLACES
 from palpate.model_export.fixed_point import force_map
 from palpate.model_export.fixed_point.reference import checks_of, evaluate, inputs
 from palpate.model_export.vocabulary import ABSENT
-from palpate.models.coverage import shows_lump
 from palpate.regression.any_tissue.observed import scaled
 from palpate.regression.field import data
 from palpate.regression.field.presses import press_cases
@@ -20,6 +19,7 @@ from palpate.regression.observed import observe
 from palpate.sim.probe.sensors import StrokeField
 from palpate.sim.tissue import simulate
 from palpate.sim.tissue.any_tissue import PRESS_PARTS, PRESSES
+from tests.studies.coverage import shows_lump
 
 STROKES = Path(__file__).parents[1] / "regression" / "data"
 LUMPS = 32

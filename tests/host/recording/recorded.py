@@ -1,8 +1,8 @@
 """A recording of made-up bytes of the wire."""
 
-from palpate.link.events import Event
-from palpate.link.parser import LiveParser
 from palpate.recording.writer import RecordingWriter
+from palpate.wire.events import Event
+from palpate.wire.parser import LiveParser
 
 
 def record(path, data: bytes, seal=True) -> list[Event]:

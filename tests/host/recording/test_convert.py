@@ -8,9 +8,10 @@ import pandas as pd
 import pytest
 from mcap.reader import make_reader
 
-from palpate.link.events import Frame
+from palpate.errors import PalpateError
 from palpate.recording import channels
 from palpate.recording.convert import convert
+from palpate.wire.events import Frame
 from tests.host.link import wires
 from tests.host.processes import start_palpate
 from tests.host.recording.recorded import record
@@ -76,6 +77,28 @@ def test_all_formats_hold_the_same_table(tmp_path):
     assert parquet["lost_before"].sum() == csv["lost_before"].sum() == 1
     beside = pd.read_csv(tmp_path / "t.estimates.csv")
     assert beside["d_mm"].tolist() == [7.0, 7.0] and beside["hardness"].tolist() == ["hard", "hard"]
+
+
+def test_a_bound_that_is_not_there_is_nan_in_hdf5(tmp_path):
+    """Over a hard lump E has no upper end: h5py refused the column as objects."""
+    import h5py
+
+    record(
+        tmp_path / "hard.mcap",
+        wires.identified() + wires.frame(0) + wires.estimate(1, E_inv23=(0.02, 0, 0.1)),
+    )
+    convert(tmp_path / "hard.mcap", tmp_path / "hard.h5")
+    with h5py.File(tmp_path / "hard.h5") as file:
+        assert np.isnan(file["estimates/E_ratio_high"][0]) and file["estimates/E_ratio_low"][0] > 30
+
+
+def test_a_table_that_is_there_is_not_written_over(tmp_path):
+    record(tmp_path / "a.mcap", wires.identified() + wires.frame(0))
+    (tmp_path / "a.estimates.csv").write_text("somebody's")
+    with pytest.raises(PalpateError, match=r"a\.estimates\.csv exists already; .* --overwrite"):
+        convert(tmp_path / "a.mcap", tmp_path / "a.csv")
+    assert (tmp_path / "a.estimates.csv").read_text() == "somebody's" and not (tmp_path / "a.csv").exists()
+    assert convert(tmp_path / "a.mcap", tmp_path / "a.csv", overwrite=True).frames == 1
 
 
 @pytest.mark.parametrize("suffix", ["parquet", "csv", "h5"])

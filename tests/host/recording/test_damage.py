@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from palpate.errors import RecordingError
-from palpate.link.events import Estimate, Frame
-from palpate.link.parser import LiveParser
 from palpate.recording import channels
 from palpate.recording.playback import open_recording
 from palpate.recording.reader import MAGIC, Recording
 from palpate.recording.writer import RecordingWriter, seal_file
+from palpate.wire.events import Estimate, Frame
+from palpate.wire.parser import LiveParser
 from tests.host.link import wires
 
 FRAMES = 20

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
+from palpate.link.session import recorded
 from palpate.recording.channels import SCHEMAS
 from palpate.recording.reader import Recording
-from palpate.recording.session import recorded
 
 LAYOUT = json.loads((Path(__file__).parents[3] / "docs" / "foxglove" / "palpate.json").read_text())
 PANELS = LAYOUT["configById"]

@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 import zlib
+from io import BytesIO
 
 import numpy as np
 import pytest
@@ -13,10 +14,10 @@ from mcap.records import Chunk
 from mcap.writer import CompressionType, Writer
 
 from palpate.cli.convert import command as convert_command
-from palpate.link.events import Frame, Gap
-from palpate.recording import channels, chunks
+from palpate.recording import channels, chunks, records
 from palpate.recording.playback import open_recording
 from palpate.recording.reader import Recording
+from palpate.wire.events import Frame, Gap
 from tests.host.link import wires
 from tests.host.recording.test_damage import FRAMES, HEAD, read, records_of, session
 
@@ -32,8 +33,6 @@ print(said)
 
 def with_chunk(data, change):
     """A sealed file with its first chunk changed."""
-    from palpate.recording import records
-
     at, _, length = next(r for r in records_of(data) if r[1] == 6)
     chunk = records.parse(6, data[at + HEAD.size : at + HEAD.size + length])
     change(chunk)
@@ -127,3 +126,53 @@ def test_json_of_the_wrong_shape_is_passed_over(tmp_path):
         events = list(played.events())
     assert [e.seq for e in events if isinstance(e, Frame)] == [0, 1]
     assert [(e.seconds, e.reason, e.restarted) for e in events if isinstance(e, Gap)] == [(2.0, "back", True)]
+
+
+def chunked(path, raw, size=None):
+    """A recording that is one chunk of these bytes, and nothing besides."""
+    from mcap.data_stream import RecordBuilder
+    from mcap.records import Header
+
+    built = RecordBuilder()
+    Header("palpate", "made up").write(built)
+    Chunk("zstd", zstandard.compress(raw, 19), 0, 0, 0, size or len(raw)).write(built)
+    path.write_bytes(b"\x89MCAP0\r\n" + built.end())
+    return path
+
+
+HEADS = {
+    "heads without a body": lambda at, size: 0,
+    "bodies that reach to the last head": lambda at, size: max(0, size - at - 18),
+    "bodies that reach to another head": lambda at, size: (size - at) // 18 * 9,
+}
+
+
+@pytest.mark.parametrize("kind", HEADS)
+@pytest.mark.parametrize("opcode", [5, 9])  # message, attachment
+def test_a_chunk_of_heads_is_read_in_linear_time(tmp_path, kind, opcode):
+    """290 bytes of file, unpacked to a row of heads, took 30 s: all was read again behind each of them."""
+    size = 1_800_000
+    raw = b"".join(HEAD.pack(opcode, HEADS[kind](at, size)) for at in range(0, size, 9))
+    inner = records.Damage()
+    taken = Reads(raw)
+    for _ in records.scan(taken, 0, size, lambda _message: False, inner):
+        pass
+    assert inner.places and inner.n_bytes <= size
+    assert taken.n_bytes < 20 * size
+
+
+class Reads(BytesIO):
+    """A stream that counts what is read of it."""
+
+    n_bytes = 0
+
+    def read(self, n=-1):
+        data = super().read(n)
+        self.n_bytes += len(data)
+        return data
+
+
+def test_what_unpacks_to_over_a_thousand_times_its_size_is_a_sentence(tmp_path):
+    path = chunked(tmp_path / "heads.mcap", HEAD.pack(5, 0) * 1_000_000)
+    assert path.stat().st_size < 2000
+    assert "a chunk unpacks to over 1000 times its size" in Recording(path).check()

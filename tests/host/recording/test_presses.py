@@ -8,20 +8,20 @@ import pytest
 
 from firmware_py import calib, feature_names, features
 from palpate import models
-from palpate.cli.emulate import strokes_over
 from palpate.errors import ImageUnreadable
 from palpate.features import press_features
 from palpate.importing.firmware import Session
-from palpate.link.events import Estimate, Features
+from palpate.link import emulator_model as emulator
 from palpate.model_export import exporter, image_builder
 from palpate.model_export.image_builder import inspect
 from palpate.model_export.vocabulary import ABSENT
-from palpate.models import emulator
 from palpate.recording import channels
 from palpate.recording.playback import open_recording
-from palpate.recording.replay import replay
 from palpate.recording.writer import RecordingWriter
+from palpate.sim.probe.over_lump import strokes_over
 from palpate.sim.probe.sensors import LEVELS, PRESS_FRAMES, SensorModel, StrokeField
+from palpate.stroke.replay import replay
+from palpate.wire.events import Estimate, Features
 from tests.firmware_py.strokes import read_strokes
 from tests.host.probes import LUMP
 
@@ -114,7 +114,7 @@ def test_a_recording_of_a_probe_that_did_not_look_at_the_press_is_read_and_its_m
 
 def test_where_the_models_press_is_missing_the_replay_says_so(stream, tmp_path, monkeypatch):
     path = recorded(tmp_path / "a.mcap", stream)
-    monkeypatch.setattr("palpate.recording.replay.Presses.of", lambda *_: None)
+    monkeypatch.setattr("palpate.stroke.replay.Presses.of", lambda *_: None)
     (stroke,) = replay(path)
     assert "press" in stroke.missing and not stroke.identical, "its checks look at it"
     spec = dataclasses.replace(models.load(models.TOLD), checks=None)
@@ -127,7 +127,7 @@ def test_where_the_models_press_is_missing_the_replay_says_so(stream, tmp_path, 
 
 
 def test_an_emulated_probe_is_pressed_before_it_strokes_and_its_stroke_is_the_same(tmp_path):
-    (bare,), _ = strokes_over(LUMP, "none", 1, 40, 1)
+    (bare,), _ = strokes_over(LUMP, "none", 1, 40, press=False)
     (pressed,), _ = strokes_over(LUMP, "none", 1, 40, 1, press=True)
     assert pressed.press == PRESS_FRAMES and pressed.packed[PRESS_FRAMES:] == bare.packed
     path = recorded(tmp_path / "a.mcap", pressed)

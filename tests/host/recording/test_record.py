@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 
 from palpate.errors import DiskFull, NoSuchFile, NotARecording, NotLive, RecordingError, UnknownFormat
-from palpate.link.events import Estimate, Frame, Gap, Log
-from palpate.link.parser import LiveParser
 from palpate.link.probe import Probe
 from palpate.link.reader import LineReader
 from palpate.recording import channels
@@ -20,6 +18,8 @@ from palpate.recording.convert import convert
 from palpate.recording.playback import open_recording
 from palpate.recording.reader import Recording
 from palpate.recording.writer import RecordingWriter
+from palpate.wire.events import Estimate, Frame, Gap, Log
+from palpate.wire.parser import LiveParser
 from tests.host.link import wires
 from tests.host.probes import connect, settled
 from tests.host.recording.recorded import record
@@ -27,7 +27,7 @@ from tests.waiting import PATIENCE_S
 
 WRITER = """
 import sys, time
-from palpate.link.parser import LiveParser
+from palpate.wire.parser import LiveParser
 from palpate.recording.writer import RecordingWriter
 from tests.host.link import wires
 writer, parser = RecordingWriter(sys.argv[1]), LiveParser()
@@ -236,3 +236,14 @@ def test_an_event_of_ones_own_is_recorded_beside_the_session(tmp_path, emulated)
     assert any(channels.read_json(data)["message"] == "breath held" for data in logged)
     with connect(emulated("cpython")) as probe:
         probe.mark(Log(time.time_ns(), 0, 0, "nobody records"))
+
+
+def test_a_device_time_just_below_the_first_one_ends_no_recording(tmp_path):
+    """At the wrap of the probe's clock a late packet has a time below zero: its publish time did not fit."""
+    path = tmp_path / "wrap.mcap"
+    times = [10, (1 << 30) - 5000, 5000, 1 << 28]
+    record(path, wires.identified() + b"".join(wires.frame(k, t) for k, t in enumerate(times)))
+    with open_recording(path) as played:
+        told = [e.time_us for e in played.events() if isinstance(e, Frame)]
+    assert told == [10, -5000, 5000, 1 << 28]
+    assert not Recording(path).check()

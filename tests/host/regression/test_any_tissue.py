@@ -13,6 +13,7 @@ from palpate.sim.probe.sensors import PRESS_FRAMES, Noise, SensorModel, StrokeFi
 from palpate.sim.tissue import Case, Settings, simulate_forces
 from palpate.sim.tissue.any_tissue import PRESSES, any_tissue_cases, press_cases
 from palpate.sim.tissue.design import read_design, settings_of
+from tests.studies import any_tissue
 
 CASE = Case(12.0, 0.7, 20.0, 0.5, gland_ratio=4.0, gland_mm=12.0, fat_stiffening=1.0)
 
@@ -20,7 +21,7 @@ CASE = Case(12.0, 0.7, 20.0, 0.5, gland_ratio=4.0, gland_mm=12.0, fat_stiffening
 @pytest.fixture(scope="module")
 def few(tmp_path_factory):
     """Two lumps of the design, simulated."""
-    return study.prepare(tmp_path_factory.mktemp("any"), 2, workers=1)
+    return any_tissue.prepare(tmp_path_factory.mktemp("any"), 2, workers=1)
 
 
 def test_the_design_draws_tissue_and_face_and_a_longer_one_begins_with_the_shorter():
@@ -28,8 +29,8 @@ def test_the_design_draws_tissue_and_face_and_a_longer_one_begins_with_the_short
     assert len(cases) == 48 and cases[:24] == any_tissue_cases(8, 5)
     for low, middle, high in zip(cases[::3], cases[1::3], cases[2::3], strict=True):
         assert high.F_rel / low.F_rel == pytest.approx(1.4)
-        assert 2.5 <= middle.F_N_per_m / middle.fat_kPa <= 9.0
-        assert 2 <= middle.gland_ratio <= 10 and 8 <= middle.gland_mm <= 30
+        assert 2.5 <= middle.F_N_per_m / middle.fat_kPa <= 12.0
+        assert 1 <= middle.gland_ratio <= 10 and 8 <= middle.gland_mm <= 30
         assert 38 <= middle.probe_radius_mm <= 42 and 0 <= middle.fat_stiffening <= 3
     presses = press_cases(16, 5)
     assert presses[3].F_rel == pytest.approx(cases[1].F_rel) and presses[3].d_mm == cases[1].d_mm
@@ -147,3 +148,28 @@ def test_the_tissue_is_known_from_the_press_before_the_stroke():
     true = model.tissue_truth(seen)
     assert np.sqrt(((guessed - true)[:, 0] ** 2).mean()) < 0.02
     assert fitted.predict(seen.press).shape == (150, 3) and len(fitted.terms) == model.PRESS_TERMS
+
+
+def test_no_lump_that_judges_the_flag_was_trained_on(monkeypatch):
+    """All of them were in both parts, and no test noticed."""
+    from palpate.regression.any_tissue import fit
+
+    def observe(lumps, *_):
+        n = len(lumps)
+        Y = np.zeros((n, len(observed.TRUTH)))
+        return observed.ObservedInTissue(
+            np.zeros((n, 3)),
+            np.zeros((n, 12)),
+            Y,
+            np.ones(n, bool),
+            np.arange(n),
+            np.zeros((n, 26)),
+            np.zeros((n, 2)),
+        )
+
+    monkeypatch.setattr(fit, "observe", observe)
+    monkeypatch.setattr(fit, "beyond", lambda seen, _scope: np.zeros(len(seen.group)))
+    trained, judging = fit._rim(list(range(30)), "typical", 1, b"", model.ON_BORDER)
+    assert not set(trained.group.tolist()) & set(judging.group.tolist())
+    assert {*trained.group.tolist(), *judging.group.tolist()} == set(range(30))
+    assert len(set(judging.group.tolist())) == 10

@@ -7,7 +7,6 @@ from click.testing import CliRunner
 
 from palpate.cli import fit
 from palpate.errors import UsageError
-from palpate.link.events import OUTPUTS
 from palpate.model_export import exporter
 from palpate.model_export import image_builder as image
 from palpate.model_export.schema import ModelSpec
@@ -18,6 +17,7 @@ from palpate.regression.any_tissue.model import OUTPUTS as OURS
 from palpate.regression.field import data as told
 from palpate.regression.table import TableError
 from palpate.report import any_tissue_figures
+from palpate.wire.events import OUTPUTS
 from tests.docs.test_reference import fields_in_the_page
 from tests.host.regression.conftest import STROKES
 

@@ -7,19 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from palpate.answer.across import across, places
 from palpate.errors import UsageError
-from palpate.features.across import across, places
 from palpate.regression.any_tissue import observed
 from palpate.regression.any_tissue.model import OUTPUTS, truth
 from palpate.regression.any_tissue.observed import TissueLump, observe
 from palpate.regression.any_tissue.study import force_map_of
 from palpate.regression.balls import across as across_of_balls
-from palpate.regression.balls import emulator, fit, gaussian_process, lumps, study, training
+from palpate.regression.balls import emulator, fit, gaussian_process, lumps, training
 from palpate.regression.field.design import LumpStrokes
-from palpate.sim.probe.cells import COLUMN_MM
 from palpate.sim.tissue import read_design
 from palpate.sim.tissue.solid.design import ball_cases
 from palpate.sim.tissue.solid.kept import read_kept
+from palpate.wire.cells import COLUMN_MM
+from tests.studies import balls
 
 SET = Path(__file__).parents[2] / "sim" / "tissue" / "data"
 
@@ -186,11 +187,11 @@ def test_a_rim_design_holds_lumps_outside_the_ranges_and_begins_with_the_shorter
 def test_what_can_be_seen_is_said_by_size_and_depth(kept, fitted):
     blob = force_map_of(kept[:40])
     asked = training.observed(kept[:40], "typical", 1, blob)
-    table = study.table_of(asked, fitted.study).set_index("lumps of this kind")
-    kinds = table.iloc[1 : 1 + study.PARTS**2]
+    table = balls.table_of(asked, fitted.study).set_index("lumps of this kind")
+    kinds = table.iloc[1 : 1 + balls.PARTS**2]
     assert kinds["lumps"].sum() == table.loc["all", "lumps"]
     assert table.loc["all", "found"] == pytest.approx(0.88, abs=0.1)
-    heads, rows = study.text_of(table.reset_index())
+    heads, rows = balls.text_of(table.reset_index())
     assert all(len(row) == len(heads) for row in rows)
 
 

@@ -190,3 +190,15 @@ def test_intervals_hold_the_lumps_at_an_end_whose_estimates_lean_to_the_middle(s
     narrowest = np.argsort(half[:, 0])[: len(half) // 4]
     assert inside[narrowest].mean() > 0.84
     assert inside.mean() == pytest.approx(0.9, abs=0.03)
+
+
+@pytest.mark.parametrize("level", [0.5, 0.8, 0.9, 0.95])
+def test_a_fresh_stroke_is_covered_as_often_as_is_said_however_few_there_are(level):
+    """Each of n + 1 in turn is the fresh one: with a rank too low it was covered 82 of 100 times, not 90."""
+    for n in range(int(np.ceil(level / (1 - level))), 120):
+        scores = np.random.default_rng(n).exponential(size=n + 1)
+        held = [
+            fresh <= conformal.conformal_quantile(np.delete(scores, k), level)
+            for k, fresh in enumerate(scores)
+        ]
+        assert level - 1e-9 <= np.mean(held) <= level + 1 / (n + 1) + 1e-9

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from palpate.cli.emulate import strokes_over
 from palpate.regression.field import fit
 from palpate.regression.field.bench import Bench
-from palpate.regression.field.study import STUDIES
 from palpate.regression.thesis.polynomial import fit_thesis_model
 from palpate.sim.probe.noise import LEVELS
+from palpate.sim.probe.over_lump import strokes_over
 from tests.host.probes import LUMP
 from tests.host.regression.conftest import SMALL
+from tests.studies.settings import STUDIES
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def the_same_as_good_and_not_as_typical(sensor, made):
 
 def test_the_emulated_probe(sensor):
     def felt(noise):
-        streams, calibration = strokes_over(LUMP, noise, 1, 12, 1)
+        streams, calibration = strokes_over(LUMP, noise, 1, 12, press=False)
         return streams[0].packed, calibration.to_bytes()
 
     the_same_as_good_and_not_as_typical(sensor, felt)

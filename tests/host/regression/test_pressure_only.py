@@ -12,11 +12,11 @@ from palpate.model_export.fixed_point import force_map
 from palpate.model_export.fixed_point.reference import evaluate
 from palpate.model_export.image_builder import inspect
 from palpate.model_export.schema import ModelSpec
-from palpate.recording.replay import replay
 from palpate.regression.field import fit
 from palpate.regression.field.recipe import PRESSURE_ONLY, Recipe
 from palpate.regression.observed import NAMES, OF_THE_DISPLACEMENT
 from palpate.sim.probe.sensors import LEVELS, SensorModel
+from palpate.stroke.replay import replay
 
 SMALL = Recipe("small", PRESSURE_ONLY.features, 1)
 DECLARED = declaration.Declaration(16, 26, (1.5, 1.5), pressure="kPa", position="x", time="t", stroke="n")

@@ -1,7 +1,7 @@
 """Progress into files and pipes: plain lines, far apart, and nothing of work that is soon done."""
 
-from palpate.cli.output import showing_progress
-from palpate.regression.progress import ProgressLines
+from palpate.console import showing_progress
+from palpate.progress import ProgressLines
 
 
 def test_a_line_is_written_when_the_last_one_is_long_enough_ago():

@@ -7,12 +7,13 @@ import pytest
 
 from firmware_py import features, outputs
 from palpate.model_export.fixed_point import compiler
-from palpate.regression.any_tissue import reference, reference_study
+from palpate.regression.any_tissue import reference
 from palpate.regression.any_tissue.observed import observe
 from palpate.regression.any_tissue.reference import fit_joining
 from palpate.sim.tissue import Case
 from palpate.sim.tissue.any_tissue import elsewhere_cases, press_cases, reference_cases, without_its_lump
 from tests import reference_model
+from tests.studies import reference as reference_study
 
 N, Q24 = 400, 1 << 24
 ENDS = np.array([*reference_model.ENDS.values()]).T

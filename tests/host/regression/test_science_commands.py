@@ -1,4 +1,4 @@
-"""`palpate fit` and `palpate study`: the whole on few strokes; invalid arguments refused before any work."""
+"""`palpate fit`: the whole on few strokes; invalid arguments refused before any work."""
 
 import json
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 import palpate
-from palpate.cli import fit, study
+from palpate.cli import fit
 from palpate.errors import PalpateError, UsageError
 from palpate.model_export.schema import ModelSpec
 from palpate.report import measured
@@ -93,28 +93,6 @@ def test_invalid_arguments_to_fit_are_refused(tmp_path, words, sentence):
     result = CliRunner().invoke(fit.command, [str(tmp_path), "--out", str(tmp_path / "m.json"), *words])
     assert isinstance(result.exception, UsageError) and sentence in str(result.exception)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_study_is_printed_and_drawn_by_one_command(tmp_path):
-    figure = tmp_path / "pitch.svg"
-    result = CliRunner().invoke(study.command, ["pitch", str(STROKES), "--figure", str(figure), "--json"])
-    assert result.exception is None, result.output
-    said = json.loads(result.stdout)
-    assert [row["setting"] for row in said["rows"]] == ["1.5 mm (16 rows)", "3 mm (8 rows)"]
-    assert figure.read_text(encoding="utf-8").startswith("<?xml")
-    noiseless = CliRunner().invoke(study.command, ["pitch", str(STROKES), "--noise", "none", "--json"])
-    assert noiseless.exception is None, noiseless.output
-    better = json.loads(noiseless.stdout)["rows"][0]
-    assert better["F_error"] < said["rows"][0]["F_error"], "the sensors are those that were asked for"
-
-
-def test_a_study_that_does_not_exist_and_a_directory_without_strokes_are_refused(tmp_path):
-    result = CliRunner().invoke(study.command, ["colour", str(tmp_path)])
-    assert isinstance(result.exception, UsageError) and "no study 'colour'" in str(result.exception)
-    result = CliRunner().invoke(study.command, ["noise", str(tmp_path)])
-    assert isinstance(result.exception, PalpateError) and "no strokes over lumps" in str(result.exception)
-    result = CliRunner().invoke(study.command, ["pitch", str(STROKES), "--noise", "loud"])
-    assert isinstance(result.exception, PalpateError) and "loud" in str(result.exception)
 
 
 def test_strokes_over_another_shape_are_refused_by_name(tmp_path):

@@ -23,7 +23,7 @@ RUNS = Path(__file__).parent / "data"
 """The thirty strokes, as `palpate sweep --design thesis --out tests/host/report/data` writes them."""
 RECORDED = Path(__file__).parents[1] / "recording" / "before_the_press.mcap"
 EVERY = [
-    *(f"Figure {n}" for n in range(1, 6)), "Figure 6a to c", "Figure 6d",
+    "Figure 2", "Figure 5", "Figure 6d",
     *(f"Figure {n}" for n in range(7, 22)),
     "Table 1", "Appendix A", "Appendix B", "Appendix C",
 ]  # fmt: skip
@@ -94,7 +94,7 @@ def slug(name: str) -> str:
     return name.lower().replace(" ", "_")
 
 
-def test_every_figure_and_table_of_the_thesis_is_there_in_its_order(written):
+def test_every_result_of_the_thesis_is_there_in_its_order(written):
     path, page, _, done = written
     assert list(page.sections) == [slug(name) for name in EVERY]
     for name in EVERY:
@@ -185,7 +185,7 @@ def test_without_data_the_report_says_what_would_make_each_part(tmp_path):
     assert (
         "--recording FILE" in page.sections["figure_20"] or "Needs a recording" in page.sections["figure_20"]
     )
-    drawn = {f"figure_{n}" for n in ("3", "4", "5", "6a_to_c", "6d", "7")}
+    drawn = {f"figure_{n}" for n in ("5", "6d", "7")}
     assert set(page.images) == drawn, "what needs no strokes is drawn without them"
 
 
@@ -197,7 +197,7 @@ def test_a_map_in_two_dimensions_is_highest_over_the_lump(written):
 
 
 def test_a_recording_gives_figure_2_its_own_map():
-    from palpate.report.probe_figures import figure_2, recorded_map_2d
+    from palpate.report.map_2d_figure import figure_2, recorded_map_2d
 
     found = recorded_map_2d(RECORDED)
     assert (

@@ -5,10 +5,10 @@ import pandas as pd
 import pytest
 import statsmodels.formula.api as smf
 
+from palpate.dataset import agreement as agree
+from palpate.dataset.agreement import agreement, by_lump
 from palpate.dataset.answers import OUTPUTS, Answers
 from palpate.regression.table import r_squared
-from palpate.validation import agreement as agree
-from palpate.validation.agreement import agreement, by_lump
 from palpate.validation.report import write
 from palpate.validation.result import _hardness, share
 from palpate.validation.verdict import verdict

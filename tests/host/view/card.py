@@ -6,23 +6,17 @@ import re
 
 import pytest
 
-from palpate.link.events import Estimate
-from palpate.view.phrases import depth_mm
-from palpate.view.translate import estimate as as_shown
+from palpate.wire.events import Estimate
 
 pytestmark = pytest.mark.browser
 
 
 def numbers_of(estimate: Estimate) -> dict[str, str]:
     """What the card must say of an estimate."""
-    shown = as_shown(estimate)
-    depth = depth_mm(shown.t_mm, shown.d_mm, shown.h)
-    wanted = {"d_mm": shown.d_mm, "depth_mm": depth, "t_mm": shown.t_mm}
-    out = {key: f"{v.value:.1f} mm {v.low:.1f} to {v.high:.1f}" for key, v in wanted.items()}
-    force = shown.F_N_per_m
-    out["F_N_per_m"] = f"{force.value:.0f} N/m {force.low:.0f} to {force.high:.0f}"
-    fat = shown.further["E_fat_kPa"]
-    out["E_fat_kPa"] = f"{fat.value:.1f} kPa {fat.low:.1f} to {fat.high:.1f}"
+    wanted = {"d_mm": estimate.span("d_mm"), "depth_mm": estimate.depth_mm, "t_mm": estimate.span("t_mm")}
+    out = {key: "{:.1f} mm {:.1f} to {:.1f}".format(*span) for key, span in wanted.items()}
+    out["F_N_per_m"] = "{:.0f} N/m {:.0f} to {:.0f}".format(*estimate.span("F_N_per_m"))
+    out["E_fat_kPa"] = "{:.1f} kPa {:.1f} to {:.1f}".format(*estimate.span("E_fat_kPa"))
     return out
 
 

@@ -13,12 +13,12 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
-from palpate.cli.emulate import strokes_over
 from palpate.link.flash import flash
 from palpate.link.probe import Probe
 from palpate.sim.probe.emulated import EmulatedProbe
+from palpate.sim.probe.over_lump import strokes_over
+from palpate.stroke.read import load_strokes
 from palpate.view.live import LiveSource
-from palpate.view.read_strokes import load_strokes
 from palpate.view.replay import ReplaySource
 from palpate.view.serve import Viewer
 from tests.host.view import balls

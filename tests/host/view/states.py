@@ -17,8 +17,8 @@ from pathlib import Path
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from palpate.sim.probe.emulated import EmulatedProbe
+from palpate.stroke.read import load_strokes
 from palpate.view.live import LiveSource
-from palpate.view.read_strokes import load_strokes
 from palpate.view.replay import ReplaySource
 from palpate.view.serve import Viewer
 from palpate.view.source import Source
@@ -108,7 +108,7 @@ def nothing_found(stage: Stage) -> Iterator[Shown]:
 
 
 def no_model(stage: Stage) -> Iterator[Shown]:
-    from palpate.cli.emulate import strokes_over
+    from palpate.sim.probe.over_lump import strokes_over
 
     felt, calibration = strokes_over("d12h07e20f09", "typical", 5, 150, 1, steady=True, press=True)
     probe = stage.stack.enter_context(EmulatedProbe("cpython", strokes=felt, calibration=calibration))

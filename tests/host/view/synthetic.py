@@ -10,23 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from palpate.across.layers import LumpLayer
-from palpate.sim.probe.cells import COLUMN_MM, ROW_MM
-from palpate.view.events import (
-    Device,
-    Estimate,
-    Event,
-    Frame,
-    Health,
-    Interval,
-    LinkChanged,
-    LinkState,
-    MapFit,
-    Playback,
-    ProbeMap,
-    StrokeState,
-)
+from firmware_py import geometry, outputs, status
+from palpate.answer.layers import LumpLayer
+from palpate.answer.told import AcrossStroke, Told
+from palpate.stroke.answered import Answered
+from palpate.view.notices import Device, Health, LinkChanged, LinkState, Playback
 from palpate.view.source import Emit
+from palpate.wire.cells import COLUMN_MM, FULL_SCALE_KPA, PEDESTAL_KPA, ROW_MM
+from palpate.wire.events import OUTPUTS, Estimate, Event, Frame, StrokeState, TactileMap
+from palpate.wire.packing import pack
 
 DEVICE = Device("Made-up probe", serial="TEST-1", firmware="0", runtime="python", model_id="0011223344556677")
 GONE = "The probe is gone. Plug it in again; this page goes on by itself."
@@ -66,32 +58,66 @@ IN_GLAND = LumpLayer(
 )
 
 
-def _around(value: float, share: float) -> Interval:
-    return Interval(value, value * (1 - share), value * (1 + share))
+def _around(value: float, share: float) -> tuple[float, float, float]:
+    return value, value * (1 - share), value * (1 + share)
 
 
-def estimate(bump: Bump, time_s: float) -> Estimate:
-    """The answer that belongs to a bump."""
-    return Estimate(
-        time_s,
-        F_N_per_m=_around(100.0, 0.03),
-        t_mm=_around(bump.d_mm * (bump.h + 0.5), 0.04),
-        d_mm=_around(bump.d_mm, 0.07),
-        h=_around(bump.h, 0.09),
-        E_inv23=Interval(bump.E_inv23, bump.E_inv23 - 0.12, bump.E_inv23 + 0.12),
-        further={} if bump.E_fat_kPa is None else {"E_fat_kPa": _around(bump.E_fat_kPa, 0.06)},
-        lump=bump.kind in ("lump", "outside"),
-        layer=bump.layer,
-        width_mm=None if bump.width_mm is None else _around(bump.width_mm, 0.3),
-        place_mm=None if bump.place_mm is None else _around(bump.place_mm, 0.2),
-        outside=bump.outside,
-        hardness=bump.hardness,
-        in_domain=bump.kind == "lump",
-        force_out=bump.kind == "force",
-        invalid=bump.kind == "unread",
-        level=0.9,
-        model_id="0011223344556677",
+def us(time_s: float) -> int:
+    """A probe's time."""
+    return round(time_s * 1e6)
+
+
+def state(time_s: float, change: str) -> StrokeState:
+    """A change that the probe tells."""
+    return StrokeState(time.time_ns(), 0, 1, 1, change, us(time_s), 0, 0)
+
+
+def frame(
+    seq: int, time_s: float, position_mm: float, displacement_mm: float, image_kPa: np.ndarray
+) -> Frame:
+    """A frame of the nominal sensor."""
+    counts = np.rint((image_kPa + PEDESTAL_KPA) / FULL_SCALE_KPA * geometry.FULL_COUNT)
+    packed = pack(counts.clip(0, geometry.FULL_COUNT))
+    place = us(position_mm) // 1000, us(displacement_mm) // 1000
+    return Frame(time.time_ns(), seq, us(time_s), *place, packed)
+
+
+def estimate(bump: Bump, time_s: float, code: int = status.OK) -> Answered:
+    """The answer that belongs to a bump; with another status there are no numbers."""
+    spans = {
+        "F_N_per_m": _around(100.0, 0.03),
+        "t_mm": _around(bump.d_mm * (bump.h + 0.5), 0.04),
+        "d_mm": _around(bump.d_mm, 0.07),
+        "h": _around(bump.h, 0.09),
+        "E_inv23": (bump.E_inv23, bump.E_inv23 - 0.12, bump.E_inv23 + 0.12),
+        "E_fat_kPa": None if bump.E_fat_kPa is None else _around(bump.E_fat_kPa, 0.06),
+    }
+    values = [round(outputs.SCALE * v) for name in OUTPUTS for v in spans[name] or ()]
+    flags = {"hard": outputs.HARD, "soft": outputs.SOFT}.get(bump.hardness, 0)
+    flags |= outputs.LUMP * (bump.kind in ("lump", "outside")) | outputs.IN_DOMAIN * (bump.kind == "lump")
+    flags |= outputs.FORCE_OUT * (bump.kind == "force") | outputs.INVALID * (bump.kind == "unread")
+    said = Estimate(
+        host_ns=time.time_ns(),
+        stream=1,
+        stroke=1,
+        status=code,
+        flags=flags,
+        damage=0,
+        level_permille=900,
+        distance_permille=0,
+        model_id=bytes.fromhex("0011223344556677"),
+        frames=0,
+        first_seq=0,
+        last_seq=0,
+        overrun=0,
+        time_us=us(time_s),
+        values=tuple(values) if code == status.OK else (),
     )
+    width, place = bump.width_mm, bump.place_mm
+    across = AcrossStroke(
+        0.9, None if width is None else _around(width, 0.3), None if place is None else _around(place, 0.2)
+    )
+    return Answered(said.host_ns, said, Told(across, bump.layer, bump.outside))
 
 
 def image(bump: Bump, position_mm: float, rng: np.random.Generator) -> np.ndarray:
@@ -110,26 +136,51 @@ def stroke(bump: Bump, start_s: float, seq: int, rate: float, seconds: float, se
     rng = np.random.default_rng(seed)
     low = bump.kind == "force"
     n = int(rate * seconds)
-    yield StrokeState(start_s, contact=True, force_low=low)
+    yield state(start_s, "contact")
+    if low:
+        yield state(start_s, "force_low")
     for i in range(n):
         x = -28.0 + 56.0 * i / (n - 1)
         t = start_s + i / rate
-        near = bump.kind != "none" and abs(x) < 6.0
-        if i == 0 or near != (abs(x - 56.0 / (n - 1)) < 6.0):
-            yield StrokeState(t, contact=True, stroke=True, lump=near, force_low=low)
+        if i == 0:
+            yield state(t, "started")
+            if low:
+                yield state(t, "force_low")
+        if bump.kind != "none" and abs(x) < 6.0 <= abs(x - 56.0 / (n - 1)):
+            yield state(t, "lump_passed")
         depth = 2.56 - (0.0 if bump.kind == "none" else 0.5) * np.exp(-0.5 * (x / 9.0) ** 2)
-        yield Frame(seq + i, t, time.time(), x, float(depth + rng.normal(0, 0.008)), image(bump, x, rng))
+        yield frame(seq + i, t, x, float(depth + rng.normal(0, 0.008)), image(bump, x, rng))
     end = start_s + n / rate
-    yield StrokeState(end, contact=True)
-    x = np.arange(-28.0, 29.0)
-    fit = None if bump.kind == "none" else MapFit(bump.base_kPa * 0.9, bump.amp_kPa * 0.6, 0.0, bump.stdev_mm)
-    p = (
-        np.full(x.size, bump.base_kPa * 0.9)
-        if fit is None
-        else fit.base_kPa + fit.amp_kPa * np.exp(-0.5 * (x / fit.stdev_mm) ** 2)
-    )
-    yield ProbeMap(tuple(x), tuple(p), fit, bump.columns)
+    yield state(end, "ended")
+    yield probe_map(bump)
     yield estimate(bump, end)
+
+
+def probe_map(bump: Bump) -> TactileMap:
+    """The map that the probe makes of a bump, from -28 to 28 mm."""
+    count_mpa = 1_000_000  # so that a unit of its values is 2^-11 kPa
+    flat = bump.kind == "none"
+    x = np.arange(-28.0, 29.0)
+    amp = 0.0 if flat else bump.amp_kPa * 0.6
+    kPa = bump.base_kPa * 0.9 + amp * np.exp(-0.5 * (x / bump.stdev_mm) ** 2)
+    fit = (bump.base_kPa * 0.9, amp)
+    return TactileMap(
+        host_ns=time.time_ns(),
+        stream=1,
+        stroke=1,
+        status=status.NO_FIT if flat else status.OK,
+        first_column=bump.columns[0],
+        end_column=bump.columns[1],
+        points=x.size,
+        first_mm=-28,
+        place_um=0,
+        count_mpa=count_mpa,
+        base_q11=round(fit[0] * 2**11),
+        amplitude_q11=round(fit[1] * 2**11),
+        centre_q16=28 << 16,
+        stdev_q16=round(bump.stdev_mm * 2**16),
+        values=tuple(np.rint(kPa * 2**11).astype(int).tolist()),
+    )
 
 
 class SyntheticSource:
@@ -219,22 +270,26 @@ class SyntheticSource:
                     self._frame(event, stood_s, emit)
                     stood_s += 0.1
                     time.sleep(0.1)
-                wait = event.time_s + stood_s - time.monotonic()
+                wait = event.time_us * 1e-6 + stood_s - time.monotonic()
                 if wait > 0:
                     time.sleep(wait)
                 self._frame(event, stood_s, emit)
-            elif isinstance(event, ProbeMap):
-                emit(event)
+            elif isinstance(event, StrokeState):
+                emit(replace(event, time_us=event.time_us + us(stood_s)))
+            elif isinstance(event, Answered):
+                later = replace(event.estimate, time_us=event.estimate.time_us + us(stood_s))
+                emit(replace(event, estimate=later))
             else:
-                emit(replace(event, time_s=event.time_s + stood_s))
+                emit(event)
             if stop.is_set() or not self.plugged.is_set():
                 return False
         if self.lifts:
-            emit(StrokeState(time.monotonic()))
+            emit(state(time.monotonic(), "lifted"))
         return True
 
     def _frame(self, frame: Frame, later_s: float, emit: Emit) -> None:
-        emit(replace(frame, seq=self.seq, time_s=frame.time_s + later_s, host_time_s=time.time()))
+        now_us = frame.time_us + us(later_s)
+        emit(replace(frame, seq=self.seq, time_us=now_us, host_ns=time.time_ns()))
         self.seq += 1
         if self.seq % int(self.rate / 2) == 0:
             emit(Health(self.rate, self.seq, 0, 0, 0, 0, 0, 3.2))

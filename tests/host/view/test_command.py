@@ -23,8 +23,7 @@ def test_help_shows_examples_that_name_both_uses(palpate):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), "either --port PORT for a probe or the FILE.mcap"),
-        (("a.mcap", "--port", "auto"), "either --port PORT"),
+        (("a.mcap", "--port", "auto"), "either --port PORT for a probe or the FILE.mcap"),
         (("nowhere.mcap",), "there is no recording nowhere.mcap"),
         (("notes.txt",), "should end in .mcap"),
         (("--port", "auto", "--http-port", "99999"), "99999"),

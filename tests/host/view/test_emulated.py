@@ -9,13 +9,13 @@ from playwright.sync_api import expect
 
 from palpate import models
 from palpate.link import emulated as notes
-from palpate.link.events import Estimate, Gap
 from palpate.link.flash import flash
 from palpate.link.probe import Probe
+from palpate.link.session import recorded
 from palpate.recording.playback import open_recording
-from palpate.recording.session import recorded
 from palpate.view.live import LiveSource
 from palpate.view.replay import ReplaySource
+from palpate.wire.events import Estimate, Gap
 from tests.host.view.card import numbers_of, numbers_on
 from tests.host.view.waiting import PATIENCE_S, eventually, noticed, recording_begun, see
 
@@ -52,7 +52,7 @@ def test_a_stroke_appears_and_the_card_says_what_the_probe_said(probe, viewer, o
 
     def numbers() -> dict[float, int]:
         known = running.session.visits.strokes()
-        return {round(s.estimate.time_s, 3): s.number for s in known if s.estimate is not None}
+        return {round(s.estimate.time_us * 1e-6, 3): s.number for s in known if s.estimate is not None}
 
     times = {round(e.time_us * 1e-6, 3) for e in said.values()}
     eventually(lambda: times <= set(numbers()))  # the file may be ahead of the page

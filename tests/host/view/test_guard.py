@@ -183,3 +183,33 @@ def test_a_page_that_sends_rubbish_is_still_served(running):
         message = page.recv(PATIENCE_S)
         while isinstance(message, bytes) or json.loads(message).get("id") != 7:
             message = page.recv(PATIENCE_S)
+
+
+MANY = "&".join(f"a{k}=1" for k in range(40))
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/?" + MANY, "/?token=open%20sesame&" + MANY, "/?token=%00%ff", "/api/stroke-" + 9000 * "9" + ".json"],
+)
+def test_an_address_of_any_shape_is_refused_without_a_traceback(guarded, path, capfd):
+    """More than 32 fields gave 500, and a traceback in the terminal, to anybody without a token."""
+    assert ask(guarded, path)[0].status in (400, 401, 404)
+    assert "Traceback" not in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("origin", ["http://[::1", "http://[", "null", "", "http://localhost:x"])
+def test_an_origin_of_any_shape_is_refused_without_a_traceback(guarded, origin, capfd):
+    assert ask(guarded, "/", Origin=origin)[0].status == 403
+    assert "Traceback" not in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "path", ["//evil.example/", "///evil.example/", "/\\\\evil.example/", "/%5C%5Cevil.example/"]
+)
+def test_the_token_is_exchanged_on_this_site_and_leads_to_no_other(guarded, path):
+    """//evil.example/?token=... sent the browser there."""
+    answer, _ = ask(guarded, f"{path}?token=open%20sesame")
+    assert answer.status == 303
+    where = answer.headers["location"].replace("\\", "/")
+    assert where.startswith("/") and not where.startswith("//")

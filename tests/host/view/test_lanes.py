@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from palpate.sim.probe.cells import COLUMN_MM, ROW_MM
-from palpate.view.area import strip
-from palpate.view.events import LinkChanged, LinkState, Mark
-from palpate.view.lanes import lane_of, mark_of
+from palpate.stroke.area import strip
+from palpate.stroke.lanes import lane_of, mark_of
+from palpate.view.notices import LinkChanged, LinkState
 from palpate.view.session import Session
+from palpate.wire.cells import COLUMN_MM, ROW_MM
+from palpate.wire.events import MARK_PREFIX, Log
 from tests.host.view.synthetic import Bump, stroke
 
 POSITIONS = np.linspace(-28.0, 28.0, 113)
@@ -90,7 +91,8 @@ def test_a_lane_is_noted_once_while_its_stroke_runs_and_the_note_read_back():
 def test_a_noted_lane_is_read_back_as_that_of_its_stroke_however_late_the_note_stands(late):
     """A busy machine wrote one behind the end of its stroke, which had no lane again."""
     session = Session(mode="live", name="x")
-    told = [Mark(0.0, mark_of(2.5, 10.0)), Mark(0.0, "the lane 2 mm by the road")]
+    lines = (mark_of(2.5, 10.0), "the lane 2 mm by the road")
+    told = [Log(0, 0, 0, MARK_PREFIX + line) for line in lines]
     first = list(stroke(Bump(), 10.0, 0, 50.0, 1.0, 1))
     for event in [*first[: late + 1], *told, *first[late + 1 :]]:
         session.on_event(event)

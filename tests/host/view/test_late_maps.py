@@ -6,11 +6,11 @@ import dataclasses
 
 import pytest
 
-from palpate.link import events as link
-from palpate.link.scale import NOMINAL
-from palpate.view.assemble import Assembler
-from palpate.view.stroke import Stroke
-from palpate.view.translate import MAP_PATIENCE_US, Translator
+from palpate.stroke.answered import MAP_PATIENCE_US, Answers
+from palpate.stroke.assemble import Assembler
+from palpate.stroke.stroke import Stroke
+from palpate.wire import events as link
+from palpate.wire.scale import NOMINAL
 
 SECOND_US = 1_000_000
 
@@ -31,11 +31,11 @@ def frame(time_us):
 
 def finished(events):
     """The strokes that these events finish, after a stroke from 1 to 2 s."""
-    translator = Translator(NOMINAL)
+    answers = Answers()
     assembler = Assembler(lambda t: Stroke(number=1, visit=1, started_s=t))
     began = [(0, "contact"), (1, "started"), (2, "ended")]
     states = [event(link.StrokeState, state=state, time_us=t * SECOND_US) for t, state in began]
-    shown = [each for one in [*states, *events] for each in translator.feed(one)]
+    shown = [each for one in [*states, *events] for each in answers.feed(one)]
     return [stroke for each in shown if (stroke := assembler.feed(each)) is not None]
 
 
@@ -45,10 +45,10 @@ def test_a_map_behind_the_estimate_belongs_to_its_stroke(thinking_s):
     answered_us = round((2 + thinking_s) * SECOND_US)
     (stroke,) = finished([ESTIMATE, frame(answered_us), frame(answered_us + SECOND_US), MAP])
     assert stroke.estimate is not None
-    assert stroke.probe_map is not None and stroke.detail(images=False)["map"]["by"] == "probe"
+    assert stroke.map is not None and stroke.detail(images=False)["map"]["by"] == "probe"
 
 
 def test_a_map_that_was_lost_does_not_keep_the_estimate_back_for_ever():
     answered_us = 5 * SECOND_US
     (stroke,) = finished([ESTIMATE, frame(answered_us), frame(answered_us + MAP_PATIENCE_US + 1)])
-    assert stroke.estimate is not None and stroke.probe_map is None
+    assert stroke.estimate is not None and stroke.map is None

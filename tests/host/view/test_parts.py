@@ -11,38 +11,32 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from palpate.view.assemble import Assembler
-from palpate.view.events import (  # fmt: skip
-    Estimate,
-    Frame,
-    LinkChanged,
-    LinkState,
-    StrokeState,
-)
+from firmware_py import status
+from palpate.answer.card import card
+from palpate.stroke.assemble import Assembler
+from palpate.stroke.stroke import MAX_FRAMES, MAX_IMAGES, Stroke
 from palpate.view.exports import stroke_figure
 from palpate.view.lump_outline import draw_outline
+from palpate.view.notices import LinkChanged, LinkState
 from palpate.view.page_connection import to_json
-from palpate.view.phrases import card
 from palpate.view.session import Session
-from palpate.view.stroke import MAX_FRAMES, MAX_IMAGES, Stroke
-from tests.host.view.synthetic import IN_GLAND, Bump, estimate, stroke
+from palpate.wire.events import Frame
+from tests.host.view.synthetic import IN_GLAND, Bump, estimate, frame, state, stroke
 
 
 def test_frames_before_the_probe_says_started_belong_to_the_stroke_and_those_in_the_air_do_not():
     assembler = Assembler(lambda t: Stroke(number=1, visit=1, started_s=t))
 
-    def frame(n):
-        return Frame(n, n * 0.01, 0.0, float(n), 1.0, np.ones((16, 26), np.float32))
+    def felt(numbers):
+        for n in numbers:
+            assembler.feed(frame(n, n * 0.01, float(n), 1.0, np.ones((16, 26))))
 
-    for n in range(5):
-        assembler.feed(frame(n))
-    assembler.feed(StrokeState(0.05, contact=True))
-    for n in range(5, 9):
-        assembler.feed(frame(n))
-    assembler.feed(StrokeState(0.09, contact=True, stroke=True))
-    for n in range(9, 20):
-        assembler.feed(frame(n))
-    assembler.feed(StrokeState(0.2))
+    felt(range(5))
+    assembler.feed(state(0.05, "contact"))
+    felt(range(5, 9))
+    assembler.feed(state(0.09, "started"))
+    felt(range(9, 20))
+    assembler.feed(state(0.2, "lifted"))
     assert assembler.running is None
     done = assembler.feed(estimate(Bump(), 0.21))
     assert done is not None and done.position_mm == [float(n) for n in range(5, 20)]
@@ -51,13 +45,8 @@ def test_frames_before_the_probe_says_started_belong_to_the_stroke_and_those_in_
 
 def test_a_lost_estimate_does_not_go_to_the_next_stroke():
     session = Session(mode="live", name="x")
-    for state in (
-        StrokeState(0, True, True),
-        StrokeState(1, True),
-        StrokeState(2, True, True),
-        StrokeState(3),
-    ):
-        session.on_event(state)
+    for second, change in enumerate(("started", "ended", "started", "lifted")):
+        session.on_event(state(second, change))
     session.on_event(estimate(Bump(d_mm=7.0), 3.1))
     first, second = session.visits.strokes()
     assert first.estimate is None and first.summary()["card"]["title"] == "No answer from the probe"
@@ -67,11 +56,11 @@ def test_a_lost_estimate_does_not_go_to_the_next_stroke():
 def test_a_late_estimate_goes_to_its_own_stroke_though_the_next_has_begun():
     """It was "No answer" for the one, and the answer to the one before for the other."""
     session = Session(mode="live", name="x")
-    session.on_event(StrokeState(0, True, True))
-    session.on_event(StrokeState(1, True))
-    session.on_event(StrokeState(1.1, True, True))
+    session.on_event(state(0, "started"))
+    session.on_event(state(1, "ended"))
+    session.on_event(state(1.1, "started"))
     session.on_event(estimate(Bump(d_mm=7.0), 1.2))
-    session.on_event(StrokeState(2, True))
+    session.on_event(state(2, "ended"))
     session.on_event(estimate(Bump(d_mm=9.0), 2.1))
     assert [(s.number, s.value("d_mm")) for s in session.visits.strokes()] == [(1, 7.0), (2, 9.0)]
 
@@ -98,24 +87,29 @@ def test_lost_frames_are_counted_on_the_stroke():
 
 def test_a_probe_left_on_the_tissue_for_an_hour_does_not_fill_the_memory():
     kept = Stroke(number=1, visit=1, started_s=0.0)
-    pressure = np.ones((16, 26), np.float32)
+    felt = frame(0, 0.0, 0.0, 1.0, np.ones((16, 26)))
     for n in range(20_000):
-        kept.add(Frame(n, n * 0.005, 0.0, n * 0.001, 1.0, pressure))
+        kept.add(dataclasses.replace(felt, seq=n, time_us=5000 * n, position_um=n))
     assert len(kept.images) <= MAX_IMAGES and len(kept.position_mm) <= MAX_FRAMES
     assert kept.frames == 20_000
     detail = kept.detail()
     assert detail["traces"]["position_mm"][0] == 0.0 and detail["traces"]["position_mm"][-1] > 19.0
 
 
+def answered(bump, code=status.OK):
+    """The card of the answer to this bump."""
+    event = estimate(bump, 0.0, code)
+    return card(event.estimate, event.told)
+
+
 def test_nothing_is_said_of_a_lump_where_none_was_found():
-    said = card(estimate(Bump(kind="none"), 0.0))
+    said = answered(Bump(kind="none"))
     assert said["hardness"] is None and said["E_ratio"] is None
     assert said["rows"] == [], "the probe sends zeros; once the card said a force of 0 N/m"
 
 
 def test_the_card_says_where_a_lump_lies_and_takes_its_depth_from_there():
-    found = dataclasses.replace(estimate(Bump(kind="lump"), 0.0), layer=IN_GLAND)
-    said = card(found)
+    said = answered(Bump(layer=IN_GLAND))
     assert said["layer"]["text"] == "in the gland (90 %)"
     assert [said["layer"][part] for part in ("value", "low", "high")] == [0.0, 0.0, 0.1]
     assert said["layer"]["sizes"] == "13.4 mm if 3.1 × fat, 10.1 mm if over 50 × fat (each ± 7 %)"
@@ -123,14 +117,14 @@ def test_the_card_says_where_a_lump_lies_and_takes_its_depth_from_there():
     assert (depth["value"], depth["low"], depth["high"]) == IN_GLAND.depth_mm
     json.loads(to_json(said))
     close = dataclasses.replace(IN_GLAND, worth_saying=False)
-    assert card(dataclasses.replace(found, layer=close))["layer"]["sizes"] == ""
-    assert card(dataclasses.replace(found, layer=None))["layer"] is None
-    assert card(dataclasses.replace(estimate(Bump(kind="none"), 0.0), layer=IN_GLAND))["layer"] is None
+    assert answered(Bump(layer=close))["layer"]["sizes"] == ""
+    assert answered(Bump())["layer"] is None
+    assert answered(Bump(kind="none", layer=IN_GLAND))["layer"] is None
 
 
 def test_every_card_carries_the_line():
     for kind in ("lump", "none", "outside", "force", "unread"):
-        assert card(estimate(Bump(kind=kind), 0.0))["notice"] == "Research use, not a diagnosis."
+        assert answered(Bump(kind=kind))["notice"] == "Research use, not a diagnosis."
     assert card(None)["notice"] == "Research use, not a diagnosis."
 
 
@@ -140,10 +134,10 @@ def test_what_is_not_finite_reaches_the_page_as_null():
 
 
 def test_an_estimate_without_numbers_makes_a_card():
-    empty = Estimate(0.0, invalid=True, status_text="the stroke is too short: stroke on")
-    said = card(dataclasses.replace(empty))
-    assert said["title"] == "Stroke could not be read"
-    assert said["text"] == "The stroke is too short: stroke on. Stroke again."
+    said = answered(Bump(kind="unread"), status.TOO_SHORT)
+    assert said["title"] == "Stroke could not be read" and not said["rows"]
+    reason = status.TEXT[status.TOO_SHORT]
+    assert said["text"] == f"{reason[0].upper()}{reason[1:]}. Stroke again."
 
 
 def test_a_recording_that_a_full_disk_ends_is_told_and_what_was_written_is_kept(tmp_path):

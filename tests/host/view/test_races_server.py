@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from palpate.view.commands import Commands
-from palpate.view.events import RecordingStopped
+from palpate.view.notices import RecordingStopped
 from palpate.view.session import Session
 from tests.host.view.synthetic import Bump, SyntheticSource
 from tests.host.view.waiting import PATIENCE_S, eventually

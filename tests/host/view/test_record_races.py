@@ -8,7 +8,7 @@ import os
 import pytest
 from playwright.sync_api import expect
 
-from palpate.view.events import RecordingStopped
+from palpate.view.notices import RecordingStopped
 from tests.host.view.pages import LUMP, opened, told
 from tests.host.view.synthetic import SyntheticSource
 from tests.host.view.waiting import eventually, held, noticed, recording_begun

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import expect
 
-from palpate.link.events import Estimate
 from palpate.link.flash import flash
 from palpate.link.probe import Probe
-from palpate.view.read_strokes import load_strokes
+from palpate.stroke.read import load_strokes
 from palpate.view.replay import ReplaySource
+from palpate.wire.events import Estimate
 from tests.host.view.card import numbers_of, numbers_on
 from tests.host.view.waiting import PATIENCE_S, eventually, noticed, settled
 
@@ -22,7 +22,7 @@ SLOWLY = 0.001
 @pytest.fixture(scope="module")
 def recording(strokes, public_key, images, tmp_path_factory):
     """Three strokes on MicroPython, recorded."""
-    from palpate.recording.session import recorded
+    from palpate.link.session import recorded
     from palpate.sim.probe.emulated import EmulatedProbe
 
     path = tmp_path_factory.mktemp("recording") / "monday.mcap"

@@ -4,12 +4,12 @@ import pytest
 from playwright.sync_api import expect
 
 from firmware_py import outputs
-from palpate.cli.emulate import reference_beside, strokes_over
-from palpate.link.events import Estimate
+from palpate.answer.card import card
 from palpate.model_export.exporter import export
-from palpate.view import phrases, translate
+from palpate.sim.probe.over_lump import reference_beside, strokes_over
 from palpate.view.live import LiveSource
 from palpate.view.serve import Viewer
+from palpate.wire.events import Estimate
 from tests import reference_model
 from tests.host.conftest import emulated
 from tests.host.probes import LUMP
@@ -68,4 +68,4 @@ def test_the_card_says_what_became_of_it(flag, words):
     flags = outputs.LUMP | outputs.IN_DOMAIN | flag
     values = (500000,) * outputs.VALUES
     said = Estimate(0, 1, 1, 0, flags, 0, 900, 100, bytes(8), 40, 0, 40, 0, 0, values)
-    assert words in phrases.card(translate.estimate(said))["reference"]
+    assert words in card(said)["reference"]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from palpate.comparison.change import compare, spread
+from palpate.stroke.change import compare, spread
 
 
 def test_two_strokes_of_one_lump_stay_within_repeatability_as_often_as_it_says():

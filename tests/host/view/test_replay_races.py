@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from playwright.sync_api import expect
 
-from palpate.view.events import LinkChanged, LinkState
+from palpate.view.notices import LinkChanged, LinkState
 from tests.host.view.pages import opened
 from tests.host.view.synthetic import SyntheticReplay
 from tests.host.view.waiting import eventually, held

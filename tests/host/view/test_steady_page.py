@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from palpate.view.events import Frame, LinkChanged, LinkState, StrokeState
+from palpate.view.notices import LinkChanged, LinkState
 from palpate.view.page_connection import MAX_UNDRAWN
 from tests.host.view.pages import LUMP
-from tests.host.view.synthetic import DEVICE, Bump, SyntheticSource
+from tests.host.view.synthetic import DEVICE, Bump, SyntheticSource, frame, state
 from tests.host.view.waiting import eventually, settled
 
 pytestmark = pytest.mark.browser
@@ -75,8 +75,8 @@ class InTheAir(SyntheticSource):
         while not stop.wait(0.05):
             on = self.pressed.is_set()
             now, pressure = time.monotonic(), np.full((16, 26), 3.0 if on else 0.02, np.float32)
-            emit(StrokeState(now, contact=on))
-            emit(Frame(self.seq, now, time.time(), 0.0, 0.0, pressure))
+            emit(state(now, "contact" if on else "lifted"))
+            emit(frame(self.seq, now, 0.0, 0.0, pressure))
             self.seq += 1
 
 

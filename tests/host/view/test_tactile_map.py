@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from palpate.features.gaussian import bump
-from palpate.sim.probe.cells import ROW_MM
-from palpate.view.tactile_map import columns_over_lump, fit_growing_map, method_2
+from palpate.stroke.tactile_map import columns_over_lump, fit_growing_map, method_2
+from palpate.wire.cells import ROW_MM
 
 
 @given(

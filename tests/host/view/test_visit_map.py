@@ -9,10 +9,10 @@ import pytest
 from playwright.sync_api import expect
 
 from palpate import models
-from palpate.cli.emulate import strokes_over
-from palpate.models import emulator
+from palpate.link import emulator_model as emulator
+from palpate.sim.probe.over_lump import strokes_over
+from palpate.stroke.read import load_strokes
 from palpate.view.live import LiveSource
-from palpate.view.read_strokes import load_strokes
 from palpate.view.replay import ReplaySource
 from tests.host.conftest import emulated
 from tests.host.probes import LUMP as CYLINDER
@@ -428,10 +428,10 @@ def test_a_recording_shows_the_map_of_the_visit_that_it_is_of(probe, viewer, ope
     page.keyboard.press("r")
     expect(page.locator("#record-text")).to_have_text("Record")
     (file,) = (tmp_path / "recordings").glob("*.mcap")
-    live = {s.estimate.time_s: s.lane_mm for s in running.session.visits.strokes() if s.estimate}
+    live = {s.estimate.time_us: s.lane_mm for s in running.session.visits.strokes() if s.estimate}
     again = [s for s in load_strokes(file) if s.estimate and s.frames > 40]
     assert len(again) >= 3
-    assert [s.lane_mm for s in again] == [live[s.estimate.time_s] for s in again]
+    assert [s.lane_mm for s in again] == [live[s.estimate.time_us] for s in again]
     assert len({s.lane_mm for s in again}) == len(again)
     replayed = open_page(viewer(ReplaySource(file), mode="replay"))
     expect(replayed.locator("#link-text")).to_have_text("Played to its end")

@@ -11,7 +11,9 @@ import numpy as np
 
 from firmware_py import calib, live_model, messages, safe_record, status
 from firmware_py.store import FileStore
+from palpate import models
 from palpate.errors import PalpateError
+from palpate.model_export.exporter import export
 from palpate.sim.probe import source
 from palpate.sim.probe.circuit import Matrix
 from palpate.sim.probe.hand import Hand, Moment, moments
@@ -57,6 +59,12 @@ def at_the_prompt(pack: bytes, **words) -> Board:
     board = Board(files, **words)
     board.chip.run(lambda: board.chip.connected)
     return board
+
+
+@functools.cache
+def bundled(name: str, key_dir: Path) -> bytes:
+    """A model that comes with Palpate, signed; none is newer than another, so each may follow each."""
+    return export(models.load(name), key_dir, counter=1)[0]
 
 
 def kept_files(
@@ -175,7 +183,7 @@ class Board:
             piece = image[at : at + messages.FLASH_PIECE]
             assert self.ask("flash_data", (at,), piece).code == status.OK
         made_ready = self.ask("flash_verify", (name,), limit_us=10e6).fields["model_id"]
-        assert self.ask("flash_confirm", (made_ready,)).code == status.OK
+        assert self.ask("flash_confirm", (made_ready,), limit_us=10e6).code == status.OK
 
     def counters(self) -> dict[str, int]:
         """The probe's own counters."""

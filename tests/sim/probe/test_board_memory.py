@@ -5,9 +5,9 @@ import dataclasses
 import pytest
 
 from firmware_py import messages, settings, status
-from palpate.cli.emulate import strokes_over
 from palpate.model_export.exporter import export
 from palpate.model_export.signing import keys
+from palpate.sim.probe.over_lump import strokes_over
 from tests.model_export import synthetic
 from tests.model_export.flashing import a_force_map
 from tests.sim.probe import board_bench
@@ -62,7 +62,7 @@ def test_with_a_live_model_it_is_ready_in_two_seconds_and_streams_with_40_kB_fre
 def test_eighty_five_frames_a_second_through_a_whole_stroke_none_late_or_dropped(live, tmp_path):
     """As many as the converter makes, with pipeline, estimate and USB."""
     board = live
-    board.stroke(strokes_over(LUMP, "typical", 1, MOMENTS, 1)[0], tmp_path)
+    board.stroke(strokes_over(LUMP, "typical", 1, MOMENTS, press=False)[0], tmp_path)
     assert board.ask("set_setting", (settings.FRAME_RATE, RATE_MHZ)).code == status.OK
     before = board.counters()
     assert board.ask("stream_start", (CONTENT, 1, 1, 60_000)).code == status.OK

@@ -13,14 +13,14 @@ import pytest
 
 from firmware_py import cobs, crc, evaluator, features, forcemap, pipeline, slh_dsa, status
 from palpate.model_export.fixed_point import compiler
-from palpate.sim.probe import mpy_file
-from palpate.sim.probe.machine_code import PROCESSORS, BadAccess, MachineCode
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
-from palpate.sim.probe.viper_source import compile_viper
 from tests.firmware_py import stages, twins, vectors
 from tests.firmware_py.strokes import read_strokes
 from tests.model_export import small_key, synthetic
 from tests.model_export.test_micropython import rows
+from tests.sim.probe import mpy_file
+from tests.sim.probe.machine_code import PROCESSORS, BadAccess, MachineCode
+from tests.sim.probe.viper_source import compile_viper
 
 VECTORS = {"armv6m": 250, "armv7m": 50, "armv7emsp": 250}
 """In every `make test`; the M3's code is the M4's. `make test-long` draws a thousand."""
@@ -189,8 +189,8 @@ def test_a_hash_that_gives_other_bytes_is_not_used(monkeypatch):
 # ---- whole strokes, whole models
 
 
-def feed(stream, calibration, force_map, fixed_columns):
-    p = pipeline.Pipeline(calibration, fixed_columns=fixed_columns)
+def feed(stream, calibration, force_map):
+    p = pipeline.Pipeline(calibration)
     for packed, x, d in zip(stream.packed, stream.positions_um, stream.displacements_um):
         p.add_frame(packed, int(x), int(d))
     code = p.finish(force_map)
@@ -204,7 +204,7 @@ def test_whole_strokes(hot, architecture):
     for seed, pair in enumerate(read_strokes()[:4]):
         model = SensorModel(StrokeField(*pair), LEVELS["typical"], seed, across_mm=3.9)
         stream = model.stroke(60)
-        given = stream, model.calibration(), force_map, (None, (6, 20))[seed % 2]
+        given = stream, model.calibration(), force_map
         expected = feed(*given)
         with twins.installed(twins.HOT, hot) as called, twins.installed(twins.STROKE, code) as more:
             assert feed(*given) == expected

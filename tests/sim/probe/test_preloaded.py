@@ -3,8 +3,8 @@
 import pytest
 
 from firmware_py.store import FileStore
+from palpate.link import emulator_model as emulator
 from palpate.model_export.image_builder import inspect
-from palpate.models import emulator
 from palpate.sim.probe.emulated import EmulatedProbe
 from palpate.sim.probe.preloaded import NotTaken, preload
 from tests.host.conftest import bench, images, specs

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from palpate.sim.probe.readout import FLOATING, REFERENCE, Readout, errors
+from tests.sim.probe.readout import FLOATING, REFERENCE, Readout, errors
 
 FILM_OHM = 10e3
 

@@ -2,12 +2,12 @@
 
 import subprocess
 import sys
+import types
 from itertools import pairwise
 
 import pytest
 
 from firmware_py.boards import scan_order
-from palpate.sim.probe import pico
 from tests.firmware_py import install_files
 
 
@@ -21,45 +21,45 @@ def test_every_cell_is_measured_once_and_one_address_pin_changes_at_a_time_along
         assert columns.bit_count() <= 1
 
 
-def test_the_usb_link_takes_only_what_it_can_and_never_waits():
-    circuit = pico.Circuit()
-    with pico.installed(circuit):
-        from firmware_py.boards import links
+def test_the_usb_link_takes_only_what_it_can_and_never_waits(monkeypatch):
+    monkeypatch.setitem(sys.modules, "machine", types.SimpleNamespace(UART=None))
+    monkeypatch.setitem(sys.modules, "micropython", types.SimpleNamespace())
+    from firmware_py.boards import links
 
-        link = links.UsbLink.__new__(links.UsbLink)
-        arrived, taken = bytearray(b"\x03\x04hello"), bytearray()
+    link = links.UsbLink.__new__(links.UsbLink)
+    arrived, taken = bytearray(b"\x03\x04hello"), bytearray()
 
-        class Stream:
-            def readinto(self, one):
-                one[0] = arrived.pop(0)
-                return 1
+    class Stream:
+        def readinto(self, one):
+            one[0] = arrived.pop(0)
+            return 1
 
-            def write(self, buffer, offset, length):
-                n = min(length, 10)
-                taken.extend(buffer[offset : offset + n])
-                return n
+        def write(self, buffer, offset, length):
+            n = min(length, 10)
+            taken.extend(buffer[offset : offset + n])
+            return n
 
-        class Poll:
-            def __init__(self, ready):
-                self.ready = ready
+    class Poll:
+        def __init__(self, ready):
+            self.ready = ready
 
-            def ipoll(self, timeout):
-                assert timeout == 0
-                return iter([None] if self.ready() else [])
+        def ipoll(self, timeout):
+            assert timeout == 0
+            return iter([None] if self.ready() else [])
 
-        link._in = link._out = Stream()
-        link._readable, link._writable = Poll(lambda: arrived), Poll(lambda: len(taken) < 25)
-        link._byte = bytearray(1)
-        buffer = bytearray(64)
-        assert link.read(buffer) == 7
-        assert buffer[:7] == b"\x03\x04hello"
-        assert link.read(buffer) == 0
-        sent = bytearray(range(100))
-        at = 0
-        while n := link.write(sent, at, 100):
-            at += n
-        assert taken == sent[:at]
-        assert at == 30
+    link._in = link._out = Stream()
+    link._readable, link._writable = Poll(lambda: arrived), Poll(lambda: len(taken) < 25)
+    link._byte = bytearray(1)
+    buffer = bytearray(64)
+    assert link.read(buffer) == 7
+    assert buffer[:7] == b"\x03\x04hello"
+    assert link.read(buffer) == 0
+    sent = bytearray(range(100))
+    at = 0
+    while n := link.write(sent, at, 100):
+        at += n
+    assert taken == sent[:at]
+    assert at == 30
 
 
 @pytest.mark.parametrize("architecture", ["armv6m", "armv7emsp"])

@@ -1,16 +1,25 @@
-"""A model onto the reference board, over its USB."""
+"""The models that come with Palpate, onto the reference board over its USB: each over another, often."""
 
 import hashlib
 
 import pytest
 
 from firmware_py import messages, status
+from palpate import models
 from palpate.model_export.image_builder import inspect
+from palpate.sim.probe.over_lump import strokes_over
+from palpate.stroke.replay import replay
 from tests.host.conftest import bench, images, specs
-from tests.sim.probe.board_bench import Board, kept_files
+from tests.sim.probe.board_bench import Board, bundled, kept_files
+from tests.sim.probe.board_terminal import terminal
+from tests.sim.probe.heap import heap
 
 __all__ = ["bench", "images", "specs"]
-pytestmark = [pytest.mark.board, pytest.mark.timeout(3600)]
+pytestmark = [pytest.mark.board, pytest.mark.timeout(0)]
+
+LUMP, MOMENTS = "d12h07e20f09", 40
+LEAST_FREE, LEAST_PIECE = 40_000, 4_000
+TURNS = 20
 
 
 def test_a_model_is_sent_verified_tried_and_live(images, public_key, tmp_path):
@@ -37,3 +46,99 @@ def test_a_model_is_sent_verified_tried_and_live(images, public_key, tmp_path):
         f"{len(new)} bytes sent in {(sent_us - began_us) / 1e6:.1f} s, verified and tried in "
         f"{(verified_us - sent_us) / 1e6:.1f} s"
     )
+
+
+@pytest.mark.long
+def test_the_largest_bundled_model_is_flashed_over_a_live_one(real_key_dir, public_key, tmp_path):
+    """Each was refused for want of memory: its image was read whole, beside the tables of the live one."""
+    before, after = (bundled(name, real_key_dir) for name in (models.ANYWHERE, models.FIELD))
+    board = Board({"key.pub": public_key, **kept_files(tmp_path, before)})
+    board.until(lambda: bool(board.named("boot")), 10e6)
+    assert live(board) == (before[40:48], status.OK)
+    began_us = board.chip.us
+    board.flash(after)
+    print(f"{len(after)} bytes sent, verified, tried and live in {(board.chip.us - began_us) / 1e6:.1f} s")
+    assert live(board) == (after[40:48], status.OK)
+
+
+@pytest.fixture(scope="module")
+def hand():
+    return strokes_over(LUMP, "typical", 1, MOMENTS, 1, press=True)
+
+
+@pytest.fixture(scope="module")
+def board(hand, public_key, tmp_path_factory):
+    """It has a key and a calibration, and no model."""
+    board = Board({"key.pub": public_key, **kept_files(tmp_path_factory.mktemp("store"), None, hand[1])})
+    board.until(lambda: bool(board.named("boot")), 10e6)
+    return board
+
+
+def live(board):
+    """Id of the board's model, and whether it is well."""
+    identity = board.ask("identify", (7,)).fields
+    return identity["model_id"], identity["model_status"]
+
+
+def stroke(board, hand, palpate, folder):
+    """One goes over the lump; its replay is identical, and while the next stream runs 40 kB are free."""
+    board.stroke(hand[0], folder)
+    visit = folder / "visit.mcap"
+    with terminal(board) as end:
+        words = ("--strokes", 1, "--record", visit, "--timeout", 36000)
+        code, _, wrong = palpate("stream", "--port", end.port, *words)
+    assert code == 0, wrong
+    (again,) = replay(visit)
+    assert again.identical and again.features_equal
+    assert again.probe.as_dict()["lump"] is True
+    board.stroke((), folder)
+    content = messages.CONTENT_FRAMES | messages.CONTENT_STROKES
+    assert board.ask("stream_start", (content, 1, 0, 60_000)).code == status.OK
+    before = len(board.named("frame"))
+    board.until(lambda: len(board.named("frame")) > before, 2e6)
+    found = heap(board.chip)
+    assert board.ask("stream_stop").code == status.OK
+    print(
+        f"{found.free_bytes} bytes free after the stroke, the largest piece {found.largest_bytes}", flush=True
+    )
+    assert found.free_bytes > LEAST_FREE
+    assert found.largest_bytes > LEAST_PIECE
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", models.NAMES)
+def test_each_is_flashed_right_after_a_stroke_and_the_next_stroke_is_its_own(
+    board, hand, name, real_key_dir, palpate, tmp_path
+):
+    """The first comes to a board without a model, each of the others to one with a live model."""
+    image = bundled(name, real_key_dir)
+    began_us = board.chip.us
+    board.flash(image)
+    print(f"{name}, {len(image)} bytes: live after {(board.chip.us - began_us) / 1e6:.1f} s")
+    assert live(board) == (image[40:48], status.OK)
+    stroke(board, hand, palpate, tmp_path)
+
+
+@pytest.mark.long
+def test_one_that_is_refused_leaves_the_live_one_at_work(board, hand, real_key_dir, palpate, tmp_path):
+    before = live(board)
+    image = bytearray(bundled(models.FIELD, real_key_dir))
+    image[-1] ^= 1
+    name = hashlib.sha256(image).digest()[:8]
+    assert board.ask("flash_begin", (len(image), name)).code == status.OK
+    for at in range(0, len(image), messages.FLASH_PIECE):
+        piece = bytes(image[at : at + messages.FLASH_PIECE])
+        assert board.ask("flash_data", (at,), piece).code == status.OK
+    assert board.ask("flash_verify", (name,), limit_us=10e6).code == status.BAD_SIGNATURE
+    assert live(board) == before and before[1] == status.OK
+    stroke(board, hand, palpate, tmp_path)
+
+
+@pytest.mark.long
+def test_twenty_in_a_row_leave_as_much_memory_as_one(board, hand, real_key_dir, palpate, tmp_path):
+    for turn in range(TURNS):
+        image = bundled(models.NAMES[turn % len(models.NAMES)], real_key_dir)
+        board.flash(image)
+        assert live(board) == (image[40:48], status.OK)
+        print(f"{turn + 1} of {TURNS}: {heap(board.chip)}", flush=True)
+    stroke(board, hand, palpate, tmp_path)

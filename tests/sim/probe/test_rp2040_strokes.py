@@ -3,9 +3,9 @@
 import pytest
 
 from firmware_py import messages, status
-from palpate.cli.emulate import strokes_over
-from palpate.models import emulator
-from palpate.recording.replay import replay
+from palpate.link import emulator_model as emulator
+from palpate.sim.probe.over_lump import strokes_over
+from palpate.stroke.replay import replay
 from tests.sim.probe.board_bench import Board, kept_files
 from tests.sim.probe.board_terminal import terminal
 
@@ -21,7 +21,7 @@ FRAMES, LATE = 500, 0.01
 @pytest.fixture(scope="module")
 def strokes():
     """Of one lump by different hands, and the calibration of the probe."""
-    return strokes_over(LUMP, "typical", 1, MOMENTS, sum(VISITS))
+    return strokes_over(LUMP, "typical", 1, MOMENTS, sum(VISITS), press=False)
 
 
 def free_bytes(board, folder):

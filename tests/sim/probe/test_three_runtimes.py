@@ -1,6 +1,6 @@
 """Three runtimes, one answer: CPython and MicroPython/WASM give the same integers.
 
-The third, the micro:bit's MicroPython, is in test_micro_bit.py.
+The third, MicroPython on a Cortex-M0+, is the emulated board's: test_rp2040.py and test_rp2040_strokes.py.
 """
 
 import inspect
@@ -12,8 +12,8 @@ import pytest
 
 from firmware_py import calib, evaluator, features, forcemap, pipeline, status
 from palpate.model_export.fixed_point import compiler
-from palpate.sim.probe.scripts import run_micropython
 from tests.firmware_py.stages import any_force_map, strokes
+from tests.micropython import run_micropython
 from tests.model_export import synthetic
 from tests.model_export.test_micropython import rows
 

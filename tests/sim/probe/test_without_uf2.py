@@ -1,5 +1,6 @@
 """Where MicroPython for the Pico is not to be had: what is not tried is counted, and each way to it named."""
 
+import importlib.util
 import os
 import re
 import subprocess
@@ -51,3 +52,13 @@ def test_the_board_is_not_emulated_without_it_and_one_sentence_says_why(
     code, said, wrong = palpate("emulate", "d12h07e20f09", "--board", "rp2040")
     assert code == status and said == ""
     assert one_sentence(wrong) and why in wrong and interpreter.VARIABLE in wrong
+
+
+def test_a_missing_extra_is_said_before_a_port_is(monkeypatch, palpate):
+    """`emulate --board` printed a port, and died of "No module named 'littlefs'" minutes later."""
+    there = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "littlefs" else there(name))
+    status, out, err = palpate("emulate", "d12h07e20f09", "--board", "rp2040")
+    assert (
+        status == 1 and out == "" and "needs littlefs; install it with: pip install 'palpate[board]'" in err
+    )

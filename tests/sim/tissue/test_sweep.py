@@ -265,3 +265,36 @@ def test_a_cluster_that_dies_is_a_sentence_and_costs_nothing_finished(tmp_path, 
     seen = []
     sweep(sobol_cases(9, 9), QUICK, tmp_path, executor=ThreadPoolExecutor(1), progress=seen.append)
     assert seen[-1].reused > 0 and seen[-1].done == 9
+
+
+@pytest.mark.xfail(reason="a worker that starts as its program ends still complains, about one in five")
+def test_ctrl_c_is_heard_by_the_program_and_by_no_worker(tmp_path):
+    """In the first seconds of a fresh demo workers complained with tracebacks, 5 of 17 times."""
+    script = tmp_path / "run.py"
+    # as the command line does, the program says nothing of its own: what is said is a worker's
+    own = "try:\n        sweep("
+    quiet = SCRIPT.replace("24, 9", "400, 9").replace("sweep(sobol", own + "sobol")
+    assert own in quiet
+    script.write_text(
+        quiet.rstrip() + "\n    except BaseException:\n        raise SystemExit(130) from None\n"
+    )
+    children = []
+    for wait_s in (0.2, 0.8, 1.4, 2.5, 4.0):
+        child = subprocess.Popen(
+            [sys.executable, script, tmp_path / f"s{wait_s}"],
+            start_new_session=True,
+            stderr=subprocess.PIPE,
+            text=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        )
+        children.append((wait_s, child))
+        time.sleep(0.3)
+    began = time.monotonic()
+    for wait_s, child in children:
+        time.sleep(max(0.0, began + 1.5 + wait_s - time.monotonic()))
+        os.killpg(child.pid, signal.SIGINT)  # as a terminal does
+    for _, child in children:
+        _, said = child.communicate(timeout=60)
+        assert child.returncode != 0
+        assert "Traceback" not in said and "Process" not in said
+        assert not group_lives(child.pid)

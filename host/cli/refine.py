@@ -1,0 +1,119 @@
+"""`palpate refine`: recorded strokes fitted by the finite-element model itself."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from palpate.console import json_option, note, print_json, progress, say
+from palpate.errors import PalpateError, UsageError
+from palpate.first_time import announce
+
+if TYPE_CHECKING:
+    from palpate.inversion import Inverted, Value
+
+KINDS = ("auto", "anywhere", "border", "none")
+
+
+@click.command("refine")
+@click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--class", "kind", type=click.Choice(KINDS), default="auto", show_default=True,
+              help="What lies under the probe: a lump anywhere, one on the border of fat and gland, none; "
+              "auto compares them.")  # fmt: skip
+@click.option("--noise", default="typical", show_default=True,
+              help="Of sensors and hand: a level, or sensor.toml of `palpate characterise`.")  # fmt: skip
+@click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Processes.")
+@click.option("--scheduler", help="A Dask cluster instead: its address, as tcp://10.0.0.5:8786.")
+@json_option
+def command(
+    recordings: tuple[Path, ...], kind: str, noise: str, workers: int, scheduler: str | None, as_json: bool
+) -> None:
+    """Fit the finite-element model to recorded strokes: size, depth, stiffness, and whether it fits.
+
+    The probe's own answer is a regression. This takes seconds to a minute a stroke and works in any tissue
+    that the solver knows; it says "does not fit" where no class of tissue and lump explains the stroke. Lumps
+    are endless cylinders.
+
+    \b
+    Example:
+      palpate stream --strokes 1 --record visit.mcap
+      palpate refine visit.mcap
+    """
+    from palpate.cli.sweep import executor_of
+    from palpate.inversion.recorded import felt_strokes
+    from palpate.inversion.result import Inverted
+    from palpate.inversion.strokes import invert_stroke
+    from palpate.sim.probe.noise import level_named
+    from palpate.sim.tissue.workers import pool
+
+    if workers > 1 and scheduler is not None:
+        raise UsageError("--workers is for this machine and --scheduler for a cluster; give one of them")
+    level = level_named(noise)
+    jobs = [(path, stroke, start) for path in recordings for stroke, start in felt_strokes(path)]
+    announce()
+    found: list[tuple[Path, Inverted]] = []
+    with ExitStack() as stack:
+        executor = stack.enter_context(executor_of(scheduler))
+        if executor is None and workers > 1:
+            executor = stack.enter_context(pool(workers, "palpate.inversion.strokes"))
+        bar = stack.enter_context(progress("strokes"))
+        task = bar.add_task("refining", total=len(jobs))
+        work: list[Any] = []
+        for path, stroke, start in jobs:
+            if isinstance(stroke, PalpateError):
+                work.append((path, Inverted(start.stroke, problem=str(stroke))))
+            elif executor is None:
+                work.append((path, (stroke, start)))
+            else:
+                work.append((path, executor.submit(invert_stroke, stroke, start, level, kind)))
+        for path, item in work:
+            if isinstance(item, tuple):
+                item = invert_stroke(item[0], item[1], level, kind)
+            elif not isinstance(item, Inverted):
+                item = item.result()
+            found.append((path, item))
+            bar.advance(task)
+            if not as_json:
+                say("\n".join(_lines(path if len(recordings) > 1 else None, item)))
+    if as_json:
+        print_json({"strokes": [{"recording": path, **one.as_dict()} for path, one in found]})
+    if all(one.problem for _, one in found):
+        raise PalpateError(f"no stroke could be refined: {found[0][1].problem}")
+    for _, one in found:
+        if one.problem and as_json:
+            note(one.problem)
+
+
+def _lines(path: Path | None, one: Inverted) -> list[str]:
+    """One stroke in words."""
+    head = f"stroke {one.stroke}" if path is None else f"{path}, stroke {one.stroke}"
+    if one.problem:
+        return [f"{head}: not refined: {one.problem}"]
+    odds = ", ".join(f"{name} {share:.0%}" for name, share in one.classes.items())
+    fit = "fits" if one.fits else f"DOES NOT FIT, worst in {one.worst}"
+    rest = "" if one.settled else "; the search had not come to rest"
+    lines = [f"{head}: {_KIND[one.kind]}; {fit} (misfit {one.chi2:.2f}{rest})"]
+    for name, words, unit, digits in _SHOWN:
+        if (value := one.values.get(name)) is not None:
+            lines.append(f"  {words:<22}{_span(value, digits)} {unit}".rstrip())
+    if one.lump:
+        lines.append(f"  {'hard or soft':<22}{one.hardness}")
+    return [*lines, f"  {'classes':<22}{odds}"]
+
+
+_KIND = {"anywhere": "a lump", "border": "a lump on the border of fat and gland", "none": "no lump"}
+_SHOWN = (
+    ("d_mm", "diameter", "mm", 1),
+    ("depth_mm", "tissue over it", "mm", 1),
+    ("E_ratio", "stiffness over fat", "", 1),
+    ("t_mm", "fat", "mm", 1),
+    ("E_fat_kPa", "fat's modulus", "kPa", 1),
+)
+
+
+def _span(value: Value, digits: int) -> str:
+    low, high = (("?" if v is None else f"{v:.{digits}f}") for v in (value.low, value.high))
+    return f"{value.value:.{digits}f}  ({low} to {high})"

@@ -1,0 +1,134 @@
+"""What may lie under the probe: classes of tissue and lump, each with the numbers that are not known of it.
+
+Lengths in mm. The fat's modulus is left out: with moduli and force scaled alike a stroke stays the same, so
+every case stands in fat of 10 kPa.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.sim.tissue import Case
+
+Floats = NDArray[np.float64]
+
+FAT_KPA = 10.0
+FIELDS = (
+    "d_mm", "h", "fat_mm", "E_ratio", "gland_ratio", "gland_mm", "fat_stiffening", "gland_stiffening",
+    "probe_radius_mm",
+)  # fmt: skip
+_DEEPEST = 0.93
+"""A lump ends so far down the gland at most; a search that would go deeper moves the chest wall with it."""
+_PLAIN_D_MM = 10.0
+_STEP = 1e-6
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A number that is not known: its prior, the ends of the search, and the longest step of an iteration."""
+
+    name: str
+    mean: float
+    sd: float
+    low: float
+    high: float
+    step: float
+
+
+def _log(name: str, low: float, high: float, least: float, most: float, step: float) -> Unknown:
+    """A logarithm, even between low and high; the search ends at least and most."""
+    a, b = np.log(low), np.log(high)
+    return Unknown(name, (a + b) / 2, (b - a) / np.sqrt(12), np.log(least), np.log(most), step)
+
+
+_D = Unknown("ln d", np.log(11.5), 0.40, np.log(3.0), np.log(35.0), 0.2)
+_DEPTH = _log("ln depth", 2.0, 30.0, 1.0, 60.0, 0.25)
+_FAT = _log("ln t", 4.0, 30.0, 2.5, 60.0, 0.25)
+_STIFFNESS = Unknown("E^-2/3", 0.32, 0.18, 0.003, 0.97, 0.08)
+_TISSUE = (
+    _log("ln gland ratio", 2.0, 10.0, 1.1, 16.0, 0.4),
+    Unknown("ln gland", np.log(17.5), 0.38, np.log(5.0), np.log(45.0), 0.3),
+    Unknown("b of the fat", 1.5, 0.87, 0.0, 6.0, 0.8),
+    Unknown("b of the gland", 1.5, 0.87, 0.0, 6.0, 0.8),
+    Unknown("ln R", np.log(40.0), 0.029, np.log(34.0), np.log(46.0), 0.03),
+)
+
+
+@dataclass(frozen=True)
+class Class:
+    """One kind of tissue and lump.
+
+    Attributes
+    ----------
+    name : str
+    unknowns : tuple of Unknown
+    case : callable
+        The case for their values (k,), in fat of 10 kPa.
+    fields : tuple of str
+        The case's fields that they move.
+    """
+
+    name: str
+    unknowns: tuple[Unknown, ...]
+    case: Callable[[Floats], Case]
+    fields: tuple[str, ...]
+
+    def chain(self, theta: Floats) -> Floats:
+        """Derivatives of `fields` by the unknowns, (fields, k)."""
+        ends = []
+        for sign in (-1, 1):
+            moved = [self.case(theta + sign * _STEP * unit) for unit in np.eye(len(theta))]
+            ends.append([[getattr(case, name) for case in moved] for name in self.fields])
+        out: Floats = (np.array(ends[1]) - np.array(ends[0])) / (2 * _STEP)
+        return out
+
+    def column(self, name: str) -> Floats:
+        """One attribute of all unknowns, (k,)."""
+        return np.array([getattr(unknown, name) for unknown in self.unknowns])
+
+
+def _tissue(values: Floats, least_gland_mm: float) -> dict[str, Any]:
+    ratio, gland, fat_b, gland_b, radius = values
+    return {
+        "gland_ratio": float(np.exp(ratio)),
+        "gland_mm": float(max(np.exp(gland), least_gland_mm)),
+        "fat_stiffening": float(max(fat_b, 0.0)),
+        "gland_stiffening": float(max(gland_b, 0.0)),
+        "probe_radius_mm": float(np.exp(radius)),
+    }
+
+
+def _anywhere(theta: Floats) -> Case:
+    d, depth, fat = np.exp(theta[:3]).tolist()
+    rest = _tissue(theta[4:], (depth + d - fat) / _DEEPEST)
+    return Case(d, depth / d, max(theta[3], 0.003) ** -1.5, 0.5, fat_mm=fat, fat_kPa=FAT_KPA, **rest)
+
+
+def _border(theta: Floats) -> Case:
+    d, depth = np.exp(theta[:2]).tolist()
+    rest = _tissue(theta[3:], 0.62 * d)
+    return Case(d, depth / d, max(theta[2], 0.003) ** -1.5, 0.5, fat_kPa=FAT_KPA, **rest)
+
+
+def _none(theta: Floats) -> Case:
+    rest = _tissue(theta[1:], 0.62 * _PLAIN_D_MM)
+    h = max(float(np.exp(theta[0])) / _PLAIN_D_MM - 0.5, 0.02)
+    return Case(_PLAIN_D_MM, h, 1.0, 0.5, fat_kPa=FAT_KPA, **rest)
+
+
+ANYWHERE = Class("anywhere", (_D, _DEPTH, _FAT, _STIFFNESS, *_TISSUE), _anywhere, FIELDS)
+BORDER = Class(
+    "border", (_D, _DEPTH, _STIFFNESS, *_TISSUE), _border, tuple(f for f in FIELDS if f != "fat_mm")
+)
+NONE = Class(
+    "none",
+    (_FAT, *_TISSUE),
+    _none,
+    ("h", "gland_ratio", "gland_mm", "fat_stiffening", "gland_stiffening", "probe_radius_mm"),
+)
+CLASSES = {c.name: c for c in (NONE, BORDER, ANYWHERE)}

@@ -1,0 +1,207 @@
+"""How well a guess explains a stroke: the data's misfit, and what is known beforehand of sensors and hand.
+
+The unknowns are those of the class, and everything between the skin and the count that the noise level names:
+
+    rows  = (1 + gain) (P + 2 c (lagged P - P)) + offset + zero + drift share,    P = E / 10 kPa * image
+    depth = displacement + zero + drift (2 share - 1)
+    place = (1 + scale) (x - start) + its own error in each frame
+
+The hand's force is unknown in every frame; in the stroke it wanders about a mean. A gain that all cells share
+cannot be told from E: its spread is added to E's afterwards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.inversion.classes import FAT_KPA, Class
+from palpate.inversion.felt import FeltStroke
+from palpate.inversion.forward import Computed
+from palpate.sim.probe.creep import LAG_MM
+from palpate.sim.probe.noise import Noise
+from palpate.wire.cells import FULL_SCALE_KPA, PITCH_MM
+
+Floats = NDArray[np.float64]
+
+_COUNTS = 4095
+_START_SD_MM = 3.0
+_LN_E, _LN_F = (np.log(11.2), 0.46), (np.log(4.74), 0.37)
+"""Mean and spread of the fat's modulus in kPa and of the force over it in mm, over the models' design."""
+
+_MESH_ERROR = {2.0: (0.05, 0.004), 1.0: (0.015, 0.001)}
+"""By column width, what the mesh gets wrong: of the step from row to row, and of the pressure itself."""
+_DEPTH_ERROR_MM = 0.002
+_LEAST_SD = 1e-5
+
+SINGLE = ("ln_E", "ln_F", "start", "scale", "creep", "zero", "drift", "depth_zero", "depth_drift")
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Weighted residuals of the data, (n, 17): rows and displacement; and of what is known beforehand."""
+
+    data: Floats
+    prior: Floats
+
+    @property
+    def total(self) -> float:
+        """Twice the posterior's negative logarithm, but for a constant."""
+        return float((self.data**2).sum() + (self.prior**2).sum())
+
+
+class Posterior:
+    """One stroke under one class on one mesh; a guess is a vector z of all unknowns."""
+
+    def __init__(self, of: Class, stroke: FeltStroke, noise: Noise, hx_mm: float) -> None:
+        self.of, self.stroke, self.noise = of, stroke, noise
+        n, p = len(stroke.displacement_mm), stroke.press
+        sizes = {"tissue": len(of.unknowns), **dict.fromkeys(SINGLE, 1), "gain": 16, "offset": 16}
+        sizes |= {"place": n - p, "force": n}
+        ends = np.cumsum([0, *sizes.values()])
+        self.at = {name: slice(int(a), int(b)) for name, a, b in zip(sizes, ends, ends[1:])}
+        self.size = int(ends[-1])
+        self.mean, self.sd = self._known()
+        self.force_sd = max(0.5 * noise.force, 2e-3)
+        self._lag = _lag(stroke.along_mm)
+        self._weight = self._weights(hx_mm)
+
+    def _known(self) -> tuple[Floats, Floats]:
+        noise, live = self.noise, self.stroke.live
+        zero = noise.drift * FULL_SCALE_KPA
+        spread: dict[str, Any] = {
+            "tissue": self.of.column("sd"),
+            "ln_E": _LN_E[1],
+            "ln_F": _LN_F[1],
+            "start": _START_SD_MM,
+            "scale": noise.position_scale,
+            "creep": noise.creep / 2,
+            "zero": zero,
+            "drift": 2 * zero,
+            "depth_zero": noise.displacement_zero_mm,
+            "depth_drift": noise.displacement_drift_mm,
+            "gain": np.sqrt(noise.gain**2 / live + noise.row_gain**2),
+            "offset": noise.offset * FULL_SCALE_KPA / np.sqrt(live),
+            "place": noise.position_mm,
+            "force": np.inf,
+        }
+        mean, sd = np.zeros(self.size), np.empty(self.size)
+        for name, value in spread.items():
+            sd[self.at[name]] = np.maximum(value, _LEAST_SD)
+        mean[self.at["tissue"]] = self.of.column("mean")
+        mean[self.at["ln_E"]], mean[self.at["ln_F"]] = _LN_E[0], _LN_F[0]
+        mean[self.at["creep"]] = noise.creep
+        return mean, sd
+
+    def _weights(self, hx_mm: float) -> Floats:
+        """One over the standard deviation of rows and displacement, (n, 17)."""
+        s, noise = self.stroke, self.noise
+        count = FULL_SCALE_KPA / _COUNTS
+        white = np.hypot(noise.white * FULL_SCALE_KPA, count / np.sqrt(12)) / np.sqrt(s.live)
+        steps = np.abs(np.diff(np.pad(s.rows_kPa, ((0, 0), (1, 1)), mode="edge"), axis=1))
+        step, share = _MESH_ERROR[hx_mm]
+        mesh = np.hypot(step * np.maximum(steps[:, 1:], steps[:, :-1]), share * np.maximum(s.rows_kPa, 0.0))
+        stuck = noise.hysteresis * np.maximum(s.rows_kPa, 0.0)
+        depth = np.full(len(s.displacement_mm), np.hypot(noise.displacement_noise_mm, _DEPTH_ERROR_MM))
+        rows = np.sqrt(white**2 + mesh**2 + stuck**2)
+        return 1.0 / np.column_stack([np.maximum(rows, 1e-3), depth])
+
+    def start(self, theta: Floats, E_kPa: float, lump_mm: float) -> Floats:
+        """A first guess: tissue and lump (k,), the fat's modulus, where along the stroke the lump lies."""
+        z = self.mean.copy()
+        z[self.at["tissue"]] = np.clip(theta, self.of.column("low"), self.of.column("high"))
+        z[self.at["ln_E"]], z[self.at["start"]] = np.log(E_kPa), lump_mm
+        self.mean[self.at["start"]] = lump_mm
+        force = np.log(np.maximum(self.stroke.rows_kPa.sum(1) * PITCH_MM, 1.0) / E_kPa)
+        z[self.at["force"]] = force
+        z[self.at["ln_F"]] = force[self.stroke.press :].mean()
+        return z
+
+    def one(self, z: Floats, name: str) -> float:
+        """One of `SINGLE`."""
+        return float(z[self.at[name]][0])
+
+    def places(self, z: Floats) -> Floats:
+        """Of all frames, from the lump, mm (n,)."""
+        p = self.stroke.press
+        moved = (self.stroke.place_mm[p:] - z[self.at["place"]]) / (1 + self.one(z, "scale"))
+        moved = moved - self.one(z, "start")
+        return np.concatenate([np.full(p, moved[0]), moved])
+
+    def forces(self, z: Floats) -> Floats:
+        """Of all frames in fat of 10 kPa, N/m (n,)."""
+        return FAT_KPA * np.exp(z[self.at["force"]])
+
+    def predicted(self, z: Floats, found: Computed) -> Floats:
+        """Row means and displacement as these sensors would have read them, (n, 17)."""
+        share = self.stroke.share[:, None]
+        lagged = self._lagged(z) @ self._pressure(z, found)
+        rows = lagged * (1 + z[self.at["gain"]]) + z[self.at["offset"]]
+        rows = rows + self.one(z, "zero") + self.one(z, "drift") * share
+        depth = found.depth + self.one(z, "depth_zero") + self.one(z, "depth_drift") * (2 * share[:, 0] - 1)
+        return np.column_stack([rows, depth])
+
+    def _pressure(self, z: Floats, found: Computed) -> Floats:
+        return np.exp(self.one(z, "ln_E")) / FAT_KPA * found.images
+
+    def _lagged(self, z: Floats) -> Floats:
+        creep = 2 * self.one(z, "creep")
+        return (1 - creep) * np.eye(len(self._lag)) + creep * self._lag
+
+    def misfit(self, z: Floats, found: Computed) -> Misfit:
+        """Of a guess and its computed frames."""
+        felt = np.column_stack([self.stroke.rows_kPa, self.stroke.displacement_mm])
+        prior = (z - self.mean) / self.sd
+        wander = z[self.at["force"]][self.stroke.press :] - self.one(z, "ln_F")
+        return Misfit(
+            (self.predicted(z, found) - felt) * self._weight, np.concatenate([prior, wander / self.force_sd])
+        )
+
+    def jacobian(self, z: Floats, found: Computed, images: Floats, depth: Floats) -> tuple[Floats, Floats]:
+        """Of the misfit's data (17 n, size) and prior (size + frames of the stroke, size).
+
+        images (n, 16, k + 2), depth (n, k + 2): derivatives by tissue and lump, place and ln force.
+        """
+        n, p, at = len(depth), self.stroke.press, self.at
+        E, share, frame = np.exp(self.one(z, "ln_E")) / FAT_KPA, self.stroke.share, np.arange(n)
+        P, D = np.zeros((n, 16, self.size)), np.zeros((n, self.size))
+        P[:, :, at["tissue"]], D[:, at["tissue"]] = E * images[:, :, :-2], depth[:, :-2]
+        P[:, :, at["ln_E"]] = E * found.images[:, :, None]
+        by_place, of_depth = E * images[:, :, -2], depth[:, -2]
+        longer = 1 + self.one(z, "scale")
+        P[:, :, at["start"]], D[:, at["start"]] = -by_place[:, :, None], -of_depth[:, None]
+        stretch = -(self.places(z) + self.one(z, "start")) / longer
+        P[:, :, at["scale"]] = (by_place * stretch[:, None])[:, :, None]
+        D[:, at["scale"]] = (of_depth * stretch)[:, None]
+        own = at["place"].start + np.maximum(frame - p, 0)  # the press stands where the stroke begins
+        P[frame, :, own], D[frame, own] = -by_place / longer, -of_depth / longer
+        force = at["force"].start + frame
+        P[frame, :, force], D[frame, force] = E * images[:, :, -1], depth[:, -1]
+        operator, gain = self._lagged(z), 1 + z[at["gain"]]
+        P = (operator @ P.reshape(n, -1)).reshape(P.shape) * gain[:, None]
+        pressure = self._pressure(z, found)
+        row = np.arange(16)
+        P[:, :, at["creep"]] = (2 * (self._lag @ pressure - pressure) * gain)[:, :, None]
+        P[:, row, at["gain"].start + row] = operator @ pressure
+        P[:, row, at["offset"].start + row] = 1.0
+        P[:, :, at["zero"]], P[:, :, at["drift"]] = 1.0, share[:, None, None]
+        D[:, at["depth_zero"]], D[:, at["depth_drift"]] = 1.0, (2 * share - 1)[:, None]
+        data = np.concatenate([P, D[:, None]], 1) * self._weight[:, :, None]
+        wander = np.zeros((n - p, self.size))
+        wander[np.arange(n - p), at["force"].start + np.arange(p, n)] = 1 / self.force_sd
+        wander[:, at["ln_F"]] = -1 / self.force_sd
+        return data.reshape(-1, self.size), np.vstack([np.diag(1 / self.sd), wander])
+
+
+def _lag(along_mm: Floats) -> Floats:
+    """What of every frame's pressure is in the slow part of each, (n, n), as `sim.probe.creep` has it."""
+    out = np.zeros((len(along_mm), len(along_mm)))
+    out[0, 0] = 1.0
+    for k in range(1, len(along_mm)):
+        kept = np.exp(-abs(along_mm[k] - along_mm[k - 1]) / LAG_MM)
+        out[k] = kept * out[k - 1]
+        out[k, k] += 1 - kept
+    return out

@@ -1,0 +1,94 @@
+"""The strokes of a recording, as the inversion takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from firmware_py import calib, messages
+from palpate import models
+from palpate.errors import RecordingError
+from palpate.inversion.felt import FeltStroke, NotInvertible, felt_stroke
+from palpate.inversion.start import Start, start_of
+from palpate.recording.channels import CALIBRATION
+from palpate.recording.playback import open_recording
+from palpate.stroke.presses import Presses
+from palpate.wire.events import Estimate, Frame, StrokeState
+
+_KEPT = 1 << 16
+
+
+def felt_strokes(path: str | Path) -> Iterator[tuple[FeltStroke | NotInvertible, Start]]:
+    """Every stroke of a recording with a first estimate, or the reason why it cannot be inverted.
+
+    Raises
+    ------
+    PalpateError
+        The file is no readable recording, is of another sensor array, or holds no stroke.
+    """
+    if not models.suits_array():
+        raise RecordingError(
+            "the inversion starts from a bundled model, and there is none for this sensor array"
+        )
+    count = 0
+    with open_recording(path) as session:
+        own = calib.Calibration()
+        own.load(session.recording.attachment(CALIBRATION) or b"")
+        presses, frames = Presses(), dict[int, Frame]()
+        for event in session.events():
+            if isinstance(event, StrokeState):
+                presses.take(event)
+            elif isinstance(event, Frame):
+                frames[event.seq] = event
+                if len(frames) > _KEPT:
+                    del frames[next(iter(frames))]
+            elif isinstance(event, Estimate):
+                count += 1
+                press = presses.of(event.stream, event.stroke, frames)
+                yield _of(event, frames, press or [], own)
+    if not count:
+        raise RecordingError(f"{path} holds no whole stroke")
+
+
+def _of(
+    said: Estimate, frames: dict[int, Frame], press: list[Frame], own: calib.Calibration
+) -> tuple[FeltStroke | NotInvertible, Start]:
+    numbers = [(said.first_seq + k) % messages.WRAP for k in range(said.frames)]
+    stroke = [frames[seq] for seq in numbers if seq in frames]
+    nothing = Start(said.stroke, 11.0, 6.0, 11.0, 0.3, 11.0, 0.0)
+    if len(stroke) < len(numbers):
+        missing = len(numbers) - len(stroke)
+        return NotInvertible(
+            f"{missing} of the {len(numbers)} frames of stroke {said.stroke} are missing"
+        ), nothing
+    try:
+        felt = _felt(said.stroke, press, stroke)
+    except NotInvertible as error:
+        return error, nothing
+    middle = float(np.mean(felt.place_mm[felt.press :]))
+    start = start_of(
+        said.stroke,
+        ([f.packed for f in press], [f.displacement_um for f in press]),
+        ([f.packed for f in stroke], [f.position_um for f in stroke], [f.displacement_um for f in stroke]),
+        own,
+        middle,
+    )
+    return felt, start
+
+
+def _felt(number: int, press: list[Frame], stroke: list[Frame]) -> FeltStroke:
+    both = [*press, *stroke]
+    if not stroke:
+        raise NotInvertible(f"stroke {number} has no frames")
+    counts = np.array([frame.counts for frame in both])
+    return felt_stroke(
+        np.array([frame.pressure_kPa for frame in both], float),
+        (counts == 0).all(0),
+        np.array([frame.displacement_mm for frame in both]),
+        np.array([frame.position_mm for frame in both]),
+        np.array([frame.time_us * 1e-6 for frame in both]),
+        len(press),
+        number,
+    )

@@ -1,0 +1,172 @@
+"""What an inversion says of a stroke. Units in the names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.inversion.posterior import Posterior
+from palpate.inversion.search import Mode
+
+Floats = NDArray[np.float64]
+
+LEVEL = 0.9
+_NORMAL = 1.645
+WIDER = {"ln d": 2.4, "ln depth": 1.5, "ln t": 1.7, "E^-2/3": 2.9, "ln_E": 1.35}
+"""How much wider than Laplace's an interval must be to hold 90 % (docs/howto/refine.md says of how many)."""
+
+FITS = 1.3
+"""A misfit below this, for each degree of freedom, fits: computed strokes have 0.6 to 1.1."""
+_HARD = 10.0 ** (-2 / 3)
+
+
+@dataclass(frozen=True)
+class Value:
+    """An estimate and its 90 % interval; an end that nobody knows is None."""
+
+    value: float
+    low: float | None
+    high: float | None
+
+    def as_dict(self) -> dict[str, float | None]:
+        """As `--json` prints it."""
+        return {"value": self.value, "low": self.low, "high": self.high}
+
+
+@dataclass(frozen=True)
+class Inverted:
+    """One stroke's inversion.
+
+    Attributes
+    ----------
+    stroke : int
+        Its number on the probe.
+    values : dict
+        `Value` by name: t_mm, E_fat_kPa, F_N_per_m, gland_mm, gland_ratio; with a lump d_mm, h, depth_mm,
+        E_inv23, E_ratio and E_kPa.
+    kind : str
+        The class that the values belong to.
+    classes : dict
+        The odds of each class that was compared, between 0 and 1.
+    chi2 : float
+        Misfit for each degree of freedom.
+    fits : bool
+    settled : bool
+        Whether the search came to rest.
+    worst : str
+        Where the misfit is greatest, in words.
+    centre_mm : float or None
+        Where the lump lies along the stroke.
+    problem : str
+        Why there is no inversion; then all else is empty.
+    """
+
+    stroke: int
+    values: dict[str, Value] = field(default_factory=dict)
+    kind: str = ""
+    classes: dict[str, float] = field(default_factory=dict)
+    chi2: float | None = None
+    fits: bool = False
+    settled: bool = False
+    worst: str = ""
+    centre_mm: float | None = None
+    problem: str = ""
+
+    @property
+    def lump(self) -> bool:
+        """Whether the best class has a lump."""
+        return self.kind not in ("", "none")
+
+    @property
+    def hardness(self) -> str:
+        """hard, soft or unsure: whether the lump is more than ten times as stiff as the fat."""
+        s = self.values.get("E_inv23")
+        if s is None or s.low is None or s.high is None:
+            return "unsure"
+        return "hard" if s.high < _HARD else "soft" if s.low > _HARD else "unsure"
+
+    def as_dict(self) -> dict[str, Any]:
+        """As `--json` prints it."""
+        return {
+            "stroke": self.stroke,
+            "problem": self.problem,
+            "lump": self.lump,
+            **{name: value.as_dict() for name, value in self.values.items()},
+            "hardness": self.hardness if self.lump else None,
+            "centre_mm": self.centre_mm,
+            "class": self.kind or None,
+            "classes": self.classes,
+            "fits": self.fits,
+            "chi2": self.chi2,
+            "settled": self.settled,
+            "worst": self.worst,
+            "level": LEVEL,
+        }
+
+
+def told(posterior: Posterior, mode: Mode, odds: dict[str, float]) -> Inverted:
+    """The values and intervals of a mode."""
+    names = [unknown.name for unknown in posterior.of.unknowns]
+    z, C = mode.z, mode.covariance
+    case = posterior.of.case(z[: len(names)])
+    fat = posterior.at["ln_E"].start
+    force = posterior.at["ln_F"].start
+    common = posterior.noise.common_gain
+
+    def half(weights: dict[str | int, float], wider: float, more: float = 0.0) -> float:
+        """Half-width for a sum of unknowns, by name or number."""
+        w = np.zeros(len(z))
+        for key, weight in weights.items():
+            w[names.index(key) if isinstance(key, str) else key] += weight
+        return float(_NORMAL * wider * np.sqrt(w @ C @ w + more**2))
+
+    def log(value: float, by: float) -> Value:
+        return Value(value, value * float(np.exp(-by)), value * float(np.exp(by)))
+
+    E = float(np.exp(z[fat]))
+    thick: dict[str | int, float] = {"ln t": 1.0}
+    if "ln t" not in names:  # on the border it is depth + d/2
+        thick = {"ln depth": case.depth_mm / case.t_mm, "ln d": case.d_mm / 2 / case.t_mm}
+    values = {
+        "F_N_per_m": log(E * float(np.exp(z[force])), half({fat: 1.0, force: 1.0}, WIDER["ln_E"], common)),
+        "t_mm": log(case.t_mm, half(thick, WIDER["ln t"])),
+        "E_fat_kPa": log(E, half({fat: 1.0}, WIDER["ln_E"], common)),
+        "gland_mm": log(case.gland_mm, half({"ln gland": 1.0}, WIDER["ln t"])),
+        "gland_ratio": log(case.gland_ratio, half({"ln gland ratio": 1.0}, WIDER["ln t"])),
+    }
+    centre = None
+    if "ln d" in names:
+        d = half({"ln d": 1.0}, WIDER["ln d"])
+        s, ds = case.E_inv23, half({"E^-2/3": 1.0}, WIDER["E^-2/3"])
+        low, high = max(s - ds, 0.0), s + ds
+        ratio = Value(case.E_ratio, high**-1.5, low**-1.5 if low > 0 else None)
+        values |= {
+            "d_mm": log(case.d_mm, d),
+            "h": log(case.h, half({"ln depth": 1.0, "ln d": -1.0}, WIDER["ln d"])),
+            "depth_mm": log(case.depth_mm, half({"ln depth": 1.0}, WIDER["ln depth"])),
+            "E_inv23": Value(s, low, high),
+            "E_ratio": ratio,
+            "E_kPa": Value(*(None if v is None else v * E for v in (ratio.value, ratio.low, ratio.high))),  # type: ignore[arg-type]
+        }
+        centre = posterior.one(z, "start")
+    return Inverted(
+        posterior.stroke.stroke, values, posterior.of.name, odds, mode.chi2, mode.chi2 < FITS, mode.settled,
+        worst_part(mode.misfit.data, posterior.places(z)), centre,
+    )  # fmt: skip
+
+
+def worst_part(data: Floats, places_mm: Floats) -> str:
+    """Which row, frame or sensor the misfit (n, 17) is greatest in, for its share of the data."""
+    squares = data**2
+    by_row, by_frame = squares.mean(0), squares.mean(1)
+    row, frame = int(by_row[:16].argmax()), int(by_frame.argmax())
+    candidates = [
+        (by_row[16], "the displacement"),
+        (by_row[row], f"row {row}"),
+        (by_frame[frame], f"the frame {places_mm[frame]:+.0f} mm from the lump"),
+    ]
+    value, words = max(candidates)
+    return f"{words} (misfit {value:.1f})"

@@ -1,0 +1,97 @@
+"""Where the search begins: the answer of the bundled regression for lumps anywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate import models
+from palpate.firmware_twin.replay_core import Replay
+from palpate.inversion.classes import ANYWHERE, BORDER, Class
+from palpate.model_export.fixed_point import force_map, reference
+from palpate.model_export.schema import ModelSpec
+
+Floats = NDArray[np.float64]
+
+_OUTPUTS = ("ln F", "ln t", "ln d", "ln h", "E^-2/3", "ln E_fat")
+"""Those of the wire (`firmware_py.outputs`), as the model works with them."""
+
+_SOFT, _HARD = 0.5, 0.12
+_SIZE_BY_STIFFNESS = 0.97
+"""Along ln d = const + this E^-2/3 images hardly change: a soft, large lump feels like a hard, small one."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """A first estimate: lengths in mm, and where along the stroke the lump lies."""
+
+    stroke: int
+    d_mm: float
+    depth_mm: float
+    t_mm: float
+    E_inv23: float
+    E_kPa: float
+    lump_mm: float
+
+    def thetas(self, of: Class) -> Iterator[Floats]:
+        """First guesses (k,) for a class: the estimate, then the same lump softer and harder."""
+        for s in (self.E_inv23, _SOFT, _HARD):
+            d = self.d_mm * float(np.exp(_SIZE_BY_STIFFNESS * (s - self.E_inv23)))
+            theta = of.column("mean")
+            size = [np.log(d), np.log(self.depth_mm)]
+            own = [*size, np.log(self.t_mm), s] if of is ANYWHERE else [*size, s] if of is BORDER else []
+            theta[: len(own) or 1] = own or [np.log(self.t_mm)]
+            yield theta
+
+
+@lru_cache(maxsize=1)
+def _model() -> tuple[ModelSpec, Replay]:
+    spec = models.load(models.ANYWHERE)
+    return spec, Replay(None if spec.force_map is None else force_map.blob(spec.force_map), plain=True)
+
+
+def start_of(
+    stroke: int,
+    press: tuple[Sequence[bytes], Sequence[int]],
+    frames: tuple[Sequence[bytes], Sequence[int], Sequence[int]],
+    calibration: object,
+    lump_mm: float,
+) -> Start:
+    """The regression's answer for a stroke; the middle of the design where it finds no lump.
+
+    Parameters
+    ----------
+    press : packed frames, displacements in um
+    frames : packed frames, positions and displacements in um
+    calibration : firmware_py.calib.Calibration
+    lump_mm : float
+        Where the lump lies if the map does not say.
+    """
+    spec, replay = _model()
+    code = replay.stroke(*frames, calibration, press)  # type: ignore[arg-type]
+    middle = Start(stroke, 11.0, 6.0, 11.0, 0.3, 11.0, lump_mm)
+    if code != 0:
+        return middle
+    said = reference.evaluate(spec, reference.inputs(spec, replay.features()[None]))
+    y = dict(zip(_OUTPUTS, said["y"][0]))
+    values = [
+        np.exp(y["ln d"]),
+        np.exp(y["ln d"] + y["ln h"]),
+        np.exp(y["ln t"]),
+        y["E^-2/3"],
+        np.exp(y["ln E_fat"]),
+    ]
+    if not np.isfinite(values).all():
+        return middle
+    d, depth, t, s, E = (float(v) for v in values)
+    low, high = sorted((frames[1][0] / 1e3, frames[1][-1] / 1e3))
+    centre = float(replay.results()["centre_mm"])
+    centre = centre if low < centre < high else lump_mm
+    return Start(
+        stroke, float(np.clip(d, 4, 25)), float(np.clip(depth, 1.2, 40)), float(np.clip(t, 3, 45)),
+        float(np.clip(s, 0.02, 0.7)), float(np.clip(E, 2, 60)), centre,
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""A stroke, put together from events: its frames, its press, its map, its estimate."""

@@ -1,0 +1,255 @@
+"""Replaying a recording: its bytes through the live parser, its frames through the probe's integer code.
+
+The same source that ran on the probe (`firmware_py`) runs here, so the estimate must come out equal to the
+last bit; where frames of a stroke are missing, or the model is not known, that is said instead.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from firmware_py import calib, evaluator, feature_names, features, messages, outputs, pipeline, status
+from firmware_py.estimator import answer
+from palpate.answer import NOTHING_TOLD, probe_dict
+from palpate.errors import RecordingError
+from palpate.model_export.vocabulary import OF_THE_PRESS
+from palpate.recording.channels import CALIBRATION, MODEL
+from palpate.recording.playback import open_recording
+from palpate.recording.reader import Recording
+from palpate.stroke.documents import Documents
+from palpate.stroke.follower import Follower
+from palpate.stroke.presses import Presses
+from palpate.stroke.push import push
+from palpate.wire.events import Estimate, Features, Frame, StrokeState
+
+if TYPE_CHECKING:
+    from palpate.answer.told import Told
+
+FRAMES_KEPT = 1 << 16
+"""Frames kept for a stroke's estimate, at most; 41 MB."""
+
+
+@dataclass(frozen=True)
+class ReplayedStroke:
+    """One stroke: what the probe said, and what its frames say here.
+
+    Parameters
+    ----------
+    probe : Estimate
+        As it came over the wire.
+    host : Estimate or None
+        Worked out here; None where `missing` says why not.
+    features_equal : bool or None
+        Whether the features agree bit for bit, those of the press where its frames are there; None where the
+        probe sent none.
+    missing : str
+        Why there is no comparison; "" where there is one.
+    told : Told or None
+        What the host adds, where the model's document tells of it.
+    """
+
+    probe: Estimate
+    host: Estimate | None
+    features_equal: bool | None
+    missing: str = ""
+    told: Told | None = None
+
+    @property
+    def identical(self) -> bool:
+        """True where every integer of the estimate (and of the features) is the same."""
+        if self.host is None or self.features_equal is False:
+            return False
+        return self.host.numbers == self.probe.numbers
+
+    def as_dict(self) -> dict[str, Any]:
+        """The stroke as `--json` prints it."""
+        told = self.told if self.identical else None  # it is of what the probe said
+        return {
+            "stroke": self.probe.stroke,
+            "identical": self.identical,
+            "missing": self.missing,
+            "estimate": probe_dict(self.probe, self.told),
+            **(NOTHING_TOLD if self.told is None else self.told.as_dict()),
+            "replayed": None if self.host is None else probe_dict(self.host, told),
+        }
+
+
+class Replayer:
+    """The probe's computation, from frames to estimate, with its calibration and its model.
+
+    Parameters
+    ----------
+    model : bytes
+        The model image.
+    calibration : bytes
+        The probe's stored calibration; b"" is the one it has from birth.
+
+    Raises
+    ------
+    RecordingError
+        Either cannot be used.
+    """
+
+    def __init__(self, model: bytes, calibration: bytes = b"") -> None:
+        from palpate.model_export.check_image import check_image
+        from palpate.model_export.image_builder import inspect
+
+        check_image(model, "the recording's own estimates stay as they are")
+        self.model = inspect(model).model
+        own = calib.Calibration()
+        if calibration and own.load(calibration) != status.OK:
+            raise RecordingError("the recording's calibration cannot be read; record the stroke again")
+        self._pipeline = pipeline.Pipeline(own)
+        self._force_map = self.model.force_map
+        self._out = array("i", bytes(4 * evaluator.OUT_SIZE))
+
+    @property
+    def needs_press(self) -> bool:
+        """Whether the model looks at the press before a stroke."""
+        tables, stages = self.model.tables, (self.model.first, self.model.checks)
+        used = {*tables.ids, *tables.limits[::3], *(i for stage in stages if stage for i in stage.ids)}
+        return any(i < features.COUNT and feature_names.NAMES[i] in OF_THE_PRESS for i in used)
+
+    def estimate(
+        self,
+        said: Estimate,
+        frames: list[Frame],
+        press: list[Frame] | None = None,
+        reference: tuple[int, int, int] | None = None,
+    ) -> tuple[Estimate, tuple[int, ...]]:
+        """The estimate and the features of a stroke's frames.
+
+        Parameters
+        ----------
+        said : Estimate
+            The probe's own, for the stroke's number and place.
+        frames : list of Frame
+            All frames that it rests on, in order.
+        press : list of Frame, optional
+            Those between contact and the stroke's start.
+        reference : (int, int, int), optional
+            What the probe kept of a reference press.
+        """
+        if (first := self.model.first) is not None:
+            first.held = False
+            if reference is not None and first.refers and _met_reference(said):
+                first.set(*reference)
+        p = self._pipeline
+        code = push(p, frames, self._force_map, press)
+        code, flags, level, distance, values = answer(code, self.model, p.features, self._out)
+        own = Estimate(
+            said.host_ns,
+            said.stream,
+            said.stroke,
+            code,
+            flags,
+            said.damage,
+            level,
+            distance,
+            self.model.model_id,
+            len(frames),
+            said.first_seq,
+            said.last_seq,
+            said.overrun,
+            said.time_us,
+            tuple(values),
+        )
+        return own, tuple(p.features)
+
+
+def replay(
+    path: str | Path, model: bytes | None = None, documents: Documents | None = None
+) -> Iterator[ReplayedStroke]:
+    """Replay every stroke of a recording.
+
+    Parameters
+    ----------
+    path : str or Path
+        The recording.
+    model : bytes, optional
+        A model image to use instead of the recorded one.
+    documents : Documents, optional
+        Where the model's document has been looked up already; by default it is one that comes with Palpate.
+
+    Yields
+    ------
+    ReplayedStroke
+
+    Raises
+    ------
+    NotARecording, NoSuchFile, RecordingError
+    """
+    recording = Recording(path)
+    image = model or recording.attachment(MODEL)
+    replayer = Replayer(image, recording.attachment(CALIBRATION) or b"") if image else None
+    if documents is None:
+        documents = Documents()
+        documents.learn(image or b"")
+    follower = Follower(documents, recording.attachment(CALIBRATION) or b"")
+    frames: dict[int, Frame] = {}
+    told: dict[int, tuple[int, ...]] = {}
+    presses = Presses()
+    with open_recording(path) as session:
+        for event in session.events():
+            follower.take(event)
+            if isinstance(event, StrokeState):
+                presses.take(event)
+            elif isinstance(event, Frame):
+                frames[event.seq] = event
+                if len(frames) > FRAMES_KEPT:
+                    del frames[next(iter(frames))]
+            elif isinstance(event, Features):
+                told[event.stroke] = event.values
+            elif isinstance(event, Estimate):
+                press = presses.of(event.stream, event.stroke, frames)
+                known = told.pop(event.stroke, None)
+                found = _compare(event, frames, press, known, replayer, session.kept_reference)
+                yield replace(found, told=follower.of(event))
+
+
+def _compare(
+    said: Estimate,
+    frames: dict[int, Frame],
+    press: list[Frame] | None,
+    told: tuple[int, ...] | None,
+    replayer: Replayer | None,
+    reference: tuple[int, int, int] | None,
+) -> ReplayedStroke:
+    if replayer is None:
+        why = "the recording holds no model image; give one with --model"
+        return ReplayedStroke(said, None, None, why)
+    numbers = [(said.first_seq + k) % messages.WRAP for k in range(said.frames)]
+    own = [frames[seq] for seq in numbers if seq in frames]
+    if len(own) < said.frames:
+        why = f"{said.frames - len(own)} of the stroke's {said.frames} frames are missing"
+        return ReplayedStroke(said, None, None, why)
+    if replayer.model.model_id != said.model_id:
+        held, used = replayer.model.model_id.hex(), said.model_id.hex()
+        why = f"the probe used model {used}, and this image is {held}"
+        return ReplayedStroke(said, None, None, why)
+    if press is None and replayer.needs_press:
+        why = "frames of the press before the stroke are missing, and the model needs it"
+        return ReplayedStroke(said, None, None, why)
+    if reference is None and _met_reference(said):
+        why = "the recording does not hold the reference press that the probe kept"
+        return ReplayedStroke(said, None, None, why)
+    estimate, values = replayer.estimate(said, own, press, reference)
+    equal = None if told is None else _same(told, values, press is not None)
+    for seq in numbers:
+        del frames[seq]
+    return ReplayedStroke(said, estimate, equal)
+
+
+def _met_reference(said: Estimate) -> bool:
+    """Whether the probe held a reference when it worked this out."""
+    return bool(said.flags & (outputs.REFERENCE | outputs.REFERENCE_OFF))
+
+
+def _same(told: tuple[int, ...], here: tuple[int, ...], with_press: bool) -> bool:
+    """Whether the features are the same: those that the probe knew, which may be older than this program."""
+    pairs = zip(feature_names.NAMES, told, here)
+    return all(a == b for name, a, b in pairs if with_press or name not in OF_THE_PRESS)

@@ -1,0 +1,112 @@
+"""A fitted pipeline of scikit-learn becomes integers that say what it says, with their proof."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+import statsmodels.api as sm
+from sklearn.linear_model import Ridge
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import PolynomialFeatures, StandardScaler
+
+from palpate.fixedpoint import from_sklearn, from_statsmodels
+from tests.fixedpoint import pipelines, running
+
+REGRESSORS = {**pipelines.LINEAR, **pipelines.TREES, **pipelines.KERNELS}
+WORST = dict.fromkeys(REGRESSORS, 1e-5) | {"Gaussian process": 1e-4}
+"""Of the target's standard deviation; a Gaussian process adds up large weights of both signs."""
+
+
+@pytest.mark.parametrize("name", REGRESSORS)
+def test_the_integers_add_next_to_nothing(name):
+    model, X, _ = pipelines.fitted(name)
+    program = pipelines.program(name)
+    assert program.values(X) == pytest.approx(
+        np.asarray(model.predict(X)).reshape(len(X), -1), abs=WORST[name] * program.errors[-1].spread * 2
+    )
+    assert running.worst(program) < WORST[name]
+
+
+@pytest.mark.parametrize("name", pipelines.ALL)
+def test_the_proof_holds_on_random_vectors_and_corners(name):
+    _, X, _ = pipelines.fitted(name)
+    program = pipelines.program(name)
+    x = running.vectors(program, X, 2000)
+    assert running.largest(program, x) <= program.proof.largest < 2**30
+    out = program.code.run(x, len(program.outputs))
+    for k, o in enumerate(program.outputs):
+        assert o.lo <= out[:, k].min() and out[:, k].max() <= o.hi
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", pipelines.ALL)
+def test_the_proof_holds_on_a_million_vectors(name):
+    program = pipelines.program(name)
+    rng = np.random.default_rng(7)
+    lo, hi = ([getattr(f, end) for f in program.features] for end in ("lo", "hi"))
+    for _ in range(20):
+        x = rng.integers(lo, hi, (50_000, len(lo)), endpoint=True)
+        assert running.largest(program, x) <= program.proof.largest
+    assert running.largest(program, program.quantised(program.box(4096))) <= program.proof.largest
+
+
+@pytest.mark.parametrize("name", pipelines.CLASSIFIERS)
+def test_a_classifier_s_verdict_is_its_own(name):
+    model, X, _ = pipelines.fitted(name)
+    program = pipelines.program(name)
+    said = [program.classes[k] for k in program.predict(X)[:, -1]]
+    assert np.mean(np.array(said) == model.predict(X)) > 0.995  # but where two decisions are equal
+    assert program.outputs[-1].name == "verdict"
+
+
+def test_intervals_hold_what_they_promise():
+    X, y = pipelines.ONE
+    rng = np.random.default_rng(0)
+    more = rng.uniform(size=(900, 6))
+    truth = 10 * np.sin(np.pi * more[:, 0] * more[:, 1]) + 20 * (more[:, 2] - 0.5) ** 2 + 10 * more[:, 3]
+    truth += 5 * more[:, 4] + rng.normal(size=900)
+    model = make_pipeline(StandardScaler(), PolynomialFeatures(2), Ridge()).fit(X, y)
+    program = from_sklearn(model, X, calibrate=(more[:300], truth[:300]), level=0.8)
+    assert [o.name for o in program.outputs] == ["y", "y_low", "y_high", "inside"]
+    _, low, high, inside = program.values(more[300:]).T
+    covered = (low <= truth[300:]) & (truth[300:] <= high)
+    assert 0.75 < covered.mean() < 0.85
+    assert inside.mean() > 0.95
+    far = more[300:].copy()
+    far[:, 0] += 1.0
+    assert program.predict(far)[:, -1].max() == 0
+    assert program.predict([[0.5] * 6])[0, -1] == 1
+
+
+def test_a_data_frame_s_columns_are_found_by_name():
+    X = pd.DataFrame(pipelines.TWO[0], columns=["a", "b", "c", "d"])
+    model = make_pipeline(StandardScaler(), Ridge()).fit(X, pipelines.TWO[1])
+    program = from_sklearn(model, X, units=("mm",), output_names=("reach",))
+    assert [f.name for f in program.features] == ["a", "b", "c", "d"]
+    assert np.array_equal(program.predict(X[["d", "c", "b", "a"]]), program.predict(X))
+    assert program.outputs[0].unit == "mm" and program.outputs[0].name == "reach"
+
+
+def test_readings_of_a_converter_go_in_as_they_are():
+    _, X, _ = pipelines.fitted("of counts")
+    program = pipelines.program("of counts")
+    assert [f.step for f in program.features] == [1.0, 1.0, 1.0]
+    assert np.array_equal(program.quantised(X), X)
+
+
+@pytest.mark.parametrize("kind", ["OLS", "RLM", "GLM", "Poisson"])
+def test_results_of_statsmodels(kind):
+    X = pd.DataFrame(pipelines.DIABETES[0], columns=[f"f{i}" for i in range(10)])
+    exogenous, y = sm.add_constant(X), pipelines.DIABETES[1]
+    results = {
+        "OLS": lambda: sm.OLS(y, exogenous),
+        "RLM": lambda: sm.RLM(y, exogenous),
+        "GLM": lambda: sm.GLM(y, exogenous),
+        "Poisson": lambda: sm.GLM(y, exogenous, family=sm.families.Poisson()),
+    }[kind]().fit()
+    program = from_statsmodels(results, X)
+    want = np.asarray(results.predict(exogenous))
+    assert np.abs(program.values(X)[:, 0] - want).max() < 1e-5 * want.std()
+    same = from_statsmodels(results, X.to_numpy())
+    assert np.array_equal(same.predict(X.to_numpy()), program.predict(X))

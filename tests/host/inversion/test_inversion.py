@@ -1,0 +1,162 @@
+"""A stroke is inverted by the model that computes strokes, and what cannot be inverted is said."""
+
+import json
+import subprocess
+
+import numpy as np
+import pytest
+
+from palpate.inversion.classes import ANYWHERE, BORDER, CLASSES, NONE
+from palpate.inversion.felt import FeltStroke, NotInvertible, felt_stroke
+from palpate.inversion.forward import COARSE, Forward
+from palpate.inversion.posterior import Posterior
+from palpate.inversion.result import worst_part
+from palpate.sim.probe.emulated import EmulatedProbe
+from palpate.sim.probe.noise import LEVELS
+from palpate.sim.probe.sensors import stroke_frames
+from palpate.sim.tissue import Case, simulate
+from tests.docs.blocks import ROOT
+from tests.docs.test_reference import fields_in_the_page
+from tests.host.inversion.world import felt_of
+
+PALPATE = ROOT / ".venv" / "bin" / "palpate"
+
+
+def a_few_frames(of, rng):
+    """A posterior of frames that nobody has felt: what derivatives are tried on."""
+    place = np.array([-20.0, -20.0, -9.0, -3.0, 2.0, 7.0])
+    n = len(place)
+    stroke = FeltStroke(
+        rng.uniform(1, 8, (n, 16)), np.full(16, 26), rng.uniform(1, 3, n), place,
+        np.array([0, 0, 0.2, 0.4, 0.7, 1.0]), np.array([-30.0, -20, -9, -3, 2, 7]), 1,
+    )  # fmt: skip
+    posterior = Posterior(of, stroke, LEVELS["typical"], COARSE.hx_mm)
+    z = posterior.start(of.column("mean"), 9.0, 0.5)
+    z[posterior.at["force"]] = np.log(rng.uniform(4, 6, n))
+    z[posterior.at["place"]] = rng.normal(0, 0.2, n - 1)
+    z[posterior.at["scale"]], z[posterior.at["creep"]], z[posterior.at["drift"]] = 0.01, 0.02, 0.1
+    z[posterior.at["gain"]] = rng.normal(0, 0.02, 16)
+    return posterior, z
+
+
+@pytest.mark.parametrize("of", [ANYWHERE, NONE])
+def test_the_posterior_s_jacobian_is_its_derivative(of):
+    rng = np.random.default_rng(4)
+    posterior, z = a_few_frames(of, rng)
+    forward = Forward(of, COARSE)
+
+    def computed(z):
+        return forward(z[posterior.at["tissue"]], posterior.places(z), posterior.forces(z))
+
+    found = computed(z)
+    A, B = posterior.jacobian(z, found, *forward.differentiated(found))
+    for _ in range(3):
+        step = 2e-4 * posterior.sd * rng.standard_normal(len(z))
+        step[posterior.at["force"]] = 2e-4 * rng.standard_normal(len(found.depth))
+        ends = [posterior.misfit(z + sign * step, computed(z + sign * step)) for sign in (-1, 1)]
+        difference = (ends[1].data - ends[0].data).ravel() / 2
+        assert np.abs(A @ step - difference).max() < 0.02 * np.abs(difference).max()
+        assert np.allclose(B @ step, (ends[1].prior - ends[0].prior) / 2)
+
+
+def test_a_class_s_chain_leads_from_its_unknowns_to_the_case_s_fields():
+    for of in CLASSES.values():
+        theta = of.column("mean")
+        assert of.chain(theta).shape == (len(of.fields), len(theta))
+    theta = BORDER.column("mean")
+    case, chain = BORDER.case(theta), BORDER.chain(theta)
+    assert case.fat_mm is None
+    assert chain[BORDER.fields.index("d_mm"), 0] == pytest.approx(case.d_mm, rel=1e-6)
+    assert chain[BORDER.fields.index("h"), 0] == pytest.approx(-case.h, rel=1e-6)
+
+
+def frames(n=40, press=10, **changed):
+    """Pressures, dead cells, displacements, places, times and the press of a made-up stroke."""
+    place = np.concatenate([np.full(press, -30.0), np.linspace(-30, 30, n - press)])
+    parts = {
+        "pressure_kPa": np.full((n, 16, 26), 5.0),
+        "dead": np.zeros((16, 26), bool),
+        "displacement_mm": np.linspace(0.5, 2.0, n),
+        "place_mm": place,
+        "time_s": np.arange(n) / 37.5,
+        "press": press,
+    }
+    return parts | changed
+
+
+def as_over_a_ball():
+    pressure = np.full((40, 16, 26), 5.0)
+    pressure[20:30, :, 10:16] += 4.0
+    return pressure
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"press": 0}, "no press before it"),
+        ({"displacement_mm": np.full(40, 1.0)}, "no displacement"),
+        ({"place_mm": np.linspace(0, 9, 40)}, "too short"),
+        ({"dead": np.arange(416).reshape(16, 26) < 26}, "row 0 has no live cell"),
+        ({"pressure_kPa": as_over_a_ball()}, "endless cylinders only"),
+    ],
+)
+def test_what_cannot_be_inverted_is_said(changed, said):
+    assert felt_stroke(**frames()).press == 10
+    with pytest.raises(NotInvertible, match=said):
+        felt_stroke(**frames(**changed))
+
+
+def test_a_dead_cell_leaves_its_row_s_mean_alone():
+    dead = np.zeros((16, 26), bool)
+    dead[3, 5] = True
+    pressure = np.full((40, 16, 26), 5.0)
+    pressure[:, 3, 5] = -0.4
+    assert np.allclose(felt_stroke(**frames(pressure_kPa=pressure, dead=dead)).rows_kPa, 5.0)
+
+
+def test_the_worst_part_is_named():
+    data = np.full((6, 17), 0.5)
+    data[:, 16] = 4.0
+    assert worst_part(data, np.zeros(6)).startswith("the displacement")
+    data = np.full((6, 17), 0.5)
+    data[:, 4] = 3.0
+    assert worst_part(data, np.zeros(6)).startswith("row 4")
+
+
+def record(stream, calibration, path):
+    """What an emulated probe sends of a stroke, recorded by the command line."""
+    with EmulatedProbe("cpython", [stream], roomy=True, calibration=calibration) as probe:
+        words = ["stream", "--port", probe.port, "--strokes", "1", "--record", path]
+        done = subprocess.run([PALPATE, *words], capture_output=True, text=True, timeout=300)
+    assert path.exists(), done.stderr
+
+
+def refined(*words):
+    return subprocess.run([PALPATE, "refine", *words], capture_output=True, text=True, timeout=800)
+
+
+def test_a_stroke_of_another_mesh_is_refined_by_the_command_line(tmp_path):
+    """Computed frame by frame on a finer mesh, felt by the emulated probe, recorded, refined."""
+    case = Case(11.0, 0.6, 8.0, 0.55, fat_stiffening=1.0, gland_stiffening=1.0)
+    _, _, stream, calibration = felt_of(case, 5)
+    record(stream, calibration, tmp_path / "visit.mcap")
+    done = refined(tmp_path / "visit.mcap", "--class", "border", "--json")
+    assert done.returncode == 0, done.stderr
+    (stroke,) = json.loads(done.stdout)["strokes"]
+    assert set(stroke) == fields_in_the_page("refine")
+    assert stroke["fits"], stroke
+    assert stroke["class"] == "border" and stroke["classes"] == {"border": 1.0}
+    for name, true, within in (("d_mm", 11.0, 0.12), ("depth_mm", 6.6, 0.12), ("t_mm", 12.1, 0.1)):
+        said = stroke[name]
+        assert abs(np.log(said["value"] / true)) < within, stroke
+        assert said["low"] < said["value"] < said["high"]
+    said = stroke["E_fat_kPa"]
+    assert abs(np.log(said["value"] / stream.truth.fat_kPa)) < 0.12
+
+
+def test_a_recording_without_a_press_is_refused_in_a_sentence(tmp_path):
+    stream = stroke_frames(simulate(Case.from_code("d10h08e10f10")), "none", 1)
+    record(stream, None, tmp_path / "bare.mcap")
+    done = refined(tmp_path / "bare.mcap")
+    assert done.returncode == 1
+    assert "no press before it" in done.stderr and "Traceback" not in done.stderr

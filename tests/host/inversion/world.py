@@ -1,0 +1,83 @@
+"""Strokes to be inverted: computed on a mesh that the inversion does not use, every frame at its own place
+and under its own force, then felt by an emulated probe's sensors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+
+from firmware_py import calib
+from palpate.inversion.felt import FeltStroke, felt_stroke
+from palpate.inversion.start import Start, start_of
+from palpate.sim.probe.noise import level_named
+from palpate.sim.probe.packed_frames import FrameStream
+from palpate.sim.probe.sensors import PRESS_FRAMES, SensorModel
+from palpate.sim.tissue import Case, Settings
+from palpate.sim.tissue.frames import solve_frames
+from palpate.sim.tissue.geometry import geometry_of
+from palpate.wire.cells import FULL_SCALE_KPA, PEDESTAL_KPA, SHAPE
+
+WORLD = Settings(hx_mm=0.8, row_mm=2.8, gland_row_mm=4.0, skin_mm=(0.25, 0.4, 0.6))
+_SPAN_MM = (-46.0, 46.0)
+
+
+class ExactField:
+    """As a `StrokeField`, but nothing is interpolated: the solver is asked for every place and force."""
+
+    one_force, shape, press = False, (16,), None
+
+    def __init__(self, case: Case, settings: Settings = WORLD) -> None:
+        self._case, self._settings = case, settings
+        self._geometry = geometry_of(case, settings, *_SPAN_MM)
+        self.low = SimpleNamespace(case=case, code=case.code)
+        self.middle_N_per_m = case.F_N_per_m
+        self.forces_N_per_m = self.middle_N_per_m * np.array([1e-3, 1e3])
+        self.reach_mm = _SPAN_MM
+
+    def at(self, position_mm, force_N_per_m):
+        """Images (n, 16) and displacements (n,)."""
+        x = np.asarray(position_mm, float)
+        forces = np.broadcast_to(np.asarray(force_N_per_m, float), x.shape)
+        found = solve_frames(self._case, self._settings, self._geometry, x, forces)
+        return found.images_kPa, found.displacement_mm
+
+
+def felt_of(
+    case: Case, seed: int, noise: str = "typical"
+) -> tuple[FeltStroke, Start, FrameStream, calib.Calibration]:
+    """One stroke over a lump by a probe and a hand of this seed."""
+    field = ExactField(case)
+    sensors = SensorModel(field, level_named(noise), seed)  # type: ignore[arg-type]
+    field.reach_mm = (-40.0 + sensors.start_mm, 44.0)  # the press stands where the stroke begins
+    stream = sensors.stroke(press=PRESS_FRAMES)
+    felt, start = of_stream(stream, sensors.calibration())
+    return felt, start, stream, sensors.calibration()
+
+
+def of_stream(stream: FrameStream, calibration: calib.Calibration) -> tuple[FeltStroke, Start]:
+    """What the inversion takes of a stream."""
+    p = stream.press
+    counts = np.clip(np.rint(stream.counts), 0, 4095).reshape(-1, *SHAPE)
+    felt = felt_stroke(
+        counts / 4095 * FULL_SCALE_KPA - PEDESTAL_KPA,
+        (counts == 0).all(0),
+        stream.displacements_um / 1e3,
+        stream.positions_um / 1e3,
+        stream.times_us / 1e6,
+        p,
+    )
+    start = start_of(
+        0,
+        (stream.packed[:p], stream.displacements_um[:p].tolist()),
+        (stream.packed[p:], stream.positions_um[p:], stream.displacements_um[p:]),
+        calibration,
+        0.0,
+    )
+    return felt, start
+
+
+def in_fat_of(case: Case, fat_kPa: float) -> Case:
+    """The same stroke in softer or stiffer fat: moduli and force alike."""
+    return replace(case, fat_kPa=fat_kPa, F_rel=case.F_rel * fat_kPa / case.fat_kPa)

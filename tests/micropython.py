@@ -1,0 +1,68 @@
+"""Runs a script beside `firmware_py` in MicroPython and returns its output: for vectors and proofs."""
+
+import json
+import os
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import firmware_py
+from firmware_py import sensor_array
+from palpate.errors import PalpateError
+from palpate.sim.probe import node
+
+FIRMWARE = Path(firmware_py.__file__).parent
+
+
+class ScriptFailed(PalpateError):
+    """The script ended with an error; the message is what it said."""
+
+
+def stage(folder: Path, script: str, files: Mapping[str, bytes], heap: int, **more: object) -> Path:
+    """Put a script and its files into `folder` for MicroPython/WASM; gives the configuration's path."""
+    (folder / "script.py").write_text(script)
+    names = {}
+    for i, (name, contents) in enumerate(files.items()):
+        (folder / f"file-{i}").write_bytes(contents)
+        names[name] = str(folder / f"file-{i}")
+    config = {
+        "firmware": str(FIRMWARE),
+        "array": str(sensor_array.__file__),
+        "files": names,
+        "script": str(folder / "script.py"),
+        "heap": heap,
+    }
+    path = folder / "config.json"
+    path.write_text(json.dumps(config | more))
+    return path
+
+
+def run_micropython(
+    script: str, files: Mapping[str, bytes] | None = None, heap: int = 1 << 20, timeout_s: float = 900
+) -> str:
+    """Run a script in real MicroPython (WASM under Node).
+
+    Parameters
+    script: its text; `firmware_py` can be imported, the working directory holds `files`
+    files: name -> contents
+    heap: of MicroPython, in bytes (it grows: it proves nothing about memory)
+    timeout_s: give up after so many seconds
+
+    Returns what it printed. Raises ScriptFailed, node.RuntimeMissing, subprocess.TimeoutExpired.
+    """
+    node.check_wasm()
+    with tempfile.TemporaryDirectory(prefix="palpate-script-") as scratch:
+        folder = Path(scratch)
+        config = stage(folder, script, files or {}, heap)
+        return _run([node.node(), str(Path(__file__).with_suffix(".mjs")), str(config)], folder, timeout_s)
+
+
+def _run(command: list[str], folder: Path, timeout_s: float) -> str:
+    environment = {**os.environ, "PYTHONPATH": str(FIRMWARE.parent)}
+    done = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=timeout_s, env=environment
+    )
+    if done.returncode:
+        raise ScriptFailed((done.stderr or done.stdout).strip()[-4000:])
+    return done.stdout

@@ -1,0 +1,97 @@
+"""Run a study: python -m tests.studies NAME DIRECTORY; --help lists them."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+
+import click
+
+from palpate.cli.numbers import SEED
+from palpate.cli.runner import run
+from palpate.console import json_option, note, print_json, showing_progress, table
+from palpate.errors import UsageError
+from palpate.sim.tissue.stroke import one_blas_thread
+from tests.studies.table import Asked
+
+TOLD = ("noise", "bits", "pitch", "gain", "dead", "position", "force", "displacement", "forces", "learning")
+MODULES = {
+    **dict.fromkeys(TOLD, "settings"),
+    "tissue": "tissues",
+    "computed": "computed",
+    "coverage": "coverage",
+    "any-tissue": "any_tissue",
+    "anywhere": "anywhere",
+    "reference": "reference",
+    "noise-list": "noise_list",
+    "balls": "balls",
+}
+"""Name of a study -> its module, with `tables(Asked)`, or `STUDIES` of the told model by name."""
+
+DRAWN = (*TOLD, "tissue", "computed")
+
+
+@click.command("study")
+@click.argument("name")
+@click.argument("directory", type=click.Path(path_type=Path, file_okay=False))
+@click.option(
+    "--lumps", default=None, type=click.IntRange(1), help="How many to simulate, where it simulates."
+)
+@click.option(
+    "--seed", type=SEED, default=1, show_default=True, help="Of the split and of the sensors' noise."
+)
+@click.option("--noise", default=None, help="Sensors: a level, or a file of palpate characterise.")
+@click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Draw it, as SVG or PNG.")
+@json_option
+def command(
+    name: str,
+    directory: Path,
+    lumps: int | None,
+    seed: int,
+    noise: str | None,
+    figure: Path | None,
+    as_json: bool,
+) -> None:
+    """Judge the product: what the probe, the hand, the tissue or the noise does to estimates.
+
+    \b
+    of a model that is told its tissue, retrained (DIRECTORY: of palpate fit --kind field --tissue thesis)
+      noise bits pitch gain dead position force displacement forces learning
+      tissue      other tissues, simulated into DIRECTORY first (minutes)
+      computed    intervals on strokes computed at seven forces (minutes)
+    of others (what DIRECTORY lacks is simulated into it)
+      any-tissue  tissue of all kinds, with and without the press
+      anywhere    lumps in the fat, on its border or in the gland; what the map would allow
+      reference   a press beside the lump, the right one or one of another place or person
+      noise-list  the bundled model on new lumps, and what their noise may lack, one by one
+      coverage    the intervals of the bundled told model, the depth's among them
+      balls       which solid lumps are found, and how well; of DIRECTORY/balls.parquet
+    """
+    if name not in MODULES:
+        raise UsageError(f"there is no study {name!r}; there are {', '.join(MODULES)}")
+    if figure is not None and name not in DRAWN:
+        raise UsageError(f"{name} has no figure: leave --figure out")
+    module = importlib.import_module(f"tests.studies.{MODULES[name]}")
+    with showing_progress() as progress, one_blas_thread():
+        asked = Asked(directory, lumps, seed, noise, progress, note)
+        if name in DRAWN:
+            from tests.studies.figure import save_study_figure
+
+            study = module.STUDIES[name]
+            result = study.of_directory(asked)
+            if figure is not None:
+                save_study_figure(study, result, figure)
+                note(f"wrote {figure}")
+            found = [study.shown(result)]
+        else:
+            found = module.tables(asked)
+    if as_json:
+        print_json({"study": name, "tables": [one.to_dict() for one in found]})
+        return
+    for one in found:
+        table(one.heads, one.rows, one.title)
+
+
+if __name__ == "__main__":
+    sys.exit(run(command))

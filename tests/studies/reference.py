@@ -1,0 +1,194 @@
+"""What a reference press beside the lump is worth, and what one of another place or person does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from palpate.features.map_features import Floats
+from palpate.progress import ProgressCallback
+from palpate.regression.any_tissue.model import fit_tissue_model, tissue_truth
+from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe
+from palpate.regression.any_tissue.reference import (
+    References,
+    Tissue,
+    fit_joining,
+    observe_references,
+    out_of_fold_pairs,
+    read_references,
+    said_by,
+    tissue_of,
+)
+from palpate.regression.any_tissue.study import DRAWS, FOLDS, SEED, TissueStudy, force_map_of
+from palpate.regression.any_tissue.study import text_of as outputs_text
+from palpate.regression.field.data import sweep_progress
+from palpate.sim.tissue import Stroke, sweep
+from palpate.sim.tissue.any_tissue import PRESSES, elsewhere_cases, reference_cases, thicker
+from tests.studies import any_tissue
+from tests.studies.table import Asked, StudyTable
+
+ELSEWHERE, ELSEWHERE_LUMPS = (0.1, 0.2), 300
+"""How far off the fat's thickness is at other places; for so many lumps."""
+
+FAT_OFF = 1.3
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """References that do not belong to the strokes: what they are, and one for each stroke."""
+
+    words: str
+    references: References
+
+
+def prepare(
+    directory: Path, lumps: int, workers: int | None = None, progress: ProgressCallback | None = None
+) -> list[TissueLump]:
+    """As `any_tissue.prepare`, and presses beside these lumps and at other places."""
+    report = sweep_progress("pressing beside", progress)
+    sweep(reference_cases(lumps, SEED), PRESSES, directory / "reference", workers=workers, progress=report)
+    for share in ELSEWHERE:
+        cases = elsewhere_cases(min(lumps, ELSEWHERE_LUMPS), SEED, share)
+        sweep(cases, PRESSES, _elsewhere(directory, share), workers=workers, progress=report)
+    return any_tissue.prepare(directory, lumps, workers, progress)
+
+
+def _elsewhere(directory: Path, share: float) -> Path:
+    return directory / f"off{100 * share:.0f}"
+
+
+def read_elsewhere(lumps: Sequence[TissueLump], home: Path, share: float) -> dict[Tissue, tuple[Stroke, ...]]:
+    """The presses of `elsewhere_cases`, by the tissue of the lump that they are not beside."""
+    found, presses = {}, read_references(home)
+    for k, lump in enumerate(lumps):
+        own = tissue_of(lump.strokes.case)
+        there = round(lump.strokes.case.t_mm * thicker(k, share), 6), *own[1:]
+        if there in presses:
+            found[own] = presses[there]
+    return found
+
+
+def table_of(
+    directory: Path,
+    lumps: Sequence[TissueLump],
+    levels: Sequence[str] = ("typical",),
+    draws: int = DRAWS,
+    seed: int = 1,
+    step: Callable[[str], None] | None = None,
+) -> pd.DataFrame:
+    """Rows as of `any_tissue.table_of`: with the press, with the reference, with wrong references."""
+    blob, found = force_map_of(lumps), read_references(directory / "reference")
+    rows: list[dict[str, object]] = []
+    for level in levels:
+        seen, taken = [], []
+        other: dict[float, list[References]] = {share: [] for share in ELSEWHERE}
+        for k in range(draws):
+            seen.append(observe(lumps, level, 1000 * seed + k, blob))
+            group = seen[-1].group
+            taken.append(observe_references(lumps, found, level, 1000 * seed + k).take(group))
+            for share in ELSEWHERE:
+                some = lumps[:ELSEWHERE_LUMPS]
+                there = read_elsewhere(some, _elsewhere(directory, share), share)
+                observed = observe_references(some, there, level, 1000 * seed + k)
+                other[share].append(observed.up_to(len(lumps)).take(group))
+        elsewhere = [
+            Wrong(f"{100 * share:.0f} % thicker or thinner there", References.joined(parts))
+            for share, parts in other.items()
+        ]
+        rows += rows_of(joined(seen), References.joined(taken), elsewhere, level, step)
+    return pd.DataFrame(rows)
+
+
+def rows_of(
+    seen: ObservedInTissue,
+    references: References,
+    elsewhere: Sequence[Wrong] = (),
+    level: str = "typical",
+    step: Callable[[str], None] | None = None,
+) -> list[dict[str, object]]:
+    """The table's rows of one level; strokes whose reference was refused are left out."""
+    kept = references.taken
+    seen, references = seen.take(kept), references.take(kept)
+    another = np.random.default_rng(1).permutation(len(seen.group))
+    stiffer = References(references.press, references.ln_force + np.log(FAT_OFF))
+    wrong = [
+        Wrong("of another person", references.take(another)),
+        Wrong(f"of fat {FAT_OFF:g} times as stiff", stiffer),
+        *(Wrong(w.words, w.references.take(kept)) for w in elsewhere),
+    ]
+    answers = held_out(seen, references, wrong, step=step)
+    rows = []
+    for words, (result, noticed) in answers.items():
+        rows.append(result.row(f"{level}, {words}") | {"noticed": noticed})
+    return rows
+
+
+def held_out(
+    seen: ObservedInTissue,
+    references: References,
+    wrong: Sequence[Wrong] = (),
+    folds: int = FOLDS,
+    step: Callable[[str], None] | None = None,
+) -> Mapping[str, tuple[TissueStudy, float]]:
+    """By setting: answers of models that have not seen the lump, and the share of references left out.
+
+    Of references that are wrong the answers are those of strokes where that was not noticed.
+    """
+    fold = seen.group % folds
+    parts: dict[str, list[tuple[ObservedInTissue, Floats, Floats, NDArray[np.bool_]]]] = {}
+    fits: dict[str, list[NDArray[np.bool_]]] = {}
+
+    def add(words: str, test: ObservedInTissue, tissue: Floats, same: NDArray[np.bool_]) -> None:
+        answer = model.answer(test, tissue)
+        parts.setdefault(words, []).append((test, answer.y, answer.half, answer.hard))
+        fits.setdefault(words, []).append(same)
+
+    for k in range(folds):
+        train = fold != k
+        model = fit_tissue_model(seen.take(train))
+        pairs = out_of_fold_pairs(seen.take(train), references.take(train), model.press)
+        joining = fit_joining(*pairs, tissue_truth(seen.take(train)))
+        rows = np.flatnonzero(~train & seen.found)
+        test, own = seen.take(rows), model.press.predict(seen.press[rows])
+        add("with its press", test, own, np.ones(len(rows), bool))
+        said = said_by(model.press, references.take(rows), test)
+        add("with its press and a reference", test, joining.joined(own, said), joining.fits(own, said))
+        for w in wrong:
+            other = w.references.take(rows)
+            there = np.flatnonzero(other.taken)
+            said = said_by(model.press, other.take(there), test.take(there))
+            same = joining.fits(own[there], said)
+            missed = there[same]
+            add(f"a reference {w.words}", test.take(missed),
+                joining.joined(own[missed], said[same], always=True), same)  # fmt: skip
+        if step:
+            step(f"fold {k + 1} of {folds}")
+    lost = float((~seen.found).mean())
+    out = {}
+    for words, found in parts.items():
+        tests, y, half, hard = zip(*found)
+        result = TissueStudy(
+            joined(tests), np.concatenate(y), np.concatenate(half), np.concatenate(hard), lost
+        )
+        out[words] = result, 1 - float(np.concatenate(fits[words]).mean())
+    return out
+
+
+def text_of(result: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
+    """Heads and rows as of every such table, with the share of references that were left out."""
+    heads, rows = outputs_text(result)
+    noticed = ["", *(f"{100 * share:.1f} %" for share in result["noticed"])]
+    return [*heads, "left out"], [[*row, share] for row, share in zip(rows, noticed)]
+
+
+def tables(asked: Asked) -> list[StudyTable]:
+    """What a reference is worth, the right one or a wrong one."""
+    lumps = prepare(asked.directory, asked.lumps or any_tissue.LUMPS, progress=asked.progress)
+    levels = (asked.noise or "typical",)
+    found = table_of(asked.directory, lumps, levels, seed=asked.seed, step=asked.tell)
+    return [StudyTable("A reference press beside the lump", *text_of(found), found)]

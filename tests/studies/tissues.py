@@ -1,0 +1,106 @@
+"""How far off the field model is in tissue that it was not trained on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from palpate.progress import ProgressCallback
+from palpate.regression.field.bench import Bench
+from palpate.regression.field.data import read_lumps, stroke_fields, sweep_progress
+from palpate.regression.field.design import FIELD_SETTINGS, LumpStrokes, lump_cases
+from palpate.regression.field.model import FieldModel, fit_field_model
+from palpate.regression.field.presses import press_cases, with_presses
+from palpate.regression.field.recipe import FIELD
+from palpate.regression.field.score import coverage
+from palpate.regression.field.strange import strange_strokes
+from palpate.regression.observed import ObservedStrokes, join, observe
+from palpate.regression.table import TARGETS
+from palpate.sim.probe.two_lumps import TwoLumps
+from palpate.sim.tissue import sweep
+from palpate.sim.tissue.any_tissue import PRESSES
+from tests.studies.retrained import DRAWS, Row, Study, row_of
+
+LUMPS = 32
+_SEED, _OBSERVED = 7, (900, 901, 902, 903)
+TWO_APART_MM = (8.0, 12.0, 16.0, 20.0, 30.0)
+TISSUES: dict[str, dict[str, float]] = {
+    "gland 4 times the fat, not 6": {"gland_ratio": 4.0},
+    "gland 8 times the fat": {"gland_ratio": 8.0},
+    "fat 30 % softer": {"fat_kPa": 7.0},
+    "fat 30 % stiffer": {"fat_kPa": 13.0},
+    "fat that stiffens (b = 3)": {"fat_stiffening": 3.0},
+    "probe radius 10 % smaller": {"probe_radius_mm": 36.0},
+    "probe radius 10 % larger": {"probe_radius_mm": 44.0},
+}
+
+
+def other_tissue(
+    directory: Path,
+    changes: dict[str, float],
+    lumps: int = LUMPS,
+    workers: int | None = None,
+    progress: ProgressCallback | None = None,
+) -> list[LumpStrokes]:
+    """Strokes over lumps in another tissue and their presses, simulated under `directory` where they are
+    missing."""
+    name = "tissue-" + "-".join(f"{k}-{v:g}" for k, v in sorted(changes.items()))
+    home, press = directory / name, directory / f"{name}-press"
+    if not (home / "strokes.parquet").exists():
+        report = sweep_progress(f"simulating {name}", progress)
+        cases = lump_cases(lumps, _SEED, tissue=changes)
+        sweep(cases, FIELD_SETTINGS, home, workers=workers, progress=report)
+    found = read_lumps(home)[0]
+    if not (press / "strokes.parquet").exists():
+        report = sweep_progress(f"simulating {press.name}", progress)
+        sweep(press_cases(found), PRESSES, press, workers=workers, progress=report)
+    return with_presses(found, press)
+
+
+def _run(bench: Bench) -> Iterator[Row]:
+    train, calibration, test, rim = bench.parts(bench.noise, draws=DRAWS)
+    strange = strange_strokes(bench, bench.noise, FIELD)
+    model = fit_field_model(FIELD, train, calibration, rim, checks=strange.checks if strange else None)
+    yield tissue_row("as trained", model, test)
+    for apart in TWO_APART_MM:
+        fields = list(bench.lumps)
+        for k in bench.split.test:
+            lump = bench.strokes.lumps[k]
+            fields[k] = TwoLumps(*lump.strokes, apart_mm=apart, press=lump.press)
+        yield tissue_row(
+            f"two lumps {apart:g} mm apart",
+            model,
+            bench.observe(fields, bench.split.test, bench.noise, 1, 900),
+        )
+    for words, changes in TISSUES.items():
+        lumps = other_tissue(bench.directory, changes, workers=bench.workers, progress=bench.progress)
+        fields = stroke_fields(lumps)
+        seen = [observe(fields, bench.noise, seed, force_map=bench.blob) for seed in _OBSERVED]
+        observed = join(seen)
+        yield tissue_row(words, model, observed)
+
+
+def tissue_row(words: str, model: FieldModel, observed: ObservedStrokes) -> Row:
+    """Scores of a model on strokes over some tissue, with the bias of its estimates and the share flagged.
+
+    `silent`: the share whose interval of d misses the truth with no flag to say so.
+    """
+    answers = model.answer(observed)
+    row = row_of(words, model, observed, answers)
+    found = answers.lump
+    ratio = np.median(answers.value[found] / observed.Y[found], axis=0)
+    row |= {f"{t}_bias": float(r - 1) for t, r in zip(TARGETS, ratio)}
+    row["covered_d"] = float(coverage(observed, answers, found)["d"]["all"])
+    row["flagged"] = float((~answers.in_domain[found]).mean())
+    d = TARGETS.index("d")
+    wrong = (observed.Y[:, d] < answers.low[:, d]) | (observed.Y[:, d] > answers.high[:, d])
+    row["silent"] = float((wrong & answers.in_domain)[found].mean())
+    return row
+
+
+TISSUE = Study(
+    "tissue", "A tissue, or a probe, that the model was not trained on", "what differs", _run, True
+)
+STUDIES = {TISSUE.name: TISSUE}
