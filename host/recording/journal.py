@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import errno
 import os
+import secrets
 import time
 from pathlib import Path
 
@@ -23,7 +24,8 @@ class JournalFile:
     Parameters
     ----------
     path : Path
-        Must not exist unless `overwrite`; appears with its first commit, never empty.
+        Must not exist unless `overwrite`; appears with its first commit, never empty. Of two that take one
+        new name at once the second is told that it is taken.
 
     Raises
     ------
@@ -33,16 +35,17 @@ class JournalFile:
 
     def __init__(self, path: Path, overwrite: bool = False) -> None:
         if path.exists() and not overwrite:
-            raise RecordingError(f"{path} exists already; choose another name or give --overwrite")
+            raise _taken(path)
         self.path = path
-        self._temporary: Path | None = path.with_name(f".{path.name}.{os.getpid()}.part")
+        self._overwrite = overwrite
+        self._temporary: Path | None = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
         self._buffer = bytearray()
         self._committed = 0
         self._synced = time.monotonic()
         self._full = False
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._fd = os.open(self._temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+            self._fd = os.open(self._temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
             raise RecordingError(f"{path} cannot be created: {reason}; choose another place") from error
@@ -85,12 +88,36 @@ class JournalFile:
         self._committed += written
         self._buffer.clear()
         if self._temporary is not None:
-            os.replace(self._temporary, self.path)
+            self._publish(self._temporary)
             self._temporary = None
         now = time.monotonic()
         if now - self._synced > FSYNC_EVERY_S:
             self._synced = now
             _start_writing_out(self._fd)
+
+    def in_place(self) -> bool:
+        """Whether what stands at `path` is this file, and not one that took its place since."""
+        try:
+            return self._fd >= 0 and os.path.samestat(os.fstat(self._fd), self.path.stat())
+        except OSError:
+            return False
+
+    def _publish(self, temporary: Path) -> None:
+        """Give the file its name; a file that took the name since is left alone."""
+        if self._overwrite:
+            os.replace(temporary, self.path)
+            return
+        try:
+            try:
+                os.link(temporary, self.path)
+            except FileExistsError:
+                raise
+            except OSError:  # a file system without hard links: hold the name first
+                os.close(os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644))
+                os.replace(temporary, self.path)
+        except FileExistsError:
+            raise _taken(self.path) from None
+        temporary.unlink(missing_ok=True)
 
     def drop(self) -> None:
         """Forget what was not committed."""
@@ -110,6 +137,10 @@ class JournalFile:
             f"({self._committed / 1e6:.1f} MB); "
             "make room and start a new recording"
         )
+
+
+def _taken(path: Path) -> RecordingError:
+    return RecordingError(f"{path} exists already; choose another name or give --overwrite")
 
 
 def _start_writing_out(fd: int) -> None:

@@ -58,6 +58,7 @@ class RecordingWriter:
         self._journal = JournalFile(self.path, overwrite)
         self._lock = threading.Lock()
         self._closed = False
+        self._in_place = False
         self._failure: RecordingError | None = None
         stream: Any = self._journal
         self._mcap = Writer(
@@ -66,7 +67,11 @@ class RecordingWriter:
         self._mcap.start(PROFILE, LIBRARY)
         self._channels = _register(self._mcap)
         self._mcap.add_metadata("session", {"started_ns": str(time.time_ns()), **(metadata or {})})
-        self._journal.commit()
+        try:
+            self._journal.commit()
+        except RecordingError:
+            self._journal.close()
+            raise
 
     def __enter__(self) -> Self:
         return self
@@ -128,8 +133,9 @@ class RecordingWriter:
                     self._mcap.finish()
                     self._journal.commit()
             finally:
+                self._in_place = self._journal.in_place()
                 self._journal.close()
-        if seal and self._failure is None:
+        if seal and self._failure is None and self._in_place:
             # Sealing is a convenience for readers: without room for it the plain file stays.
             with contextlib.suppress(OSError):
                 try:
@@ -140,7 +146,8 @@ class RecordingWriter:
     def discard(self) -> None:
         """Close and remove the file: there was nothing to record."""
         self.close(seal=False)
-        self.path.unlink(missing_ok=True)
+        if self._in_place:  # and no recording that was written over it since
+            self.path.unlink(missing_ok=True)
 
     def _add(self, topic: str, host_ns: int, data: bytes, device_us: int | None) -> None:
         # negative just after the probe's start, where the first time read was past the counter's wrap

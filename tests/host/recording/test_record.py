@@ -5,6 +5,7 @@ import resource
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
@@ -225,6 +226,42 @@ def test_flipped_bytes_in_a_recording_never_end_in_a_traceback(tmp_path):
         assert set(seen) <= set(range(6))
         assert isinstance(recording.check(), str)
     os.unlink(path)
+
+
+def test_of_recordings_that_take_one_new_name_at_once_one_has_it_and_the_others_are_told(tmp_path):
+    hosts, told = 8, []
+    for k in range(10):
+        path, start, opened = tmp_path / f"{k}.mcap", threading.Barrier(hosts), []
+
+        def begin(host, path=path, start=start, opened=opened):
+            start.wait()
+            try:
+                opened.append((host, RecordingWriter(path, metadata={"host": str(host)})))
+            except RecordingError as error:
+                told.append(str(error))
+
+        threads = [threading.Thread(target=begin, args=(host,)) for host in range(hosts)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        [(host, writer)] = opened
+        writer.close()
+        assert Recording(path).metadata()["session"]["host"] == str(host)
+    assert len(told) == 10 * (hosts - 1) and all("exists already; choose another name" in t for t in told)
+    assert not list(tmp_path.glob(".*")), "a temporary file was left"
+
+
+@pytest.mark.parametrize("end", ["close", "discard"])
+def test_a_recording_that_another_wrote_over_leaves_the_other_alone(tmp_path, end):
+    path = tmp_path / "shared.mcap"
+    first, second = RecordingWriter(path), RecordingWriter(path, overwrite=True)
+    getattr(first, end)()
+    parser = LiveParser()
+    for event in parser.feed(wires.identified() + wires.frame(0) + wires.frame(1), 0):
+        second.received(parser.raw, event, 0)
+    second.close()
+    assert frames_of(path) == [0, 1]
 
 
 def test_an_event_of_ones_own_is_recorded_beside_the_session(tmp_path, emulated):
