@@ -29,6 +29,7 @@ CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("fit", "palpate.cli.fit", "fit a model to strokes; Table 1 beside the thesis"),
         ("keygen", "palpate.cli.keygen", "make a signing key"),
         ("export", "palpate.cli.export", "compile and sign the model for the probe"),
+        ("compile", "palpate.cli.compile", "a regression of your own as integers for any microcontroller"),
     ),
     "Probe": (
         ("emulate", "palpate.cli.emulate", "a probe without hardware, on real MicroPython"),

@@ -21,6 +21,8 @@ from palpate.fixedpoint.word_pairs import Row
 
 TRIED = 1000  # vectors of the data, and of the box, on which words are chosen
 FINEST = 2e-6  # of a standard deviation: an output's step
+LARGEST = 1e100
+"""Of an output: the squares of what is larger would be beyond float64."""
 COARSEST = 1e-3  # the same, at most
 
 
@@ -72,6 +74,11 @@ def build(model: Model, X: Array | None = None, calibration: Calibration | None 
     everywhere = np.asarray(model.reference(x * steps), float)
     if not np.isfinite(everywhere).all():
         raise CompileError("the model has no finite value somewhere in its box; narrow the box")
+    if np.abs(everywhere).max() > LARGEST:
+        raise CompileError(
+            f"the model reaches {np.abs(everywhere).max():.0e} over its box, beyond {LARGEST:.0e}; narrow "
+            "the box, or scale the target"
+        )
     told = everywhere[: TRIED if X is not None else None]
     # of a constant: what float64 makes of it
     spreads = [float(s) if s > 1e-9 * m else 0.0 for s, m in zip(told.std(axis=0), np.abs(told).max(axis=0))]
@@ -116,8 +123,13 @@ def build(model: Model, X: Array | None = None, calibration: Calibration | None 
 
 
 def _finite(model: Model) -> None:
-    for name, poly in zip(model.names, model.polys):
-        if not np.isfinite([*poly.values()]).all():
+    for k, (name, poly) in enumerate(zip(model.names, model.polys)):
+        numbers = [*poly.values()]
+        if model.forests is not None:
+            numbers += [leaf for tree in model.forests[k] for leaf in _leaves(tree)]
+        if model.kernels is not None:
+            numbers += [*model.kernels.weights[k], *model.kernels.supports.ravel()]
+        if not np.isfinite(numbers).all():
             raise CompileError(f"{name} has a coefficient that is not finite")
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from palpate.fixedpoint import data
 from palpate.fixedpoint.errors import CompileError
 from palpate.fixedpoint.space import Array, Atom
 
@@ -32,8 +34,33 @@ class Calibration:
     X: Array
 
     @staticmethod
-    def of(X: Array, y: Array, predicted: Array, links: Sequence[str], level: float) -> Calibration:
-        """From calibration data: y and predicted are n x outputs, in the outputs' units."""
+    def of(
+        calibrate: Any,
+        features: int,
+        columns: Sequence[str] | None,
+        reference: Callable[[Array], Array],
+        links: Sequence[str],
+        level: float,
+    ) -> Calibration:
+        """From calibration data.
+
+        Parameters
+        ----------
+        calibrate : (X, y)
+            n x features, and n or n x outputs, in their units.
+        features : int
+        columns : list of str, or None
+            The features' names, where the model has data with names.
+        reference : callable
+            What the model gives in float64 for X.
+        """
+        if not isinstance(calibrate, tuple | list) or len(calibrate) != 2:
+            raise CompileError("calibrate must be a pair: features, and the target's values")
+        X, theirs = data.table(calibrate[0], "calibrate")
+        if X.shape[1] != features or (columns and theirs and list(theirs) != list(columns)):
+            raise CompileError("calibrate has other columns than X")
+        y, predicted = data.numbers(calibrate[1], "calibrate's y"), reference(X)
+        y = y[:, None] if y.ndim == 1 else y
         if not 0 < level < 1:
             raise CompileError(f"level must lie between 0 and 1, not {level:g}")
         if len(X) != len(y) or y.shape != predicted.shape:
@@ -65,5 +92,8 @@ class Calibration:
         covariance = np.atleast_2d(np.cov(z.T)) + 1e-6 * np.eye(len(atoms))
         lower = np.linalg.inv(np.linalg.cholesky(covariance))
         far = np.sort(((z - middle) @ lower.T).__pow__(2).sum(axis=1))
-        rows = lower / math.sqrt(far[min(math.ceil(INSIDE * len(far)), len(far) - 1)])
+        edge = far[min(math.ceil(INSIDE * len(far)), len(far) - 1)]
+        if edge < 1e-9:
+            raise CompileError("calibrate has constant features; give data that vary as the device's will")
+        rows = lower / math.sqrt(edge)
         return [(rows[k, : k + 1], float(-rows[k, : k + 1] @ middle[: k + 1])) for k in range(len(atoms))]

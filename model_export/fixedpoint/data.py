@@ -21,37 +21,53 @@ def table(X: Any, what: str = "X") -> tuple[Array, list[str] | None]:
     """A table's numbers and, if it has any, its columns' names."""
     columns = getattr(X, "columns", None)
     names = None if columns is None else [str(c) for c in columns]
-    try:
-        numbers = np.asarray(X, float)
-    except (TypeError, ValueError):
-        raise CompileError(f"{what} must be a table of numbers") from None
-    if numbers.ndim == 1:
-        numbers = numbers[:, None]
-    if numbers.ndim != 2 or not len(numbers):
-        raise CompileError(f"{what} must be a table with rows and columns, not of shape {numbers.shape}")
-    if not np.isfinite(numbers).all():
-        row, column = np.argwhere(~np.isfinite(numbers))[0]
+    rows = numbers(X, f"{what}'s entries")
+    if rows.ndim == 1:
+        rows = rows[:, None]
+    if rows.ndim != 2 or not len(rows):
+        raise CompileError(f"{what} must be a table with rows and columns, not of shape {rows.shape}")
+    if not np.isfinite(rows).all():
+        row, column = np.argwhere(~np.isfinite(rows))[0]
         name = names[column] if names else f"column {column}"
         raise CompileError(
             f"{what} has no finite {name} in row {row}; a device's sensors give no NaN: drop it"
         )
-    return numbers, names
+    return rows, names
 
 
 def features(X: Array, names: Sequence[str], box: Box = None, steps: Steps = None) -> list[Feature]:
     """The features of data: their boxes those of the data, a little wider, where none are given."""
+    if len(set(names)) < len(names):
+        raise CompileError(f"two features have one name: {', '.join(names)}")
     _known(box, names, "box")
     _known(steps, names, "steps")
     found = []
     for i, name in enumerate(names):
         column = X[:, i]
         given = _given(box, i, name)
-        lo, hi = given if given is not None else _around(column)
+        lo, hi = ends(given, name) if given is not None else _around(column)
         step = _given(steps, i, name)
         if given is None and lo == hi:  # constant: it cannot matter, and `used` says so if it does
             lo, hi = lo - max(abs(lo), 1.0), hi + max(abs(hi), 1.0)
         found.append(Feature.over(name, lo, hi, bool((column == np.round(column)).all()), step))
     return found
+
+
+def ends(given: Any, name: str) -> tuple[float, float]:
+    """The two ends of a feature's box."""
+    try:
+        lo, hi = (float(end) for end in given)
+    except (TypeError, ValueError):
+        raise CompileError(f"the box of {name} must be two numbers, not {given!r}") from None
+    return lo, hi
+
+
+def numbers(values: Any, what: str) -> Array:
+    """An array of numbers, whatever its shape."""
+    try:
+        return np.asarray(values, float)
+    except (TypeError, ValueError):
+        raise CompileError(f"{what} must be numbers") from None
 
 
 def _around(column: Array) -> tuple[float, float]:

@@ -42,7 +42,7 @@ class Interval:
         return f"[{self.lo}, {self.hi}]"
 
     def __add__(self, other: Any) -> Interval:
-        lo, hi = _ends(other)
+        lo, hi = ends(other)
         return Interval(self.lo + lo, self.hi + hi)
 
     __radd__ = __add__
@@ -51,22 +51,22 @@ class Interval:
         return Interval(-self.hi, -self.lo)
 
     def __sub__(self, other: Any) -> Interval:
-        lo, hi = _ends(other)
+        lo, hi = ends(other)
         return Interval(self.lo - hi, self.hi - lo)
 
     def __rsub__(self, other: Any) -> Interval:
-        lo, hi = _ends(other)
+        lo, hi = ends(other)
         return Interval(lo - self.hi, hi - self.lo)
 
     def __mul__(self, other: Any) -> Interval:
-        lo, hi = _ends(other)
+        lo, hi = ends(other)
         products = (self.lo * lo, self.lo * hi, self.hi * lo, self.hi * hi)
         return Interval(min(products), max(products))
 
     __rmul__ = __mul__
 
     def __floordiv__(self, other: int) -> Interval:
-        lo, hi = _ends(other)
+        lo, hi = ends(other)
         if lo != hi or lo <= 0:
             raise Ambiguous
         return Interval(self.lo // lo, self.hi // lo)
@@ -93,7 +93,7 @@ class Interval:
         return _one(self)
 
     def __lt__(self, other: Any) -> bool:
-        lo, hi = _ends(other)
+        lo, hi = ends(other)
         if self.hi < lo or self.lo >= hi:
             return self.hi < lo
         raise Ambiguous
@@ -102,7 +102,7 @@ class Interval:
         return not self < other
 
     def __gt__(self, other: Any) -> bool:
-        lo, hi = _ends(other)
+        lo, hi = ends(other)
         if self.lo > hi or self.hi <= lo:
             return self.lo > hi
         raise Ambiguous
@@ -111,14 +111,15 @@ class Interval:
         return not self > other
 
 
-def _ends(value: Any) -> tuple[int, int]:
+def ends(value: Any) -> tuple[int, int]:
+    """Least and greatest of an interval, or of a number."""
     if isinstance(value, Interval):
         return value.lo, value.hi
     return value, value
 
 
 def _one(value: Any) -> int:
-    lo, hi = _ends(value)
+    lo, hi = ends(value)
     if lo != hi:
         raise Ambiguous
     return lo
@@ -126,13 +127,13 @@ def _one(value: Any) -> int:
 
 def hull(*values: Any) -> Interval:
     """The least interval that holds all the values."""
-    ends = [_ends(v) for v in values]
-    return Interval(min(lo for lo, _ in ends), max(hi for _, hi in ends))
+    all_ends = [ends(v) for v in values]
+    return Interval(min(lo for lo, _ in all_ends), max(hi for _, hi in all_ends))
 
 
 def clip(v: Any, lo: int, hi: int) -> Interval:
     """`scales.clip` of every integer of v."""
-    a, b = _ends(v)
+    a, b = ends(v)
     return Interval(min(max(a, lo), hi), min(max(b, lo), hi))
 
 
@@ -161,7 +162,7 @@ _exp_known: dict[tuple[int, int, int], tuple[int, int]] = {}
 
 def exp(v: Any, s: int) -> Interval:
     """`scales.exp` over an interval; what it looks up changes at the multiples of its step."""
-    lo, hi = _ends(v)
+    lo, hi = ends(v)
     if (lo, hi, s) not in _exp_known:
         edges = [EXP_STEP * k for k in range(lo // EXP_STEP, hi // EXP_STEP + 1)]
         result = over_pieces(scales.exp, Interval(lo, hi), edges, s)

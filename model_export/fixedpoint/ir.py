@@ -220,10 +220,11 @@ class _Ranges(_Walk):
         return total
 
     def _pick(self, a: Node, b: Node, below: Node, above: Node) -> Any:
-        first, second = hull(self.value(a)), hull(self.value(b))
-        if first.hi < second.lo:
+        # compared, not computed with: a feature that is anything at all takes nothing of the margin
+        (least, most), (lo, hi) = intervals.ends(self.value(a)), intervals.ends(self.value(b))
+        if most < lo:
             return self.value(below)
-        if first.lo >= second.hi:
+        if least >= hi:
             return self.value(above)
         return hull(self.value(below), self.value(above))
 

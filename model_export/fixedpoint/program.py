@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate.fixedpoint import mpy, sources
+from palpate.fixedpoint import data, mpy, sources
 from palpate.fixedpoint.errors import CompileError
 from palpate.fixedpoint.intervals import LIMIT, Proof
 from palpate.fixedpoint.ir import Code
@@ -87,7 +87,7 @@ class Program:
             if missing:
                 raise CompileError(f"the data have no column {missing[0]!r}; they have {', '.join(columns)}")
             X = X[[f.name for f in self.features]]
-        table = np.atleast_2d(np.asarray(X, float))
+        table = np.atleast_2d(data.numbers(X, "features"))
         if table.shape[1] != len(self.features):
             raise CompileError(f"the program takes {len(self.features)} features, not {table.shape[1]}")
         if not np.isfinite(table).all():

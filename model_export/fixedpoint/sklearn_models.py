@@ -83,12 +83,7 @@ def from_sklearn(
     if calibrate is not None:
         if found.classes:
             raise CompileError("intervals are of regressions; leave calibrate out for a classifier")
-        own, theirs = data.table(calibrate[0], "calibrate")
-        if own.shape[1] != len(words) or (columns and theirs and theirs != columns):
-            raise CompileError("calibrate has other columns than X")
-        y = np.asarray(calibrate[1], float)
-        y = y.reshape(len(y), -1)
-        calibration = Calibration.of(own, y, found.reference(own), found.links, level)
+        calibration = Calibration.of(calibrate, len(words), columns, found.reference, found.links, level)
     return assembly.build(found, table, calibration)
 
 

@@ -19,6 +19,8 @@ from palpate.fixedpoint.nested import Term
 
 LARGEST = 1 << 29
 """No feature's integer is beyond it."""
+FEWEST = 8
+"""Steps of a box, where values are no integers."""
 FINE = 3e7
 """Steps of a feature over its box, at least, where its values are no integers."""
 
@@ -56,15 +58,18 @@ class Feature:
         largest = max(abs(lo), abs(hi))
         if step is None:
             step = 1.0 if whole and largest < LARGEST else 10.0 ** np.floor(np.log10(largest / FINE))
+            if not whole and hi - lo < 1000 * step:  # far from zero: as fine as integers can be
+                step = 10.0 ** np.ceil(np.log10(largest / LARGEST) + 0.01)
         if not step > 0 or largest / step >= LARGEST:
             raise CompileError(
                 f"{name} up to {largest:g} in steps of {step:g} does not fit the integers; take steps of "
                 f"{10.0 ** np.ceil(np.log10(largest / LARGEST) + 0.01):g}"
             )
         ends = int(np.floor(lo / step + 1e-9)), int(np.ceil(hi / step - 1e-9))
-        if ends[1] - ends[0] < 1:
+        if ends[1] - ends[0] < (1 if whole else FEWEST):
             raise CompileError(
-                f"the box of {name} is narrower than its step of {step:g}; take a smaller step"
+                f"the box of {name} is {hi - lo:.2g} wide, too little beside {largest:g} for steps of "
+                f"{step:g}; take what it is above a constant as the feature"
             )
         return Feature(name, float(step), *ends, exact=whole and step == 1.0)
 

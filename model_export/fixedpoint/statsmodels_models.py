@@ -84,7 +84,5 @@ def from_statsmodels(
     )  # fmt: skip
     calibration = None
     if calibrate is not None:
-        own, _ = data.table(calibrate[0], "calibrate")
-        y = np.asarray(calibrate[1], float).reshape(len(own), -1)
-        calibration = Calibration.of(own, y, reference(own), [link], level)
+        calibration = Calibration.of(calibrate, len(words), columns, reference, [link], level)
     return assembly.build(model, table, calibration)

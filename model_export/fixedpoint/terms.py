@@ -63,9 +63,11 @@ def compile(
         In one sentence.
     """
     n = len(box)
+    if not n or not len(terms):
+        raise CompileError("a polynomial needs a term and a feature at least")
     not_too_many(len(terms))
     words = data.named(names, n, "x")
-    rows = np.atleast_2d(np.asarray(coefficients, float))
+    rows = np.atleast_2d(data.numbers(coefficients, "coefficients"))
     if rows.shape != (outputs, len(terms)):
         raise CompileError(
             f"coefficients of {outputs} outputs and {len(terms)} terms do not have the shape {rows.shape}"
@@ -76,8 +78,10 @@ def compile(
             f"the coefficient of term {tuple(terms[k])} of output {j} is {rows[j, k]}, not finite"
         )
     for term in terms:
-        if any(not isinstance(i, int | np.integer) or not 0 <= i < n for i in term):
-            raise CompileError(f"the term {tuple(term)} has an index that is none of the {n} features")
+        if not isinstance(term, tuple | list) or any(
+            not isinstance(i, int | np.integer) or not 0 <= i < n for i in term
+        ):
+            raise CompileError(f"the term {term} is no tuple of indices of the {n} features")
     for row in np.abs(rows):
         if row.any() and row.max() / row[row > 0].min() > APART:
             large, small = (terms[int(k)] for k in (row.argmax(), np.where(row > 0, row, np.inf).argmin()))
@@ -88,15 +92,14 @@ def compile(
     linked = list(links or ["identity"] * outputs)
     if len(linked) != outputs or any(link not in LINKS for link in linked):
         raise CompileError(f"links must be {outputs} of {', '.join(LINKS)}, not {linked}")
-    middle = np.zeros(n) if centre is None else np.asarray(centre, float)
-    unit = np.ones(n) if scale is None else np.asarray(scale, float)
-    if middle.shape != (n,) or unit.shape != (n,) or not (np.isfinite(unit) & (unit != 0)).all():
+    middle = np.zeros(n) if centre is None else data.numbers(centre, "centre")
+    unit = np.ones(n) if scale is None else data.numbers(scale, "scale")
+    fits = middle.shape == unit.shape == (n,)
+    if not fits or not (np.isfinite(middle) & np.isfinite(unit) & (unit != 0)).all():
         raise CompileError(f"centre and scale must be {n} finite numbers, no scale of them 0")
-    given = None if X is None else data.table(X)[0]
+    own_data = None if X is None else data.table(X)[0]
     step_of = [None] * n if steps is None else [data._given(steps, i, name) for i, name in enumerate(words)]
-    features = [
-        Feature.over(w, float(lo), float(hi), False, s) for w, (lo, hi), s in zip(words, box, step_of)
-    ]
+    features = [Feature.over(w, *data.ends(given, w), False, s) for w, given, s in zip(words, box, step_of)]
     space = Space(features)
     z = [
         plus((1 / unit[i], space.linear(i, float(middle[i]))), (-middle[i] / unit[i], {(): 1.0}))
@@ -117,10 +120,8 @@ def compile(
     )  # fmt: skip
     calibration = None
     if calibrate is not None:
-        own, _ = data.table(calibrate[0], "calibrate")
-        y = np.asarray(calibrate[1], float).reshape(len(own), -1)
-        calibration = Calibration.of(own, y, reference(own), linked, level)
-    return assembly.build(model, given, calibration)
+        calibration = Calibration.of(calibrate, n, None, reference, linked, level)
+    return assembly.build(model, own_data, calibration)
 
 
 def _said(term: Sequence[int], names: Sequence[str]) -> str:

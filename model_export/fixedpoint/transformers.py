@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -42,6 +43,8 @@ class Columns:
 
     def affine(self, column: Column, factor: float, offset: float) -> Poly:
         """factor * column + offset; a feature met for the first time is centred where this is zero."""
+        if not math.isfinite(factor) or not math.isfinite(offset):
+            raise CompileError("a scaler holds a number that is not finite, or a scale of 0; fit it again")
         if isinstance(column, Raw) and factor:
             return plus((factor, self.space.linear(column.feature, -offset / factor)), (offset, {(): 1.0}))
         return plus((factor, self.poly(column)), (offset, {(): 1.0}))
@@ -153,9 +156,9 @@ class Columns:
         raise refused(step)
 
     def _scaled(self, columns: list[Column], centre: Any, scale: Any) -> list[Column]:
-        return [
-            self.affine(c, 1.0 / float(s), -float(m) / float(s)) for c, m, s in zip(columns, centre, scale)
-        ]
+        with np.errstate(all="ignore"):
+            factors = 1.0 / np.asarray(scale, float)
+        return [self.affine(c, f, -m * f) for c, m, f in zip(columns, map(float, centre), factors.tolist())]
 
     def _powers(self, powers: Array, columns: list[Column]) -> list[Column]:
         polys = [self.poly(c) for c in columns]

@@ -7,7 +7,10 @@ import subprocess
 import sys
 
 import click
+import pandas as pd
 import pytest
+import skops.io
+from sklearn.linear_model import Ridge
 
 from palpate.cli import cli
 from palpate.link.devices import Device
@@ -63,11 +66,15 @@ def printed(tmp_path_factory):
         assert done.returncode == status, done.stderr
         return json.loads(done.stdout)
 
+    X = pd.DataFrame({"a": [1.0, 2, 3, 4], "b": [2.0, 1, 4, 3]})
+    X.to_csv(place / "rows.csv", index=False)
+    skops.io.dump(Ridge().fit(X, X["a"] + X["b"]), place / "model.skops")
     (place / "design").write_text("d10h08e10f10\n")
     found = {
         "stroke": say("simulate", "d10h08e10f10"),
         "sweep": say("sweep", "--design", "design", "--out", "sweep"),
         "doctor": say("doctor")[0],
+        "compile": say("compile", "model.skops", "--data", "rows.csv", "--out", "model.py"),
     }
     strokes = [stroke_frames(simulate(Case.from_code("d10h08e10f10")), "none", 1)]
     with EmulatedProbe("cpython", strokes, roomy=True) as probe:
@@ -79,7 +86,9 @@ def printed(tmp_path_factory):
     return found
 
 
-@pytest.mark.parametrize("table", ["stroke", "sweep", "doctor", "stream", "convert", "replay", "devices"])
+@pytest.mark.parametrize(
+    "table", ["stroke", "sweep", "doctor", "stream", "convert", "replay", "devices", "compile"]
+)
 def test_the_fields_are_those_in_the_page(table, printed):
     assert set(printed[table]) == fields_in_the_page(table)
 

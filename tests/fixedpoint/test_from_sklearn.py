@@ -79,6 +79,22 @@ def test_intervals_hold_what_they_promise():
     assert program.predict([[0.5] * 6])[0, -1] == 1
 
 
+def test_calibration_takes_nothing_of_the_proof_s_margin():
+    """The domain compares features, which may be anything at all; what is compared is not computed with."""
+    model, X, y = pipelines.fitted("least squares")
+    program = from_sklearn(model, X, calibrate=(X, y))
+    assert program.proof.headroom_bits > 0.3 and program.proof.where != "f"
+    assert running.largest(program, running.vectors(program, X, 2000)) <= program.proof.largest
+
+
+def test_a_constant_column_is_calibrated_too():
+    X, y = pipelines.ONE
+    constant = np.c_[X, np.full(len(X), 7.0)]
+    model = make_pipeline(StandardScaler(), PolynomialFeatures(2), Ridge()).fit(constant, y)
+    program = from_sklearn(model, constant, calibrate=(constant, y))
+    assert program.predict(constant)[:, -1].mean() > 0.95
+
+
 def test_a_data_frame_s_columns_are_found_by_name():
     X = pd.DataFrame(pipelines.TWO[0], columns=["a", "b", "c", "d"])
     model = make_pipeline(StandardScaler(), Ridge()).fit(X, pipelines.TWO[1])

@@ -15,7 +15,7 @@ from sklearn.linear_model import LinearRegression, Ridge
 from sklearn.neighbors import KNeighborsRegressor
 from sklearn.neural_network import MLPRegressor
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import FunctionTransformer, Normalizer, StandardScaler
+from sklearn.preprocessing import FunctionTransformer, Normalizer, PolynomialFeatures, StandardScaler
 
 from palpate.fixedpoint import CompileError, compile, from_sklearn, from_statsmodels
 
@@ -23,12 +23,32 @@ RNG = np.random.default_rng(0)
 X = RNG.uniform(1, 2, (80, 3))
 Y = X @ [1.0, 2.0, 3.0] + X[:, 0] ** 2
 LINE = LinearRegression().fit(X, Y)
+MANY = RNG.uniform(1, 2, (50, 30))
 
 
 def altered(**attributes):
     model = LinearRegression().fit(X, Y)
     for name, value in attributes.items():
         setattr(model, name, value)
+    return model
+
+
+def scaled(**attributes):
+    model = make_pipeline(StandardScaler(), Ridge()).fit(X, Y)
+    for name, value in attributes.items():
+        setattr(model[0], name, value)
+    return model
+
+
+def without_leaves():
+    model = RandomForestRegressor(2).fit(X, Y)
+    model.estimators_[0].tree_.value[:] = np.nan
+    return model
+
+
+def without_weights():
+    model = KernelRidge(kernel="rbf").fit(X[:30], Y[:30])
+    model.dual_coef_[0] = np.nan
     return model
 
 
@@ -39,6 +59,15 @@ def swapped(rows):
 MODELS = {
     "a nan": (lambda: altered(coef_=np.array([1, np.nan, 2])), "coefficient that is not finite"),
     "an infinite intercept": (lambda: altered(intercept_=np.inf), "coefficient that is not finite"),
+    "a scale of nan": (lambda: scaled(scale_=np.array([1, np.nan, 1])), "scaler holds a number that is not"),
+    "a scale of 0": (lambda: scaled(scale_=np.array([1, 0, 1])), "or a scale of 0"),
+    "an infinite mean": (lambda: scaled(mean_=np.array([1, np.inf, 1])), "scaler holds a number that is not"),
+    "leaves of nan": (without_leaves, "y has a coefficient that is not finite"),
+    "kernels of nan": (without_weights, "y has a coefficient that is not finite"),
+    "1e300": (lambda: altered(coef_=np.array([1e300, 1, 1])), "reaches 2e\\+300 over its box"),
+    "5,455 terms": (
+        lambda: make_pipeline(PolynomialFeatures(3), Ridge()).fit(MANY, MANY.sum(1)), "has 5455 terms, 4096"
+    ),
     "1e30 apart": (lambda: altered(coef_=np.array([1e30, 1.0, 0.0]), intercept_=0.0), None),
     "never fitted": (lambda: make_pipeline(StandardScaler(), Ridge()), "StandardScaler was never fitted"),
     "a line never fitted": (Ridge, "Ridge was never fitted"),
@@ -70,7 +99,7 @@ def one_sentence(caught):
 def test_a_model_that_cannot_be_compiled(name):
     make, match = MODELS[name]
     with pytest.raises(CompileError, match=match) as caught:
-        from_sklearn(make(), X)
+        from_sklearn(make(), MANY if "terms" in name else X)
     one_sentence(caught)
 
 
@@ -91,29 +120,43 @@ BAD = {
     "10,000 terms": (
         ([(i, j) for i in range(100) for j in range(100)], np.ones(10_000), [(0, 1)] * 100), "terms"
     ),
-    "an index": (([(3,)], [1.0], [(0, 1)]), "none of the 1 features"),
+    "an index": (([(3,)], [1.0], [(0, 1)]), "no tuple of indices of the 1 features"),
+    "no tuple": (([0], [1.0], [(0, 1)]), "the term 0 is no tuple"),
+    "no terms": (([], [], [(0, 1)]), "a term and a feature at least"),
+    "text": (([(0,)], ["a"], [(0, 1)]), "coefficients must be numbers"),
+    "too narrow": (([(0,)], [1.0], [(1, 1 + 1e-15)]), "1.1e-15 wide, too little beside 1"),
+    "one end": (([(0,)], [1.0], [1.0]), "must be two numbers, not 1.0"),
+    "e^1000": (([(0,)], [1000.0], [(0, 1)], 1, {"links": ["exp"]}), "beyond 1e\\+100"),
+    "a centre of nan": (([(0,)], [1.0], [(0, 1)], 1, {"centre": [np.nan]}), "1 finite numbers"),
     "shapes": (([(0,)], [1.0, 2.0], [(0, 1)]), "shape"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BAD)
 def test_terms_that_make_no_sense(name):
-    arguments, match = BAD[name]
+    (*arguments, last), match = BAD[name]
+    more = last if isinstance(last, dict) else {}
     with pytest.raises(CompileError, match=match) as caught:
-        compile(*arguments)
+        compile(*arguments, *([] if more else [last]), **more)
     one_sentence(caught)
 
 
 DATA = {
     "a nan": (np.where(X[5, 1] == X, np.nan, X), {}, "column 1 in row 5"),
     "too few columns": (X[:, :2], {}, "fitted to 3 features, X has 2"),
-    "text": ([["a", "b", "c"]], {}, "table of numbers"),
+    "text": ([["a", "b", "c"]], {}, "X's entries must be numbers"),
+    "a box of text": (X, {"box": [("a", 1), (1, 2), (1, 2)]}, "must be two numbers"),
+    "one name twice": (X, {"names": ["a", "a", "b"]}, "two features have one name"),
     "a box of width 0": (X, {"box": [(1, 1), (1, 2), (1, 2)]}, "no width"),
     "a box of another feature": (X, {"box": {"x7": (0, 1)}}, "names 'x7', which is none of"),
     "names": (X, {"names": ["a"]}, "3 of x"),
     "units": (X, {"units": ["mm", "kPa"]}, "units has 2 entries for 1 outputs"),
     "steps": (X, {"steps": [1e-12, None, None]}, "take steps of"),
     "too few to calibrate": (X, {"calibrate": (X[:5], Y[:5])}, "too few"),
+    "calibrated on text": (X, {"calibrate": (X, ["a"] * 80)}, "calibrate's y must be numbers"),
+    "calibrated on constants": (X, {"calibrate": (X * 0 + 1.5, Y)}, "constant features"),
+    "calibrated on fewer": (X, {"calibrate": (X, Y[:50])}, "80 rows of X and y of shape"),
+    "calibrated on nothing": (X, {"calibrate": X}, "must be a pair"),
     "a level": (X, {"calibrate": (X, Y), "level": 1.5}, "between 0 and 1"),
 }
 
