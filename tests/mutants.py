@@ -1,0 +1,317 @@
+"""Faults put into the source one at a time, by cosmic-ray: which of them do the tests notice?
+
+    python -m tests.mutants [MODULE ...] [--sample 25 | --all] [--jobs 1] [--write]
+
+Each mutant is one change (an operator, a number, a comparison, a call left out; in numerical kernels a
+result that is 1 % off). It runs in a copy of the tree; killed is what fails a test or takes far too long.
+`tests/mutants.toml` says which tests a module's mutants must get past, `tests/survivors.toml` why those
+that got past stand. `--write` keeps the figures for docs/reliability.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import concurrent.futures
+import json
+import os
+import queue
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import cosmic_ray.plugins
+import parso
+from cosmic_ray.ast import ast_nodes, get_ast
+from cosmic_ray.mutating import mutate_code
+from cosmic_ray.operators.operator import Operator
+
+ROOT = Path(__file__).parent.parent
+HERE = Path(__file__).parent
+CONFIG: dict[str, dict[str, Any]] = tomllib.loads((HERE / "mutants.toml").read_text())
+FIGURES = ROOT / "docs" / "evidence" / "mutants.json"
+WANTED = 0.9
+SEED = "palpate"
+# no mutants of a kind that is always, or nearly always, equivalent, or that a linter finds
+LEFT_OUT = re.compile(r"core/(.*_(Is|IsNot)|Replace.*Operator_Is.*|ExceptionReplacer|Variable.*)$")
+COPIED_IN = """
+import sys
+from importlib.util import spec_from_file_location
+from pathlib import Path
+
+FOLDERS = {folders!r}
+
+class Copied:
+    "Imports what is ours from the copy, not from where it is installed."
+    @staticmethod
+    def find_spec(name, path=None, target=None):
+        if name in FOLDERS:
+            folder = Path(FOLDERS[name])
+            return spec_from_file_location(
+                name, folder / "__init__.py", submodule_search_locations=[str(folder)])
+
+sys.meta_path.insert(0, Copied)
+"""
+Mutant = dict[str, Any]
+
+
+class CallLeftOut(Operator):
+    """A call whose value nobody takes is left out."""
+
+    def mutation_positions(self, node: Any) -> Iterator[tuple[Any, Any]]:
+        if node.type == "atom_expr" and node.parent.type in ("simple_stmt", "suite", "file_input"):
+            last = node.children[-1]
+            if last.type == "trailer" and last.children[0].value == "(":
+                yield node.start_pos, node.end_pos
+
+    def mutate(self, node: Any, index: int) -> Any:
+        return parso.python.tree.Keyword("None", node.start_pos, prefix=node.get_first_leaf().prefix)
+
+    @classmethod
+    def examples(cls) -> tuple[()]:
+        return ()
+
+
+class OnePercent(Operator):
+    """What is assigned, added or returned is 1 % too large; not what serves as an index or a length."""
+
+    def mutation_positions(self, node: Any) -> Iterator[tuple[Any, Any]]:
+        if node.type == "expr_stmt" and len(node.children) == 3 and node.children[2].type in SUMS:
+            name = node.children[0].get_first_leaf().value
+            if node.children[0].type == "atom_expr" or name not in _indices(node.get_root_node()):
+                yield node.children[2].start_pos, node.children[2].end_pos
+
+    def mutate(self, node: Any, index: int) -> Any:
+        code = f" (1.01 * ({node.children[2].get_code().strip()}))"
+        node.children[2] = parso.parse(code).children[0]
+        return node
+
+    @classmethod
+    def examples(cls) -> tuple[()]:
+        return ()
+
+
+SUMS = ("term", "arith_expr", "power", "factor")
+
+
+def _indices(tree: Any) -> set[str]:
+    """Names that stand in an index, a range or a shape somewhere in the module."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(tree.get_code())):
+        inner: list[ast.AST] = []
+        if isinstance(node, ast.Subscript):
+            inner = [node.slice]
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "range":
+            inner = list(node.args)
+        found |= {leaf.id for one in inner for leaf in ast.walk(one) if isinstance(leaf, ast.Name)}
+    return found
+
+
+def operators(config: dict[str, Any]) -> dict[str, Operator]:
+    """The kinds of faults that a module gets, by name."""
+    if config.get("faults") == "one percent":
+        return {"OnePercent": OnePercent()}
+    names = [name for name in cosmic_ray.plugins.operator_names() if not LEFT_OUT.match(name)]
+    return {"CallLeftOut": CallLeftOut(), **{n: cosmic_ray.plugins.get_operator(n)() for n in names}}
+
+
+def mutants(module: str, sample: int | None) -> list[Mutant]:
+    """Places in a module with one fault each, drawn alike each time; without `sample` every fault there is."""
+    source = (ROOT / module).read_text()
+    annotations = list(_annotations(source))
+    tree = get_ast(source)
+    places: dict[Any, list[tuple[str, int]]] = {}
+    for name, operator in operators(CONFIG[module]).items():
+        spots = (spot for node in ast_nodes(tree) for spot in operator.mutation_positions(node))
+        for occurrence, (start, end) in enumerate(spots):
+            if not any(a <= start and end <= b for a, b in annotations):
+                places.setdefault((start, end), []).append((name, occurrence))
+    chance = random.Random(f"{SEED} {module}")
+    if sample is None:
+        chosen = [fault for faults in places.values() for fault in faults]
+    else:
+        drawn = chance.sample(sorted(places), min(sample, len(places)))
+        chosen = [chance.choice(places[place]) for place in sorted(drawn)]
+    return [{"module": module, "operator": name, "occurrence": k} for name, k in chosen]
+
+
+def _annotations(source: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
+    """Where types stand: nothing runs there."""
+    for node in ast.walk(ast.parse(source)):
+        for field in ("annotation", "returns"):
+            part = getattr(node, field, None)
+            if isinstance(part, ast.expr) and part.end_lineno and part.end_col_offset is not None:
+                yield (part.lineno, part.col_offset), (part.end_lineno, part.end_col_offset)
+
+
+class Copy:
+    """The tree once more, where a fault does no harm; runs tests there."""
+
+    def __init__(self, parent: Path, number: int) -> None:
+        self.root = parent / str(number) / "tree"
+        shutil.copytree(ROOT, self.root, symlinks=True, ignore=_beside)
+        for modules in ROOT.glob("*/*/*/node_modules"):  # the runtime's and the page's: linked, not copied
+            (self.root / modules.relative_to(ROOT)).symlink_to(modules)
+        folders = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-dir"]
+        place = parent / str(number) / "first"
+        place.mkdir()
+        (place / "sitecustomize.py").write_text(
+            COPIED_IN.format(folders={name: str(self.root / folder) for name, folder in folders.items()})
+        )
+        self.environment = {**os.environ, "PYTHONPATH": str(place), "PYTHONDONTWRITEBYTECODE": "1"}
+
+    def passes(self, tests: list[str], limit_s: float) -> bool | None:
+        """Whether all tests pass; None where they took too long."""
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-o", "addopts=", "-p", "no:cacheprovider"]
+        with subprocess.Popen(
+            [*command, *tests], cwd=self.root, env=self.environment, start_new_session=True,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL,
+        ) as run:  # fmt: skip
+            try:
+                return run.wait(limit_s) == 0
+            except subprocess.TimeoutExpired:
+                return None
+            finally:
+                try:
+                    os.killpg(run.pid, signal.SIGKILL)
+                except ProcessLookupError:
+                    pass
+
+    def try_out(self, mutant: Mutant, limit_s: float) -> Mutant:
+        """The mutant with its lines and what became of it."""
+        path = self.root / mutant["module"]
+        source = (ROOT / mutant["module"]).read_text()
+        operator = operators(CONFIG[mutant["module"]])[mutant["operator"]]
+        changed = mutate_code(source, operator, mutant["occurrence"])
+        began = time.monotonic()
+        self.forget_compiled(mutant["module"])
+        path.write_text(changed)
+        try:
+            passed = self.passes(CONFIG[mutant["module"]]["tests"], limit_s)
+        finally:
+            path.write_text(source)
+            self.forget_compiled(mutant["module"])
+        lines = zip(source.splitlines(), changed.splitlines())
+        number, (was, now) = next((k, pair) for k, pair in enumerate(lines, 1) if pair[0] != pair[1])
+        return {
+            **mutant, "line": number, "was": was.strip(), "now": now.strip(), "killed": not passed,
+            "late": passed is None, "seconds": round(time.monotonic() - began, 1),
+        }  # fmt: skip
+
+    def forget_compiled(self, module: str) -> None:
+        """Python knows its byte code by size and second; numba knows no file but a function's own."""
+        path = self.root / module
+        for kept in (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"):
+            kept.unlink()
+        if CONFIG[module].get("faults") != "one percent":
+            return
+        stale, found = {Path(module).stem}, set[str]()
+        folder = self.root / "sim" / "tissue"
+        while stale - found:
+            found |= stale
+            uses = re.compile(rf"^(from|import) .*\b({'|'.join(found)})\b", re.MULTILINE)
+            stale |= {path.stem for path in folder.rglob("*.py") if uses.search(path.read_text())}
+        for kept in folder.rglob("*.nbi"):
+            if kept.name.partition(".")[0] in found:
+                kept.unlink()
+
+
+def _beside(folder: str, names: list[str]) -> set[str]:
+    left = {".git", ".venv", ".links", "node_modules", "build", "dist", "site", "out", ".mypy_cache"}
+    return left & set(names)
+
+
+def run_campaign(modules: list[str], sample: int | None, jobs: int) -> list[Mutant]:
+    """Try all mutants of the modules out, on `jobs` copies; says each survivor as it is found."""
+    done: list[Mutant] = []
+    with tempfile.TemporaryDirectory() as place, concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+        copies: queue.Queue[Copy] = queue.Queue()
+        for copy in pool.map(lambda k: Copy(Path(place), k), range(jobs)):
+            copies.put(copy)
+
+        def borrow(work: Callable[[Copy], Any]) -> Any:
+            copy = copies.get()
+            try:
+                return work(copy)
+            finally:
+                copies.put(copy)
+
+        for module in modules:
+            began = time.monotonic()
+            if not borrow(lambda copy, module=module: copy.passes(CONFIG[module]["tests"], 1800)):
+                raise SystemExit(f"{module}: its tests fail without a fault")
+            limit_s = 3 * (time.monotonic() - began) + CONFIG[module].get("more_s", 20)
+            tried = [
+                pool.submit(borrow, lambda copy, m=m, limit_s=limit_s: copy.try_out(m, limit_s))
+                for m in mutants(module, sample)
+            ]
+            for future in concurrent.futures.as_completed(tried):
+                one = future.result()
+                done.append(one)
+                if not one["killed"]:
+                    print(f"survived {module}:{one['line']}: {one['was']}  ->  {one['now']}", flush=True)
+            print(f"{module}: {share(done, module)}", flush=True)
+    return done
+
+
+def reasons() -> dict[tuple[str, str, str], dict[str, str]]:
+    """Survivors that are known, by module and lines, with their reasons."""
+    known = tomllib.loads((HERE / "survivors.toml").read_text())["survivor"]
+    return {(one["module"], one["was"], one["now"]): one for one in known}
+
+
+def share(done: list[Mutant], module: str = "") -> str:
+    """How many of a module's mutants, or of all, were killed."""
+    killed, others, equivalent = count(done, module)
+    text = f"{killed} of {killed + others} killed ({killed / max(1, killed + others):.0%})"
+    return text + (f", {equivalent} equivalent" if equivalent else "")
+
+
+def count(done: list[Mutant], module: str = "") -> tuple[int, int, int]:
+    """Killed, survivors, and among those that passed the equivalents, which count for neither."""
+    known = reasons()
+    mine = [one for one in done if module in ("", one["module"])]
+    passed = [one for one in mine if not one["killed"]]
+    same = [one for one in passed if "equivalent" in known.get(key(one), {})]
+    return len(mine) - len(passed), len(passed) - len(same), len(same)
+
+
+def key(one: Mutant) -> tuple[str, str, str]:
+    """What tells a mutant from others, wherever its line has gone."""
+    return one["module"], one["was"], one["now"]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=str(__doc__).partition("\n")[0])
+    parser.add_argument("modules", nargs="*", help="paths, as in tests/mutants.toml; all by default")
+    parser.add_argument("--sample", type=int, default=25, help="mutants a module (25)")
+    parser.add_argument("--all", action="store_true", help="every mutant there is: hours")
+    parser.add_argument("--jobs", type=int, default=1, help="copies that work side by side (1)")
+    parser.add_argument("--write", action="store_true", help=f"keep the figures in {FIGURES.name}")
+    wish = parser.parse_args()
+    done = run_campaign(wish.modules or list(CONFIG), None if wish.all else wish.sample, wish.jobs)
+    killed, others, _ = count(done)
+    print(f"in all: {share(done)}")
+    if wish.write:
+        kept = json.loads(FIGURES.read_text()) if FIGURES.exists() else {}
+        for module in {one["module"] for one in done}:
+            names = ("killed", "survived", "equivalent")
+            kept[module] = dict(zip(names, count(done, module)))
+        FIGURES.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n")
+    strange = [one for one in done if not one["killed"] and key(one) not in reasons()]
+    if strange:
+        print(f"{len(strange)} survivors without a reason in tests/survivors.toml")
+    sys.exit(killed < WANTED * (killed + others) or bool(strange))
+
+
+if __name__ == "__main__":
+    main()
