@@ -39,6 +39,7 @@ ROOT = Path(__file__).parent.parent
 HERE = Path(__file__).parent
 CONFIG: dict[str, dict[str, Any]] = tomllib.loads((HERE / "mutants.toml").read_text())
 FIGURES = ROOT / "docs" / "evidence" / "mutants.json"
+PYTEST = ("-x", "-q", "-o", "addopts=", "-m", "not long", "-p", "no:cacheprovider")
 WANTED = 0.9
 SEED = "palpate"
 # no mutants of a kind that is always, or nearly always, equivalent, or that a linter finds
@@ -171,9 +172,8 @@ class Copy:
 
     def passes(self, tests: list[str], limit_s: float) -> bool | None:
         """Whether all tests pass; None where they took too long."""
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-o", "addopts=", "-p", "no:cacheprovider"]
         with subprocess.Popen(
-            [*command, *tests], cwd=self.root, env=self.environment, start_new_session=True,
+            [sys.executable, "-m", "pytest", *PYTEST, *tests], cwd=self.root, env=self.environment, start_new_session=True,
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL,
         ) as run:  # fmt: skip
             try:
