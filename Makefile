@@ -7,7 +7,7 @@ export PYTHONUNBUFFERED = 1
 # Without kept byte code each command would compile SciPy, pandas and Numba anew: six seconds instead of one.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup dev wheel demo test compiling test-long lint format bench docs clean
+.PHONY: setup dev wheel demo test compiling test-long mutants lint format bench docs clean
 
 setup: ## the environment in .venv/
 	@.ci/setup
@@ -32,6 +32,11 @@ test-long: ## the campaigns: 2000 random strokes, fuzzing, power cuts
 	@.ci/setup test
 	@.ci/setup bench
 	$(PY) -m pytest -n 2 --dist loadfile -m long -rP --timeout 7200
+
+mutants: ## faults put into the source one at a time: which do the tests notice? (hours)
+	@.ci/setup test
+	@.ci/setup bench
+	nice $(PY) -m tests.mutants --jobs 2 --write
 
 lint: dev ## format, style, types, declared dependencies, spelling, prose
 	$(PY) -m ruff format --check .

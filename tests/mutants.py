@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import ast
 import concurrent.futures
+import contextlib
 import json
 import os
 import queue
@@ -126,7 +127,7 @@ def operators(config: dict[str, Any]) -> dict[str, Operator]:
 
 
 def mutants(module: str, sample: int | None) -> list[Mutant]:
-    """Places in a module with one fault each, drawn alike each time; without `sample` every fault there is."""
+    """Places in a module with a fault each, drawn alike each time; without `sample` every fault there is."""
     source = (ROOT / module).read_text()
     annotations = list(_annotations(source))
     tree = get_ast(source)
@@ -173,7 +174,8 @@ class Copy:
     def passes(self, tests: list[str], limit_s: float) -> bool | None:
         """Whether all tests pass; None where they took too long."""
         with subprocess.Popen(
-            [sys.executable, "-m", "pytest", *PYTEST, *tests], cwd=self.root, env=self.environment, start_new_session=True,
+            [sys.executable, "-m", "pytest", *PYTEST, *tests],
+            cwd=self.root, env=self.environment, start_new_session=True,
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL,
         ) as run:  # fmt: skip
             try:
@@ -181,10 +183,8 @@ class Copy:
             except subprocess.TimeoutExpired:
                 return None
             finally:
-                try:
+                with contextlib.suppress(ProcessLookupError):
                     os.killpg(run.pid, signal.SIGKILL)
-                except ProcessLookupError:
-                    pass
 
     def try_out(self, mutant: Mutant, limit_s: float) -> Mutant:
         """The mutant with its lines and what became of it."""

@@ -61,7 +61,7 @@ def pool(workers: int, preload: str) -> Iterator[Executor]:
     method = "forkserver" if sys.platform == "linux" else "spawn"
     context = multiprocessing.get_context(method)
     if method == "forkserver":
-        context.set_forkserver_preload([preload])
+        context.set_forkserver_preload(["palpate.sim.tissue.worker_start", preload])
     with _one_thread_each():
         yield from _pool(workers, context)
 
