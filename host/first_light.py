@@ -20,6 +20,11 @@ _ZERO_COUNTS = 200  # a cell's zero may lie so far from the median of all
 _NEARLY_ALL = 0.9  # of the frames
 _LATE = 1.5  # of a period between two frames
 _BACK_UM = 100
+_MOVED_UM = 100
+_BLOCKS = 10  # of the frames: what presses on cells changes slowly, noise does not
+_PRESSED = 4.0  # times a cell's noise between frames, and so many counts more
+_PRESSED_COUNTS = 20.0
+_PRESSED_CELLS = 0.05
 _TIMEOUT_S = 20.0
 
 
@@ -45,7 +50,10 @@ def first_light(probe: Probe, push_mm: float = 0.0) -> Iterator[Finding]:
         yield encoder(np.array([frame.position_um for frame in frames]), push_mm)
         yield potentiometer(np.array([frame.displacement_um for frame in frames]))
     else:
-        yield from cells(np.array([frame.counts for frame in frames], float))
+        counts = np.array([frame.counts for frame in frames], float)
+        touched = contact(counts, np.array([frame.position_um for frame in frames]))
+        yield touched
+        yield from cells(counts, in_air=touched.state == "ok")
 
 
 def _frames(probe: Probe, wanted: int) -> list[Frame]:
@@ -73,13 +81,37 @@ def _lines(places: np.ndarray) -> str:
     return f"; all of {', '.join(lines)}: look at that wire first" if lines else ""
 
 
-def cells(counts: np.ndarray) -> list[Finding]:
-    """Noise, cells that never move, cells at a rail and odd zeros.
+def contact(counts: np.ndarray, positions_um: np.ndarray) -> Finding:
+    """Whether the probe lay still in the air meanwhile: else noise and zeros are not the cells' own.
 
     Parameters
     ----------
     counts : ndarray (frames, rows, columns)
-        Of a probe in the air that nobody touches.
+    positions_um : ndarray (frames,)
+    """
+    moved_um = float(np.ptp(positions_um)) if len(positions_um) else 0.0
+    pressed = False
+    if len(counts) >= 2 * _BLOCKS:
+        flat = counts.reshape(len(counts), -1)
+        noise = np.diff(flat, axis=0).std(0) / 2**0.5
+        slow = np.ptp([block.mean(0) for block in np.array_split(flat, _BLOCKS)], axis=0)
+        pressed = float((slow > _PRESSED * noise + _PRESSED_COUNTS).mean()) > _PRESSED_CELLS
+    if not pressed and moved_um < _MOVED_UM:
+        return Finding("contact", "ok", "it lay still with nothing on its face")
+    said = [f"it moved {moved_um / 1000:.1f} mm"] if moved_um >= _MOVED_UM else []
+    said += ["something pressed on its face"] if pressed else []
+    todo = "lay it down with its face free and ask again; noise and zeros are looked at then"
+    return Finding("contact", "broken", " and ".join(said), todo)
+
+
+def cells(counts: np.ndarray, in_air: bool = True) -> list[Finding]:
+    """Cells at a rail and cells that never move; noise and odd zeros where nobody touches the probe.
+
+    Parameters
+    ----------
+    counts : ndarray (frames, rows, columns)
+    in_air : bool
+        Whether nothing pressed on the cells meanwhile (`contact`).
     """
     flat = counts.reshape(len(counts), -1)
     mean, noise = np.median(flat, 0), flat.std(0)
@@ -101,6 +133,8 @@ def cells(counts: np.ndarray) -> list[Finding]:
         found.append(Finding("dead cells", "broken", f"{len(dead)} never move: {_named(dead)}", todo))
     else:
         found.append(Finding("dead cells", "ok", "none"))
+    if not in_air:
+        return found
     state, todo = "ok", ""
     if typical > _QUIET_COUNTS:
         state = "broken"

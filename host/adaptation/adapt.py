@@ -68,13 +68,13 @@ def adapt(spec: ModelSpec, data: DataSet, progress: Callable[[str, int, int], No
     return adapt_to(spec, observe_data_set(data, spec, progress))
 
 
-def adapt_to(spec: ModelSpec, seen: ObservedDataSet) -> Adapted:
-    """The same with strokes that have been read."""
+def adapt_to(spec: ModelSpec, seen: ObservedDataSet, fewest: int = FEWEST_LUMPS) -> Adapted:
+    """The same with strokes that have been read; `fewest` lumps are asked for."""
     seen = seen.take(found(spec, seen.X, seen.status))
     lumps = len(np.unique(seen.lump))
-    if lumps < FEWEST_LUMPS:
+    if lumps < fewest:
         raise DataSetError(
-            f"{lumps} lumps were found in the data set; a model is adapted to {FEWEST_LUMPS} or more: fewer "
+            f"{lumps} lumps were found in the data set; a model is adapted to {fewest} or more: fewer "
             "would as soon make it worse"
         )
     truth = link_truth(spec, seen)
@@ -84,7 +84,7 @@ def adapt_to(spec: ModelSpec, seen: ObservedDataSet) -> Adapted:
     held_out = np.array(said["y"])
     for j, output in enumerate(spec.outputs):
         known = ~np.isnan(truth[:, j])
-        if len(np.unique(seen.lump[known])) < FEWEST_LUMPS:
+        if len(np.unique(seen.lump[known])) < fewest:
             continue
         group, own = seen.lump[known], Basis(basis.phi[known], basis.level)
         residual = truth[known, j] - said["y"][known, j]

@@ -55,7 +55,8 @@ class Correction:
         """For people."""
         if self.level == NONE:
             return WORDS[NONE]
-        return WORDS[self.level] + (f", pulled towards the model by {self.pull:g} lumps" if self.pull else "")
+        lumps = f"{self.pull:g} lump" + ("s" if self.pull != 1 else "")
+        return WORDS[self.level] + (f", pulled towards the model as if by {lumps}" if self.pull else "")
 
 
 def mean_of(values: Floats, group: NDArray[np.int64]) -> Floats:

@@ -15,6 +15,7 @@ from palpate.dataset.strokes import ObservedDataSet
 from palpate.model_export.schema import ModelSpec
 
 FOLDS = 10
+_FEWEST_LEFT = 3
 SHOWN = tuple(dict.fromkeys(("d_mm", "depth_mm", "h", "t_mm", "E_inv23", "F_N_per_m", *OUTPUTS)))
 
 
@@ -27,7 +28,7 @@ class Compared:
     numbers : dict
         (output, "before" or "after") -> (bias, median error, coverage).
     lumps : int
-        That were left out in turn; 0 where there were too few to leave any out.
+        That were left out in turn.
     """
 
     numbers: dict[tuple[str, str], tuple[float, float, float]]
@@ -62,13 +63,12 @@ def before_and_after(
     before = answers(spec, seen)
     lumps = np.unique(before.group[before.lump])
     folds = min(FOLDS, len(lumps))
-    if len(lumps) - -(-len(lumps) // folds) < FEWEST_LUMPS:
-        folds = 0
+    fewest = max(FEWEST_LUMPS - -(-len(lumps) // folds), _FEWEST_LEFT)  # of five lumps the other four
     after = {word: np.array(getattr(before, word)) for word in ("value", "low", "high")}
-    fold_of = {lump: k % max(folds, 1) for k, lump in enumerate(lumps)}
+    fold_of = {lump: k % folds for k, lump in enumerate(lumps)}
     fold = np.array([fold_of.get(lump, -1) for lump in before.group])
     for k in range(folds):
-        said = answers(adapt_to(spec, seen.take(fold != k)).spec, seen)
+        said = answers(adapt_to(spec, seen.take(fold != k), fewest).spec, seen)
         for word, values in after.items():
             values[fold == k] = getattr(said, word)[fold == k]
         if progress is not None:
@@ -79,9 +79,8 @@ def before_and_after(
         if not used.any():
             continue
         numbers[name, "before"] = _numbers(before, before.value, before.low, before.high, used, j)
-        if folds:
-            numbers[name, "after"] = _numbers(before, after["value"], after["low"], after["high"], used, j)
-    return Compared(numbers, len(lumps) if folds else 0)
+        numbers[name, "after"] = _numbers(before, after["value"], after["low"], after["high"], used, j)
+    return Compared(numbers, len(lumps))
 
 
 def _numbers(

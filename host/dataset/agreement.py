@@ -7,6 +7,7 @@ over one lump are no independent witnesses, so every confidence interval comes f
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -220,16 +221,18 @@ def by_lump(group: NDArray[np.int64], statistic: Callable[[Floats], Floats], see
         times = np.apply_along_axis(np.bincount, axis, drawn.astype(int), minlength=lumps)
         return statistic(times[:, number].astype(float))
 
-    found = stats.bootstrap(
-        (np.arange(lumps),),
-        of,
-        n_resamples=RESAMPLES,
-        vectorized=True,
-        batch=max(1, 2_000_000 // len(group)),
-        method="percentile",
-        confidence_level=CONFIDENCE,
-        random_state=np.random.default_rng(seed),
-    ).confidence_interval
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", stats.DegenerateDataWarning)  # no interval is given then, see below
+        found = stats.bootstrap(
+            (np.arange(lumps),),
+            of,
+            n_resamples=RESAMPLES,
+            vectorized=True,
+            batch=max(1, 2_000_000 // len(group)),
+            method="percentile",
+            confidence_level=CONFIDENCE,
+            random_state=np.random.default_rng(seed),
+        ).confidence_interval
     if not np.isfinite([found.low, found.high]).all():
         return Estimated(value)
     return Estimated(value, float(found.low), float(found.high))

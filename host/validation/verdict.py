@@ -71,15 +71,15 @@ def _bias(found: Agreement) -> tuple[bool | None, str]:
 def _coverage(c: Estimated, level: float) -> tuple[bool | None, str]:
     if c.low is None or c.high is None:
         return None, "Whether its intervals hold is open."
-    held = f"{100 * c.value:.0f} % ({100 * c.low:.0f} to {100 * c.high:.0f})"
-    span = f"{held} of the truths, and say {100 * level:.0f}"
+    span = f"{100 * c.value:.0f} % of the truths, 95 % interval {100 * c.low:.0f} to {100 * c.high:.0f}"
+    meant = f"where {100 * level:.0f} % are meant"
     if c.high < level - COVERAGE:
-        return False, f"Its intervals are too narrow: they hold {span}."
+        return False, f"Its intervals are too narrow: they hold {span}, {meant}."
     if c.low > level + COVERAGE:
-        return True, f"Its intervals are wider than they need be: they hold {span}."
+        return True, f"Its intervals are wider than they need be: they hold {span}, {meant}."
     if c.low >= level - COVERAGE:
-        return True, f"Its intervals are right: they hold {span}."
-    return None, f"Its intervals may be right: they hold {span}."
+        return True, f"Its intervals are right: they hold {span}, {meant}."
+    return None, f"Whether its intervals hold is not settled: they hold {span}, {meant}."
 
 
 def _wanted(found: Agreement, level: float) -> int:

@@ -325,7 +325,8 @@ class SensorModel:
     def untouched(self, n_frames: int = 50, frames_per_s: float = 37.5) -> FrameStream:
         """Frames of the probe lying in the air: its noise, its zeros, its dead cells."""
         x = np.zeros(n_frames)
-        return self._frames(x, np.zeros((n_frames, *SHAPE)), x, frames_per_s, 0)
+        frames = self._frames(x, np.zeros((n_frames, *SHAPE)), x, frames_per_s, 0)
+        return replace(frames, positions_um=np.zeros_like(frames.positions_um))  # nobody turns the wheel
 
     def _frames(
         self,

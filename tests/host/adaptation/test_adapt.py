@@ -81,6 +81,16 @@ def test_too_few_lumps_are_refused(spec, seen):
         adapt_to(spec, few)
 
 
+def test_five_lumps_are_enough_to_judge_by_as_well(spec, seen):
+    """The table was empty there, "0 lumps, each left out once"."""
+    five = seen.take(np.isin(seen.lump, np.unique(seen.lump)[:FEWEST_LUMPS]))
+    compared = before_and_after(spec, five)
+    assert compared.lumps == FEWEST_LUMPS
+    for name in ("d_mm", "h"):
+        assert abs(compared.numbers[name, "after"][0]) < 0.1 < abs(compared.numbers[name, "before"][0])
+    assert {row[0] for row in compared.as_table()[1]} >= {"d_mm", "depth_mm", "h"}
+
+
 def test_the_order_of_rows_does_not_matter(spec, seen):
     order = np.random.default_rng(3).permutation(len(seen))
     turned = ObservedDataSet(seen.table.iloc[order].reset_index(drop=True), seen.X[order], seen.status[order])

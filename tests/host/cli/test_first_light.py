@@ -55,7 +55,7 @@ def a_row_and_a_cell(counts):
 def test_a_sound_probe_has_nothing_to_mend(palpate):
     with probe_with(nothing) as emulated:
         found, code, _ = states(palpate, emulated.port)
-    assert set(found) == {"frames", "rails", "dead cells", "noise", "zeros"}
+    assert set(found) == {"frames", "contact", "rails", "dead cells", "noise", "zeros"}
     late = found.pop("frames")["state"] == "broken"  # on a busy machine
     assert {f["state"] for f in found.values()} == {"ok"}, found
     assert code == late
@@ -82,6 +82,25 @@ def test_an_emulated_probe_that_nobody_touches_has_its_sensors_noise_and_its_dea
     assert dead and found["rails"]["found"].startswith(f"{dead} cells at a rail")
     assert {found[name]["state"] for name in ("dead cells", "noise", "zeros")} == {"ok"}, found
     assert code == 1
+
+
+@pytest.mark.timeout(120)
+def test_a_probe_that_is_being_stroked_is_told_so_and_not_called_noisy(palpate):
+    """It was sent to look at the reference's capacitor."""
+    with EmulatedProbe("cpython", strokes_over(LUMP, "typical", 2, 50, 1)[0], repeat=True) as emulated:
+        found, code, _ = states(palpate, emulated.port)
+    assert code == 1
+    assert found["contact"]["state"] == "broken" and "something pressed" in found["contact"]["found"]
+    assert "ask again" in found["contact"]["todo"]
+    assert not {"noise", "zeros"} & set(found)
+
+
+def test_common_noise_is_noise_and_no_contact():
+    """A bad reference moves all cells at once, from frame to frame."""
+    random = np.random.default_rng(7)
+    counts = 200 + np.repeat(random.normal(0, 60, 100), 416).reshape(100, 16, 26)
+    assert first_light.contact(counts, np.zeros(100)).state == "ok"
+    assert {f.name: f.state for f in first_light.cells(counts)}["noise"] == "broken"
 
 
 def frames_apart(*times_us):

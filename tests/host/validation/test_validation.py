@@ -32,6 +32,19 @@ def told(lumps=30, strokes=3, bias=0.0, between=0.05, within=0.02, half=None, se
     )
 
 
+def test_what_is_always_alike_gives_no_interval_and_no_warning(recwarn):
+    """SciPy's word on degenerate data came out between the tables."""
+    none = by_lump(np.repeat(np.arange(5), 2), lambda times: np.full(times.shape[:-1], np.nan))
+    assert (none.low, none.high) == (None, None)
+    assert not recwarn.list
+
+
+def test_open_coverage_is_called_open():
+    """ "May be right" was said of 53 % where 90 are meant."""
+    said = verdict(agreement(told(8, half=0.06), "d_mm"), 0.9).text
+    assert "Whether its intervals hold is not settled: they hold" in said and "where 90 % are meant" in said
+
+
 def test_a_known_bias_and_known_limits_are_found():
     found = agreement(told(lumps=400, bias=0.1, seed=2), "d_mm")
     assert found.bias.low < 0.1 < found.bias.high
