@@ -19,6 +19,9 @@ FORCE_UNIT_N_PER_M = 100.0
 SHAPES = {"cylinder": (math.inf, 1.0), "ball": (1.0, 1.0), "ellipsoid": (None, None)}
 """Half-axes across the stroke and downwards over d/2; None where each case has its own."""
 
+LAWS = ("exponential", "ogden")
+"""How tissue stiffens with strain, as `law.py` has it; the first goes without saying."""
+
 NONLINEAR_E_RATIO = 1.0
 NONLINEAR_STIFFENING = 900.0
 """The nonlinear lump of `eNL`: at rest as soft as fat, over E = 10 under the probe (docs/physics.md)."""
@@ -46,7 +49,10 @@ class Case:
     F_rel : float
         Force on the probe in units of 100 N per metre of probe width.
     lump_stiffening, fat_stiffening, gland_stiffening : float
-        b of the law W = mu/(2b) (exp(b (l1 - l2)^2) - 1); 0 is linear elasticity at large strain.
+        b of the law; 0 is linear elasticity at large strain.
+    law : str
+        How what has a b stiffens, `LAWS`: `exponential`, W = mu/(2b) (exp(b (l1 - l2)^2) - 1), or `ogden`,
+        W = 2 mu/a^2 (l1^a + l2^a + l3^a - 3) with a = 2 + b, for a cylinder.
     fat_kPa : float
         Young's modulus of the fat, kPa.
     gland_ratio : float
@@ -104,6 +110,7 @@ class Case:
     across_radius_mm: float = 200.0
     across_half_mm: float = 17.0
     across_fillet_per_mm2: float = 0.1
+    law: str = LAWS[0]
 
     def __post_init__(self) -> None:
         for name, (low, high) in LIMITS.items():
@@ -120,6 +127,10 @@ class Case:
         self._check_shape()
 
     def _check_shape(self) -> None:
+        if self.law not in LAWS:
+            raise CaseError(f"law must be one of {', '.join(LAWS)}, not {self.law!r}")
+        if self.solid and self.law != LAWS[0]:
+            raise CaseError(f"a {self.shape} stiffens by the exponential law only, not by {self.law!r}")
         if self.shape not in SHAPES:
             raise CaseError(f"shape must be one of {', '.join(SHAPES)}, not {self.shape!r}")
         axes = (self.half_across_mm is not None, self.half_down_mm is not None)
@@ -251,6 +262,8 @@ class Case:
     def to_dict(self) -> dict[str, Any]:
         """The fields; of a cylinder those only which it can have."""
         out = asdict(self)
+        if self.law == LAWS[0]:  # which went without saying when it was the only one
+            del out["law"]
         if not self.solid:
             for name in (*SOLID_FIELDS, *(["fat_mm"] if self.fat_mm is None else [])):
                 del out[name]

@@ -54,7 +54,7 @@ def read_code(code: str) -> dict[str, Any]:
     CaseError
         The code cannot be read, or says something twice.
     """
-    from palpate.sim.tissue.case import NONLINEAR_E_RATIO, NONLINEAR_STIFFENING
+    from palpate.sim.tissue.case import LAWS, NONLINEAR_E_RATIO, NONLINEAR_STIFFENING
 
     match = _CODE.fullmatch(code.strip())
     if match is None:
@@ -76,6 +76,8 @@ def read_code(code: str) -> dict[str, Any]:
     for option in filter(None, match.group(5).split("_")):
         if option in plain:
             put("shape", option)
+        elif option in LAWS[1:]:
+            put("law", option)
         elif axes := _AXES.fullmatch(option):
             put("shape", "ellipsoid")
             for name, text in zip(("half_across_mm", "half_down_mm"), axes.groups()):
@@ -86,7 +88,7 @@ def read_code(code: str) -> dict[str, Any]:
             number = _read_number(code, "", text[1:] if minus else text)
             put(name, -number if minus else number)
         else:
-            known = ", ".join((*plain, "ellipsoidAxB", *OPTIONS))
+            known = ", ".join((*plain, "ellipsoidAxB", *LAWS[1:], *OPTIONS))
             raise CaseError(f"{code!r} has an unknown option {option!r}; known are {known}")
     return values
 
@@ -100,7 +102,7 @@ def _plain_shapes() -> tuple[str, ...]:
 
 def write_code(case: Case) -> str:
     """The shortest code that `read_code` reads back as exactly this case."""
-    from palpate.sim.tissue.case import NONLINEAR_E_RATIO, NONLINEAR_STIFFENING
+    from palpate.sim.tissue.case import LAWS, NONLINEAR_E_RATIO, NONLINEAR_STIFFENING
 
     thesis_nl = (case.E_ratio, case.lump_stiffening) == (NONLINEAR_E_RATIO, NONLINEAR_STIFFENING)
     e = "NL" if thesis_nl else "1K" if case.E_ratio == 1000.0 else _write_number("e", case.E_ratio)
@@ -110,6 +112,8 @@ def write_code(case: Case) -> str:
         text += f"_{case.shape}"
     elif case.half_across_mm is not None and case.half_down_mm is not None:
         text += f"_ellipsoid{_plain(case.half_across_mm)}x{_plain(case.half_down_mm)}"
+    if case.law in LAWS[1:]:
+        text += f"_{case.law}"
     defaults = {f.name: f.default for f in fields(case)}
     for key, name in OPTIONS.items():
         value = getattr(case, name)

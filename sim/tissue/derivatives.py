@@ -265,10 +265,10 @@ class _Columns:
         return tissue.residual(u, self._zero, self._frozen)[0]
 
     def _of_stiffening(self, u: Floats, which: NDArray[np.int64], b: Floats) -> Floats:
-        I, mesh, mu = self._run.tissue.integrals, self._run.mesh, self._run.tissue.constants.mu
+        I, mesh, c = self._run.tissue.integrals, self._run.mesh, self._run.tissue.constants
         out = np.zeros((2, len(u)))
         for side, less in zip(out, (0.0, _STIFFENING_STEP)):
-            kernels.stiffening_residual(u, mesh.elements, which, I.dN, I.dx, mu, b + less, side)
+            kernels.stiffening_residual(u, mesh.elements, which, I.dN, I.dx, c.mu, c.law, b + less, side)
         return (out[1] - out[0]) / _STIFFENING_STEP
 
     def _solved(

@@ -11,7 +11,7 @@ stationary, with
 
     F = 1 + grad u,   J = det F,   I = F:F - dim - 2 (J - 1),   gap = y + u_y - Y - f(x + u_x - X)
 
-phi(I) = (exp(b I) - 1) / b, which is I where b = 0; k = lambda' + mu of Lame's constants; P is the force on
+phi(I), which is I where b = 0, stands in `law.py`; k = lambda' + mu of Lame's constants; P is the force on
 the probe, X its place along the stroke, f its face. In the plane I is (l1 - l2)^2 of the principal stretches.
 Without q: k/2 (Jbar - 1)^2, Jbar being the projection of J on the functions of q. Coulomb friction has no
 potential; `contact_residual` has its virtual work.
@@ -34,10 +34,9 @@ from skfem import BilinearForm, Element, Functional, LinearForm
 from skfem.element import DiscreteField
 from skfem.helpers import ddot, det, dot, grad, identity, inv, mul, transpose
 
-Floats = NDArray[np.float64]
+from palpate.sim.tissue.law import EXPONENTIAL, phi
 
-EXPONENT_CAP = 4.0
-"""Beyond b I = 4 (e^4 = 55 times stiffer) the exponential law goes on linearly, so nothing overflows."""
+Floats = NDArray[np.float64]
 
 UP, ALONG = 1, 0
 """Coordinates that the probe presses down and slides along."""
@@ -86,16 +85,9 @@ def cofactor_change(F: Floats, H: Floats) -> Floats:
     return (ddot(C, H) * C - np.einsum("ij...,kj...,kl...->il...", C, H, C)) / det(F)
 
 
-def phi(I: Floats, b: Floats) -> tuple[Floats, Floats, Floats]:
-    """The law of shear and its first two derivatives: (exp(b I) - 1) / b, linear in phi' beyond b I = 4."""
-    z = np.minimum(b * I, EXPONENT_CAP)
-    more = b * I - z
-    safe = np.where(b > 0, b, 1.0)
-    value = np.where(b > 0, (np.expm1(z) + np.exp(z) * (more + more**2 / 2)) / safe, I)
-    return value, np.exp(z) * (1 + more), b * np.exp(z)
-
-
-def body_fields(u: Any, q: Any, mu: Floats, bulk: Floats, stiffening: Floats) -> dict[str, Any]:
+def body_fields(
+    u: Any, q: Any, mu: Floats, bulk: Floats, stiffening: Floats, law: int = EXPONENTIAL
+) -> dict[str, Any]:
     """Parameters of `energy`, `residual` and `tangent` at displacement `u` and pressure `q`.
 
     Parameters
@@ -104,10 +96,12 @@ def body_fields(u: Any, q: Any, mu: Floats, bulk: Floats, stiffening: Floats) ->
         As `basis.interpolate` gives them; mm, kPa.
     mu, bulk, stiffening : ndarray (M,)
         Shear modulus, lambda' + mu and b of each element, kPa, kPa, 1.
+    law : int
+        How they stiffen, by its place in `case.LAWS`.
     """
     F = identity(grad(u)) + grad(u)
     I = ddot(F, F) - len(F) - 2 * (det(F) - 1)
-    value, first, second = phi(I, stiffening[:, None])
+    value, first, second = phi(law, I, stiffening[:, None] + 0 * I)
     return {
         "F": F, "C": cofactor(F), "J": det(F), "q": q,
         "mu": mu[:, None] + 0 * I, "k": bulk[:, None] + 0 * I, "phi": value, "phi1": first, "phi2": second,

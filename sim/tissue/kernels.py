@@ -15,9 +15,7 @@ import numpy as np
 from numba import njit
 
 from palpate.sim.tissue.lanes import LANES, ROWS, eight_elements, fma
-
-_EXPONENT_CAP = 4.0
-"""Beyond b I = 4 (e^4 = 55 times stiffer) the exponential law goes on linearly, so nothing overflows."""
+from palpate.sim.tissue.law import slopes
 
 
 @njit(cache=True, nogil=True)
@@ -155,19 +153,8 @@ def pressure(du, elements, theta, frozen, bulk):
 
 
 @njit(cache=True, nogil=True)
-def _stiffening(b, I):
-    """phi'(I) = exp(b I), the factor on mu, and phi''(I) = b exp(b I); a line beyond the cap."""
-    z = b * I
-    if z < _EXPONENT_CAP:
-        f = np.exp(z)
-        return f, b * f
-    f = np.exp(_EXPONENT_CAP)
-    return f * (1 + z - _EXPONENT_CAP), b * f
-
-
-@njit(cache=True, nogil=True)
-def stiffening_residual(u, elements, which, dN, dx, mu, b, R):
-    """Add the forces of the exponential law's elements `which` to R (2N,).
+def stiffening_residual(u, elements, which, dN, dx, mu, law, b, R):
+    """Add the forces of the elements `which`, which stiffen, to R (2N,).
 
     R += integral of mu phi'(I) (F - cof F) : grad v,   F - cof F = [[v1, v2], [v2, -v1]],
     v1 = u_x,x - u_y,y,   v2 = u_x,y + u_y,x,   I = v1^2 + v2^2
@@ -181,7 +168,7 @@ def stiffening_residual(u, elements, which, dN, dx, mu, b, R):
                 n = 2 * nodes[a]
                 v1 += dN[e, p, 0, a] * u[n] - dN[e, p, 1, a] * u[n + 1]
                 v2 += dN[e, p, 1, a] * u[n] + dN[e, p, 0, a] * u[n + 1]
-            f, _ = _stiffening(b[e], v1 * v1 + v2 * v2)
+            f, _ = slopes(law, b[e], v1 * v1 + v2 * v2)
             f *= mu[e] * dx[e, p]
             for a in range(9):
                 n = 2 * nodes[a]
@@ -190,8 +177,8 @@ def stiffening_residual(u, elements, which, dN, dx, mu, b, R):
 
 
 @njit(cache=True, fastmath=True, nogil=True)
-def stiffening_tangent(u, elements, which, dN, dx, mu, b, K):
-    """Add the stiffness of the exponential law's elements `which` to K (M, 18, 18).
+def stiffening_tangent(u, elements, which, dN, dx, mu, law, b, K):
+    """Add the stiffness of the elements `which`, which stiffen, to K (M, 18, 18).
 
     K += integral of 2 mu phi'' w w^T + mu phi' (dv1^T dv1 + dv2^T dv2),   w = v1 dv1 + v2 dv2
     """
@@ -206,7 +193,7 @@ def stiffening_tangent(u, elements, which, dN, dx, mu, b, K):
                 n = 2 * nodes[a]
                 v1 += D[0, a] * u[n] - D[1, a] * u[n + 1]
                 v2 += D[1, a] * u[n] + D[0, a] * u[n + 1]
-            f, df = _stiffening(b[e], v1 * v1 + v2 * v2)
+            f, df = slopes(law, b[e], v1 * v1 + v2 * v2)
             f *= mu[e] * dx[e, p]
             df *= 2 * mu[e] * dx[e, p]
             for a in range(9):

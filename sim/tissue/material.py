@@ -1,7 +1,6 @@
 """Stiffness of every element, and the tissue's residual and tangent as compiled kernels.
 
-Linear tissue is neo-Hookean at large strain (`element.py` has the energy); stiffening tissue follows
-W = mu/(2b) (exp(b I) - 1) with I = (l1 - l2)^2 = F:F - 2J, of which b -> 0 is the same neo-Hookean law.
+Linear tissue is neo-Hookean at large strain (`element.py` has the energy); `law.py` has how tissue stiffens.
 Displacements are vectors (2N,), x and y of each node in turn. Units: mm, kPa; forces in N/m.
 """
 
@@ -13,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.sim.tissue import kernels
-from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.case import LAWS, Case
 from palpate.sim.tissue.element import ElementIntegrals
+from palpate.sim.tissue.law import EXPONENTIAL
 from palpate.sim.tissue.mesh import FAT, GLAND, LUMP, TissueMesh
 
 Floats = NDArray[np.float64]
@@ -29,12 +29,15 @@ class Elasticity:
     mu, bulk : ndarray (M,)
         Shear modulus and lambda + mu, kPa.
     stiffening : ndarray (M,)
-        b of the exponential law; 0 where the tissue is linear.
+        b of the law; 0 where the tissue is linear.
+    law : int
+        Its place in `case.LAWS`.
     """
 
     mu: Floats
     bulk: Floats
     stiffening: Floats
+    law: int = EXPONENTIAL
 
 
 def elasticity(case: Case, mesh: TissueMesh) -> Elasticity:
@@ -47,7 +50,7 @@ def elasticity(case: Case, mesh: TissueMesh) -> Elasticity:
     b = np.array([case.fat_stiffening, case.gland_stiffening, case.lump_stiffening])[material]
     nu = case.poisson
     mu = young / (2 * (1 + nu))
-    return Elasticity(mu, young * nu / ((1 + nu) * (1 - 2 * nu)) + mu, b)
+    return Elasticity(mu, young * nu / ((1 + nu) * (1 - 2 * nu)) + mu, b, LAWS.index(case.law))
 
 
 class Tissue:
@@ -95,7 +98,7 @@ class Tissue:
         )  # fmt: skip
         if len(self.stiffening_elements):
             kernels.stiffening_residual(
-                u, elements, self.stiffening_elements, I.dN, I.dx, c.mu, c.stiffening, true
+                u, elements, self.stiffening_elements, I.dN, I.dx, c.mu, c.law, c.stiffening, true
             )
         excess += true
         return true, excess, theta
@@ -120,7 +123,7 @@ class Tissue:
         kernels.tangent(u, q, which, elements, I.g, I.C, I.L, I.C0, self.mu_linear, c.bulk, K, frozen)
         if len(self.stiffening_elements):
             some = which[c.stiffening[which] > 0]
-            kernels.stiffening_tangent(u, elements, some, I.dN, I.dx, c.mu, c.stiffening, K)
+            kernels.stiffening_tangent(u, elements, some, I.dN, I.dx, c.mu, c.law, c.stiffening, K)
 
     def pressure(self, du: Floats, theta: Floats, frozen: Floats) -> Floats:
         """Pressures (M, 3) after the step `du`, to first order with the gradients `frozen`."""

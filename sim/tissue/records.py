@@ -25,13 +25,18 @@ _LISTS = (
     "iterations",
 )
 _SOLID_LISTS = ("peak_across_mm", "ramp_N", "ramp_displacement_mm", "ramp_images_kPa")
-_PLANE_FIELDS = tuple(f.name for f in fields(Case) if f.name not in SOLID_FIELDS)
+_PLANE_FIELDS = tuple(f.name for f in fields(Case) if f.name not in (*SOLID_FIELDS, "law"))
 SCHEMA = pa.schema(
     [(name, pa.string()) for name in ("key", "code", "status", "reason")]
     + [(name, pa.float64()) for name in _PLANE_FIELDS]
     + [("t_mm", pa.float64()), ("F_N_per_m", pa.float64())]
     + [(name, pa.list_(pa.float64())) for name in _LISTS[:-1]]
-    + [("iterations", pa.list_(pa.int32())), ("factorisations", pa.int32()), ("nodes", pa.int32())]
+    + [
+        ("iterations", pa.list_(pa.int32())),
+        ("factorisations", pa.int32()),
+        ("nodes", pa.int32()),
+        ("law", pa.string()),
+    ]
 )
 SOLID_SCHEMA = pa.schema(
     list(SCHEMA)
@@ -71,6 +76,8 @@ def stroke_of(record: Record) -> Stroke:
         solid = record.get("shape") is not None
         record = {"fat_mm": None, **record}  # which a cylinder has not always had
         case = {name: record[name] for name in (*_PLANE_FIELDS, *(SOLID_FIELDS if solid else ()))}
+        if record.get("law") is not None:
+            case["law"] = record["law"]
         whole = {**record, "case": case, "cpu_s": record.get("cpu_s", 0.0)}
         if solid:
             from palpate.sim.tissue.solid.result import SolidStroke

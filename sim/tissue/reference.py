@@ -55,7 +55,7 @@ class WeakForm:
         pressure = forms.ElementLinearPressure(quads.refdom)
         self.basis = Basis(quads, displacement * pressure, quadrature=QUADRATURE)
         self.moved, self.pressed = self.basis.split_indices()
-        self.constants = c.mu, c.bulk, c.stiffening
+        self.constants = c.mu, c.bulk, c.stiffening, c.law
         top = mesh.nodes_mm[:, 1].max()
         facets = quads.facets_satisfying(lambda x: x[1] == top, boundaries_only=True)
         rule = forms.surface_quadrature(2)

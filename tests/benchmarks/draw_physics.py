@@ -173,7 +173,8 @@ def beyond(folder: Path) -> None:
         title="Friction: trace of the middle sensors", xlabel="position, mm from the lump", ylabel="kPa"
     )
     stiff = replace(REFERENCE, fat_stiffening=6.0, gland_stiffening=16.0)
-    for case, name in ((REFERENCE, "linear"), (stiff, "stiffening fat and gland")):
+    ogden = replace(REFERENCE, fat_stiffening=10.2, gland_stiffening=17.7, law="ogden")  # as curved at rest
+    for case, name in ((REFERENCE, "linear"), (stiff, "stiffening fat and gland"), (ogden, "by Ogden's law")):
         curve = load_curve(case, (0.1, *FORCES, 1.2), -28.0)
         axes[1].plot(
             [s.strain[0] for s in curve], [s.case.F_rel for s in curve], "-o", markersize=3, label=name

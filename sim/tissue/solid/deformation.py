@@ -3,13 +3,11 @@
 # mypy: ignore-errors
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
-LANES = 32
+from palpate.sim.tissue.law import exponential
 
-_EXPONENT_CAP = 4.0
-"""Beyond b I = 4 (e^4 = 55 times stiffer) the exponential law goes on linearly, so nothing overflows."""
+LANES = 32
 
 
 @njit(cache=True, fastmath=True, nogil=True, inline="always")
@@ -62,13 +60,12 @@ def cofactors(F, C, J):
 
 @njit(cache=True, nogil=True, inline="always")
 def stiffen(F, J, b, mu_dx, m, dm):
-    """The exponential law: m = mu f dx and dm = mu f' dx with f = exp(b I), I = F:F - 1 - 2 J."""
+    """m = mu phi' dx and dm = mu phi'' dx of the exponential law, I = F:F - 1 - 2 J."""
     for p in range(LANES):
         I = -3.0 - 2.0 * J[p]
         for i in range(3):
             for j in range(3):
                 I += F[i, j, p] * F[i, j, p]
-        z = b[p] * I
-        f = np.exp(min(z, _EXPONENT_CAP))
-        dm[p] = b[p] * f * mu_dx[p]
-        m[p] = f * (1.0 + max(z - _EXPONENT_CAP, 0.0)) * mu_dx[p]
+        first, second = exponential(b[p], I)
+        dm[p] = second * mu_dx[p]
+        m[p] = first * mu_dx[p]

@@ -101,7 +101,7 @@ class SolidElasticity:
     mu_dx : ndarray (M, LANES)
         Shear modulus times volume.
     b : ndarray (M, LANES)
-        Stiffening of the exponential law; 0 where the tissue is linear.
+        b of the exponential law; 0 where the tissue is linear.
     stiffening : ndarray (M,), bool
         Elements with a b.
     bulk : ndarray (M,)

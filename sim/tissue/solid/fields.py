@@ -19,7 +19,7 @@ from skfem.models.poisson import mass
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.errors import StrokeError
 from palpate.sim.tissue.fields import Fields
-from palpate.sim.tissue.forms import phi
+from palpate.sim.tissue.law import EXPONENTIAL, phi
 from palpate.sim.tissue.mesh import FAT, GLAND, LUMP
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.solid.element import POINTS
@@ -105,7 +105,7 @@ class _Projector:
         dx = I.dx[:, :POINTS]
         q = np.einsum("ek,ekp->ep", state.pressure, I.Ndx[..., :POINTS]) / dx
         total = right[0, 0] + right[1, 1] + right[2, 2]
-        shear = c.mu_dx[:, :POINTS] / dx * phi(total - 1 - 2 * J, c.b[:, :POINTS])[1]
+        shear = c.mu_dx[:, :POINTS] / dx * phi(EXPONENTIAL, total - 1 - 2 * J, c.b[:, :POINTS])[1]
         return {
             "strain": np.stack([strain[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))]),
             **{f"stretch_{3 - k}": stretches[..., k] for k in (2, 1, 0)},

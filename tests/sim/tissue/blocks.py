@@ -33,12 +33,13 @@ def block(x, y, shake=0.0, seed=0, rollers=True) -> TissueMesh:
     return mesh
 
 
-def tissue_of(mesh: TissueMesh, young_kPa=10.0, nu=0.495, stiffening=0.0) -> Tissue:
+def tissue_of(mesh: TissueMesh, young_kPa=10.0, nu=0.495, stiffening=0.0, law=0) -> Tissue:
     """One material throughout."""
     n = len(mesh.elements)
     mu = young_kPa / 2 / (1 + nu)
     bulk = young_kPa * nu / ((1 + nu) * (1 - 2 * nu)) + mu
-    return Tissue(mesh, integrate(mesh), Elasticity(np.full(n, mu), np.full(n, bulk), np.full(n, stiffening)))
+    constants = Elasticity(np.full(n, mu), np.full(n, bulk), np.full(n, stiffening), law)
+    return Tissue(mesh, integrate(mesh), constants)
 
 
 def press(tissue: Tissue, shape: ProbeShape, force: float, depth: float, tolerance=1e-9, augmentation=1e6):

@@ -20,6 +20,7 @@ MATERIALS = [
     "d20h03e1Kf10_nu0.49999",
     "d10h08e02f10_sf6_sg16",
     "d10h08e10f10_sf2000_nu0.3",  # so stiff that most of it is on the law's straight part
+    "d10h08e10f10_ogden_sf6_sl900",
 ]
 
 
