@@ -51,10 +51,10 @@ _DEPTH = _log("ln depth", 2.0, 30.0, 1.0, 60.0, 0.25)
 _FAT = _log("ln t", 4.0, 30.0, 2.5, 60.0, 0.25)
 _STIFFNESS = Unknown("E^-2/3", 0.32, 0.18, 0.003, 0.97, 0.08)
 _TISSUE = (
-    _log("ln gland ratio", 2.0, 10.0, 1.1, 16.0, 0.4),
+    _log("ln gland ratio", 1.0, 10.0, 0.7, 16.0, 0.4),
     Unknown("ln gland", np.log(17.5), 0.38, np.log(5.0), np.log(45.0), 0.3),
-    Unknown("b of the fat", 1.5, 0.87, 0.0, 6.0, 0.8),
-    Unknown("b of the gland", 1.5, 0.87, 0.0, 6.0, 0.8),
+    Unknown("b of the fat", 1.27, 0.96, 0.0, 6.0, 0.8),
+    Unknown("b of the gland", 1.27, 0.96, 0.0, 6.0, 0.8),
     Unknown("ln R", np.log(40.0), 0.029, np.log(34.0), np.log(46.0), 0.03),
 )
 

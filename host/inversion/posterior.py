@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 
 _COUNTS = 4095
 _START_SD_MM = 3.0
-_LN_E, _LN_F = (np.log(11.2), 0.46), (np.log(4.74), 0.37)
+_LN_E, _LN_F = (np.log(10.8), 0.58), (np.log(5.46), 0.48)
 """Mean and spread of the fat's modulus in kPa and of the force over it in mm, over the models' design."""
 
 _MESH_ERROR = {2.0: (0.05, 0.004), 1.0: (0.015, 0.001)}

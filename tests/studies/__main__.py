@@ -26,6 +26,7 @@ MODULES = {
     "reference": "reference",
     "noise-list": "noise_list",
     "balls": "balls",
+    "inverted": "inverted",
 }
 """Name of a study -> its module, with `tables(Asked)`, or `STUDIES` of the told model by name."""
 
@@ -67,6 +68,7 @@ def command(
       noise-list  the bundled model on new lumps, and what their noise may lack, one by one
       coverage    the intervals of the bundled told model, the depth's among them
       balls       which solid lumps are found, and how well; of DIRECTORY/balls.parquet
+      inverted    strokes fitted by the forward model: errors and intervals (half a minute each)
     """
     if name not in MODULES:
         raise UsageError(f"there is no study {name!r}; there are {', '.join(MODULES)}")

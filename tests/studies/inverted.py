@@ -1,0 +1,136 @@
+"""Strokes fitted by the forward model: how far off, and how often the intervals hold.
+
+Lumps anywhere that no model has seen, each stroked once: computed on a mesh that the inversion does not use,
+every frame at its own place and force, then felt by a probe of that noise. What is done is kept in
+DIRECTORY/inverted.jsonl; a study that was ended goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import Any
+
+import numpy as np
+
+from palpate.inversion.classes import ANYWHERE
+from palpate.inversion.result import FITS, LEVEL, WIDER
+from palpate.inversion.strokes import invert_stroke
+from palpate.regression.any_tissue.observed import random_scale
+from palpate.regression.conformal import quantile_of_part
+from palpate.sim.probe.noise import level_named
+from palpate.sim.tissue import Case
+from palpate.sim.tissue.anywhere import anywhere_lumps
+from palpate.sim.tissue.errors import CaseError, StrokeError
+from tests.host.inversion.world import felt_of, in_fat_of
+from tests.studies.table import Asked, StudyTable, of_text
+
+LUMPS = 300
+WORDS = {"d_mm": "ln d", "depth_mm": "ln depth", "t_mm": "ln t", "E_inv23": "E^-2/3", "E_fat_kPa": "ln_E"}
+"""What is judged, and the factor of `result.WIDER` that is its own."""
+_HARD = 10.0 ** (-2 / 3)
+
+
+def lumps(n: int, seed: int) -> list[Case]:
+    """`n` lumps anywhere in fat of 2 to 40 kPa; the first of more are the same."""
+    rng = np.random.default_rng(seed)
+    return [
+        in_fat_of(case, case.fat_kPa * random_scale(case, rng)) for case in anywhere_lumps(n, 9000 + seed)
+    ]
+
+
+def tables(asked: Asked) -> list[StudyTable]:
+    """Invert what is not yet there; then accuracy, and factors from one half for the other."""
+    n, noise = asked.lumps or LUMPS, asked.noise or "typical"
+    kept = asked.directory / "inverted.jsonl"
+    asked.directory.mkdir(parents=True, exist_ok=True)
+    lines = kept.read_text().splitlines() if kept.exists() else []
+    done = {(row["seed"], row["lump"]): row for row in map(json.loads, lines)}
+    for k, case in enumerate(lumps(n, asked.seed)):
+        if (asked.seed, k) not in done:
+            row = {"seed": asked.seed, "lump": k, **inverted(case, 1000 * asked.seed + k, noise)}
+            with kept.open("a") as out:
+                out.write(json.dumps(row) + "\n")
+            done[asked.seed, k] = row
+            asked.tell(f"{k + 1} of {n}: {row['code']}")
+    return judged([row for row in done.values() if row["seed"] == asked.seed])
+
+
+def inverted(case: Case, seed: int, noise: str) -> dict[str, Any]:
+    """One stroke: how far the regression and the inversion are from the truth, and Laplace's half-widths."""
+    try:
+        felt, start, _, _ = felt_of(case, seed, noise)
+    except (CaseError, StrokeError) as error:
+        return {"code": case.code, "problem": str(error)}
+    begun = time.process_time()
+    found = invert_stroke(felt, start, level_named(noise), ANYWHERE.name)
+    took = time.process_time() - begun
+    row: dict[str, Any] = {"code": case.code, "cpu_s": took, "problem": found.problem}
+    if found.problem:
+        return row
+    first = {
+        "d_mm": start.d_mm, "depth_mm": start.depth_mm, "t_mm": start.t_mm, "E_inv23": start.E_inv23,
+        "E_fat_kPa": start.E_kPa,
+    }  # fmt: skip
+    for name, factor in WORDS.items():
+        value, truth = found.values[name], getattr(case, name)
+        assert value.high is not None
+        if name == "E_inv23":
+            half, apart, before = value.high - value.value, value.value - truth, first[name] - truth
+        else:
+            half, apart = np.log(value.high / value.value), np.log(value.value / truth)
+            before = np.log(first[name] / truth)
+        row[name] = {"apart": float(apart), "half": float(half / WIDER[factor])}
+        row[name] |= {"first": float(before), "truth": truth}
+    said = found.hardness
+    hard = case.E_inv23 < _HARD
+    right = None if said == "unsure" else (said == "hard") == hard
+    more_likely = (found.values["E_inv23"].value < _HARD) == hard
+    return row | {"chi2": found.chi2, "settled": found.settled, "right": right, "likely": more_likely}
+
+
+def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
+    """Errors and intervals of the rows, and Laplace's factors; held out by halves."""
+    whole = [row for row in rows if not row["problem"]]
+    fits = np.array([row["chi2"] < FITS for row in whole])
+    out, factors = [], []
+    for name, factor in WORDS.items():
+        apart, half, first = (np.array([row[name][k] for row in whole]) for k in ("apart", "half", "first"))
+        score = np.abs(apart) / half
+        truth = np.array([row[name]["truth"] for row in whole])
+        held = np.abs(apart) <= half * WIDER[factor]
+        order = np.array_split(np.argsort(truth), 4)
+        quarters = min(held[part][fits[part]].mean() for part in order if fits[part].any())
+        even = np.arange(len(score)) % 2 == 0
+        crossed = np.concatenate([
+            score[fits & part] <= quantile_of_part(score, fits & ~part, LEVEL) for part in (even, ~even)
+        ])  # fmt: skip
+        out.append([
+            name, *(f"{100 * np.median(np.abs(e)):.1f}" for e in (first, apart, apart[fits])),
+            f"{100 * np.median(half[fits]) * WIDER[factor]:.1f}",
+            f"{100 * held[fits].mean():.0f}", f"{100 * held.mean():.0f}", f"{100 * quarters:.0f}",
+        ])  # fmt: skip
+        factors.append([name, f"{quantile_of_part(score, fits, LEVEL):.2f}", f"{WIDER[factor]:.2f}",
+                        f"{100 * crossed.mean():.0f}"])  # fmt: skip
+    told = [row["right"] for row in whole if row["right"] is not None]
+    settled, likely = (100 * np.mean([row[key] for row in whole]) for key in ("settled", "likely"))
+    title = (
+        f"{len(rows)} strokes over lumps anywhere: {len(rows) - len(whole)} not inverted, "
+        f"{100 * fits.mean():.0f} % fit, {settled:.0f} % settled; {likely:.0f} % nearer to hard or soft, rightly; "
+        f"told in {100 * len(told) / len(whole):.0f} %, {100 * np.mean(told) if told else 0:.0f} % of these right; "
+        f"{np.median([row['cpu_s'] for row in whole]):.1f} CPU s in the median"
+    )
+    heads = [
+        "",
+        "regression",
+        "inversion",
+        "those that fit",
+        "half-width",
+        "held",
+        "held, all",
+        "worst quarter",
+    ]
+    return [
+        of_text(title, heads, out),
+        of_text("What widens Laplace's intervals", ["", "asked", "used", "held, halves crossed"], factors),
+    ]  # fmt: skip
