@@ -113,11 +113,19 @@ def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
         factors.append([name, f"{quantile_of_part(score, fits, LEVEL):.2f}", f"{WIDER[factor]:.2f}",
                         f"{100 * crossed.mean():.0f}"])  # fmt: skip
     told = [row["right"] for row in whole if row["right"] is not None]
-    settled, likely = (100 * np.mean([row[key] for row in whole]) for key in ("settled", "likely"))
+    fit, settled, likely, some, right = (
+        f"{100 * np.mean(share):.0f} %"
+        for share in (
+            fits,
+            [row["settled"] for row in whole],
+            [row["likely"] for row in whole],
+            [row["right"] is not None for row in whole],
+            told or [0.0],
+        )
+    )
     title = (
-        f"{len(rows)} strokes over lumps anywhere: {len(rows) - len(whole)} not inverted, "
-        f"{100 * fits.mean():.0f} % fit, {settled:.0f} % settled; {likely:.0f} % nearer to hard or soft, rightly; "
-        f"told in {100 * len(told) / len(whole):.0f} %, {100 * np.mean(told) if told else 0:.0f} % of these right; "
+        f"{len(rows)} strokes over lumps anywhere: {len(rows) - len(whole)} not inverted, {fit} fit, "
+        f"{settled} settled; {likely} rightly nearer to hard or soft, told in {some}, rightly in {right} of these; "
         f"{np.median([row['cpu_s'] for row in whole]):.1f} CPU s in the median"
     )
     heads = [
