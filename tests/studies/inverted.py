@@ -125,7 +125,7 @@ def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
     )
     title = (
         f"{len(rows)} strokes over lumps anywhere: {len(rows) - len(whole)} not inverted, {fit} fit, "
-        f"{settled} settled; {likely} rightly nearer to hard or soft, told in {some}, {right} of these right; "
+        f"{settled} settled; {likely} nearer to hard or soft, rightly, told in {some}, {right} of it right; "
         f"{np.median([row['cpu_s'] for row in whole]):.1f} CPU s in the median"
     )
     heads = [
