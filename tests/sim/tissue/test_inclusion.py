@@ -1,8 +1,8 @@
 """A bonded lump under shear from far away has an exact answer, which tests the lump's mesh without contact.
 
 Goodier 1933 and Eshelby 1957: the strain inside is even, 1 / (1 + beta (r - 1)) of that far away, with r the
-lump's stiffness over its surroundings' and, for a cylinder, beta = (3 - 4 nu) / (4 (1 - nu)). Where nothing is
-compressible that is 2 / (1 + r).
+lump's stiffness over its surroundings' and, for a cylinder, beta = (3 - 4 nu) / (4 (1 - nu)). If nothing is
+compressible this is 2 / (1 + r).
 """
 
 import numpy as np
