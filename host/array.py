@@ -1,6 +1,7 @@
 """Which sensor array this program works with: firmware_py/sensor_array.py, or the file that is named instead.
 
     palpate --array small.py ...            or PALPATE_ARRAY=small.py for every program, Python's own included
+    palpate --array 16x32@3mm,25kPa ...     rows x columns at their pitch, and full scale (25 kPa unless told)
 
 The file is a copy of firmware_py/sensor_array.py with other numbers, the same that goes onto the probe. It is
 read when the firmware's modules are first imported, by child processes too, and holds for the whole process.
@@ -11,9 +12,11 @@ from __future__ import annotations
 import ast
 import importlib.util
 import os
+import re
 import sys
 from importlib.machinery import ModuleSpec
 from pathlib import Path
+from types import ModuleType
 
 from palpate.errors import NoSuchFile, UsageError
 from palpate.files import read_limited
@@ -30,10 +33,26 @@ LIMITS = {
 MOST_CELLS = 1024
 LEAST_REACH_UM = 8000
 """A feature looks 8 mm to either side of the face's middle."""
+_WORDS = re.compile(r"(\d{1,3})x(\d{1,3})@(\d{1,2}(?:\.\d{1,3})?)mm(?:,(\d{1,3}(?:\.\d{1,3})?)kPa)?")
+FULL_KPA = 25.0
+
+
+def words_of(rows: int, columns: int, pitch_mm: float, full_kPa: float = FULL_KPA) -> str:
+    """An array in the words that `--array` and PALPATE_ARRAY take."""
+    return f"{rows}x{columns}@{pitch_mm:g}mm,{full_kPa:g}kPa"
 
 
 def read(path: Path) -> dict[str, int]:
-    """The numbers of a description. Raises NoSuchFile, or UsageError with what is wrong with it."""
+    """The numbers of a description, a file or words.
+
+    Raises NoSuchFile, or UsageError with what is wrong with it.
+    """
+    if told := _WORDS.fullmatch(str(path)):
+        rows, columns, pitch_mm, full_kPa = told.groups(str(FULL_KPA))
+        found = (int(rows), int(columns), round(1000 * float(pitch_mm)), round(1000 * float(full_kPa)))
+        return _checked(path, dict(zip(LIMITS, (*found, found[-1] // 50))))
+    if "@" in str(path) and not path.exists():
+        raise UsageError(f"{path} is no array: write rows x columns, pitch and full scale as 16x32@3mm,25kPa")
     try:
         tree = ast.parse(read_limited(path, 1 << 20).decode())
     except OSError as error:
@@ -51,6 +70,10 @@ def read(path: Path) -> dict[str, int]:
                 raise UsageError(
                     f"{path}, line {node.lineno}: a description holds whole numbers for {', '.join(LIMITS)}"
                 )
+    return _checked(path, numbers)
+
+
+def _checked(path: Path, numbers: dict[str, int]) -> dict[str, int]:
     for name, (low, high) in LIMITS.items():
         if name not in numbers:
             raise UsageError(f"{path} does not say {name}")
@@ -74,11 +97,16 @@ def use(path: Path | str) -> None:
 
     Raises NoSuchFile, UsageError; also where the firmware's modules already know another array.
     """
-    path = Path(path).resolve()
+    path = _named(str(path))
     wanted = read(path)
     _check_known(path, wanted)
     os.environ[VARIABLE] = str(path)
     watch()
+
+
+def _named(text: str) -> Path:
+    """Words as they are, a file wherever the process goes."""
+    return Path(text) if _WORDS.fullmatch(text) else Path(text).resolve()
 
 
 def _check_known(path: Path, wanted: dict[str, int]) -> None:
@@ -96,9 +124,25 @@ class _Finder:
         named = os.environ.get(VARIABLE)
         if name != HOME or not named:
             return None
-        file = Path(named).resolve()
-        read(file)
+        file = _named(named)
+        numbers = read(file)
+        if _WORDS.fullmatch(named):
+            return ModuleSpec(name, _Told(numbers), origin=named)  # type: ignore[arg-type]
         return importlib.util.spec_from_file_location(name, file)
+
+
+class _Told:
+    """Loads an array that was told in words."""
+
+    def __init__(self, numbers: dict[str, int]) -> None:
+        self._numbers = numbers
+
+    def create_module(self, _spec: ModuleSpec) -> None:
+        """Python's own will do."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Its numbers."""
+        vars(module).update(self._numbers)
 
 
 def watch() -> None:
@@ -107,6 +151,6 @@ def watch() -> None:
     Raises UsageError where somebody has imported it before, and got another.
     """
     if HOME in sys.modules and (named := os.environ.get(VARIABLE)):
-        _check_known(Path(named), read(Path(named)))
+        _check_known(Path(named), read(_named(named)))
     if _Finder not in sys.meta_path:
         sys.meta_path.insert(0, _Finder)

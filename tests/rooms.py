@@ -47,6 +47,7 @@ FLOORS = (
         "report": ("palpate.report",),
         "dataset": ("palpate.dataset",),
         "importing": ("palpate.importing",),
+        "sources": ("palpate.sources",),
         "inversion": ("palpate.inversion",),
         "characterisation": ("palpate.characterisation",),
         "doctor": tuple(f"palpate.{name}" for name in ("doctor", "first_light", "first_time", "sizes")),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 
@@ -56,6 +56,8 @@ STROKES = 20
 )
 @click.option("--strokes", type=click.IntRange(1, 1000), default=STROKES, show_default=True,
               help="Different strokes (seeds) over the lump, one after the other; then again.")  # fmt: skip
+@click.option("--as", "wire", type=click.Choice(["flexitac", "reskin"]),
+              help="Not a probe: the lump's pressures on another array's wire.")  # fmt: skip
 @json_option
 def command(
     code: str,
@@ -72,6 +74,7 @@ def command(
     seed: int,
     frames: int,
     strokes: int,
+    wire: str | None,
     as_json: bool,
 ) -> None:
     """Emulate a probe that strokes the lump CODE, until Ctrl-C.
@@ -88,7 +91,11 @@ def command(
       palpate emulate d12h07e20f09 --key out/key
       palpate emulate d12h07e20f09 --listen tcp:127.0.0.1:7624 --runtime cpython
       palpate emulate d12h07e20f09 --board rp2040
+      palpate emulate d12h07e20f09 --as flexitac
     """
+    if wire is not None:
+        check_arguments(code, noise, listen)
+        _speak(wire, (code, noise, seed, frames, strokes, still), listen, as_json)
     from palpate.link import emulated
     from palpate.sim.probe.emulated import RUNTIMES, EmulatedProbe
     from palpate.sim.probe.node import check_runtime
@@ -153,6 +160,26 @@ def command(
         raise PalpateError(
             f"the emulated probe ended: {' '.join(probe.complaints[-3:]) or 'no reason given'}"
         )
+
+
+def _speak(wire: str, over: tuple[Any, ...], listen: str, as_json: bool) -> NoReturn:
+    """Another array's wire, until Ctrl-C."""
+    from palpate.array import words_of
+    from palpate.sim.probe.endpoints import endpoint
+    from palpate.sources.emulated import WIRES, Speaker, felt_over
+    from palpate.wire.cells import FULL_SCALE_KPA, PITCH_MM, SHAPE
+
+    with Speaker(endpoint(listen), WIRES[wire], felt_over(*over)) as speaker:
+        options = f"?rows={SHAPE[0]}&cols={SHAPE[1]}&pitch={PITCH_MM:g}" if wire == "flexitac" else ""
+        port = f"{wire}:{speaker.port}{options}"
+        if as_json:
+            print_json({"port": port, "pid": os.getpid(), "code": over[0], "runtime": wire})
+        else:
+            say(port)
+            array = words_of(*SHAPE, PITCH_MM, FULL_SCALE_KPA)
+            note(f"{over[0]} on {array}; try `palpate view --port '{port}'`")
+        while True:
+            time.sleep(POLL_S)
 
 
 def check_arguments(code: str, noise: str, listen: str) -> None:

@@ -94,6 +94,9 @@ class Commands(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """The command meant by the first argument; of a wrong name, what it resembles is said."""
+        for before, word in zip(["", *args], args):
+            if before == "--port" or word.startswith("--port="):
+                _take_array(word.removeprefix("--port="))
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError as error:
@@ -109,6 +112,14 @@ class Commands(click.Group):
             if chapter:
                 with formatter.section(title):
                     formatter.write_dl([(name, line) for name, _, line in chapter], col_max=12)
+
+
+def _take_array(port: str) -> None:
+    """Of somebody's array, before the command's module imports what depends on it."""
+    if ":" in port:
+        from palpate.link.schemes import use_array_of
+
+        use_array_of(port)
 
 
 def exit_status(error: BaseException) -> int:

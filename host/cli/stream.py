@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -66,6 +67,7 @@ class ShownLogs:
 @click.command("stream")
 @port_option
 @click.option("--strokes", type=click.IntRange(0), default=0, help="Stop after so many; 0: until Ctrl-C.")
+@click.option("--seconds", type=Finite(0.0, 1e6, min_open=True), help="Stop after so long.")
 @click.option(
     "--record", type=click.Path(path_type=Path, dir_okay=False), help="Record the session: FILE.mcap."
 )
@@ -83,6 +85,7 @@ def command(
     port: str,
     baud: int,
     strokes: int,
+    seconds: float | None,
     record: Path | None,
     overwrite: bool,
     every: int,
@@ -123,6 +126,7 @@ def command(
         before = _left_behind(probe, follower, quiet, fat_kPa) if earlier else []
         interrupted = scale_told = False
         serial = probe.identity.serial
+        until = time.monotonic() + (seconds or 0.0)
         try:
             for event in probe.stream(strokes, every, timeout_s):
                 if not scale_told and not quiet:
@@ -139,6 +143,8 @@ def command(
                 if outlets is not None:
                     outlets.push(event, told)
                 probe.check_recording()
+                if seconds is not None and time.monotonic() > until:
+                    break
         except KeyboardInterrupt:
             interrupted = True
         finally:
@@ -159,7 +165,7 @@ def command(
         print_json({**summary, "recording": record})
     if interrupted:
         raise KeyboardInterrupt
-    if strokes and len(estimates) < strokes:
+    if strokes and seconds is None and len(estimates) < strokes:
         raise CommandTimeout(
             f"no sign of the probe for {timeout_s:g} s, {len(estimates)} of {strokes} strokes came; "
             "check the probe, or give a longer --timeout"
@@ -221,7 +227,8 @@ def clock_dict(probe: Probe) -> dict[str, float] | None:
 
 def _greet(probe: Probe) -> None:
     who = probe.identity
-    model = f"model {who.model_id}" if who.has_model else "no model yet: `palpate flash` puts one on it"
+    model = "no model yet: `palpate flash` puts one on it" if "flash" in who.capabilities else "no model"
+    model = f"model {who.model_id}" if who.has_model else model
     note(f"{probe.name}: probe {who.serial}, firmware {who.firmware}, {model}")
     tell_damage(probe)
 

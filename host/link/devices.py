@@ -11,6 +11,7 @@ from palpate.errors import LinkError, PortAmbiguous, PortBusy, PortForbidden, Po
 from palpate.link import emulated
 from palpate.link.handshake import shake_hands
 from palpate.link.line import Line
+from palpate.link.schemes import address_of
 from palpate.link.transport import open_transport
 
 BOARDS: dict[tuple[int, int], str] = {
@@ -150,6 +151,8 @@ def resolve(port: str, baud: int = 921_600) -> Place:
     PortAmbiguous
         `auto` found several.
     """
+    if address_of(port) is not None:
+        return Place(port)
     if "/" in port or port.upper().startswith("COM") or "\\" in port:
         return _place(port)
     if port == "auto":

@@ -13,6 +13,7 @@ from typing import Protocol, runtime_checkable
 from urllib.parse import urlsplit
 
 from palpate.errors import LinkGone, PortMissing, UsageError
+from palpate.link.schemes import address_of, source_of
 from palpate.link.serial_port import open_serial
 
 READ_BYTES = 1 << 16
@@ -162,7 +163,8 @@ class PyserialTransport:
 
 
 def open_transport(port: str, baud: int = 921_600) -> Transport:
-    """Open a port by its name: a device path, `COM5`, `socket://HOST:PORT` or another pyserial URL.
+    """Open a port by its name: a path, `COM5`, `socket://HOST:PORT`, another pyserial URL, or
+    somebody's array (`palpate.link.schemes`).
 
     Parameters
     ----------
@@ -178,6 +180,9 @@ def open_transport(port: str, baud: int = 921_600) -> Transport:
     UsageError
         The URL cannot be read.
     """
+    if (address := address_of(port)) is not None:
+        opened: Transport = source_of(address).open(address)
+        return opened
     if port.startswith("socket://"):
         return SocketTransport(port)
     if "://" in port or sys.platform == "win32":

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from firmware_py import geometry, messages, status, tables
+from palpate.array import words_of
 from palpate.errors import VersionMismatch
 from palpate.wire.damage import damage_words
 
@@ -136,7 +137,8 @@ class Identity:
 
     def _todo(self) -> str:
         if self.array != geometry.NAME.decode():
-            return "name its array with --array (docs/howto/another-array.md)"
+            words = words_of(self.rows, self.columns, self.pitch_mm)
+            return f"name its array, as with --array {words} (docs/howto/another-array.md)"
         probe = (self.protocol, *map(int, self.firmware.split(".")))
         if probe > (tables.PROTOCOL, *tables.FIRMWARE):
             return "the probe is the newer one: update this program with pip install -U palpate"
