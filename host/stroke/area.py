@@ -51,13 +51,11 @@ def strip(position_mm: Array, images_kPa: Array) -> Strip:
     position_mm : (n,) the probe's positions along the stroke
     images_kPa : (n, rows, columns)
     """
-    mean = images_kPa.mean(axis=(1, 2))
-    touching = mean > 0.5 * np.median(mean) if mean.size else np.zeros(0, bool)
+    shares, touching = _shares(images_kPa)
     order = np.argsort(position_mm[touching], kind="stable")
-    position = position_mm[touching][order]
+    position, shares = position_mm[touching][order], shares[order]
     if position.size < 4 or position[-1] - position[0] < _LEAST_TRAVEL_MM:
         return NOTHING
-    shares = (images_kPa[touching] / mean[touching, None, None])[order]
     base = np.median(shares, axis=0)
     x = np.arange(np.ceil(position[0]), np.floor(position[-1]) + 0.5)
     rise, under = np.zeros((x.size, shares.shape[2])), np.zeros((x.size, shares.shape[2]))
@@ -67,6 +65,24 @@ def strip(position_mm: Array, images_kPa: Array) -> Strip:
         under[there] += base[row]
     least = _RIM * under.mean(axis=1, keepdims=True)
     return Strip(x, rise / np.maximum(np.maximum(under, least), 1e-9))
+
+
+def base(images_kPa: Array) -> Array | None:
+    """Each cell's median along a stroke (rows, columns), as a share of its image's mean; None of no images.
+
+    Parameters
+    ----------
+    images_kPa : (n, rows, columns)
+    """
+    shares, _ = _shares(images_kPa)
+    return np.median(shares, axis=0) if len(shares) else None
+
+
+def _shares(images_kPa: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """The images that touched the tissue, each over its mean pressure; and which those are."""
+    mean = images_kPa.mean(axis=(1, 2))
+    touching = mean > 0.5 * np.median(mean) if mean.size else np.zeros(0, bool)
+    return images_kPa[touching] / mean[touching, None, None], touching
 
 
 def _between(at: Array, values: Array, wanted: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.answer.card import card, verdict
-from palpate.stroke.area import Strip, strip
+from palpate.stroke.area import Strip, base, strip
 from palpate.stroke.found_lump import FoundLump, found_lump
 from palpate.stroke.tactile_map import columns_over_lump, fit_growing_map, force_N_per_m, method_2, peak_kPa
 from palpate.wire.cells import SHAPE
@@ -65,6 +65,7 @@ class Stroke:
     _trace_every: int = 1
     _last_seq: int | None = None
     _strip: Strip | None = None
+    _base: list[float] | None = None
 
     def add(self, frame: Frame) -> None:
         """Take one more frame."""
@@ -116,6 +117,7 @@ class Stroke:
             "map": {"x_mm": x, "pressure_kPa": p, "by": "viewer"},
             "fit": _fit_json(fit),
             "traces": self._traces(),
+            "base": self.base(),
         }
 
     def summary(self) -> dict[str, Any]:
@@ -155,6 +157,7 @@ class Stroke:
             "fit": _fit_json(fit),
             "traces": self._traces(),
             "over_lump": self._over_lump(),
+            "base": self.base(),
         }
         if images:
             stack = np.stack(self.images) if self.images else np.empty((0, *SHAPE), np.uint16)
@@ -171,6 +174,14 @@ class Stroke:
         kind = verdict(self.estimate, force_low=self.force_low, force_high=self.force_high)
         across = None if self.told is None else self.told.across
         return found_lump(kind, self.estimate, across, self.map)
+
+    def base(self) -> list[float] | None:
+        """Of each cell the base that its rise is told over, as a share of the image's mean; None before there
+        is one."""
+        if self.images:
+            shares = base(self.images_kPa())
+            self._base = None if shares is None else _rounded(shares.ravel(), 3)
+        return self._base
 
     def strip(self) -> Strip:
         """Its strip of the visit's map; ask only once it is over."""
@@ -192,6 +203,7 @@ class Stroke:
     def drop_images(self) -> None:
         """Keep numbers, traces and the strip of the map only: an old stroke of a long session."""
         self.strip()
+        self.base()
         self.images, self.image_position_mm = [], []
 
     def value(self, key: str) -> float | None:

@@ -22,7 +22,7 @@ from palpate.view.commands import Commands
 from palpate.view.guard import Guard
 from palpate.view.page_connection import PageConnection
 from palpate.view.session import Session
-from palpate.wire.cells import FULL_SCALE_KPA, PITCH_MM, SHAPE
+from palpate.wire.cells import PITCH_MM, SHAPE
 
 MAX_MODEL_BYTES = 64 * 1024
 """Several times what a probe has room for."""
@@ -45,7 +45,6 @@ def array_module() -> bytes:
     """The sensor array for the page, as a module that its scripts import."""
     rows, columns = SHAPE
     numbers = {"ROWS": rows, "COLUMNS": columns, "CELLS": rows * columns, "PITCH_MM": PITCH_MM}
-    numbers["FULL_SCALE_KPA"] = FULL_SCALE_KPA
     return "".join(f"export const {name} = {number};\n" for name, number in numbers.items()).encode()
 
 

@@ -251,7 +251,6 @@ def describe(source: EventSource, documents: Documents) -> Device:
         firmware=identity.firmware,
         runtime=source.name if source.live else "",
         model_id=identity.model_id if identity.model_status == 0 else "",
-        full_scale_kPa=source.scale.full_scale_kPa,
         damaged=identity.damaged,
         reference=_reference_of(source),
         document=documents.remark,

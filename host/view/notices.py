@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 
-from palpate.wire.cells import FULL_SCALE_KPA
-
 
 class LinkState(Enum):
     """Where the source stands."""
@@ -26,7 +24,6 @@ class Device:
     firmware: str = ""
     runtime: str = ""
     model_id: str = ""
-    full_scale_kPa: float = FULL_SCALE_KPA
     damaged: tuple[str, ...] = ()
     reference: str | None = None
     """What the visit's reference press said, "" where there is none; None where the model takes none."""

@@ -1,12 +1,16 @@
-// The three charts of a stroke: tactile map with its fit, displacement and force, with the stroke before as a shadow.
+// The charts of a stroke: tactile map with its fit; its press, force against displacement; displacement and force along it. The
+// stroke before is a shadow.
 
 import { Held, Plot, extent } from "./plot.js";
 
 const FACE_HALF_MM = 12;
+const MOVED_MM = 0.5; // so far from its first place a probe strokes: until then it presses
+const LEAST_MM = 0.4; // of displacement along a stroke: the dip over a lump is .2 to .3
 
 export class StrokeCharts {
   constructor(get) {
     this.map = new Plot(get("map"), { xLabel: "place on the tissue (mm)", yLabel: "kPa", yTicks: 6 });
+    this.press = new Plot(get("press"), { xLabel: "mm", yLabel: "N/m" });
     this.displacement = new Plot(get("displacement"), { xLabel: "position (mm)", yLabel: "mm" });
     this.force = new Plot(get("force"), { xLabel: "position (mm)", yLabel: "N/m" });
     this.legend = get("map-legend");
@@ -55,14 +59,22 @@ export class StrokeCharts {
       y,
     );
     this.map.canvas.dataset.y = y.join(" ");
-    this.trace(this.displacement, "displacement_mm", [0, 4], 0.5, position_mm);
-    this.trace(this.force, "force_N_per_m", [0, 120], 20, position_mm);
+    const [now, before] = [parted(stroke?.traces), parted(this.shadow?.traces)];
+    this.trace(this.displacement, "displacement_mm", [2, 3], LEAST_MM, position_mm, now.along, before.along);
+    this.trace(this.force, "force_N_per_m", [0, 120], 20, position_mm, now.along, before.along);
+    this.pressed(now.press, before.press);
     this.describe(fit, map.by);
   }
 
-  trace(plot, key, fallback, least, position_mm) {
-    const now = this.stroke?.traces;
-    const old = this.shadow?.traces;
+  /** The press: how deep, and how hard it was for that. */
+  pressed(now, old) {
+    const x = this.range("press", [now?.displacement_mm, old?.displacement_mm, [0]], [0, 4], 0.02, 1);
+    const y = this.range("pressed", [now?.force_N_per_m, old?.force_N_per_m, [0]], [0, 120], 0.02, 20);
+    const curve = (one, paint, width) => one && { kind: "line", x: one.displacement_mm, y: one.force_N_per_m, color: paint, width };
+    this.press.draw([curve(old, "ghost", 1.2), curve(now, "points", 1.8)], x, y);
+  }
+
+  trace(plot, key, fallback, least, position_mm, now, old) {
     const x = this.range("x", [now?.position_mm, old?.position_mm], [-30, 30], 0.01, 10);
     const y = this.range(key, [now?.[key], old?.[key]], fallback, 0.1, least);
     const at = now && position_mm !== null ? nearest(now.position_mm, position_mm) : -1;
@@ -75,6 +87,7 @@ export class StrokeCharts {
       x,
       y,
     );
+    plot.canvas.dataset.y = y.join(" ");
   }
 
   describe(fit, by) {
@@ -91,6 +104,15 @@ export class StrokeCharts {
       this.described = text;
     }
   }
+}
+
+/** The traces of the press, before the probe has moved, and of the stroke after it. */
+function parted(traces) {
+  if (!traces) return {};
+  const { position_mm: at } = traces;
+  const moved = at.findIndex((v) => Math.abs(v - at[0]) > MOVED_MM);
+  const part = (from, to) => Object.fromEntries(Object.entries(traces).map(([key, values]) => [key, values.slice(from, to)]));
+  return moved < 0 ? { press: traces } : { press: part(0, moved), along: part(moved) };
 }
 
 /** Which of the values is nearest to `at`; -1 if there are none. */

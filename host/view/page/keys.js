@@ -32,14 +32,15 @@ export function startKeys({ get, history, page, replay, selected, toggleTheme, t
     "?": () => get("dialog-help").showModal(),
   };
   /** Wherever the focus is, Esc closes the menu first; the focus goes to where the menu was. */
-  const closeMenu = (event) => {
+  const closeMenu = (event, menu) => {
     event.preventDefault();
-    get("export").open = false;
-    get("export").querySelector("summary").focus({ focusVisible: true });
+    menu.open = false;
+    menu.querySelector("summary").focus({ focusVisible: true });
   };
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
-    if (event.key === "Escape" && get("export").open) return closeMenu(event);
+    const menu = event.key === "Escape" && document.querySelector(".menu[open]");
+    if (menu) return closeMenu(event, menu);
     if (!event.target.closest("dialog") && isForControl(event)) return;
     // A dialog that has just closed keeps the focus until the next picture; a key pressed meanwhile is for the page.
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
@@ -51,7 +52,7 @@ export function startKeys({ get, history, page, replay, selected, toggleTheme, t
 
 /** Does the control that has the focus use this key itself? */
 function isForControl({ key, target }) {
-  if (target.closest("input[type=range]")) return key.startsWith("Arrow");
+  if (target.closest("input[type=range], #image")) return key.startsWith("Arrow");
   if (target.closest("input[type=checkbox]")) return key === " ";
   if (target.closest("input, select, textarea")) return true;
   return Boolean(target.closest("button, summary, a")) && (key === " " || key === "Enter");

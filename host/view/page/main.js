@@ -4,6 +4,7 @@ import { drawCard, sentence } from "./card.js";
 import { StrokeCharts } from "./charts.js";
 import { Connection, unpackFrame } from "./connection.js";
 import { startFlash } from "./flash.js";
+import { startImageTools } from "./image_tools.js";
 import { startKeys } from "./keys.js";
 import { TactileImage } from "./tactile_image.js";
 import { startReference } from "./reference.js";
@@ -30,6 +31,7 @@ const toggleTheme = startTheme(redraw);
 const connection = new Connection({ message: receive, frame: receiveFrame, closed: offline });
 const tools = startTools(get, { ask, greeted: () => connection.greeted, image, page });
 startFlash(get, { toast: (text) => tools.toast(text) });
+startImageTools(get, image);
 const showReference = startReference(get, { ask, toast: (text) => tools.toast(text) });
 startKeys({ get, history, page, replay, selected, toggleTheme, tools, visitPanel });
 get("theme").addEventListener("click", toggleTheme);
@@ -88,12 +90,15 @@ function receive(message) {
       if (visitPanel.open && page.running?.lane_mm !== message.lane_mm) page.historyNew = true;
       page.running = message.number === null ? null : message;
       // The last stroke stays until there is something to see of the next.
-      if (page.running?.map.x_mm.length > 7 && !selected.picked && !page.held) charts.show(page.running);
+      if (page.running?.map.x_mm.length > 7 && !selected.picked && !page.held) {
+        charts.show(page.running);
+        image.base = page.running.base;
+      }
       page.chartsNew = true;
       break;
     case "stroke":
       page.running = null;
-      image.widen(message.peak_kPa);
+      image.ended(message);
       selected.finished(message);
       break;
     case "visits":
@@ -124,8 +129,7 @@ function begin(session) {
 }
 
 function showVisits(message) {
-  image.visit(`${page.session} ${message.current_visit}`);
-  for (const stroke of message.strokes) if (stroke.visit === message.current_visit) image.widen(stroke.peak_kPa);
+  image.visit(message.strokes.filter(({ visit }) => visit === message.current_visit));
   history.set(message);
   visitPanel.setKnown(message.lanes);
   page.historyNew = true;
@@ -143,7 +147,6 @@ function showLink({ state, text, device }) {
   get("banner").replaceChildren(...sentence(told));
   page.model = device ? device.model_id : null;
   if (device) {
-    image.full = device.full_scale_kPa;
     showReference(device.reference);
     const parts = [device.name, device.serial, device.firmware && `firmware ${device.firmware}`, device.runtime];
     parts.push(device.model_id && `model ${device.model_id}`);
@@ -221,7 +224,8 @@ setInterval(readouts, 125);
 setInterval(() => {
   const now = performance.now();
   const lump = image.outlined?.length ? `; lump ${image.outlined.join(", ")}` : "";
-  get("image").setAttribute("aria-label", `Pressure under the probe, peak ${(image.peak_kPa ?? 0).toFixed(1)} kPa${lump}`);
+  const what = image.view === "rise" ? "Rise over base" : "Pressure";
+  get("image").setAttribute("aria-label", `${what} under the probe, peak ${(image.peak_kPa ?? 0).toFixed(1)} kPa${lump}`);
   get("h-drawn").textContent = page.drawn.filter((t) => t > now - 1000).length;
 }, 500);
 

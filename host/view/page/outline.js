@@ -43,6 +43,9 @@ export function words({ d_mm, columns_mm, across_mm, width_mm, sure }) {
   return sure ? parts : [...parts, "do not rely on it"];
 }
 
+/** Where an outline and its interval begin and end on the canvas, along the stroke. */
+export const clearOf = ({ along, long }, toY) => ({ top: toY(along + long.high), bottom: toY(along - long.high) });
+
 /** Draw an outline. toX and toY turn mm across and mm along into places on the canvas. */
 export function drawOutline(c, shape, toX, toY, line = 1.75) {
   const { sure } = shape;

@@ -36,6 +36,7 @@ export class Selected {
     this.last = this.after = null;
     this.news += 1;
     this.charts.forget();
+    this.image.base = null;
     this.card(null);
     this.exports(null);
   }
@@ -75,7 +76,9 @@ export class Selected {
     const over = after?.lifted ? after.over : null;
     const position_mm = over?.position_mm ?? page.frame?.position_mm;
     image.lump = after?.stroke.lump && Number.isFinite(position_mm) ? { lump: after.stroke.lump, position_mm } : null;
+    if (image.picked !== Boolean(over)) image.turn();
     image.picked = Boolean(over);
+    if (over) image.base = after.stroke.base;
     this.note(over ? `stroke ${after.stroke.number}` : "");
     const pressure = over ? over.pressure : page.frame?.pressure;
     if (pressure) image.draw(pressure);
@@ -126,7 +129,8 @@ export class Selected {
     this.charts.show(stroke);
     this.card(stroke);
     this.images = unpackImages(stroke.images);
-    if (stroke.visit === this.history.current) this.image.widen(stroke.peak_kPa);
+    this.image.base = stroke.base;
+    this.image.turn();
     const range = this.get("scrub-range");
     document.body.dataset.picked = number;
     range.max = Math.max(this.images.length - 1, 0);
@@ -144,6 +148,8 @@ export class Selected {
     this.picked = null;
     this.place = null;
     this.image.picked = false;
+    this.image.base = (this.page.running ?? this.last)?.base ?? null;
+    this.image.turn();
     this.get("scrub").hidden = true;
     delete document.body.dataset.picked;
     this.charts.show(this.page.running ?? this.last);

@@ -97,16 +97,8 @@ export function startTools(get, { ask, greeted, image, page }) {
   get("new-visit").addEventListener("click", visit);
   get("export-image").addEventListener("click", saveImage);
   get("help").addEventListener("click", () => get("dialog-help").showModal());
-  get("scale").addEventListener("change", () => {
-    image.scale = get("scale").value;
-    image.draw();
-  });
-  get("colors").addEventListener("change", () => {
-    image.name = get("colors").value;
-    image.draw();
-  });
-  document.addEventListener("click", (event) => {
-    if (!get("export").contains(event.target) || event.target.closest(".menu-items a")) get("export").open = false;
+  document.addEventListener("click", ({ target }) => {
+    for (const menu of document.querySelectorAll(".menu[open]")) menu.open = menu.contains(target) && !target.closest(".menu-items a");
   });
   setInterval(tick, 500);
 

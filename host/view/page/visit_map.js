@@ -11,7 +11,7 @@ const TOPS = [0.1, 0.2, 0.3, 0.5, 0.75, 1, 1.5, 2, 3, 5];
 const LOWEST_TOP = 0.2; // what rises by a few per cent may be the hand
 const GAP_MM = 4;
 const HEAD_MM = 10; // over each row of strips, for their numbers
-const MOST_ARRANGED = 24;
+export const MOST_ARRANGED = 24;
 
 /** Those of which the operator has said where they lie. */
 export const told = (strokes) => strokes.filter((s) => s.lane_mm !== null);
@@ -108,7 +108,7 @@ const WITHOUT = {
 /** What stands in a lane of whose strokes none has a lump to draw. */
 export const without = (strokes) => [...new Set(strokes.map(({ card }) => WITHOUT[card.kind] ?? "place not told"))];
 
-/** What stands beside a lump on the map, in two lines. */
+/** What stands beside a lump on the map, in two lines; the second may be left out. */
 export function label({ card }) {
   const [d, depth] = [row(card, "d_mm"), row(card, "depth_mm")];
   const first = d ? `${d.value.toFixed(1)} mm${card.hardness ? `, ${card.hardness}` : ""}` : "lump";
@@ -132,19 +132,27 @@ export function described({ number, lane_mm, lump, card }) {
   return `${who}: ${parts.join(", ")}`;
 }
 
+const within = (a, { left, right, top, bottom }) => a.x >= left && a.x + a.width <= right && a.y >= top && a.y + a.height <= bottom;
+const meets = (a, b) => a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + b.height && b.y < a.y + a.height;
+
 /**
- * Where labels go: each {x, y, width, height, reach} stands beside its lump (reach: how far that goes from x, y) and over no
- * other, nor over what is taken. Returns a place for each, or null where there is no room.
+ * Where labels go: each {x, y, reach, own, sizes} stands beside its lump (reach: how far that goes from x, y) in one of its
+ * sizes ({width, height}, the first that has room), and over no other, nor over what is taken; within its own strip or beside
+ * all strips. Returns a place, with the index of its size, for each; null where there is no room.
  */
-export function placed(labels, { left, right, top, bottom }, taken = []) {
+export function placed(labels, room, taken = [], strips = []) {
   const used = [...taken];
-  const free = (a) =>
-    a.x >= left && a.x + a.width <= right && a.y >= top && a.y + a.height <= bottom &&
-    !used.some((b) => a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + b.height && b.y < a.y + a.height);
-  return labels.map(({ x, y, width, height, reach }) => {
+  const free = (a, own) =>
+    within(a, room) && !used.some((b) => meets(a, b)) &&
+    ((own && within(a, own)) || !strips.some((s) => meets(a, { x: s.left, y: s.top, width: s.right - s.left, height: s.bottom - s.top })));
+  return labels.map(({ x, y, reach, own, sizes }) => {
     const [w, h] = [reach.x + 4, reach.y + 4];
-    const around = [[x + w, y - height / 2], [x - w - width, y - height / 2], [x - width / 2, y - h - height], [x - width / 2, y + h]];
-    const found = around.map(([a, b]) => ({ x: a, y: b, width, height })).find(free);
+    const around = ({ width, height }, size) => {
+      const middle = Math.min(Math.max(x - width / 2, own?.left ?? -Infinity), (own?.right ?? Infinity) - width);
+      return [[x + w, y - height / 2], [x - w - width, y - height / 2], [middle, y - h - height], [middle, y + h]]
+        .map(([a, b]) => ({ x: a, y: b, width, height, size }));
+    };
+    const found = sizes.flatMap(around).find((place) => free(place, own));
     if (found) used.push(found);
     return found ?? null;
   });

@@ -4,10 +4,11 @@ import { element } from "./card.js";
 import { prepare } from "./plot.js";
 import { reveal } from "./stroke_list.js";
 import { color } from "./theme.js";
-import { described, told } from "./visit_map.js";
+import { MOST_ARRANGED, described, told } from "./visit_map.js";
 import { drawVisit } from "./visit_picture.js";
 
 const NOT_TOLD = "No lanes were told: the strokes stand side by side in their order, not where they were.";
+const onlyNewest = (n) => ` The newest ${MOST_ARRANGED} of ${n} are drawn; the list has all.`;
 const leftOut = (n) => `${n} ${n === 1 ? "stroke" : "strokes"} without a lane ${n === 1 ? "is" : "are"} left out.`;
 const NONE_YET = "Strokes appear here as they end, each in its lane.";
 const PICTURE = [1200, 800];
@@ -130,13 +131,15 @@ export class VisitPanel {
     canvas.dataset.strips = strokes.filter((s) => s.strip).map((s) => s.number).join(" ");
     canvas.dataset.drawn = JSON.stringify(this.place?.strips ?? []);
     canvas.dataset.shapes = JSON.stringify(this.place?.shapes ?? []);
+    canvas.dataset.labels = JSON.stringify(this.place?.labels ?? []);
+    canvas.dataset.words = JSON.stringify(this.place?.words ?? []);
     canvas.dataset.top = this.place?.top ?? "";
   }
 
   /** What must be said of where the strokes stand. */
   remark(strokes) {
     if (!strokes.length) return NONE_YET;
-    if (!this.byLanes(strokes)) return NOT_TOLD;
+    if (!this.byLanes(strokes)) return NOT_TOLD + (strokes.length > MOST_ARRANGED ? onlyNewest(strokes.length) : "");
     const without = strokes.length - told(strokes).length;
     return without ? leftOut(without) : "";
   }

@@ -9,8 +9,8 @@ import { HALF_FACE_MM, arranged, blend, extent, label, onMap, placed, scaleTop, 
  * Draw the strokes' map on a context of this size. strokes: those of the visit, each with its strip; byLanes: those whose lanes
  * are told, each in its lane, else the newest of all in their order; table: the colour map; next_mm: where the next stroke goes,
  * or null; running: {lane_mm} of the stroke that runs, or null.
- * Returns where things stand: {strips, top, shapes}, strips as boxes in pixels with their strokes' numbers; null where there is
- * nothing to draw.
+ * Returns where things stand: {strips, top, shapes, labels, words}, strips as boxes in pixels with their strokes' numbers, labels
+ * and words as boxes; null where there is nothing to draw.
  */
 export function drawVisit(c, width, height, { strokes: all, byLanes, table, picked = null, next_mm = null, running = null }) {
   const k = textScale();
@@ -34,11 +34,11 @@ export function drawVisit(c, width, height, { strokes: all, byLanes, table, pick
   else measure(c, x0, y0 + h + 10 * k, scale, k);
   c.imageSmoothingEnabled = true;
   c.drawImage(picture(map, top, table), toX(box.left), toY(box.bottom + map.height), map.width * scale, map.height * scale);
-  const { strips, empty } = lanes(c, strokes, { toX, toY, picked, k });
+  const { strips, words } = lanes(c, strokes, { toX, toY, picked, k });
   for (const [at, word] of ahead) coming(c, at, word, shown, toX, toY, k);
   bar(c, table, top, x0 + w + 12 * k, y0, h, k);
-  const shapes = lumps(c, strokes, { toX, toY, picked, scale, k, empty, room: { left: x0, right: x0 + w, top: y0, bottom: y0 + h } });
-  return { strips, top, shapes };
+  const { shapes, labels } = lumps(c, strokes, { toX, toY, picked, scale, k, words, strips, room: { left: x0, right: x0 + w, top: y0, bottom: y0 + h } });
+  return { strips, top, shapes, labels, words };
 }
 
 /** The box, wide enough for these lanes too. */
@@ -117,20 +117,25 @@ function lanes(c, strokes, { toX, toY, picked, k }) {
     here.top = Math.min(here.top, top);
     over.set(place, here);
   }
-  const empty = [];
+  const words = [];
   for (const { x, strokes: here, top, bottom } of over.values()) {
     c.fillStyle = color("text");
     c.textAlign = "center";
     c.textBaseline = "bottom";
-    c.fillText(here.length > 3 ? `${here.length} strokes` : here.map((s) => s.number).join(", "), x, top - 3 * k);
+    const numbers = here.length > 3 ? `${here.length} strokes` : here.map((s) => s.number).join(", ");
+    c.fillText(numbers, x, top - 3 * k);
+    const wide = c.measureText(numbers).width;
+    words.push({ x: x - wide / 2, y: top - 16 * k, width: wide, height: 14 * k });
     if (here.some((s) => s.lump)) continue;
-    const words = without(here);
-    const width = Math.max(...words.map((word) => c.measureText(word).width)) + 8 * k;
-    const height = (14 * words.length + 3) * k;
-    empty.push({ x: x - width / 2, y: bottom - height - 5 * k, width, height });
-    box(c, words, empty.at(-1).x, empty.at(-1).y, k);
+    const why = without(here);
+    const size = sized(c, why, k);
+    const place = { x: x - size.width / 2, y: bottom - size.height - 5 * k, ...size };
+    if (!strips.some(({ left, right }) => left > x && left < x + size.width / 2 || right < x && right > x - size.width / 2)) {
+      words.push(place);
+      box(c, why, place.x, place.y, k);
+    }
   }
-  return { strips, empty };
+  return { strips, words };
 }
 
 /** Where the stroke that runs, or the next one, has its lane. */
@@ -159,19 +164,22 @@ function bar(c, table, top, x, y, h, k) {
 }
 
 /** Outlines, and their labels where there is room: that of the picked stroke first, then those of the newest. */
-function lumps(c, strokes, { toX, toY, picked, scale, k, empty, room }) {
+function lumps(c, strokes, { toX, toY, picked, scale, k, words, strips, room }) {
   const found = strokes.flatMap((stroke) => (stroke.lump && stroke.strip?.places ? [{ stroke, shape: onMap(stroke) }] : []));
   const order = [...found].sort((a, b) => (b.stroke.number === picked) - (a.stroke.number === picked) || b.stroke.number - a.stroke.number);
   for (const { stroke, shape } of [...order].reverse()) drawOutline(c, shape, toX, toY, stroke.number === picked ? 2.75 : 1.5);
   const labels = order.map(({ stroke, shape }) => {
     const lines = label(stroke);
-    const width = Math.max(...lines.map((line) => c.measureText(line).width)) + 8 * k;
+    const short = [lines[0].split(",")[0]];
     const reach = { x: (scale * (shape.right - shape.left)) / 2, y: scale * shape.long.high };
-    return { x: toX((shape.left + shape.right) / 2), y: toY(shape.along), width, height: (14 * lines.length + 3) * k, reach, lines };
+    const own = strips.find(({ number }) => number === stroke.number);
+    const texts = [lines, short];
+    return { x: toX((shape.left + shape.right) / 2), y: toY(shape.along), reach, own, texts, sizes: texts.map((text) => sized(c, text, k)) };
   });
   const taken = found.filter(({ shape }) => shape.kind !== "band").map(({ shape }) => around(shape, toX, toY));
-  placed(labels, room, [...empty, ...taken]).forEach((place, n) => place && box(c, labels[n].lines, place.x, place.y, k));
-  return found.map(({ stroke, shape }) => ({ number: stroke.number, ...shape }));
+  const places = placed(labels, room, [...words, ...taken], strips);
+  places.forEach((place, n) => place && box(c, labels[n].texts[place.size], place.x, place.y, k));
+  return { shapes: found.map(({ stroke, shape }) => ({ number: stroke.number, ...shape })), labels: places };
 }
 
 /** An outline's box on the canvas, a little less than it is: its own label stands beside it. */
@@ -180,14 +188,19 @@ function around({ left, right, along, long }, toX, toY) {
   return { x, y, width: toX(right) - x, height: toY(along - long.value) - y };
 }
 
+const sized = (c, lines, k) => ({
+  width: Math.max(...lines.map((line) => c.measureText(line).width)) + 8 * k,
+  height: (14 * lines.length + 3) * k,
+});
+
 /** Lines of text on a ground of their own: they are read on any colour. */
 function box(c, lines, x, y, k) {
-  const width = Math.max(...lines.map((line) => c.measureText(line).width)) + 8 * k;
+  const { width, height } = sized(c, lines, k);
   c.save();
   c.globalAlpha = 0.86;
   c.fillStyle = color("panel");
   c.beginPath();
-  c.roundRect(x, y, width, (14 * lines.length + 3) * k, 4 * k);
+  c.roundRect(x, y, width, height, 4 * k);
   c.fill();
   c.restore();
   c.fillStyle = color("text");

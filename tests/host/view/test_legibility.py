@@ -154,7 +154,7 @@ def test_all_controls_can_be_reached_and_named_by_keyboard_and_screen_reader(vie
     for _ in range(40):
         page.keyboard.press("Tab")
         reached.add(page.evaluate("document.activeElement.id"))
-    assert {"record", "mark", "new-visit", "theme", "help", "scale", "colors", "strokes", "quantity", "last",
+    assert {"record", "mark", "new-visit", "theme", "help", "view", "image", "strokes", "quantity", "last",
             "visit-a", "visit-b", "load-visit", "visit-map-button"} <= reached  # fmt: skip
     page.keyboard.press("l")
     for _ in range(40):
@@ -189,7 +189,7 @@ def test_escape_closes_the_menu_wherever_the_focus_is_and_e_keeps_it_visible(vie
     expect(page.locator("#stroke-1")).to_be_visible()
     page.keyboard.press("e")
     assert page.evaluate("document.activeElement.matches('#export summary:focus-visible')")
-    for place in ("#scale", "#last", "#export-csv", "#strokes"):
+    for place in ("#view", "#last", "#export-csv", "#strokes"):
         page.locator("#export").evaluate("e => { e.open = true; }")
         page.locator(place).focus()
         page.keyboard.press("Escape")

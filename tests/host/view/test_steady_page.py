@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import time
 
@@ -47,20 +48,46 @@ def test_of_a_fast_stream_a_page_that_stood_still_gets_what_is_now_and_not_what_
     assert sum(begin < seq < end for seq in seqs) <= MAX_UNDRAWN
 
 
-def test_a_colour_means_one_pressure_for_a_whole_visit(viewer, open_page):
+def test_a_colour_means_one_pressure_for_five_strokes_and_then_the_scale_shrinks(viewer, open_page):
     """The automatic scale hopped within a stroke, so that 4.7 kPa was yellow and the lump's 5.4 kPa green."""
     high, low = Bump(base_kPa=4.0, amp_kPa=1.5), Bump(base_kPa=1.0, amp_kPa=0.3)
-    source = SyntheticSource([high, low, low], seconds=0.4, rest=0.0, limit=1)
+    source = SyntheticSource([high, low, low, low, low, low], seconds=0.2, rest=0.0, limit=1)
     page = open_page(viewer(source))
+    page.locator("#view").select_option("pressure")
+    image = page.locator("#image")
     expect(page.locator("#stroke-1")).to_be_visible()
-    expect(page.locator("#image")).to_have_attribute("data-top-kpa", "7.5")
-    source.limit = 3
-    expect(page.locator("#stroke-3")).to_be_visible()
+    expect(image).to_have_attribute("data-top-kpa", "6")
+    source.limit = 5
+    expect(page.locator("#stroke-5")).to_be_visible()
     settled(page)
-    expect(page.locator("#image")).to_have_attribute("data-top-kpa", "7.5")
-    page.keyboard.press("v")
-    page.keyboard.press("Enter")
-    expect(page.locator("#image")).to_have_attribute("data-top-kpa", "5")
+    expect(image).to_have_attribute("data-top-kpa", "6")
+    source.limit = 6
+    expect(image).to_have_attribute("data-top-kpa", "2")
+
+
+def test_over_a_lump_the_image_shows_the_rise_and_tells_the_value_of_a_cell(viewer, open_page):
+    source = SyntheticSource([Bump(base_kPa=4.0, amp_kPa=1.0)], seconds=0.4, rest=0.0, limit=1)
+    page = open_page(viewer(source))
+    image = page.locator("#image")
+    page.locator("#stroke-1").click()
+    expect(image).to_have_attribute("data-view", "rise")
+    over_lump = page.locator("#scrub-range").input_value()
+    assert float(image.get_attribute("data-top-kpa")) <= 1.5
+    image.focus()
+    page.keyboard.press("ArrowUp")
+    expect(page.locator("#cell")).to_have_text(
+        re.compile(r"^at 0\.8, 0\.8 mm: [45]\.\d\d kPa, \+\d\.\d\d over base$")
+    )
+    page.keyboard.press("ArrowLeft")
+    expect(page.locator("#cell")).to_contain_text("at \u22120.8, 0.8 mm")
+    assert page.locator("#scrub-range").input_value() == over_lump  # the arrow keys were the image's
+    page.locator("#view").select_option("pressure")
+    expect(image).to_have_attribute("data-top-kpa", "5")
+    page.locator("#contrast summary").click()
+    page.locator("#high").fill("50")
+    expect(image).to_have_attribute("data-high-kpa", "2.5")
+    page.keyboard.press("Escape")
+    assert page.locator("#contrast").evaluate("e => e.open") is False
 
 
 class InTheAir(SyntheticSource):

@@ -18,7 +18,7 @@ from tests.host.conftest import emulated
 from tests.host.probes import LUMP as CYLINDER
 from tests.host.view import balls
 from tests.host.view.pages import once, opened
-from tests.host.view.synthetic import Bump
+from tests.host.view.synthetic import Bump, SyntheticSource
 from tests.host.view.waiting import eventually, held, noticed, recording_begun, settled
 
 __all__ = ["emulated"]
@@ -358,13 +358,47 @@ def test_labels_stand_over_no_other_and_are_left_out_where_there_is_no_room(view
         page,
         "visit_map.js",
         """
-        const one = { x: 50, y: 50, width: 40, height: 20, reach: { x: 5, y: 5 } };
+        const one = { x: 50, y: 50, sizes: [{ width: 40, height: 20 }], reach: { x: 5, y: 5 } };
         return m.placed([one, one, one, one, one], { left: 0, right: 120, top: 0, bottom: 100 });
         """,
     )
     assert found[0]["x"] == 59 and found[-1] is None
     shown = [place for place in found if place]
     assert 2 <= len(shown) <= 4 and len({(p["x"], p["y"]) for p in shown}) == len(shown)
+
+
+def test_of_thirty_strokes_no_label_covers_a_strip_a_number_or_a_label_and_none_is_gone_unsaid(
+    viewer, open_page
+):
+    bumps = [Bump(d_mm=12.1), Bump(kind="none"), Bump(d_mm=9.7, hardness="unsure", across_mm=11.0)]
+    source = SyntheticSource(bumps, seconds=0.1, rest=0.0, limit=30)
+    page = open_page(viewer(source), 900, 800)
+    page.keyboard.press("l")
+    wanted = " ".join(map(str, range(1, 31)))
+    expect(page.locator("#visit-map")).to_have_attribute("data-strips", wanted)
+    expect(page.locator("#visit-map-order")).to_contain_text("The newest 24 of 30 are drawn")
+    settled(page)
+    drawn, labels, words = (
+        json.loads(page.locator("#visit-map").get_attribute(f"data-{name}"))
+        for name in ("drawn", "labels", "words")
+    )
+    boxes = [box for box in labels if box] + words
+    assert len(labels) == 16 and len([box for box in labels if box]) > 8
+
+    def meet(a, b):
+        return (
+            a["x"] < b["x"] + b["width"]
+            and b["x"] < a["x"] + a["width"]
+            and a["y"] < b["y"] + b["height"]
+            and b["y"] < a["y"] + a["height"]
+        )
+
+    assert not any(meet(a, b) for n, a in enumerate(boxes) for b in boxes[:n])
+    strips = [
+        {"x": s["left"], "y": s["top"], "width": s["right"] - s["left"], "height": s["bottom"] - s["top"]}
+        for s in drawn
+    ]
+    assert all(sum(meet(box, strip) for strip in strips) == 1 for box in labels if box)
 
 
 # ---- through the probe
