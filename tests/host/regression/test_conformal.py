@@ -60,7 +60,13 @@ def calibrated(n=2000, level=0.9, groups=(), wrong=None):
     flat = np.zeros((len(terms) + 1, 1))
     truth = predicted + error[:, None]
     parts = [part(n) for part in groups]
-    return conformal.calibrate(terms, flat, z, predicted, truth, hard, level, parts), error, hard, z, predicted
+    return (
+        conformal.calibrate(terms, flat, z, predicted, truth, hard, level, parts),
+        error,
+        hard,
+        z,
+        predicted,
+    )
 
 
 @pytest.mark.parametrize("level", [0.8, 0.9])

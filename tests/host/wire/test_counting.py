@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware_py import calib, geometry, messages
-from palpate.wire.accounting import WINDOW, WRAP, Sequence, Strokes
+from palpate.wire.accounting import WINDOW, WRAP, LinkCounts, Sequence, Strokes
 from palpate.wire.clock import ClockSync, Unwrapper
 from palpate.wire.packing import pack, unpack
 from palpate.wire.scale import NOMINAL, CalibrationPieces, CellScale
@@ -16,9 +16,16 @@ COUNTS = st.lists(st.integers(0, 4095), min_size=2, max_size=40).filter(lambda c
 
 @given(COUNTS)
 def test_a_packed_frame_is_its_counts_twelve_bits_after_twelve_bits(counts):
+    others = 4095 - np.array(counts)
+    assert unpack(pack(others)).tolist() == others.tolist(), "what was there before is not there any more"
     packed = pack(np.array(counts))
     assert int.from_bytes(packed, "little") == sum(count << 12 * k for k, count in enumerate(counts))
     assert unpack(packed).tolist() == counts and len(packed) == len(counts) * 3 // 2
+
+
+def test_before_anything_came_nothing_is_counted():
+    assert not any(LinkCounts().as_dict().values()) and not any(Sequence().counts.as_dict().values())
+    assert Strokes().received == Strokes().lost == 0 and {"lost", "late"} < set(Sequence().counts.as_dict())
 
 
 @given(
