@@ -29,7 +29,7 @@ def test_an_error_of_nothing_makes_no_interval_of_nothing():
     residual[::11] = 0.0
     terms, coefficients = conformal.fit_sigma(z, z, residual, np.arange(400))
     sigma = conformal.Widths(terms, coefficients, np.ones((1, 2)), 0.9).sigma(z, z)
-    assert 0.2 < sigma.min() and sigma.max() < 1.2
+    assert sigma.min() > 0.2 and sigma.max() < 1.2
 
 
 def test_no_lump_is_predicted_by_a_fit_that_has_seen_it():
@@ -110,7 +110,8 @@ def test_the_quantile_is_the_first_score_that_holds_the_level_of_n_and_the_fresh
 
 def edge():
     return domain.DomainCheck(
-        np.array([-1.0, -2.0]), np.array([1.0, 2.0]), np.array([0.5, 0.0]), np.array([[4.0, 1.0], [1.0, 1.0]]),
+        np.array([-1.0, -2.0]), np.array([1.0, 2.0]),
+        np.array([0.5, 0.0]), np.array([[4.0, 1.0], [1.0, 1.0]]),
         2.0, np.array([0.0, -np.inf, 3.0]), np.array([1.0, 5.0, np.inf]), 0.5,
     )  # fmt: skip
 
