@@ -63,8 +63,8 @@ class _Sink(Protocol):
     def finish(self, estimates: list[dict[str, Any]], about: dict[str, str]) -> None: ...
 
 
-def convert(recording: str | Path, out: str | Path, overwrite: bool = False) -> Converted:
-    """Write a recording's frames and estimates as a table.
+def convert(recording: str | Path, out: str | Path, overwrite: bool = False, to: str = "table") -> Converted:
+    """Write a recording's frames and estimates as a table, or as messages.
 
     Parameters
     ----------
@@ -72,6 +72,8 @@ def convert(recording: str | Path, out: str | Path, overwrite: bool = False) -> 
         The .mcap file, finished or not.
     out : str or Path
         Ends in .parquet, .h5, .hdf5 or .csv.
+    to : str
+        "table", or "ros2": then `out` ends in .mcap.
     overwrite : bool
         Replace files that are there.
 
@@ -87,10 +89,10 @@ def convert(recording: str | Path, out: str | Path, overwrite: bool = False) -> 
         HDF5 needs h5py.
     """
     out = Path(out)
-    write: Callable[..., Converted] = by_suffix(
-        out, {".parquet": _to_parquet, ".h5": _to_hdf5, ".hdf5": _to_hdf5, ".csv": _to_csv}
-    )
+    write: Callable[..., Converted] = by_suffix(out, WRITERS[to])
     Recording(recording)
+    if out.exists() and out.samefile(recording):
+        raise PalpateError(f"{out} is the recording itself; choose another name")
     for path in () if overwrite else (out, _beside(out)):
         if path.exists():
             raise PalpateError(f"{path} exists already; choose another name or give --overwrite")
@@ -256,3 +258,16 @@ def _to_hdf5(recording: Path, out: Path) -> Converted:
             counts = _pump(recording, Hdf5(file, stream))
         stream.check()
     return Converted([out], *counts)
+
+
+def _to_ros2(recording: Path, out: Path) -> Converted:
+    from palpate.recording.ros2 import to_ros2
+
+    return Converted([out], *to_ros2(recording, out))
+
+
+WRITERS: dict[str, dict[str, Callable[..., Converted]]] = {
+    "table": {".parquet": _to_parquet, ".h5": _to_hdf5, ".hdf5": _to_hdf5, ".csv": _to_csv},
+    "ros2": {".mcap": _to_ros2},
+}
+"""What can be written: the file's suffix -> its writer."""
