@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from palpate.answer.told import Told
     from palpate.link.lsl import Outlets
     from palpate.link.probe import Probe
+    from palpate.link.rerun_log import RerunLog
     from palpate.stroke.follower import Follower
     from palpate.wire.events import Event, Log
 
@@ -71,13 +72,14 @@ class ShownLogs:
 @click.option(
     "--record", type=click.Path(path_type=Path, dir_okay=False), help="Record the session: FILE.mcap."
 )
-@click.option("--overwrite", is_flag=True, help="Replace an existing recording.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing recording (--record, --rerun).")
 @click.option("--every", type=click.IntRange(1, 255), default=1, help="Send each n-th frame only.")
 @click.option("--timeout", "timeout_s", type=Finite(0.0, 1e6, min_open=True), default=60.0, show_default=True,
               help="Give up after so many of the probe's seconds without a sign of it.")  # fmt: skip
 @document_option
 @fat_option
 @click.option("--lsl", is_flag=True, help="Hand everything on to LabStreamingLayer.")
+@click.option("--rerun", metavar="FILE.rrd|spawn", help="Show it in rerun, or write a file for it.")
 @click.option("--earlier", is_flag=True, help="First fetch the estimates that an earlier client left behind.")
 @click.option("--json-lines", is_flag=True, help="Print each estimate as a line of JSON as it comes.")
 @json_option
@@ -94,6 +96,7 @@ def command(
     document: Path | None,
     fat_kPa: float | None,
     lsl: bool,
+    rerun: str | None,
     json_lines: bool,
     as_json: bool,
 ) -> None:
@@ -117,7 +120,11 @@ def command(
     estimates: list[dict[str, Any]] = []
     logs = ShownLogs()
     counts: dict[str, int] = {}
-    with recorded(port, record, overwrite, baud) as probe:
+    shown = None if rerun is None else _rerun(rerun, overwrite, fat_kPa)
+    with ExitStack() as stack:
+        probe = stack.enter_context(recorded(port, record, overwrite, baud))
+        if shown is not None:
+            stack.enter_context(shown)
         if not quiet:
             _greet(probe)
         clock_dict(probe)
@@ -140,8 +147,9 @@ def command(
                 if not quiet and probe.identity.serial != serial:
                     serial = probe.identity.serial
                     note(f"  it is another one: probe {serial}")
-                if outlets is not None:
-                    outlets.push(event, told)
+                for outlet in (outlets, shown):
+                    if outlet is not None:
+                        outlet.push(event, told)
                 probe.check_recording()
                 if seconds is not None and time.monotonic() > until:
                     break
@@ -187,6 +195,12 @@ def _outlets(probe: Probe) -> Outlets:
     outlets = Outlets(probe)
     note(f"on LabStreamingLayer as {FRAMES}, {ESTIMATES} and {EVENTS}")
     return outlets
+
+
+def _rerun(where: str, overwrite: bool, fat_kPa: float | None) -> RerunLog:
+    from palpate.link.rerun_log import RerunLog
+
+    return RerunLog(where, overwrite, lambda estimate, told: estimate_lines(estimate, fat_kPa, told))
 
 
 def _left_behind(
