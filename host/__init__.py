@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from palpate.sim.probe.emulated import EmulatedProbe
     from palpate.sim.tissue import Case, simulate, sweep
 
+__version__ = "0.1.0"
+
 _HOMES = {
     "Case": "palpate.sim.tissue",
     "EmulatedProbe": "palpate.sim.probe.emulated",
@@ -63,4 +65,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted([*__all__, "__version__"])

@@ -1,8 +1,8 @@
 """The foreign world: lumps, tissue, contact and sensor that no model was told of, to try real data on.
 
-    python -m tests.foreign_world export DIRECTORY --lumps 24 --strokes 2    strokes as CSV, and their truth
-    python -m tests.foreign_world campaign DIRECTORY                         the sensor in air, under a cuff
-    python -m tests.foreign_world keep                                       computes foreign_world.npz anew
+    python foreign_world.py export DIRECTORY --lumps 24 --strokes 2    strokes as CSV, and their truth
+    python foreign_world.py campaign DIRECTORY                         the sensor in air, under a cuff
+    python foreign_world.py keep                                       computes foreign_world.npz anew
 
 Tissue that stiffens, friction of .2, a face 5 % too curved; a sensor with hysteresis and creep whose cells
 read 4 % too much. The strokes that tests and docs/accuracy.md rest on are kept, with recipe and hash.

@@ -1,6 +1,7 @@
 """The front door: `from palpate import ...`, whatever else lies on the path, and what a wheel installs."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -23,9 +24,9 @@ NPM = ("sim/probe/wasm/node_modules", "host/view/fonts/node_modules")
 HEAVY = "click matplotlib mcap numba numpy pandas rich scipy serial skfem statsmodels"
 
 
-def python(*arguments, path: Path | None = None, cwd: Path | None = None) -> str:
+def python(*arguments, path: Path | None = None, cwd: Path | None = None, **variables: str) -> str:
     """What a fresh interpreter prints; `path` comes first where it looks for modules."""
-    environment = os.environ | ({} if path is None else {"PYTHONPATH": str(path)})
+    environment = os.environ | variables | ({} if path is None else {"PYTHONPATH": str(path)})
     done = subprocess.run(
         [sys.executable, *map(str, arguments)],
         capture_output=True, text=True, check=False, env=environment, cwd=cwd,
@@ -57,21 +58,61 @@ def test_modules_of_one_s_own_do_no_harm(tmp_path):
     assert opened == "1"
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory) -> zipfile.ZipFile:
-    """The wheel of the files that git knows, and of what set-up installs among them."""
-    place = tmp_path_factory.mktemp("wheel")
+def copy_of_the_repository(place: Path) -> Path:
+    """The files that git knows, as a fresh clone has them."""
     listed = subprocess.run(GIT_FILES, cwd=ROOT, capture_output=True, check=True).stdout
     for name in filter(None, listed.decode().split("\0")):
-        if not name.startswith(("docs/", "tests/")) and (ROOT / name).exists():
-            (place / "source" / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(ROOT / name, place / "source" / name)
+        if (ROOT / name).exists():
+            (place / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, place / name)
+    return place
+
+
+@pytest.fixture(scope="module")
+def sdist(tmp_path_factory) -> Path:
+    """An sdist of the files that git knows, and of what set-up installs among them."""
+    source = copy_of_the_repository(tmp_path_factory.mktemp("sdist") / "source")
     for folder in NPM:
-        shutil.copytree(ROOT / folder, place / "source" / folder)
+        shutil.copytree(ROOT / folder, source / folder)
+    build = "import setuptools.build_meta as b; print(b.build_sdist('dist'))"
+    return source / "dist" / python("-c", build, cwd=source).splitlines()[-1]
+
+
+@pytest.fixture(scope="module")
+def wheel(sdist, tmp_path_factory) -> zipfile.ZipFile:
+    """Built from the sdist alone: no index, no npm."""
+    place = tmp_path_factory.mktemp("wheel")
+    for name in ("npm", "node"):
+        (place / name).write_text("#!/bin/sh\nexit 1\n")
+        (place / name).chmod(0o755)
     pip = ["-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "--no-index"]
-    python(*pip, "--wheel-dir", place, place / "source")
+    python(*pip, "--wheel-dir", place, sdist, PATH=f"{place}:{os.environ['PATH']}")
     (built,) = place.glob("palpate-*.whl")
     return zipfile.ZipFile(built)
+
+
+@pytest.mark.long
+def test_a_fresh_clone_builds_by_itself(wheel, tmp_path):
+    """`pip install .` asked for `make setup`. Here pip makes the build's environment, and the build asks npm."""
+    source = copy_of_the_repository(tmp_path / "source")
+    python("-m", "pip", "wheel", "-q", "--no-deps", "--wheel-dir", tmp_path, source)
+    (built,) = tmp_path.glob("palpate-*.whl")
+    assert sorted(zipfile.ZipFile(built).namelist()) == sorted(wheel.namelist())
+
+
+def test_a_wheel_carries_the_examples_and_no_page_of_the_documentation(wheel):
+    there = {name for name in wheel.namelist() if name.startswith("palpate/examples/")}
+    assert {"palpate/examples/one_stroke.py", "palpate/examples/foreign_world.npz"} <= there
+    assert "palpate/examples/c/client.c" in there and not [name for name in there if name.endswith(".md")]
+
+
+def test_what_a_package_index_would_show_has_no_link_into_nowhere(wheel):
+    """README's links lead to files of the repository; the index does not have these."""
+    (name,) = (name for name in wheel.namelist() if name.endswith("METADATA"))
+    head, _, text = wheel.read(name).decode().partition("\n\n")
+    assert f"Version: {palpate.__version__}\n" in head and "Classifier: Topic :: Scientific" in head
+    assert "# Palpate" in text and "docs/" not in text
+    assert not [target for target in re.findall(r"\]\(([^)]*)\)", text) if "://" not in target]
 
 
 def test_a_wheel_takes_two_names_and_no_other(wheel):

@@ -1,6 +1,6 @@
 """Compile a model to the integers that the probe runs, and hold them against float64.
 
-    python docs/examples/integers_and_floats.py [SWEEP]
+    python integers_and_floats.py [SWEEP]
 
 This is the place to start from when you change the compiler, the number formats or the kind of model.
 """

@@ -1,6 +1,6 @@
 """How much sensor noise costs: the same lumps, felt with better and worse sensors, by the same model.
 
-    python docs/examples/noise_and_error.py [SWEEP]
+    python noise_and_error.py [SWEEP]
 
 A model of the thesis kind is trained for typical sensors; lumps that it has never seen are then stroked with
 four qualities of sensor. The hand's force is steady here: to let it wander, simulate more (docs/models.md).

@@ -1,6 +1,6 @@
 """One stroke over one lump: simulate it, put its images together, fit the bump, look at it.
 
-    python docs/examples/one_stroke.py [CODE] [PICTURE]
+    python one_stroke.py [CODE] [PICTURE]
 
 The first thing to change is the case: d, h, E and F, or the fat's stiffness, or the probe's radius.
 """

@@ -1,6 +1,6 @@
 """A recording as tables: how well do repeated strokes agree, and is the hand steady?
 
-    python docs/examples/recording_in_pandas.py [RECORDING]
+    python recording_in_pandas.py [RECORDING]
 
 The recording is one of `palpate stream --record` or of talk_to_a_probe.py, which writes the default one.
 """

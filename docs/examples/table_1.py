@@ -1,6 +1,6 @@
 """Table 1 of the thesis from its thirty strokes, and one equation looked at closely.
 
-    python docs/examples/table_1.py [SWEEP]
+    python table_1.py [SWEEP]
 
 The strokes are simulated into the directory SWEEP, or read from it where they are already.
 """

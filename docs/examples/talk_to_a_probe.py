@@ -1,6 +1,6 @@
 """Bring up an emulated probe, put a model on it, stroke a lump, record it, and replay it bit for bit.
 
-    python docs/examples/talk_to_a_probe.py [SWEEP] [RECORDING]
+    python talk_to_a_probe.py [SWEEP] [RECORDING]
 
 With a real probe everything but the first `with` is the same: give its port to `Probe.open`.
 """

@@ -56,6 +56,7 @@ CHAPTERS: dict[str, tuple[tuple[str, str, str], ...]] = {
     ),
     "This machine": (
         ("doctor", "palpate.cli.doctor", "is this machine ready, and what to do"),
+        ("example", "palpate.cli.example", "example scripts, copied to where you work"),
         ("completion", "palpate.cli.completion", "let the shell complete commands"),
     ),
 }
