@@ -28,7 +28,9 @@ ADDRESS = os.environ.get("PALPATE_ADDRESS", "").rstrip("/")
 
 
 def missing() -> list[str]:
-    return [folder for folder, file in FROM_NPM.items() if not (HERE / folder / "node_modules" / file).is_file()]
+    return [
+        folder for folder, file in FROM_NPM.items() if not (HERE / folder / "node_modules" / file).is_file()
+    ]
 
 
 def has_npm() -> bool:
@@ -38,7 +40,15 @@ def has_npm() -> bool:
 def fetch() -> None:
     """Raises SetupError where npm is not there, or cannot reach its registry."""
     for folder in missing():
-        arguments = ["ci", "--omit=dev", "--ignore-scripts", "--no-audit", "--no-fund", "--prefix", str(HERE / folder)]
+        arguments = [
+            "ci",
+            "--omit=dev",
+            "--ignore-scripts",
+            "--no-audit",
+            "--no-fund",
+            "--prefix",
+            str(HERE / folder),
+        ]
         if has_npm():
             status = subprocess.run([shutil.which("npm") or "npm", *arguments], check=False).returncode
         else:
