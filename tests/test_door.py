@@ -93,7 +93,7 @@ def wheel(sdist, tmp_path_factory) -> zipfile.ZipFile:
 
 @pytest.mark.long
 def test_a_fresh_clone_builds_by_itself(wheel, tmp_path):
-    """`pip install .` asked for `make setup`. Here pip makes the build's environment, and the build asks npm."""
+    """`pip install .` asked for `make setup`. Now the build asks npm, in an environment that pip makes."""
     source = copy_of_the_repository(tmp_path / "source")
     python("-m", "pip", "wheel", "-q", "--no-deps", "--wheel-dir", tmp_path, source)
     (built,) = tmp_path.glob("palpate-*.whl")

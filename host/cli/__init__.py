@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from palpate.cli import logs
 from palpate.cli.runner import Commands, run
 
 
@@ -41,6 +42,9 @@ def cli() -> None:
     A case code such as d10h08e10f10 reads: diameter 10 mm, fat over the lump 0.8 diameters thick, stiffness
     10 times the fat's, force 1.0 (100 N per metre of probe width).
     """
+
+
+cli.params += logs.options()
 
 
 def main(args: list[str] | None = None) -> int:

@@ -18,8 +18,8 @@ _FOLDERS = (_HERE / "examples", _HERE.parent / "docs" / "examples", _HERE.parent
 """Where a wheel has them; where a clone has them."""
 _BESIDE = {"foreign_world": ("foreign_world.npz",)}
 _NAMES = (
-    "one_stroke", "table_1", "noise_and_error", "talk_to_a_probe", "integers_and_floats", "recording_in_pandas",
-    "first_hour", "foreign_world", "c",
+    "one_stroke", "table_1", "noise_and_error", "talk_to_a_probe", "integers_and_floats",
+    "recording_in_pandas", "first_hour", "foreign_world", "c",
 )  # fmt: skip
 _C = "A client for the wire in C: the generated header and a whole program on it."
 

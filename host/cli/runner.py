@@ -16,6 +16,7 @@ from typing import Any
 
 import click
 
+from palpate.cli import logs
 from palpate.console import note, printable
 from palpate.errors import PalpateError
 
@@ -88,6 +89,8 @@ class Commands(click.Group):
                 if name == cmd_name:
                     found = importlib.import_module(module).command
                     assert isinstance(found, click.Command)
+                    taken = {word for option in found.params for word in option.opts}
+                    found.params += [o for o in logs.options(hidden=True) if not taken & set(o.opts)]
                     return found
         return None
 
@@ -200,24 +203,34 @@ def run(cli: click.Command, args: list[str] | None = None) -> int:
         signal.signal(signal.SIGTERM, _on_sigterm)  # so that files are closed as on Ctrl-C
         if not debug and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
             signal.signal(signal.SIGINT, _on_ctrl_c)
+    status, error = 1, None
+    try:
+        status, error = _outcome(cli, args, debug)
+    finally:
+        logs.ended(status, error)
+    return status
+
+
+def _outcome(cli: click.Command, args: list[str] | None, debug: bool) -> tuple[int, BaseException | None]:
+    """The exit status, and the error that ended the command, if one did."""
     try:
         result = cli.main(args=args, prog_name="palpate", standalone_mode=False)
         sys.stdout.flush()
-        return result if isinstance(result, int) else 0
+        return (result if isinstance(result, int) else 0), None
     except click.exceptions.Exit as ending:
-        return ending.exit_code
+        return ending.exit_code, None
     except (KeyboardInterrupt, click.Abort):
         note("palpate: stopped; everything finished so far is kept.")
-        return 130
+        return 130, None
     except (ReaderGone, BrokenPipeError):  # not an error, but Python must not complain at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        return 0, None
     except Exception as error:
         if debug:
             import traceback
 
             traceback.print_exc()
-            return exit_status(error)
+            return exit_status(error), error
         text = sentence(error)
         note(f"palpate: {text}{'' if text.endswith(('.', '?', '`')) else '.'}")
-        return exit_status(error)
+        return exit_status(error), error

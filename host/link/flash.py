@@ -8,6 +8,7 @@ after a cut the transfer goes on where it stopped.
 from __future__ import annotations
 
 import hashlib
+import logging
 import struct
 from collections.abc import Callable
 from contextlib import suppress
@@ -17,6 +18,8 @@ from firmware_py import messages, status
 from palpate.errors import CommandRefused, FlashError, ImageRefused, LinkError, LinkGone
 from palpate.link.probe import Probe
 from palpate.model_export.check_image import check_image, is_succession
+
+_log = logging.getLogger(__name__)
 
 BACK_TRIES = 100
 """Steps back, without progress, after which a probe is not followed any further; a restart is one."""
@@ -98,6 +101,7 @@ def flash(probe: Probe, image: bytes, progress: Callable[[int, int], None] | Non
         message = f"{gone.args[0].split(';')[0]}; the model it had stays: plug it in and flash again to go on"
         raise FlashError(message) from gone
     live = probe.refresh_identity()
+    _log.info("flashed %d bytes from byte %d on: model %s", len(image) - start, start, live.model_id)
     if live.model_id != made_ready.hex() and not is_succession(image):
         raise FlashError(
             f"the probe confirmed model {made_ready.hex()} but answers with "

@@ -6,6 +6,7 @@ for one (`palpate.link.emulated.times_slower`).
 
 from __future__ import annotations
 
+import logging
 import random
 import time
 from collections.abc import Callable
@@ -21,6 +22,8 @@ from palpate.link.stream_wish import RENEW_S, StreamWish
 from palpate.link.transport import Transport
 from palpate.wire.events import Answer, Estimate, Event, Gap, StreamEnd
 from palpate.wire.identity import Identity
+
+_log = logging.getLogger(__name__)
 
 AWAY_S = 60.0
 """How long a command waits for an unplugged probe to come back (a stream waits forever)."""
@@ -86,7 +89,9 @@ class Line(LineReader):
         try:
             while waited_s < timeout_s:
                 self._wait_until_up()
-                counts.retries += 1 if tries else 0
+                if tries:
+                    counts.retries += 1
+                    _log.info("%s: no answer to %s yet, sent again", self.transport.name, name)
                 tries += 1
                 began = time.monotonic()
                 self._write(raw)
@@ -140,6 +145,7 @@ class Line(LineReader):
         self._up.clear()
         self.transport.close()
         self._tell(Gap(self.clock.now_ns(), 0.0, str(gone), ended=False))
+        _log.warning("%s is gone: %s", self.transport.name, gone)
         while not self._stopping.is_set():
             elsewhere = self._elsewhere if self._may_be_replaced(began) else None
             try:
@@ -177,6 +183,7 @@ class Line(LineReader):
         self.identity = now
         self.parser.counts.reconnects += 1
         self._tell(Gap(self.clock.now_ns(), time.monotonic() - began, reason, restarted=restarted))
+        _log.warning("%s is back after %.1f s", self.transport.name, time.monotonic() - began)
         self._up.set()
         return True
 

@@ -13,6 +13,7 @@ oldest first, and counted; the recording has them all). After an unplug the stre
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -33,6 +34,8 @@ from palpate.wire.delivery import Awaited
 from palpate.wire.events import Estimate, Event, Frame
 from palpate.wire.identity import Identity
 from palpate.wire.results import Features, TactileMap
+
+_log = logging.getLogger(__name__)
 
 EARLIER_S = 10.0
 """How long the results of one earlier stream may take to come."""
@@ -68,6 +71,7 @@ class Probe(Commandable):
         super().__init__(Line(transport, recorder, reopen, elsewhere))
         try:
             shake_hands(self._line)
+            _log.info("%s: %s", transport.name, self.identity)
         except BaseException:
             self.close()
             raise

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import logging
 import os
 import threading
 import time
@@ -24,6 +25,8 @@ from palpate.recording import channels
 from palpate.recording.journal import JournalFile
 from palpate.recording.reader import PROFILE, Recording
 from palpate.wire.events import Answer, Event
+
+_log = logging.getLogger(__name__)
 
 LIBRARY = "palpate recording 1"
 CHUNK_BYTES = 1 << 18
@@ -56,6 +59,7 @@ class RecordingWriter:
             raise RecordingError(f"a recording's name ends in .mcap, not {self.path.name!r}")
         self.frames = 0
         self._journal = JournalFile(self.path, overwrite)
+        _log.info("recording into %s", self.path)
         self._lock = threading.Lock()
         self._closed = False
         self._in_place = False
@@ -135,6 +139,7 @@ class RecordingWriter:
             finally:
                 self._in_place = self._journal.in_place()
                 self._journal.close()
+        _log.info("closed %s after %d frames", self.path, self.frames)
         if seal and self._failure is None and self._in_place:
             # Sealing is a convenience for readers: without room for it the plain file stays.
             with contextlib.suppress(OSError):

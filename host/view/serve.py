@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import secrets
 import socket
 import threading
@@ -19,6 +20,8 @@ from palpate.view.guard import is_loopback
 from palpate.view.notices import LinkChanged, LinkState
 from palpate.view.session import Session
 from palpate.view.source import Source
+
+_log = logging.getLogger(__name__)
 
 
 class Viewer:
@@ -154,4 +157,5 @@ class Viewer:
         try:
             self.source.run(self.session.on_event, self._stop)
         except Exception as error:  # the page must say what happened, whatever it was
+            _log.exception("the source stopped")
             self.session.on_event(LinkChanged(LinkState.GONE, f"The source stopped: {error}"))

@@ -28,11 +28,11 @@ def write(path: Path, data: bytes, mode: int = 0o644) -> None:
 @contextlib.contextmanager
 def alone(path: Path) -> Iterator[None]:
     """No other program that asks for the same directory is in it until the block ends."""
-    if os.name == "nt":
+    try:
+        import fcntl
+    except ImportError:  # Windows has none
         yield
         return
-    import fcntl
-
     handle = os.open(path, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)  # goes with the process, however that ends

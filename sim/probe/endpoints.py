@@ -7,7 +7,6 @@ import contextlib
 import os
 import socket
 import time
-import tty
 from typing import Protocol
 
 from firmware_py import messages, wire
@@ -41,6 +40,12 @@ class PtyEndpoint:
         self._open()
 
     def _open(self) -> None:
+        try:
+            import tty
+        except ImportError as error:
+            raise UsageError(
+                "this system has no pseudo-terminals; emulate with --listen tcp:127.0.0.1:7624"
+            ) from error
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)

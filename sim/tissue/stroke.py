@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
@@ -19,6 +20,8 @@ from palpate.sim.tissue.result import Stroke
 from palpate.sim.tissue.run import Run
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.state import State
+
+_log = logging.getLogger(__name__)
 
 Floats = NDArray[np.float64]
 
@@ -93,6 +96,8 @@ def simulate_forces(
             run = Run(loaded, settings, geometry)
             pressed = run.press(positions[0], pressed)
             strokes.append(run.stroke(positions, pressed, began, visit))
+            took_s = time.thread_time() - began
+            _log.info("%s: %d positions in %.1f s of CPU time", loaded.code, len(positions), took_s)
             began = time.thread_time()
     return strokes
 
