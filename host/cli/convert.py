@@ -12,13 +12,13 @@ from palpate.console import json_option, note, print_json, say
 
 @click.command("convert")
 @click.argument("recording", type=click.Path(path_type=Path))
-@click.argument("out", type=click.Path(path_type=Path, dir_okay=False))
-@click.option("--to", type=click.Choice(["table", "ros2"]), default="table", show_default=True,
-              help="ros2: messages, OUT ends in .mcap.")  # fmt: skip
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option("--to", type=click.Choice(["table", "ros2", "lerobot"]), default="table", show_default=True,
+              help="ros2: OUT ends in .mcap. lerobot: OUT is a new directory.")  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace tables that are there.")
 @json_option
 def command(recording: Path, out: Path, to: str, overwrite: bool, as_json: bool) -> None:
-    """Write a recording as a table: OUT ends in .parquet, .h5 or .csv. Or as ROS 2 messages.
+    """Write a recording as a table: OUT ends in .parquet, .h5 or .csv. Or for ROS 2 or LeRobot.
 
     One row per frame: seq, time_us (the probe's clock), host_time_ns, position_mm, displacement_mm and the
     pressures of the 16 x 26 cells in kPa, by the calibration that the recording holds. The estimates go
@@ -29,6 +29,7 @@ def command(recording: Path, out: Path, to: str, overwrite: bool, as_json: bool)
       palpate convert visit.mcap visit.parquet
       palpate convert visit.mcap visit.csv
       palpate convert visit.mcap visit.ros2.mcap --to ros2
+      palpate convert visit.mcap dataset --to lerobot
     """
     from palpate.recording.convert import convert
     from palpate.recording.reader import Recording

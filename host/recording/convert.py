@@ -73,7 +73,7 @@ def convert(recording: str | Path, out: str | Path, overwrite: bool = False, to:
     out : str or Path
         Ends in .parquet, .h5, .hdf5 or .csv.
     to : str
-        "table", or "ros2": then `out` ends in .mcap.
+        "table"; "ros2": then `out` ends in .mcap; "lerobot": then it is a new directory.
     overwrite : bool
         Replace files that are there.
 
@@ -93,7 +93,7 @@ def convert(recording: str | Path, out: str | Path, overwrite: bool = False, to:
     Recording(recording)
     if out.exists() and out.samefile(recording):
         raise PalpateError(f"{out} is the recording itself; choose another name")
-    for path in () if overwrite else (out, _beside(out)):
+    for path in () if overwrite and to != "lerobot" else (out, _beside(out)):
         if path.exists():
             raise PalpateError(f"{path} exists already; choose another name or give --overwrite")
     return write(Path(recording), out)
@@ -266,8 +266,15 @@ def _to_ros2(recording: Path, out: Path) -> Converted:
     return Converted([out], *to_ros2(recording, out))
 
 
+def _to_lerobot(recording: Path, out: Path) -> Converted:
+    from palpate.recording.lerobot import to_lerobot
+
+    return Converted([out], *to_lerobot(recording, out))
+
+
 WRITERS: dict[str, dict[str, Callable[..., Converted]]] = {
     "table": {".parquet": _to_parquet, ".h5": _to_hdf5, ".hdf5": _to_hdf5, ".csv": _to_csv},
     "ros2": {".mcap": _to_ros2},
+    "lerobot": {"": _to_lerobot},
 }
 """What can be written: the file's suffix -> its writer."""
