@@ -73,7 +73,7 @@ def to_lerobot(recording: Path, out: Path, task: str = "palpate") -> tuple[int, 
     kPa = np.stack([frame.pressure_kPa for frame in frames])[taken]
     force_N = kPa.sum(axis=(1, 2), dtype=float) * PITCH_MM**2 / 1000
     place = np.array([(frame.position_mm, frame.displacement_mm) for frame in frames])[taken]
-    columns = {
+    columns: dict[str, NDArray[Any]] = {
         TACTILE: kPa,
         STATE: np.column_stack([place, force_N]).astype(np.float32),
         "timestamp": grid_s.astype(np.float32),

@@ -12,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.errors import LinkError, UsageError
+from palpate.errors import CommandTimeout, LinkError, UsageError
 from palpate.link.probe import Probe
 from palpate.wire.cells import SHAPE
 from palpate.wire.events import Frame
@@ -67,13 +67,13 @@ class TactileSensor:
         self._thread.start()
 
     def read(self, timeout_ms: float = 5000.0) -> Image:
-        """The next image to come. Raises TimeoutError, LinkError."""
+        """The next image to come. Raises CommandTimeout, LinkError."""
         with self._come:
             self._newest = None
             return self._take(timeout_ms)
 
     def async_read(self, timeout_ms: float = 200.0) -> Image:
-        """The newest image not read yet, or the next one. Raises TimeoutError, LinkError."""
+        """The newest image not read yet, or the next one. Raises CommandTimeout, LinkError."""
         with self._come:
             return self._take(timeout_ms)
 
@@ -91,7 +91,7 @@ class TactileSensor:
         if self._newest is None:
             if self._failure is not None:
                 raise self._failure
-            raise TimeoutError(f"no image from {self.port} within {timeout_ms:g} ms")
+            raise CommandTimeout(f"no image from {self.port} within {timeout_ms:g} ms")
         image, self._newest = self._newest, None
         return image
 
