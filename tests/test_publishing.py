@@ -1,4 +1,4 @@
-"""What publishing takes holds together: versions, dependencies, citation, recipe, the container to develop in."""
+"""What publishing takes holds together: versions, dependencies, citation, recipe, container."""
 
 import json
 import re
