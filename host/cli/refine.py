@@ -77,7 +77,7 @@ def command(
             found.append((path, item))
             bar.advance(task)
             if not as_json:
-                say("\n".join(_lines(path if len(recordings) > 1 else None, item)))
+                say("\n".join(lines_of(item, path if len(recordings) > 1 else None)))
     if as_json:
         print_json({"strokes": [{"recording": path, **one.as_dict()} for path, one in found]})
     if all(one.problem for _, one in found):
@@ -87,7 +87,7 @@ def command(
             note(one.problem)
 
 
-def _lines(path: Path | None, one: Inverted) -> list[str]:
+def lines_of(one: Inverted, path: Path | None = None) -> list[str]:
     """One stroke in words."""
     head = f"stroke {one.stroke}" if path is None else f"{path}, stroke {one.stroke}"
     if one.problem:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import sys
 import time
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,7 @@ from palpate.errors import CommandTimeout, LinkError
 
 if TYPE_CHECKING:
     from palpate.answer.told import Told
+    from palpate.inversion import Inverted
     from palpate.link.lsl import Outlets
     from palpate.link.probe import Probe
     from palpate.link.rerun_log import RerunLog
@@ -78,6 +80,7 @@ class ShownLogs:
               help="Give up after so many of the probe's seconds without a sign of it.")  # fmt: skip
 @document_option
 @fat_option
+@click.option("--refine", is_flag=True, help="Fit the finite-element model to each stroke, too, meanwhile.")
 @click.option("--lsl", is_flag=True, help="Hand everything on to LabStreamingLayer.")
 @click.option("--rerun", metavar="FILE.rrd|spawn", help="Show it in rerun, or write a file for it.")
 @click.option("--earlier", is_flag=True, help="First fetch the estimates that an earlier client left behind.")
@@ -95,6 +98,7 @@ def command(
     earlier: bool,
     document: Path | None,
     fat_kPa: float | None,
+    refine: bool,
     lsl: bool,
     rerun: str | None,
     json_lines: bool,
@@ -107,7 +111,7 @@ def command(
     \b
     Example:
       palpate stream --strokes 1
-      palpate stream --strokes 3 --record visit.mcap
+      palpate stream --strokes 3 --record visit.mcap --refine
       palpate stream --port socket://localhost:7624 --strokes 1 --json
     """
     from palpate.link.session import both_counts, counts_line, recorded
@@ -115,62 +119,76 @@ def command(
     from palpate.stroke.follower import Follower
     from palpate.wire.events import Estimate, Gap
 
+    if refine:
+        from palpate.cli.refining import refining
+        from palpate.first_time import announce
+
+        announce()
     follower = Follower(Documents(None if document is None else load_model(document)))
     quiet = as_json or json_lines
     estimates: list[dict[str, Any]] = []
     logs = ShownLogs()
     counts: dict[str, int] = {}
+    refined: list[dict[str, Any]] = []
     shown = None if rerun is None else _rerun(rerun, overwrite, fat_kPa)
-    with ExitStack() as stack:
-        probe = stack.enter_context(recorded(port, record, overwrite, baud))
-        if shown is not None:
-            stack.enter_context(shown)
-        if not quiet:
-            _greet(probe)
-        clock_dict(probe)
-        remark = _meet(follower, probe, document, "")
-        outlets = _outlets(probe) if lsl else None
-        before = _left_behind(probe, follower, quiet, fat_kPa) if earlier else []
-        interrupted = scale_told = False
-        serial = probe.identity.serial
-        until = time.monotonic() + (seconds or 0.0)
-        try:
-            for event in probe.stream(strokes, every, timeout_s):
-                if not scale_told and not quiet:
-                    _say_scale(probe)
-                scale_told = True
-                follower.take(event)
-                if isinstance(event, Gap) and event.ended:
-                    remark = _meet(follower, probe, document, remark)  # it may be another
-                told = follower.of(event) if isinstance(event, Estimate) else None
-                _show(event, told, estimates, logs, quiet, json_lines, fat_kPa)
-                if not quiet and probe.identity.serial != serial:
-                    serial = probe.identity.serial
-                    note(f"  it is another one: probe {serial}")
-                for outlet in (outlets, shown):
-                    if outlet is not None:
-                        outlet.push(event, told)
-                probe.check_recording()
-                if seconds is not None and time.monotonic() > until:
-                    break
-        except KeyboardInterrupt:
-            interrupted = True
-        finally:
-            counts.update(both_counts(probe))
+    with refining() if refine else nullcontext() as refiner:
+        with ExitStack() as stack:
+            probe = stack.enter_context(recorded(port, record, overwrite, baud))
+            if shown is not None:
+                stack.enter_context(shown)
             if not quiet:
-                note(counts_line(counts))
-        summary = {
-            "port": probe.name,
-            "probe": probe.identity.as_dict(),
-            "strokes": estimates,
-            "earlier": before,
-            "link": counts,
-            "clock": clock_dict(probe),
-        }
+                _greet(probe)
+            clock_dict(probe)
+            remark = _meet(follower, probe, document, "")
+            outlets = _outlets(probe) if lsl else None
+            before = _left_behind(probe, follower, quiet, fat_kPa) if earlier else []
+            interrupted = scale_told = False
+            serial = probe.identity.serial
+            until = time.monotonic() + (seconds or 0.0)
+            try:
+                for event in probe.stream(strokes, every, timeout_s):
+                    if not scale_told and not quiet:
+                        _say_scale(probe)
+                    scale_told = True
+                    follower.take(event)
+                    if isinstance(event, Gap) and event.ended:
+                        remark = _meet(follower, probe, document, remark)  # it may be another
+                    told = follower.of(event) if isinstance(event, Estimate) else None
+                    _show(event, told, estimates, logs, quiet, json_lines, fat_kPa)
+                    if not quiet and probe.identity.serial != serial:
+                        serial = probe.identity.serial
+                        note(f"  it is another one: probe {serial}")
+                    for outlet in (outlets, shown):
+                        if outlet is not None:
+                            outlet.push(event, told)
+                    if refiner is not None:
+                        refiner.take(event, follower.calibration)
+                        refined += _refined(refiner.done(), quiet, json_lines)
+                    probe.check_recording()
+                    if seconds is not None and time.monotonic() > until:
+                        break
+            except KeyboardInterrupt:
+                interrupted = True
+            finally:
+                counts.update(both_counts(probe))
+                if not quiet:
+                    note(counts_line(counts))
+            summary = {
+                "port": probe.name,
+                "probe": probe.identity.as_dict(),
+                "strokes": estimates,
+                "earlier": before,
+                "link": counts,
+                "clock": clock_dict(probe),
+            }
+        if refiner is not None and not interrupted:
+            if refiner.waiting and not quiet:
+                note(f"refining {refiner.waiting} more; Ctrl-C leaves them")
+            refined += _refined(refiner.rest(), quiet, json_lines)
     if record is not None and not quiet:
         note(f"recorded {record}")
     if as_json:
-        print_json({**summary, "recording": record})
+        print_json({**summary, "refined": refined, "recording": record})
     if interrupted:
         raise KeyboardInterrupt
     if strokes and seconds is None and len(estimates) < strokes:
@@ -279,3 +297,18 @@ def _show(
     elif isinstance(event, Log):
         for line in logs.lines(event):
             note(line)
+
+
+def _refined(found: Iterator[Inverted], quiet: bool, json_lines: bool) -> list[dict[str, Any]]:
+    """Show what was found, and give it as `--json` prints it."""
+    from palpate.cli.refine import lines_of
+
+    out = []
+    for one in found:
+        out.append(one.as_dict())
+        if json_lines:
+            sys.stdout.write(json.dumps(plain({"refined": out[-1]})) + "\n")
+            sys.stdout.flush()
+        elif not quiet:
+            say("refined: " + "\n".join(lines_of(one)))
+    return out

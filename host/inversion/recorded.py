@@ -1,4 +1,4 @@
-"""The strokes of a recording, as the inversion takes them."""
+"""The strokes of a session, recorded or live, as the inversion takes them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from palpate.inversion.start import Start, start_of
 from palpate.recording.channels import CALIBRATION
 from palpate.recording.playback import open_recording
 from palpate.stroke.presses import Presses
-from palpate.wire.events import Estimate, Frame, StrokeState
+from palpate.wire.events import Estimate, Event, Frame, StrokeState
 
 _KEPT = 1 << 16
 
@@ -28,28 +28,53 @@ def felt_strokes(path: str | Path) -> Iterator[tuple[FeltStroke | NotInvertible,
     PalpateError
         The file is no readable recording, is of another sensor array, or holds no stroke.
     """
-    if not models.suits_array():
-        raise RecordingError(
-            "the inversion starts from a bundled model, and there is none for this sensor array"
-        )
-    count = 0
+    strokes, count = Strokes(), 0
     with open_recording(path) as session:
-        own = calib.Calibration()
-        own.load(session.recording.attachment(CALIBRATION) or b"")
-        presses, frames = Presses(), dict[int, Frame]()
+        calibration = session.recording.attachment(CALIBRATION) or b""
         for event in session.events():
-            if isinstance(event, StrokeState):
-                presses.take(event)
-            elif isinstance(event, Frame):
-                frames[event.seq] = event
-                if len(frames) > _KEPT:
-                    del frames[next(iter(frames))]
-            elif isinstance(event, Estimate):
+            if (stroke := strokes.take(event, calibration)) is not None:
                 count += 1
-                press = presses.of(event.stream, event.stroke, frames)
-                yield _of(event, frames, press or [], own)
+                yield stroke
     if not count:
         raise RecordingError(f"{path} holds no whole stroke")
+
+
+class Strokes:
+    """Watches the events of a session go by, and gives each stroke when its estimate has come.
+
+    Raises
+    ------
+    RecordingError
+        No bundled model, where an inversion begins, is of this sensor array.
+    """
+
+    def __init__(self) -> None:
+        if not models.suits_array():
+            raise RecordingError(
+                "the inversion starts from a bundled model, and there is none for this sensor array"
+            )
+        self._presses, self._frames = Presses(), dict[int, Frame]()
+
+    def take(self, event: Event, calibration: bytes) -> tuple[FeltStroke | NotInvertible, Start] | None:
+        """The stroke that ends with this event, or why it cannot be inverted, and a first estimate.
+
+        Parameters
+        ----------
+        calibration : bytes
+            What the probe keeps of its own; b"" where it has none.
+        """
+        if isinstance(event, StrokeState):
+            self._presses.take(event)
+        elif isinstance(event, Frame):
+            self._frames[event.seq] = event
+            if len(self._frames) > _KEPT:
+                del self._frames[next(iter(self._frames))]
+        elif isinstance(event, Estimate):
+            own = calib.Calibration()
+            own.load(calibration)
+            press = self._presses.of(event.stream, event.stroke, self._frames)
+            return _of(event, self._frames, press or [], own)
+        return None
 
 
 def _of(

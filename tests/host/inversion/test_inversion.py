@@ -123,12 +123,13 @@ def test_the_worst_part_is_named():
     assert worst_part(data, np.zeros(6)).startswith("row 4")
 
 
-def record(stream, calibration, path):
-    """What an emulated probe sends of a stroke, recorded by the command line."""
+def record(stream, calibration, path, *more):
+    """What an emulated probe sends of a stroke, recorded by the command line, and what that said."""
     with EmulatedProbe("cpython", [stream], roomy=True, calibration=calibration) as probe:
-        words = ["stream", "--port", probe.port, "--strokes", "1", "--record", path]
-        done = subprocess.run([PALPATE, *words], capture_output=True, text=True, timeout=300)
+        words = ["stream", "--port", probe.port, "--strokes", "1", "--record", path, *more]
+        done = subprocess.run([PALPATE, *words], capture_output=True, text=True, timeout=800)
     assert path.exists(), done.stderr
+    return done
 
 
 def refined(*words):
@@ -156,7 +157,9 @@ def test_a_stroke_of_another_mesh_is_refined_by_the_command_line(tmp_path):
 
 def test_a_recording_without_a_press_is_refused_in_a_sentence(tmp_path):
     stream = stroke_frames(simulate(Case.from_code("d10h08e10f10")), "none", 1)
-    record(stream, None, tmp_path / "bare.mcap")
+    live = record(stream, None, tmp_path / "bare.mcap", "--refine", "--json")
+    (one,) = json.loads(live.stdout)["refined"]
+    assert "no press before it" in one["problem"] and one["stroke"] == 1
     done = refined(tmp_path / "bare.mcap")
     assert done.returncode == 1
     assert "no press before it" in done.stderr and "Traceback" not in done.stderr
