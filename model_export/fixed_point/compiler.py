@@ -129,7 +129,7 @@ def compile_first(first: FirstStage) -> stage.Stage:
         raise ModelError(
             f"the firmware has a feature called {min(taken)!r}: the first stage's is to be another"
         )
-    return _compile_stage(first, feature_ids(first.features), firmware_features.COUNT)
+    return compile_stage(first, feature_ids(first.features), firmware_features.COUNT)
 
 
 @told_as_ours()
@@ -139,10 +139,10 @@ def compile_checks(spec: ModelSpec) -> stage.Stage | None:
         return None
     ids = feature_ids(spec.checks.features, spec.first)
     before = 0 if spec.first is None else len(spec.first.estimates)
-    return _compile_stage(spec.checks, ids, firmware_features.COUNT + before)
+    return compile_stage(spec.checks, ids, firmware_features.COUNT + before)
 
 
-def _compile_stage(first: FirstStage, ids: list[int], feature_count: int) -> stage.Stage:
+def compile_stage(first: FirstStage, ids: list[int], feature_count: int) -> stage.Stage:
     """The firmware works out as many sums as a model has outputs; those that a stage does not need are 0."""
     feats, radius = _features(first)
     steps = nested.program(first.terms)

@@ -42,6 +42,10 @@ class Model:
         Trees whose leaves (in float64) are added to the polynomials.
     kernels : Kernels, or None
         Likewise.
+    within : list of float
+        The worst error that is wanted of each output, in its unit; 0, or none, for what is usual.
+    precise : str
+        "box" or "data": where errors are to be so small.
     classes : list
         Of a classifier, whose outputs are decisions: above 0 (one), or the largest (one a class).
     """
@@ -54,6 +58,8 @@ class Model:
     reference: Callable[[Array], Array]
     forests: list[list[Any]] | None = None
     kernels: Kernels | None = None
+    within: Sequence[float] = ()
+    precise: str = "box"
     classes: list[Any] = field(default_factory=list)
 
 
@@ -69,7 +75,9 @@ def build(model: Model, X: Array | None = None, calibration: Calibration | None 
     """
     _finite(model)
     features = model.space.features
-    x = _vectors(model.space, X)
+    if X is None and model.precise == "data":
+        raise CompileError('precise="data" wants data; give X')
+    x = _vectors(model.space, X, model.precise)
     steps = np.array([f.step for f in features])
     everywhere = np.asarray(model.reference(x * steps), float)
     if not np.isfinite(everywhere).all():
@@ -103,7 +111,7 @@ def build(model: Model, X: Array | None = None, calibration: Calibration | None 
                 f"{name} reaches {most:.3g} and varies by {spread:.3g} only, too little for integers of 30 "
                 "bits; take what it is above a constant as the target"
             )
-        scales.append(Scale(name, step, spread, link))
+        scales.append(Scale(name, step, spread, link, model.within[k] if model.within else 0.0))
     if model.classes:  # decisions are compared
         scales = [replace(s, step=max(s.step for s in scales)) for s in scales]
     code = Code()
@@ -133,15 +141,20 @@ def _finite(model: Model) -> None:
             raise CompileError(f"{name} has a coefficient that is not finite")
 
 
-def _vectors(of: Space, X: Array | None) -> Array:
+def _vectors(of: Space, X: Array | None, precise: str) -> Array:
     """Vectors over which words are chosen: of the data, if there are any, in the first half; int64."""
+
+    def whole(rows: Array) -> Array:
+        return np.stack([f.whole(rows[:, i]) for i, f in enumerate(of.features)], axis=1)
+
     rng = np.random.default_rng(1)
     lo, hi = (np.array([getattr(f, end) for f in of.features]) for end in ("lo", "hi"))
     box = rng.integers(lo, hi, (TRIED, len(lo)), endpoint=True)
     if X is None:
         return box
-    chosen = X[rng.integers(0, len(X), TRIED)]
-    return np.vstack([np.stack([f.whole(chosen[:, i]) for i, f in enumerate(of.features)], axis=1), box])
+    if precise == "data":
+        return whole(X[np.resize(rng.permutation(len(X)), 2 * TRIED)])
+    return np.vstack([whole(X[rng.integers(0, len(X), TRIED)]), box])
 
 
 def _outputs(

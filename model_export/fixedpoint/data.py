@@ -94,6 +94,18 @@ def _given(of: Any, i: int, name: str) -> Any:
     return of.get(name) if isinstance(of, Mapping) else of[i]
 
 
+def tolerances(given: Any, outputs: int, precise: str) -> list[float]:
+    """`within`, one an output; `precise` is looked at as well."""
+    if precise not in ("box", "data"):
+        raise CompileError(f'precise is "box" or "data", not {precise!r}')
+    if given is None:
+        return []
+    found = np.ravel(numbers(given, "within")).tolist()
+    if len(found) != outputs or not all(np.isfinite(w) and w > 0 for w in found):
+        raise CompileError(f"within must be {outputs} positive numbers, one an output, not {given!r}")
+    return found
+
+
 def named(given: Sequence[str] | None, n: int, what: str) -> list[str]:
     """n names or units, as given, or made up."""
     if given is None:

@@ -27,13 +27,20 @@ _TOLERATED = 0.3  # of a standard deviation: what quantise's limits, 2.4e-5 at w
 class Scale:
     """How an output is told: an integer of 1 is `step`; its predictions vary by about `spread`.
 
-    `link` is "identity", or "exp" for a polynomial of the logarithm of the output.
+    `link` is "identity", or "exp" for a polynomial of the logarithm of the output; `within` is the worst
+    error that is wanted, in the output's unit, 0 for what is usual.
     """
 
     name: str
     step: float
     spread: float
     link: str = "identity"
+    within: float = 0.0
+
+    @property
+    def tolerated(self) -> float:
+        """What quantise's limits are relative to, in the output's unit."""
+        return self.within / quantise.GOOD_WORST if self.within else _TOLERATED * self.spread
 
 
 def not_too_many(terms: int) -> None:
@@ -170,10 +177,10 @@ class Polynomials:
         """What an error of the row is relative to, at each vector."""
         y = terms[:, :-1] @ row.coefficients + row.intercept
         if scale.link == "exp":
-            return np.clip(_TOLERATED * scale.spread / (scale.step * np.exp(y)), 0.01, 1.0)
+            return np.clip(scale.tolerated / (scale.step * np.exp(y)), 0.01, 1.0)
         k = self.scales.index(scale)
         unit = scale.step * 2.0 ** self.exponent(self.polys[k], scale)
-        return np.full(len(y), _TOLERATED * scale.spread / unit)
+        return np.full(len(y), scale.tolerated / unit)
 
     # ---- sums
 

@@ -138,7 +138,7 @@ class Program:
             f'"""A regression in integers: {len(names)} features, {len(self.outputs)} outputs.\n\n'
             "    out = [0] * SIZE\n    predict(x, out)\n\n"
             "x: integers, the values of FEATURES over their STEPS, rounded.\n"
-            "out[k] times UNIT_OF[k] is the value of OUTPUTS[k].\n"
+            "out[k] times UNIT_OF[k] is the value of OUTPUTS[k]; both are text, for ports without floats.\n"
             "Features beyond BOX are held at its ends.\n"
             f'Every intermediate stays within +-2^30 (largest {self.proof.largest}).\n"""\n\n'
         )
@@ -187,7 +187,8 @@ class Program:
 
 
 def _listed(values: Sequence[Any]) -> str:
-    return "".join(f"    {v.item() if hasattr(v, 'item') else v!r},\n" for v in values)
+    plain = [v.item() if hasattr(v, "item") else v for v in values]
+    return "".join(f"    {repr(repr(v) if isinstance(v, float) else v)},\n" for v in plain)
 
 
 def assemble(

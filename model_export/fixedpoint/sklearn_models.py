@@ -44,6 +44,8 @@ def from_sklearn(
     box: data.Box = None,
     steps: data.Steps = None,
     level: float = 0.9,
+    within: Sequence[float] | None = None,
+    precise: str = "box",
 ) -> Program:
     """A fitted pipeline, or regressor or classifier, as integers.
 
@@ -60,6 +62,11 @@ def from_sklearn(
         The features' ends; by default those of X and a tenth more on each side, but not across zero.
     steps : list of float, or dict by name, optional
         What an integer of 1 of each feature stands for; by default 1 where X holds whole numbers.
+    within : list of float, optional
+        The worst error wanted of each output, in its unit; by default a hundred thousandth of its standard
+        deviation. A larger one makes a quicker program; `errors` says what came of it.
+    precise : str
+        "box": errors are that small over the whole box; "data": for rows like those of X, in fewer words.
 
     Raises
     ------
@@ -79,6 +86,7 @@ def from_sklearn(
         raise CompileError(f"units has {len(found.units)} entries for {n} outputs")
     found.units = (found.units + [""] * n)[:n]
     found.reference = _reference(model, found, columns)
+    found.within, found.precise = data.tolerances(within, n, precise), precise
     calibration = None
     if calibrate is not None:
         if found.classes:

@@ -30,6 +30,8 @@ def from_statsmodels(
     box: data.Box = None,
     steps: data.Steps = None,
     level: float = 0.9,
+    within: Sequence[float] | None = None,
+    precise: str = "box",
 ) -> Program:
     """Fitted results as integers; X holds the columns of the model but the constant (see `from_sklearn`)."""
     kind = type(getattr(results, "model", results)).__name__
@@ -81,6 +83,7 @@ def from_statsmodels(
     model = Model(
         space, [plus(*parts, (constant, {(): 1.0}))], data.named(output_names, 1, "y"),
         list(units) if units else [""], [link], reference,
+        within=data.tolerances(within, 1, precise), precise=precise,
     )  # fmt: skip
     calibration = None
     if calibrate is not None:

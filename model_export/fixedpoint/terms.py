@@ -36,6 +36,8 @@ def compile(
     X: Any = None,
     calibrate: tuple[Any, Any] | None = None,
     level: float = 0.9,
+    within: Sequence[float] | None = None,
+    precise: str = "box",
 ) -> Program:
     """Polynomials as integers.
 
@@ -56,6 +58,8 @@ def compile(
         Data over which errors are told, and precision is chosen, beside the box.
     calibrate : (X, y), optional
         Data for intervals of `level`, and for the domain.
+    within, precise : optional
+        See `from_sklearn`.
 
     Raises
     ------
@@ -116,7 +120,7 @@ def compile(
 
     model = Model(
         space, polys, data.named(output_names, outputs, "y"), data.named(units, outputs, "") if units else
-        [""] * outputs, linked, reference,
+        [""] * outputs, linked, reference, within=data.tolerances(within, outputs, precise), precise=precise,
     )  # fmt: skip
     calibration = None
     if calibrate is not None:

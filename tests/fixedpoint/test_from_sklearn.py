@@ -95,6 +95,14 @@ def test_a_constant_column_is_calibrated_too():
     assert program.predict(constant)[:, -1].mean() > 0.95
 
 
+def test_whoever_wants_less_precision_gets_a_shorter_program():
+    model, X, y = pipelines.fitted("degree 3")
+    usual = pipelines.program("degree 3")
+    coarse = from_sklearn(model, X, within=[1e-3 * np.std(y)], precise="data")
+    assert len(coarse.python()) < len(usual.python())
+    assert running.worst(usual) < 1e-5 < running.worst(coarse) < 1e-3
+
+
 def test_a_data_frame_s_columns_are_found_by_name():
     X = pd.DataFrame(pipelines.TWO[0], columns=["a", "b", "c", "d"])
     model = make_pipeline(StandardScaler(), Ridge()).fit(X, pipelines.TWO[1])

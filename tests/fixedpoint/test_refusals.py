@@ -157,6 +157,9 @@ DATA = {
     "calibrated on constants": (X, {"calibrate": (X * 0 + 1.5, Y)}, "constant features"),
     "calibrated on fewer": (X, {"calibrate": (X, Y[:50])}, "80 rows of X and y of shape"),
     "calibrated on nothing": (X, {"calibrate": X}, "must be a pair"),
+    "within two": (X, {"within": [1.0, 2.0]}, "within must be 1 positive numbers"),
+    "within nothing": (X, {"within": [0.0]}, "within must be 1 positive numbers"),
+    "precise nowhere": (X, {"precise": "corners"}, "precise is .box. or .data., not 'corners'"),
     "a level": (X, {"calibrate": (X, Y), "level": 1.5}, "between 0 and 1"),
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
 from functools import cache
@@ -62,6 +63,16 @@ def test_the_sources_have_no_floats_and_no_library():
     assert [line for line in text.splitlines() if line.startswith("#")] == ["#include <stdint.h>"]
     assert not {"float", "double", "int64_t", "long"} & set(text.replace("(", " ").split())
     assert "import" not in program.python()
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_port_without_floats_can_read_the_module(name):
+    """There a decimal number is a syntax error, and a .mpy that holds one is not loaded."""
+    program, _ = program_of(name)
+    constants = [n.value for n in ast.walk(ast.parse(program.python())) if isinstance(n, ast.Constant)]
+    numbers = [v for v in constants if not isinstance(v, str)]
+    assert all(type(v) is int and abs(v) < 2**30 for v in numbers)
+    assert not any(isinstance(n, ast.Div | ast.Pow) for n in ast.walk(ast.parse(program.python())))
 
 
 def test_machine_code_for_boards():

@@ -67,10 +67,10 @@ def test_a_model_in_skops_format_becomes_a_module(palpate, files, tmp_path):
     space: dict = {}
     exec((tmp_path / "m.py").read_text(), space)
     found = [0]
-    space["predict"]([round(v / s) for v, s in zip((2.0, 3.0, 4.0), space["STEPS"])], found)
+    space["predict"]([round(v / float(s)) for v, s in zip((2.0, 3.0, 4.0), space["STEPS"])], found)
     model = skops.io.load(files / "model.skops", trusted=[])
     want = model.predict(pd.DataFrame([[2.0, 3.0, 4.0]], columns=["a", "b", "c"]))[0]
-    assert found[0] * space["UNIT_OF"][0] == pytest.approx(want, abs=1e-3)
+    assert found[0] * float(space["UNIT_OF"][0]) == pytest.approx(want, abs=1e-3)
 
 
 @pytest.mark.parametrize("name", ["m.c", "m.h", "m.mpy", "m.py"])
