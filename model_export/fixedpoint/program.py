@@ -188,7 +188,7 @@ class Program:
 
 def _listed(values: Sequence[Any]) -> str:
     plain = [v.item() if hasattr(v, "item") else v for v in values]
-    return "".join(f"    {repr(repr(v) if isinstance(v, float) else v)},\n" for v in plain)
+    return "".join(f"    {repr(v) if isinstance(v, float) else v!r},\n" for v in plain)
 
 
 def assemble(
