@@ -172,8 +172,11 @@ def mutants(module: str, sample: int | None) -> list[Mutant]:
 
 
 def _annotations(source: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
-    """Where types stand: nothing runs there."""
+    """Where types stand, and what makes a class one of data: nothing runs there."""
     for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ClassDef):
+            for part in node.decorator_list:
+                yield (part.lineno, 0), (part.end_lineno or 0, part.end_col_offset or 0)
         for field in ("annotation", "returns"):
             part = getattr(node, field, None)
             if isinstance(part, ast.expr) and part.end_lineno and part.end_col_offset is not None:

@@ -3,7 +3,6 @@
 Every command answered once, nothing executed that should not be.
 """
 
-import json
 import struct
 
 import numpy as np
@@ -15,6 +14,7 @@ from firmware_py.store import FileStore
 from palpate.sim.probe import source
 from palpate.sim.probe.virtual import VirtualBoard
 from palpate.wire.identity import Identity
+from tests.campaigns import counted
 from tests.firmware_py.talk import Bench, Ears, command
 
 FRAMES, STROKES = messages.CONTENT_FRAMES, messages.CONTENT_STROKES
@@ -220,6 +220,6 @@ def test_a_day_of_simulated_time():
                 assert abs((now[1] - before[1]) % messages.WRAP - 100_000) < 60_000
                 wraps += now[1] < before[1]
             before, seen = now, seen + 1
-    print(json.dumps({"frames": seen, "clock wraps": wraps}))
+    counted(f"{seen} frames, {wraps} turns of the device clock")
     assert 863_990 <= seen <= 864_010
     assert wraps >= 80

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from firmware_py import cobs, crc, messages, wire
 from palpate.sim.probe.faults import Faults, FaultyLine
+from tests.campaigns import counted
 
 BODIES = st.binary(min_size=1, max_size=300)
 
@@ -169,7 +170,7 @@ def test_a_million_damaged_packets_and_none_is_accepted():
             stream[:, :length] = bad
             accepted += len(receive(receiver, stream.tobytes()))
             tried += len(bad)
-    print(f"{tried} damaged packets, {accepted} accepted")
+    counted(f"{tried} damaged packets, {accepted} accepted")
     assert tried == 1_000_000
     assert accepted == 0
 
@@ -216,6 +217,6 @@ def test_ten_million_inputs_neither_crash_nor_hang(parser):
         receive(receiver, noise.tobytes())
         inputs = receiver.bad_crc + receiver.bad_frame + receiver.oversize + receiver.packets
     bad = f"{receiver.bad_crc} bad checksums, {receiver.bad_frame} not stuffed, {receiver.oversize} too long"
-    print(f"{inputs} inputs to {parser.__name__}: {bad}, {receiver.packets} accepted")
+    counted(f"{inputs} inputs: {bad}, {receiver.packets} accepted")
     assert receiver.packets <= 1  # a chance of 2**-32 each
     assert len(receiver.packet) == len(parser(messages.COMMAND_BODY).packet)

@@ -7,6 +7,7 @@ import pytest
 from firmware_py import slh_dsa, status
 from palpate.model_export.exporter import export
 from palpate.model_export.signing import keys
+from tests.campaigns import counted
 
 
 def count_accepted_flips(data: bytes, key: bytes, every: int = 1) -> int:
@@ -28,11 +29,10 @@ def count_accepted_flips(data: bytes, key: bytes, every: int = 1) -> int:
 
 
 @pytest.mark.parametrize("every", [5, pytest.param(1, marks=pytest.mark.long)])
-def test_bits_of_a_thesis_image(capsys, signed, public_key, every):
+def test_bits_of_a_thesis_image(signed, public_key, every):
     """Every fifth: each byte has its turn, and each place in a byte."""
-    with capsys.disabled():
-        print(f"\n{-(-8 * len(signed[1]) // every)} flips of a thesis image")
     assert count_accepted_flips(signed[1], public_key, every) == 0
+    counted(f"{-(-8 * len(signed[1]) // every)} flips")
 
 
 def test_every_bit_of_the_public_key(signed, public_key):
@@ -47,12 +47,11 @@ def test_every_bit_of_the_public_key(signed, public_key):
 
 @pytest.mark.long
 @pytest.mark.timeout(1800)
-def test_every_bit_of_a_field_image_with_the_default_key(capsys, field, tmp_path):
+def test_every_bit_of_a_field_image_with_the_default_key(field, tmp_path):
     key = keys.generate(tmp_path / "key")  # a real one: some 6 minutes
     data, _ = export(field, tmp_path / "key")
-    with capsys.disabled():
-        print(f"\n{8 * len(data)} flips of a field image under a real key")
     assert count_accepted_flips(data, key) == 0
+    counted(f"{8 * len(data)} flips")
 
 
 @pytest.mark.parametrize("cut", [1, 4, 32, 1000])

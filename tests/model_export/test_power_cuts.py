@@ -11,6 +11,7 @@ import pytest
 from firmware_py import features as firmware_features
 from firmware_py import slots, status
 from palpate.sim.probe.flash_sim import FlashSim, cut_states
+from tests.campaigns import counted
 from tests.model_export.remembering import remember_signatures
 
 __all__ = ["remember_signatures"]
@@ -130,13 +131,12 @@ class Campaign:
         self.pairs += self.second[kind]
 
 
-def campaign(capsys, name, files, key, image, recover_every):
+def campaign(files, key, image, recover_every):
     done = Campaign(files, key, image).run(recover_every)
-    with capsys.disabled():
-        print(
-            f"\n{name}: {len(done.trace)} operations, {done.cuts} cuts, {done.pairs} pairs of cuts, "
-            f"{done.boot.real} boots that looked at something different"
-        )
+    counted(
+        f"{len(done.trace)} operations, {done.cuts} cuts, {done.pairs} pairs of cuts, "
+        f"{done.boot.real} boots that looked at something different"
+    )
     assert done.cuts > 10000 and done.pairs > done.cuts
     return done
 
@@ -149,21 +149,21 @@ def once_flashed(key, *images):
 
 
 @pytest.mark.parametrize("recover_every", [97, pytest.param(1, marks=pytest.mark.long)])
-def test_an_update_survives_every_cut_and_every_second_cut(capsys, signed, public_key, recover_every):
+def test_an_update_survives_every_cut_and_every_second_cut(signed, public_key, recover_every):
     start_files = once_flashed(public_key, signed[1])
-    done = campaign(capsys, "update", start_files, public_key, signed[2], recover_every)
+    done = campaign(start_files, public_key, signed[2], recover_every)
     assert any(done.old) and done.found == {done.old, done.new}
 
 
 @pytest.mark.parametrize("recover_every", [997, pytest.param(3, marks=pytest.mark.long)])
-def test_a_later_update_back_into_the_first_slot_survives_too(capsys, signed, public_key, recover_every):
+def test_a_later_update_back_into_the_first_slot_survives_too(signed, public_key, recover_every):
     start_files = once_flashed(public_key, signed[1], signed[2])
-    done = campaign(capsys, "next update", start_files, public_key, signed[3], recover_every)
+    done = campaign(start_files, public_key, signed[3], recover_every)
     assert any(done.old) and done.found == {done.old, done.new}
 
 
-def test_the_first_model_of_all_is_there_whole_or_not_at_all(capsys, signed, public_key):
-    done = campaign(capsys, "first model", {}, public_key, signed[1], 997)
+def test_the_first_model_of_all_is_there_whole_or_not_at_all(signed, public_key):
+    done = campaign({}, public_key, signed[1], 997)
     assert done.old == bytes(8) and done.found == {done.old, done.new}
 
 

@@ -7,6 +7,7 @@ import pytest
 from firmware_py import safe_record, status
 from palpate.sim.probe import flash_sim
 from palpate.sim.probe.flash_sim import FlashSim, cut_states
+from tests.campaigns import counted
 from tests.model_export.remembering import remember_signatures
 
 __all__ = ["remember_signatures"]
@@ -39,7 +40,7 @@ def test_a_record_survives_every_cut_and_every_second_cut(length):
     assert cuts > 50 and pairs > cuts * cuts / 2
 
 
-def test_a_calibration_survives_every_cut(capsys):
+def test_a_calibration_survives_every_cut():
     old, new = (bytes((i * k + k) % 256 for i in range(1700)) for k in (3, 5))
     store = FlashSim()
     for content in (old, new, old):
@@ -53,8 +54,7 @@ def test_a_calibration_survives_every_cut(capsys):
         cuts += 1
         seen.add(frozenset(left.items()))
         assert records_left(left) in (old, new)
-    with capsys.disabled():
-        print(f"\ncalibration: {cuts} cuts, {len(seen)} different stores")
+    counted(f"{cuts} cuts, {len(seen)} different stores")
 
 
 def test_an_empty_store_holds_no_record_and_the_first_save_is_whole_or_nothing():

@@ -8,6 +8,7 @@ from firmware_py import calib, estimator, messages, safe_record, slots, status
 from firmware_py import flash as firmware_flash
 from palpate.model_export.signing import keys
 from palpate.sim.probe.flash_sim import FlashSim
+from tests.campaigns import counted
 from tests.model_export import small_key
 from tests.model_export.flashing import flash, model_id, probe_of
 
@@ -21,13 +22,6 @@ def flipped(files, name, bit):
 def settled(files, key):
     """A probe that has started with these files, as firmware_py.flash starts it."""
     return firmware_flash.Flash(FlashSim(files), key).slots
-
-
-def told(step, bits, name, capsys):
-    """What a campaign has tried, for the page; of the long ones only."""
-    if step == 1:
-        with capsys.disabled():
-            print(f"\n{len(bits)} flips of {name}: all repaired or told")
 
 
 @pytest.fixture
@@ -72,12 +66,12 @@ def test_after_a_rollback_the_counter_comes_back_from_what_it_replaced(signed, p
 
 
 @pytest.mark.parametrize("step", [331, pytest.param(1, marks=pytest.mark.long)])
-def test_a_damaged_live_image_is_told_and_the_one_before_serves(files, public_key, signed, step, capsys):
+def test_a_damaged_live_image_is_told_and_the_one_before_serves(files, public_key, signed, step):
     bits = range(0, 8 * len(signed[3]), step)
     for bit in bits:
         probe = settled(flipped(files, slots.NAMES[1], bit), public_key)
         assert probe.health == status.ROTTEN and probe.live_id() == model_id(signed[2])
-    told(step, bits, "the live image", capsys)
+    counted(f"{len(bits)} flips")
 
 
 class Store(FlashSim):
@@ -94,7 +88,7 @@ class Store(FlashSim):
 
 @pytest.mark.parametrize("step", [37, pytest.param(1, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", ["cal0", "cal1"])
-def test_no_flip_in_a_copy_of_the_calibration_changes_it(name, step, capsys):
+def test_no_flip_in_a_copy_of_the_calibration_changes_it(name, step):
     """376 of 376 fell back to the older one, or to nominal gains, and nobody was told."""
     files = Store().files
     bits = range(0, 8 * len(files[name]), step)
@@ -102,7 +96,7 @@ def test_no_flip_in_a_copy_of_the_calibration_changes_it(name, step, capsys):
         made = estimator.Estimator(Store(flipped(files, name, bit)))
         assert made.calibration.offset[5] == 700
         assert made.health() == status.REPAIRED and made.damage() == messages.DAMAGE_REPAIRED
-    told(step, bits, name, capsys)
+    counted(f"{len(bits)} flips")
 
 
 def test_a_calibration_lost_in_both_copies_is_told_until_there_is_a_new_one():
@@ -175,9 +169,7 @@ def test_only_the_current_key_may_name_a_successor(public_key, succession, tmp_p
 
 @pytest.mark.parametrize("step", [29, pytest.param(1, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", ["key0", "key1"])
-def test_no_flip_in_a_copy_of_the_keys_changes_whose_models_are_taken(
-    public_key, succession, name, step, capsys
-):
+def test_no_flip_in_a_copy_of_the_keys_changes_whose_models_are_taken(public_key, succession, name, step):
     store = FlashSim()
     assert flash(probe_of(store, public_key), succession[1]) == status.OK
     bits = range(0, 8 * len(store.files[name]), step)
@@ -185,7 +177,7 @@ def test_no_flip_in_a_copy_of_the_keys_changes_whose_models_are_taken(
         probe = settled(flipped(store.files, name, bit), public_key)
         assert probe.keys.current == succession[0] and probe.health == status.REPAIRED
         assert settled(probe.store.files, public_key).health == status.OK
-    told(step, bits, name, capsys)
+    counted(f"{len(bits)} flips")
 
 
 def test_with_its_record_lost_no_key_is_believed_and_a_new_installation_starts_afresh(

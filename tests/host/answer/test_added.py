@@ -10,11 +10,13 @@ import pytest
 from palpate import models
 from palpate.answer import layers, words
 from palpate.answer.across import across
-from palpate.answer.told import FEATURE_ONE, told
+from palpate.answer.told import told
 from palpate.model_export.fixed_point import reference
 from palpate.wire.cells import COLUMN_MM
 from palpate.wire.events import OUTPUTS
 
+Q24 = 1 << 24
+"""Of the features on the wire (docs/features.md)."""
 T, D, H, E = (OUTPUTS.index(name) for name in ("t_mm", "d_mm", "h", "E_inv23"))
 
 
@@ -117,7 +119,7 @@ def balls():
         for name, value in zip(stage.features, stage.centre):
             if name in feature_names.NAMES:
                 felt[feature_names.NAMES.index(name)] = value
-    return spec, np.rint(felt * FEATURE_ONE).astype(int).tolist()
+    return spec, np.rint(felt * Q24).astype(int).tolist()
 
 
 def test_width_and_place_across_are_the_documents_formulas(balls):
@@ -129,7 +131,7 @@ def test_width_and_place_across_are_the_documents_formulas(balls):
     half = math.exp(part.place_spread[0] + part.place_spread[1] * bump.ln_blur)
     assert said.place_mm == pytest.approx((middle, middle - half, middle + half))
     assert said.level == part.level and said.place_mm[0] > 4
-    x = reference.inputs(spec, np.array([felt], float) / FEATURE_ONE)
+    x = reference.inputs(spec, np.array([felt], float) / Q24)
     x = x[:, [spec.features.index(name) for name in part.width.features]]
     y = reference.estimates(part.width, x)[0][0]
     z = (x[0] - np.array(part.width.centre)) / np.array(part.width.scale)
@@ -137,6 +139,22 @@ def test_width_and_place_across_are_the_documents_formulas(balls):
     assert said.width_mm == pytest.approx((math.exp(y), math.exp(y - half), math.exp(y + half)))
     as_dict = told(spec, felt, columns).as_dict()["across"]
     assert as_dict["width_mm"] == dict(zip(("value", "low", "high"), said.width_mm))
+
+
+def test_the_layer_is_told_where_model_features_and_answer_are_there(balls):
+    spec, (_, felt) = models.load(models.ANYWHERE), balls
+    answer = [(1.0, 0.9, 1.1)] * len(OUTPUTS)
+    answer[T], answer[D], answer[H], answer[E] = (17.0,) * 3, (10.0,) * 3, (1.2,) * 3, (0.2, 0.1, 0.3)
+    said = told(spec, felt, None, answer).layer
+    x = reference.inputs(spec, np.array([felt], float) / Q24)
+    (z,) = reference.standardised(spec, x)
+    assert said == layers.lump_layer(spec.layers, z, answer) and said.depth_mm[0] == pytest.approx(12.0)
+    assert said.odds != dict.fromkeys(said.odds, said.odds["in the fat"])
+    assert told(spec, None, None, answer).layer is None and told(spec, felt, None).layer is None
+    assert told(balls[0], felt, None, answer).layer is None, "a model on the border tells none"
+    outside = told(spec, [1 << 22] * len(felt), None, answer, in_domain=False)
+    assert outside.outside and outside.as_dict()["outside"] == list(outside.outside)
+    assert outside.as_dict()["layer"]["place"] == outside.layer.place and outside.as_dict()["across"] is None
 
 
 def test_what_did_not_come_is_not_made_up(balls):

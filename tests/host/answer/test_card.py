@@ -25,11 +25,14 @@ LAYER = LumpLayer(
 )  # fmt: skip
 
 
-def answered(*, lump=True, in_domain=True, force_out=False, calibrated=True, state=status.OK, hard=True):
+def answered(
+    *, lump=True, in_domain=True, force_out=False, calibrated=True, state=status.OK, hard=True, invalid=False
+):
     _, events, _ = parse(wires.started() + wires.estimate(1, **LUMP))
     (one,) = (event for event in events if isinstance(event, Estimate))
     flags = lump * outputs.LUMP | in_domain * outputs.IN_DOMAIN | force_out * outputs.FORCE_OUT
     flags |= outputs.HARD if hard else outputs.SOFT
+    flags |= invalid * outputs.INVALID
     damage = 0 if calibrated else messages.DAMAGED_CALIBRATION
     return replace(one, flags=flags, damage=damage, status=state)
 
@@ -45,6 +48,8 @@ def test_a_lump_has_all_its_numbers_with_their_intervals_and_units():
     rows = {row["key"]: row for row in said["rows"]}
     assert (rows["d_mm"]["value"], rows["d_mm"]["low"], rows["d_mm"]["high"]) == (12.0, 11.0, 13.0)
     assert rows["depth_mm"]["value"] == pytest.approx(6.0) and rows["depth_mm"]["beside"]["value"] == 0.5
+    labels = [rows[key]["label"] for key in ("d_mm", "depth_mm", "t_mm", "E_fat_kPa", "F_N_per_m")]
+    assert labels == ["Diameter", "Depth", "Tissue thickness", "Stiffness of the fat", "Force"]
     assert (rows["width_mm"]["low"], rows["place_mm"]["high"]) == (12.0, 0.0)
     assert {rows[key]["unit"] for key in ("d_mm", "t_mm", "place_mm")} == {"mm"}
     assert rows["F_N_per_m"]["unit"] == "N/m" and said["model_id"] == b"MODEL-ID".hex()
@@ -113,4 +118,8 @@ def test_why_a_stroke_lies_outside_is_said_of_such_a_stroke_alone():
 
 def test_a_stroke_that_could_not_be_read_says_why():
     said = card(answered(state=status.TOO_SHORT))
-    assert said["text"].endswith(". Stroke again.") and said["text"][0].isupper() and len(said["text"]) > 25
+    why = "The stroke is too short: stroke on, 24 mm to either side of the lump. Stroke again."
+    assert said["text"] == why
+    assert "either side" not in card(answered(invalid=True))["text"]
+    for other in (answered(state=status.TOO_SHORT, calibrated=False), answered()):
+        assert "either side" not in card(other)["text"]

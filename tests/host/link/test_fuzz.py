@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from palpate.wire.events import Estimate, Features, Frame, Log, StrokeState, TactileMap
 from palpate.wire.parser import LiveParser
+from tests.campaigns import counted
 from tests.host.link import wires
 
 BATCH = 2000
@@ -79,7 +80,7 @@ def test_fifty_thousand_changed_packets():
 @pytest.mark.long
 def test_ten_million_changed_packets():
     thrown, seen, grown_kB = bombard(5000, 2)
-    print(f"{thrown} packets thrown, {seen} whole ones among them, grown by {grown_kB} kB")
+    counted(f"{thrown} packets, {seen} of them still whole, memory grown by {grown_kB} kB")
     assert grown_kB < 4000
 
 

@@ -13,6 +13,7 @@ from palpate.wire.accounting import WRAP, Sequence
 from palpate.wire.clock import ClockSync, Unwrapper
 from palpate.wire.events import Estimate, Frame
 from palpate.wire.parser import LiveParser
+from tests.campaigns import counted
 from tests.host.link import wires
 
 
@@ -169,7 +170,10 @@ def test_an_hour_of_streaming():
     from tests.host.link.simulated import stream_over_a_bad_line
 
     told = stream_over_a_bad_line(minutes=60, seed=9)
-    print(told)
+    counted(
+        f"{told.acquired} frames acquired, {told.received} received, {told.lost} counted lost, "
+        f"{told.missing} missing"
+    )
     assert told.received + told.lost == told.acquired
     assert told.lost == told.missing > 0
     assert told.grown_bytes < 200_000

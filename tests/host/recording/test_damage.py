@@ -13,6 +13,7 @@ from palpate.recording.reader import MAGIC, Recording
 from palpate.recording.writer import RecordingWriter, seal_file
 from palpate.wire.events import Estimate, Frame
 from palpate.wire.parser import LiveParser
+from tests.campaigns import counted
 from tests.host.link import wires
 
 FRAMES = 20
@@ -93,7 +94,7 @@ def test_a_flipped_bit_costs_little_and_is_said(tmp_path, form):
 @pytest.mark.parametrize("form", FORMS)
 def test_rot_at_every_97th_bit(tmp_path, form):
     files, most, mean = campaign(tmp_path, form, 97)
-    print(f"{form}: {files} files, at most {most} of {FRAMES + 1} lost, {mean:.3f} on average")
+    counted(f"{files} files, at most {most} of {FRAMES + 1} frames lost, {mean:.3f} on average")
     assert most <= (1 if form != "sealed" else FRAMES + 1)
 
 
