@@ -31,12 +31,13 @@ compiling: dev # what the tests run compiled, while lint has the other processor
 test-long: ## the campaigns: 2000 random strokes, fuzzing, power cuts
 	@.ci/setup test
 	@.ci/setup bench
-	$(PY) -m pytest -n 2 --dist loadfile -m long -rP --timeout 7200
+	PALPATE_CAMPAIGNS=docs/evidence/campaigns.jsonl $(PY) -m pytest -n 2 --dist loadfile -m long -rP --timeout 7200
+	$(PY) docs/fill_reliability.py
 
 mutants: ## faults put into the source one at a time: which do the tests notice? (hours)
 	@.ci/setup test
 	@.ci/setup bench
-	nice $(PY) -m tests.mutants --jobs 2 --write
+	nice $(PY) -m tests.mutants --jobs 2 --write; $(PY) docs/fill_reliability.py
 
 lint: dev ## format, style, types, declared dependencies, spelling, prose
 	$(PY) -m ruff format --check .

@@ -1,4 +1,4 @@
-"""What campaigns have counted: printed, and kept for docs/reliability.md if `PALPATE_CAMPAIGNS` names a file."""
+"""What campaigns have counted: printed, and kept in the file of `PALPATE_CAMPAIGNS` for the docs."""
 
 from __future__ import annotations
 

@@ -329,8 +329,9 @@ def main() -> None:
     if wish.write:
         kept = json.loads(FIGURES.read_text()) if FIGURES.exists() else {}
         for module in {one["module"] for one in done}:
-            names = ("killed", "survived", "equivalent")
-            kept[module] = dict(zip(names, count(done, module)))
+            mine = [one for one in done if one["module"] == module]
+            passed = sorted(key(one)[1:] for one in mine if not one["killed"])
+            kept[module] = {"tried": len(mine), "survivors": passed}
         FIGURES.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n")
     strange = [one for one in done if not one["killed"] and key(one) not in reasons()]
     if strange:

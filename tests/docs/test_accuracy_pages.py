@@ -1,8 +1,10 @@
 """What the documentation says of the bundled models is what their recipes say, and of these very models."""
 
 import importlib.util
+import json
 import re
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -30,6 +32,24 @@ def fill():
 def test_every_page_is_as_the_command_writes_it(fill):
     for page, text in fill.pages().items():
         assert page.read_text("utf-8") == text, f"{page.relative_to(ROOT)}: run python docs/fill_accuracy.py"
+
+
+def test_the_page_of_reliability_says_what_campaigns_have_left():
+    fill = script("fill_reliability")
+    assert fill.PAGE.read_text("utf-8") == fill.page(), "run python docs/fill_reliability.py"
+    for test in (row[2] for rows in fill.TABLES.values() for row in rows):
+        file, _, name = test.partition("::")
+        assert f"def {name.partition('[')[0]}(" in (ROOT / file).read_text("utf-8"), test
+
+
+def test_of_every_fault_that_no_test_noticed_there_is_a_reason():
+    fill = script("fill_reliability")
+    known = tomllib.loads(fill.SURVIVORS.read_text("utf-8"))["survivor"]
+    reasons = {(one["module"], one["was"], one["now"]): {*one} - {"module", "was", "now"} for one in known}
+    assert all(kind in ({"equivalent"}, {"missing"}) for kind in reasons.values())
+    for module, one in json.loads(fill.MUTANTS.read_text("utf-8")).items():
+        for was, now in one["survivors"]:
+            assert (module, was, now) in reasons
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -108,6 +108,10 @@ def test_the_quantile_is_the_first_score_that_holds_the_level_of_n_and_the_fresh
     assert conformal.conformal_quantile(score, level) == (enough[0] if enough else n)
 
 
+def test_of_no_score_at_all_nothing_follows():
+    assert conformal.conformal_quantile(np.array([]), 0.9) == 0.0
+
+
 def edge():
     return domain.DomainCheck(
         np.array([-1.0, -2.0]), np.array([1.0, 2.0]),
