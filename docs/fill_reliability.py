@@ -58,6 +58,17 @@ TABLES: dict[str, list[tuple[str, str, str]]] = {
             f"{EXPORT}test_rot.py::test_a_damaged_live_image_is_told_and_the_one_before_serves[{{1|331}}]",
         ),
         (
+            "bits of a copy of the calibration",
+            "repaired or told",
+            f"{EXPORT}test_rot.py::test_no_flip_in_a_copy_of_the_calibration_changes_it[cal0-{{1|37}}]",
+        ),
+        (
+            "bits of a copy of the keys",
+            "repaired or told",
+            f"{EXPORT}test_rot.py::test_no_flip_in_a_copy_of_the_keys_changes_whose_models_are_taken"
+            "[key0-{1|29}]",
+        ),
+        (
             "bits of a copy of the settings",
             "repaired and told",
             f"{FIRMWARE}test_damage.py::test_a_flip_in_a_copy_is_repaired_and_told_once[set0-{{1|7}}]",

@@ -7,6 +7,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
+from firmware_py import feature_names
 from palpate import models
 from palpate.answer import layers, words
 from palpate.answer.across import across
@@ -112,8 +113,6 @@ def test_where_nothing_stands_out_there_is_no_place_and_all_is_blur():
 def balls():
     """A model that tells width and place across, and the integers of a stroke in its middle."""
     spec = models.load(models.BALLS)
-    from firmware_py import feature_names
-
     felt = np.zeros(len(feature_names.NAMES))
     for stage in (spec.first, spec):
         for name, value in zip(stage.features, stage.centre):
@@ -164,7 +163,10 @@ def test_what_did_not_come_is_not_made_up(balls):
         told(spec, felt, None).across.place_mm is None and told(spec, felt, [0] * 26).across.place_mm is None
     )
     assert told(spec, None, flat).across.width_mm is None and told(spec, None, flat).across.place_mm
-    assert told(spec, felt[:20], flat).across.width_mm is None, "of an older firmware, which knows fewer"
+    known = {*spec.features, *spec.first.features} & {*feature_names.NAMES}
+    enough = 1 + max(feature_names.NAMES.index(name) for name in known)
+    assert told(spec, felt[:enough], flat) == told(spec, felt, flat)
+    assert told(spec, felt[: enough - 1], flat).across.width_mm is None, "an older firmware knows fewer"
     none = told(models.load(models.FIELD), felt, flat)
     assert none.across is None and none.layer is None and none.outside == ()
     assert told(spec, [1 << 29] * len(felt), flat) is not None, "numbers that no stroke gives"
@@ -180,6 +182,8 @@ def test_places_sizes_and_stiffness_in_words():
     sizes = ((3.14, 13.44), (12.4, 10.06))
     assert words.size_words(sizes, 0.066) == "13.4 mm if 3.1 × fat, 10.1 mm if 12 × fat (each ± 7 %)"
     assert words.size_words(((None, 9.0),), 0.1) == "9.0 mm if over 50 × fat (each ± 10 %)"
+    assert words.size_words(((2.0, 9.0),), 0.77).endswith("(each ± 77 %)")
     assert words.stiffness_words((0.3, 0.001, 0.4)) == "over 4 × fat"
+    assert words.stiffness_words((0.0, -0.1, 0.0), (10.0, 8.0, 12.0)) == "over 1 × fat, over 10 kPa"
     both = words.outside_words(["d_mm", "h", "two_lumps", "thin_air"])
     assert both.count(";") == 2 and "would lie beyond" in both and both.endswith("it looks like thin air")
