@@ -74,8 +74,8 @@ def _trajectory(name: str, group: Any) -> Trajectory | None:
     if len(felt) < LEAST or len(position) < LEAST:
         return None
     if felt.ndim != 3 or felt.shape[2] != 3 or position.shape[1:] != (3,):
-        raise ValueError(f"{name} has taxels of {felt.shape} and positions of {position.shape}")
+        raise UsageError(f"{name} has taxels of {felt.shape} and positions of {position.shape}")
     if len(time) != len(felt) or len(robot_time) != len(position):
-        raise ValueError(f"{name} has not as many times as samples")
+        raise UsageError(f"{name} has not as many times as samples")
     at = np.column_stack([np.interp(time, robot_time, axis) for axis in position.T])
     return Trajectory(name, time, felt, at)

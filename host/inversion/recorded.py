@@ -29,12 +29,20 @@ def felt_strokes(path: str | Path) -> Iterator[tuple[FeltStroke | NotInvertible,
         The file is no readable recording, is of another sensor array, or holds no stroke.
     """
     strokes, count = Strokes(), 0
+    moved = set[tuple[int, int]]()
     with open_recording(path) as session:
         calibration = session.recording.attachment(CALIBRATION) or b""
         for event in session.events():
+            if isinstance(event, Frame) and len(moved) < 2:
+                moved.add((event.position_um, event.displacement_um))
             if (stroke := strokes.take(event, calibration)) is not None:
                 count += 1
                 yield stroke
+    if not count and len(moved) == 1:
+        raise RecordingError(
+            f"{path} holds a press without place and depth, as other people's arrays send it; what is fitted "
+            "is a stroke, for one image does not tell a large deep lump from a small shallow one"
+        )
     if not count:
         raise RecordingError(f"{path} holds no whole stroke")
 

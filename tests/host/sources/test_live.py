@@ -87,7 +87,8 @@ def test_a_recording_holds_what_was_streamed(tmp_path, capsys):
     kept = [event for event in open_recording(out).events() if isinstance(event, Frame)]
     assert [frame.packed for frame in kept[: len(frames)]] == [frame.packed for frame in frames]
     assert main(["convert", str(out), str(tmp_path / "press.csv")]) == 0
-    capsys.readouterr()
+    assert main(["refine", str(out)]) == 1
+    assert "holds a press without place and depth" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
