@@ -33,6 +33,8 @@ def table(probe):
         known[kind] = handler
     if probe.estimator:
         probe.estimator.add_handlers(known, probe.begin_measuring)
+        for kind in (messages.TYPE["flash_verify"], messages.TYPE["flash_confirm"]):
+            known[kind] = mine.between_presses(known[kind])
     return known
 
 
@@ -103,6 +105,14 @@ class Handlers:
     def _where(self, number):
         probe = self._probe
         return number, probe.acquire.seq, probe.next_stroke, probe.board.ticks_us()
+
+    def between_presses(self, handler):
+        """This handler; BUSY while a calibration or a reference press holds on to the live model's tables."""
+
+        def handle(fields):
+            return (status.BUSY, (), b"") if self._probe.measuring() else handler(fields)
+
+        return handle
 
     def results(self, fields):
         results = self._probe.results

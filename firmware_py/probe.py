@@ -189,6 +189,10 @@ class Probe:
         self.acquire.start(self.board.ticks_us())
         return True
 
+    def measuring(self):
+        """Whether a calibration or a reference press is under way."""
+        return self._measuring
+
     def _measure(self, counts):
         take = self.acquire
         answer = self.estimator.measure(

@@ -1,11 +1,16 @@
 """The states of docs/protocol.md: idle, streaming, measuring, and what leads from one to another."""
 
+import hashlib
+
 import pytest
 
 from firmware_py import messages, status
 from firmware_py.estimator import Estimator
+from firmware_py.flash import Flash
 from firmware_py.store import FileStore
+from palpate.model_export.exporter import export
 from palpate.sim.probe.virtual import VirtualBoard
+from tests import reference_model
 from tests.firmware_py.talk import Bench, command
 
 ZERO = (messages.CALIBRATE_ZERO, 20, 0)
@@ -54,3 +59,33 @@ def test_a_new_host_is_not_answered_what_another_one_had_asked(bench):
     bench.run(1_000_000)
     assert not [m for m in bench.heard if m.number == 77]
     assert bench.ask("stream_start", BOTH).code == status.OK
+
+
+def test_a_model_is_neither_verified_nor_confirmed_while_a_press_refers_to_the_live_one(
+    real_key_dir, public_key, tmp_path
+):
+    """The press went on with the tables of a model that had been set aside, and its result was lost."""
+    bench = Bench(
+        VirtualBoard(), Estimator(FileStore(str(tmp_path)), Flash(FileStore(str(tmp_path)), public_key))
+    )
+    image, _ = export(reference_model.model(), real_key_dir)
+    name, live = hashlib.sha256(image).digest()[:8], image[40:48]
+
+    def send():
+        assert bench.ask("flash_begin", (len(image), name)).code == status.OK
+        for at in range(0, len(image), messages.FLASH_PIECE):
+            piece = image[at : at + messages.FLASH_PIECE]
+            assert bench.ask("flash_data", (at,), piece).code == status.OK
+
+    send()
+    assert bench.ask("flash_verify", (name,)).code == status.OK
+    assert bench.ask("flash_confirm", (live,)).code == status.OK
+    send()  # the same once more, so that there is something to verify
+    taking = command("reference", 77, (messages.REFERENCE_TAKE,))
+    assert bench.send(taking) == []
+    assert bench.ask("flash_verify", (name,)).code == status.BUSY
+    assert bench.ask("flash_confirm", (live,)).code == status.BUSY
+    assert bench.send(taking) == [], "it is at it still"
+    bench.ask("stream_stop")
+    assert bench.ask("flash_verify", (name,)).code == status.OK
+    assert bench.ask("flash_confirm", (live,)).code == status.OK
