@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @click.option("--pressure", "pressure_kPa", type=Finite(0.001, 1000.0),
               help="gain: the uniform pressure on the cells, kPa.")  # fmt: skip
 @click.option("--frames", type=click.IntRange(1, 255), default=100, show_default=True, help="To average.")
-@click.option("--seconds", type=Finite(5, 86_400), default=60.0, show_default=True,
+@click.option("--seconds", type=Finite(1, 86_400), default=60.0, show_default=True,
               help="drift: so long is the air watched.")  # fmt: skip
 @port_option
 @json_option

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.errors import UsageError
+from palpate.errors import PortError, UsageError
 from palpate.link.schemes import Address
 
 if TYPE_CHECKING:
@@ -110,9 +110,27 @@ class Line:
         self.source, self._transport = source, transport
 
     def read(self, timeout_s: float) -> list[Image]:
-        """What has come within `timeout_s`. Raises LinkGone."""
+        """What has come within `timeout_s`.
+
+        Raises
+        ------
+        LinkGone
+            The port vanished.
+        PortError
+            The source failed, or gave an image of another shape.
+        """
         data = self._transport.read(timeout_s)
-        return self.source.feed(data) if data else []
+        name = self.source.address.text
+        try:
+            images = self.source.feed(data) if data else []
+        except Exception as error:  # somebody else's code
+            what = f"{type(error).__name__}: {error}"
+            raise PortError(name, f"{name} cannot be read: its source failed with {what}") from error
+        for image in images:
+            if image.shape != self.source.shape_[:2] or not np.isfinite(image).all():
+                what = f"an image of {image.shape} with {np.isfinite(image).sum()} finite numbers"
+                raise PortError(name, f"{name} cannot be read: {what}, not {self.source.shape_[:2]}")
+        return images
 
     def drain(self) -> None:
         """Forget what has been waiting: nobody knows since when."""

@@ -84,7 +84,7 @@ def test_drift_is_told_in_pascals_a_minute(capsys, tmp_path):
 
     with Speaker(PtyEndpoint(), warming, [AIR], rate_Hz=200) as speaker:
         port = port_of(speaker, keep=tmp_path / "no.json")
-        found = calibrate(capsys, "drift", "--seconds", "5", "--port", port)
+        found = calibrate(capsys, "drift", "--seconds", "2", "--port", port)
     assert found["Pa_per_minute"] == pytest.approx(60_000 * 4 * 25 / 255, rel=0.1)
     assert found["recalibrate_after_min"] == pytest.approx(100 / found["Pa_per_minute"])
     times_s = np.linspace(0, 60, 50)

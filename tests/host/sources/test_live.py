@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 
 import numpy as np
 import pytest
@@ -13,11 +14,15 @@ from palpate import Probe, open_recording
 from palpate.cli import main
 from palpate.errors import PortError, UsageError
 from palpate.sim.probe.endpoints import PtyEndpoint
+from palpate.sources import bridge
 from palpate.sources.emulated import AIR as AIR_RAW
 from palpate.sources.emulated import Speaker, as_flexitac
+from palpate.view.live import LiveSource
+from palpate.view.notices import LinkChanged, LinkState
 from palpate.wire.cells import SHAPE
 from palpate.wire.events import Frame, Gap, Log, StrokeState
 from tests.host.sources.arrays import AIR, flexitac, port_of, uniform
+from tests.waiting import wait_until
 
 
 def frames_of(probe, n):
@@ -100,7 +105,8 @@ def test_a_recording_holds_what_was_streamed(tmp_path, capsys):
     ],
     ids=["silent", "another baud", "wrong rows"],
 )
-def test_what_cannot_be_read_is_said_in_one_sentence(data, said):
+def test_what_cannot_be_read_is_said_in_one_sentence(data, said, monkeypatch):
+    monkeypatch.setattr(bridge, "FIRST_S", 0.8)
     with (
         Speaker(PtyEndpoint(), lambda _: data, [AIR]) as speaker,
         pytest.raises(PortError, match=said),
@@ -142,3 +148,16 @@ def test_an_array_that_resets_is_found_again_and_one_that_is_unplugged_is_told()
         speaker.close()
         gone = next(event for event in events if isinstance(event, Gap))
     assert not gone.ended and "is gone" in gone.reason
+
+
+def test_the_viewer_follows_an_array():
+    seen, stop = [], threading.Event()
+    with flexitac([AIR] * 60 + [uniform(5.0)] * 60) as speaker:
+        source = LiveSource(port_of(speaker))
+        follower = threading.Thread(target=source.run, args=(seen.append, stop))
+        follower.start()
+        wait_until(lambda: sum(isinstance(event, Frame) for event in seen) > 20, lambda: seen[-3:])
+        stop.set()
+        follower.join()
+    links = [each for each in seen if isinstance(each, LinkChanged)]
+    assert links[0].state is LinkState.CONNECTED and links[0].device.model_id == ""

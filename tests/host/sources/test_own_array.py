@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from palpate import Probe
 from palpate.cli import main
+from palpate.errors import PortError
 from palpate.sim.probe.endpoints import PtyEndpoint
 from palpate.sources.emulated import Speaker
 from palpate.wire.cells import SHAPE
-from tests.host.sources.arrays import AIR, uniform
+from tests.host.sources.arrays import AIR, flexitac, port_of, uniform
 
 PAGE = Path(__file__).parents[3] / "docs" / "howto" / "your-own-array.md"
 READ = """
@@ -72,3 +74,22 @@ def test_a_stranger_adds_an_array_in_one_file(package):
 def test_without_its_package_the_scheme_is_unknown(capsys):
     assert main(["stream", "--port", "mine:/dev/null?rows=16&cols=26&pitch=1.5mm"]) == 2
     assert "nothing here reads 'mine': there are anyskin, flexitac, reskin" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("feed", "said"),
+    [
+        ("raise KeyError(3)", "its source failed with KeyError: 3"),
+        ("return [np.zeros((2, 2))]", "an image of (2, 2)"),
+        ("return [np.full((16, 26), np.nan)]", "with 0 finite numbers"),
+    ],
+)
+def test_a_source_that_fails_is_named_in_a_sentence(feed, said, monkeypatch):
+    from palpate.sources.flexitac import FlexiTac
+
+    scope = {"np": np}
+    exec(f"def feed(self, data):\n    {feed}\n", scope)
+    monkeypatch.setattr(FlexiTac, "feed", scope["feed"])
+    with flexitac([AIR]) as speaker, pytest.raises(PortError) as refused:
+        Probe.open(port_of(speaker))
+    assert said in str(refused.value)
