@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from firmware_py import evaluator as ev
+from firmware_py.stage import Stage
 from palpate.fixedpoint import nested
 from palpate.fixedpoint.nested import Run
-from palpate.model_export.schema import ModelSpec
+from palpate.model_export.schema import FirstStage, ModelSpec
 
 N = ev.OUTPUTS
 
@@ -15,12 +16,14 @@ class CompiledTables:
 
     Parameters
     ----------
-    spec, tables : the model, and what `compiler.compile_model` made of it
+    spec, tables : the model, and what `compiler.compile_model` made of it; or a stage of it
     places : dict
         Where in `features` each of the firmware's features stands, by its index there.
     """
 
-    def __init__(self, spec: ModelSpec, tables: ev.Tables, places: dict[int, int]) -> None:
+    def __init__(
+        self, spec: ModelSpec | FirstStage, tables: ev.Tables | Stage, places: dict[int, int]
+    ) -> None:
         self.spec = spec
         self.t = tables
         self.places = places
@@ -40,6 +43,7 @@ class CompiledTables:
 
     def output_row(self, j: int) -> list[int]:
         """Link, ends, middle, shift, quantiles and range of output j."""
+        assert isinstance(self.t, ev.Tables)
         return list(self.t.outs[ev.OUTPUT_ROW * j : ev.OUTPUT_ROW * (j + 1)])
 
     def sum_row(self, row: int) -> list[int]:

@@ -11,7 +11,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from firmware_py import evaluator, scales
+from firmware_py import evaluator, feature_names, features, scales
 from palpate.model_export.errors import ExportError, ModelError
 from palpate.model_export.exporter import prepare
 from palpate.model_export.fixed_point import compiler
@@ -51,6 +51,21 @@ _POWERS = {powers}
 
 '''
 
+_FIRST = '''_TOLD = [0] * {size}
+
+
+def _first(features, told):
+    """The first stage: {names} into `told`, Q24. No reference press joins."""
+{body}
+
+'''
+
+_CHECKS = '''def _checks(features, told):
+    """Whether no check says that this is a stroke of another kind."""
+{body}
+
+'''
+
 _ESTIMATE = '''def estimate(features, out):
     """Estimate into `out` (SIZE integers) from `features` (integers, Q24, in the order of FEATURES)."""
     powers = _POWERS
@@ -82,22 +97,31 @@ def emit_py(spec: ModelSpec, whole: bool = True) -> str:
     ModelError, ProofError
         As `exporter.export`: a model that cannot be an image cannot be a module.
     """
-    if spec.first is not None:
-        raise ModelError(
-            "a model of two stages is exported as an image only: its source would lack the first"
-        )
-    if spec.checks is not None:
-        raise ModelError("a model with checks is exported as an image only: its source would lack them")
     tables, proof, _ = prepare(spec)
     outputs = [name for name, _ in OUTPUTS]
-    extra = [limit.feature for limit in spec.lump if limit.feature not in spec.features]
-    names = list(dict.fromkeys([*spec.features, *extra]))
+    told = [] if spec.first is None else [estimate.name for estimate in spec.first.estimates]
+    parts = [part for part in (spec.first, spec.checks) if part is not None]
+    checks = compiler.compile_checks(spec)
+    wanted = [
+        *spec.features,
+        *(limit.feature for limit in spec.lump),
+        *(n for p in parts for n in p.features),
+    ]
+    if checks is not None and checks.of_press:
+        wanted.append(feature_names.NAMES[features.PRESS])
+    names = [name for name in dict.fromkeys(wanted) if name not in told]
     places = {ident: names.index(name) for name, ident in zip(names, compiler.feature_ids(names))}
+    stages = ""
+    if spec.first is not None:
+        first = straight.told_by(spec.first, compiler.compile_first(spec.first), places)
+        stages += _FIRST.format(size=len(told), names=", ".join(told), body=first)
+    if spec.checks is not None and checks is not None and whole:
+        stages += _CHECKS.format(body=straight.checked_by(spec.checks, checks, places, features.PRESS))
     code = straight.body(spec, tables, places, whole)
     head = _HEAD.format(
         kind=spec.kind,
-        digest=hashlib.sha256(code.encode()).hexdigest()[:16],
-        n=len(spec.features),
+        digest=hashlib.sha256((stages + code).encode()).hexdigest()[:16],
+        n=len(names),
         count=len(names),
         proof=str(proof).split(": ")[1],
         trained=spec.training["n"],
@@ -108,7 +132,7 @@ def emit_py(spec: ModelSpec, whole: bool = True) -> str:
         size=evaluator.OUT_SIZE,
         powers=_tuple(scales.POWERS),
     )
-    return head + (_ESTIMATE if whole else _VALUES).format(body=code)
+    return head + stages + (_ESTIMATE if whole else _VALUES).format(body=code)
 
 
 def _tuple(numbers: tuple[int, ...]) -> str:

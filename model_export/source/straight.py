@@ -13,10 +13,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from firmware_py import evaluator as ev
-from firmware_py import outputs, scales, verdict
+from firmware_py import features as firmware_features
+from firmware_py import outputs, scales, stage, verdict
 from palpate.fixedpoint.nested import Run
 from palpate.model_export.fixed_point import compiler
-from palpate.model_export.schema import OUTPUTS, ModelSpec
+from palpate.model_export.schema import OUTPUTS, FirstStage, ModelSpec
 from palpate.model_export.source.compiled_tables import CompiledTables, N
 from palpate.model_export.source.expressions import (
     clipped,
@@ -34,6 +35,19 @@ _CLIP = 1 << 29  # where `scales.scaled` holds its result
 _LN_WIDTHS = (scales.MIN_LN_WIDTH, scales.MAX_LN_WIDTH)
 
 
+def told_by(spec: FirstStage, compiled: stage.Stage, places: dict[int, int]) -> str:
+    """Statements of a first stage, which works on `features` and puts its values into `told`; as `body`."""
+    return "\n".join(_StageWriter(spec, compiled, places).values()) + "\n"
+
+
+def checked_by(spec: FirstStage, compiled: stage.Stage, places: dict[int, int], press: int) -> str:
+    """Statements of a model's checks, which return whether none speaks up; as `body`.
+
+    press : the firmware's feature by which it is known whether there was a press
+    """
+    return "\n".join(_StageWriter(spec, compiled, places).checks(press)) + "\n"
+
+
 def body(spec: ModelSpec, tables: ev.Tables, places: dict[int, int], whole: bool = True) -> str:
     """Statements, indented by four, that work on `features` and `out`.
 
@@ -48,17 +62,13 @@ def body(spec: ModelSpec, tables: ev.Tables, places: dict[int, int], whole: bool
     return "\n".join(_Writer(spec, tables, places).lines(whole)) + "\n"
 
 
-class _Writer(CompiledTables):
-    def lines(self, whole: bool) -> Iterator[str]:
+class _Sums(CompiledTables):
+    """Features and polynomials, as the model and its stages have them."""
+
+    def _inputs(self) -> Iterator[str]:
         yield f"    # the features within +-1 over the clip box; p: {self.part} bits of them, q: {self.high}"
         for i in range(self.n):
             yield from self._feature(i)
-        for j in range(N):
-            yield from self._output(j, whole)
-        if whole:
-            yield from self._intervals()
-            yield from self._distance()
-            yield from self._verdict()
 
     # ---- inputs
 
@@ -69,10 +79,15 @@ class _Writer(CompiledTables):
             for letter, bits in (("p", self.part), ("q", self.high))
         )
 
+    def _where(self, ident: int) -> str:
+        """A feature: the firmware's, or, behind these, one that the first stage tells."""
+        told = ident - firmware_features.COUNT
+        return f"told[{told}]" if told >= 0 else f"features[{self.places[ident]}]"
+
     def _feature(self, i: int) -> Iterator[str]:
         lo, hi, centre, shift, factor = self.feature_row(i)[: ev.BOX_LO]
         assert max(hi - centre, centre - lo) << max(-shift, 0) <= _CLIP  # the evaluator would hold it there
-        yield f"    x{i} = features[{self.places[self.t.ids[i]]}]  # {self.spec.features[i]}"
+        yield f"    x{i} = {self._where(self.t.ids[i])}  # {self.spec.features[i]}"
         moved = f"({clipped(f'x{i}', lo, hi)}) - {centre}"
         up = -shift
         if 0 <= up < 14:  # the shift up goes into constants
@@ -142,6 +157,53 @@ class _Writer(CompiledTables):
             lines.append(f"    {name} = {clipped(name, -held, held)}")
         lines.append(f"    v = {shifted(name, shift)}" + (f" + {intercept}" if intercept else ""))
         return lines
+
+
+class _StageWriter(_Sums):
+    """A first stage, or checks: values of polynomials, held between their ends."""
+
+    def _held(self, j: int) -> Iterator[str]:
+        assert isinstance(self.t, stage.Stage) and isinstance(self.spec, FirstStage)
+        yield f"    # {self.spec.estimates[j].name}, Q24"
+        yield from self._polynomial(j)
+        yield from self._scaled(j, "t", 1 << 30)
+        yield f"    v = {clipped('v', *self.t.ends[stage.ENDS * j : stage.ENDS * (j + 1)])}"
+
+    def values(self) -> Iterator[str]:
+        assert isinstance(self.t, stage.Stage)
+        yield from self._inputs()
+        for j in range(self.t.count):
+            yield from self._held(j)
+            yield f"    told[{j}] = v"
+
+    def checks(self, press: int) -> Iterator[str]:
+        assert isinstance(self.t, stage.Stage)
+        yield from self._inputs()
+        for j in range(self.t.count):
+            yield from self._held(j)
+            pressed = f" and features[{self.places[press]}] != {firmware_features.ABSENT}"
+            yield f"    if v > 0{pressed if self.t.of_press >> j & 1 else ''}:"
+            yield "        return False"
+        yield "    return True"
+
+
+class _Writer(_Sums):
+    """The model itself: outputs, intervals, domain and flags."""
+
+    spec: ModelSpec
+    t: ev.Tables
+
+    def lines(self, whole: bool) -> Iterator[str]:
+        if self.spec.first is not None:
+            yield "    told = _TOLD"
+            yield "    _first(features, told)"
+        yield from self._inputs()
+        for j in range(N):
+            yield from self._output(j, whole)
+        if whole:
+            yield from self._intervals()
+            yield from self._distance()
+            yield from self._verdict()
 
     def _output(self, j: int, whole: bool) -> Iterator[str]:
         name, unit = OUTPUTS[j]
@@ -223,13 +285,17 @@ class _Writer(CompiledTables):
             lo, hi = self.feature_row(i)[ev.BOX_LO :]
             yield f"    if x{i} < {lo} or x{i} > {hi}:  # {self.spec.features[i]}"
             yield "        inside = False"
+        if self.spec.checks is not None:
+            told = "told" if self.spec.first is not None else "None"
+            yield f"    if not _checks(features, {told}):"
+            yield "        inside = False"
         yield f"    flags = {ev.IN_DOMAIN} if inside else 0"
         conditions = []
         for ident, lo, hi in zip(*(iter(self.t.limits),) * 3, strict=True):
             low = f"{lo} <= " if lo > -compiler.NO_LIMIT else ""
             high = f" <= {hi}" if hi < compiler.NO_LIMIT else ""
             if low or high:
-                conditions.append(f"{low}features[{self.places[ident]}]{high}")
+                conditions.append(f"{low}{self._where(ident)}{high}")
         if conditions:
             yield "    # the lump rule"
             yield f"    if not ({' and '.join(conditions)}):"

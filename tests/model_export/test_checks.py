@@ -14,7 +14,6 @@ from palpate.model_export.errors import ModelError, ProofError
 from palpate.model_export.exporter import export, prepare
 from palpate.model_export.fixed_point import bounds, compiler, reference
 from palpate.model_export.schema import Estimate, FirstStage, ModelSpec
-from palpate.model_export.source import emit
 from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS
 from palpate.regression.checks import joined
 from tests.micropython import run_micropython
@@ -181,11 +180,6 @@ def test_a_changed_check_is_noticed_or_small(spec, body):
 def test_what_cannot_be_a_check_is_said(spec, change, words):
     with pytest.raises(ModelError, match=words):
         dataclasses.replace(spec, checks=dataclasses.replace(spec.checks, **change)).validate()
-
-
-def test_a_source_is_refused():
-    with pytest.raises(ModelError, match="checks"):
-        emit.emit_py(with_checks(synthetic.model("field")))
 
 
 def test_on_micropython_the_same_answers_and_not_one_byte_allocated(spec, body):

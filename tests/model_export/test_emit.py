@@ -8,15 +8,20 @@ import subprocess
 import sys
 from array import array
 
+import numpy as np
 import pytest
 
-from firmware_py import evaluator
+from firmware_py import evaluator, feature_names, status
+from palpate import models
+from palpate.model_export import image_builder
 from palpate.model_export.errors import ModelError
 from palpate.model_export.fixed_point import compiler
 from palpate.model_export.source import emit
 from tests.micropython import run_micropython
 from tests.model_export import synthetic
+from tests.model_export.test_checks import pressed
 from tests.model_export.test_micropython import rows
+from tests.model_export.test_two_stages import Q24, loaded, said
 
 SCRIPT = """
 import json, sys
@@ -78,6 +83,33 @@ def test_the_five_values_alone_are_the_same_integers(field):
         tables.evaluate(array("i", row), full)
         space["values"](given, out)
         assert out == full[: evaluator.FLAGS : 3].tolist()
+
+
+def bundled(name, n):
+    """A model that comes with Palpate, its module's function, strokes, and what the image says of them."""
+    spec = models.load(name)
+    X = pressed(spec, n)
+    code, model = loaded(image_builder.build(spec, compiler.compile_model(spec), None, 1))
+    assert code == status.OK
+    space: dict = {}
+    exec(emit.emit_py(spec), space)
+    columns = [feature_names.NAMES.index(feature) for feature in space["FEATURES"]]
+    given = np.round(X * Q24).astype(int)[:, columns].tolist()
+    return spec, space["estimate"], given, said(model, X).tolist()
+
+
+@pytest.mark.parametrize("name", [models.FIELD, models.TOLD])
+def test_two_stages_and_checks_are_in_the_module(name):
+    """`field` was refused: "a model of two stages is exported as an image only"."""
+    _, estimate, given, wanted = bundled(name, 100)
+    out = [0] * evaluator.OUT_SIZE
+    assert [[estimate(row, out), *out] for row in given] == wanted
+
+
+def test_and_so_they_are_on_micropython():
+    spec, _, given, wanted = bundled(models.FIELD, 20)
+    files = {"vectors.json": json.dumps(given).encode(), "palpate_model.mpy": emit.emit_mpy(spec)}
+    assert json.loads(run_micropython(SCRIPT, files)) == wanted
 
 
 @pytest.mark.parametrize("arch", ["armv6m", "armv7emsp", "xtensawin", "rv32imc"])

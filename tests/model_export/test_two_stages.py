@@ -16,7 +16,6 @@ from palpate.model_export.errors import ModelError, ProofError
 from palpate.model_export.exporter import export
 from palpate.model_export.fixed_point import bounds, compiler, reference
 from palpate.model_export.schema import Estimate, FirstStage, ModelSpec
-from palpate.model_export.source import emit
 from tests.micropython import run_micropython
 from tests.model_export import synthetic
 
@@ -192,13 +191,11 @@ def test_what_cannot_be_a_first_stage_is_said(spec, change, words):
         dataclasses.replace(spec, first=dataclasses.replace(spec.first, **change)).validate()
 
 
-def test_a_name_of_the_firmwares_own_and_a_source_are_refused(spec):
+def test_a_name_of_the_firmwares_own_is_refused(spec):
     taken = dataclasses.replace(spec.first.estimates[0], name="ln_d0")
     first = dataclasses.replace(spec.first, estimates=(taken, *spec.first.estimates[1:]))
     with pytest.raises(ModelError, match="ln_d0"):
         compiler.compile_first(first)
-    with pytest.raises(ModelError, match="image only"):
-        emit.emit_py(spec)
 
 
 SCRIPT = """
