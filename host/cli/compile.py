@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 @click.option(
     "--arch", default="bytecode", show_default=True, help="Of a .mpy: bytecode, armv6m, armv7em ..."
 )
+@click.option("--key", type=click.Path(path_type=Path, file_okay=False),
+              help="Of a .mpy: sign it by this directory, made by keygen.")  # fmt: skip
 @click.option("--trust", is_flag=True, help="Read a pickle although it may run any code.")
 @json_option
 def command(
@@ -46,6 +48,7 @@ def command(
     level: float,
     unit: tuple[str, ...],
     arch: str,
+    key: Path | None,
     trust: bool,
     as_json: bool,
 ) -> None:
@@ -73,12 +76,16 @@ def command(
     )
     if calibrate is not None and not target:
         raise UsageError("--calibrate needs --target, the columns that hold what the model should say")
-    if arch != "bytecode" and out.suffix.lower() != ".mpy":
-        raise UsageError("--arch is of a .mpy; name --out so")
+    if (arch != "bytecode" or key is not None) and out.suffix.lower() != ".mpy":
+        raise UsageError("--arch and --key are of a .mpy; name --out so")
     check_writable(out)
     fitted, table = read_model(model, trust), read_table(data)
     beside = None if calibrate is None else (read_table(calibrate), calibrate)
     program, source = _compiled(fitted, table, data, target, beside, level, unit, write)
+    if key is not None:
+        from palpate.model_export.signing import keys
+
+        source = keys.sign_program(key, source)
     with whole_file(out) as path:
         path.write_bytes(source)
     if as_json:

@@ -41,6 +41,8 @@ SUCCESSION = "succession.palp"
 
 _NO_TIME_S = 1e11  # the year 5138
 
+PROGRAM = b"palpate program"
+"""What such a signature is for, beside slh_dsa.MODEL and SUCCESSOR."""
 MAX_COUNTER = model_image.MAX_COUNTER
 """In minutes, the year 4065."""
 
@@ -238,6 +240,23 @@ def succeed(
     message = keyring.SUCCESSION + max(moment_ns, 1).to_bytes(keyring.MOMENT, "big") + new
     signed = message + slh_sign.sign(key.secret, key.public, message, slh_dsa.SUCCESSOR)
     _check(key, signed, slh_dsa.SUCCESSOR)
+    return signed
+
+
+def sign_program(directory: str | os.PathLike[str], module: bytes) -> bytes:
+    """A compiled regression's .mpy (`palpate.fixedpoint`) and its signature, which no loader reads.
+
+    A board checks it by `slh_dsa.verify(key, read, size, PROGRAM)`; no probe takes it for a model. It has no
+    counter: an older one that was signed is as good as a newer.
+
+    Raises
+    ------
+    SigningError
+        If the key is missing or damaged, or its signature does not verify.
+    """
+    key = load(directory)
+    signed = module + slh_sign.sign(key.secret, key.public, module, PROGRAM)
+    _check(key, signed, PROGRAM)
     return signed
 
 

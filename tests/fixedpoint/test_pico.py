@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import binascii
 import shlex
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pandas as pd
 import pytest
 import skops.io
 
+import firmware_py
 from palpate.cli import main
 from palpate.fixedpoint import from_sklearn
 from tests.docs.blocks import DOCS, blocks_of
@@ -63,8 +65,13 @@ def folder(tmp_path_factory):
             elif block.runs_as == "sh":
                 for line in block.text.splitlines():
                     assert main(shlex.split(line)[1:]) == 0
-            elif "main.py" in block.title:
-                Path("main.py").write_text(block.text)
+            elif block.title:
+                Path(block.title).write_text(block.text)
+        plain = Path("main.py").read_text()
+        asking = plain.replace("    if got != crc:\n", Path("in take").read_text())
+        before, take, after = asking.partition("def take(")
+        assert asking != plain and take
+        Path("asking.py").write_text(before + Path("signed").read_text() + "\n" + take + after)
     return place
 
 
@@ -74,6 +81,13 @@ def blocks(folder):
     from palpate.sim.probe.rp2040 import flash
 
     return flash.image({name: (folder / name).read_bytes() for name in ("main.py", "model.mpy")})
+
+
+def put(data: bytes) -> bytes:
+    """The lines that bring a model, as the page makes them."""
+    lines = [f"put {len(data)} {binascii.crc32(data)}\n".encode()]
+    lines += [binascii.b2a_base64(data[k : k + 90]) for k in range(0, len(data), 90)]
+    return b"".join(lines)
 
 
 def integers(folder, name):
@@ -116,3 +130,26 @@ def test_half_a_model_and_a_damaged_one_leave_the_old_one(folder, blocks):
     board.chip.send(update[: len(update) // 2])
     board.chip.run_us(200_000)
     assert Pico(board.chip.files()).prediction() == integers(folder, "model")
+
+
+@pytest.mark.long
+@pytest.mark.board
+def test_a_board_that_asks_for_signatures_takes_no_other_model(folder):
+    from palpate.sim.probe.rp2040 import flash
+
+    firmware = Path(firmware_py.__file__).parent
+    kept = {f"firmware_py/{name}": (firmware / name).read_bytes() for name in ("slh_dsa.py", "status.py")}
+    kept |= {"public.key": (folder / "out" / "key" / "public.key").read_bytes()}
+    kept |= {"main.py": (folder / "asking.py").read_bytes(), "model.mpy": (folder / "model.mpy").read_bytes()}
+    board = Pico(flash.image(kept))
+    board.hears(b"\n")
+    signed = (folder / "signed.mpy").read_bytes()
+    for wrong in ((folder / "better.mpy").read_bytes(), signed[:100] + b"\x01" + signed[101:]):
+        board.chip.send(put(wrong))
+        board.hears(b"damaged, the old model stays")
+        assert board.prediction() == integers(folder, "model")
+    began_us = board.chip.us
+    board.chip.send(put(signed))
+    board.hears(b"live: model_b")
+    print(f"sent and verified in {(board.chip.us - began_us) / 1e6:.1f} s of device time")
+    assert board.prediction() == integers(folder, "better")

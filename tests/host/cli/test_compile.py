@@ -15,6 +15,9 @@ from sklearn.neural_network import MLPRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, PolynomialFeatures, StandardScaler
 
+from firmware_py import slh_dsa
+from firmware_py import status as status_of
+from palpate.model_export.signing import keys
 from tests.host.cli.sentences import one_sentence
 
 RNG = np.random.default_rng(0)
@@ -71,6 +74,25 @@ def test_a_model_in_skops_format_becomes_a_module(palpate, files, tmp_path):
     model = skops.io.load(files / "model.skops", trusted=[])
     want = model.predict(pd.DataFrame([[2.0, 3.0, 4.0]], columns=["a", "b", "c"]))[0]
     assert found[0] * float(space["UNIT_OF"][0]) == pytest.approx(want, abs=1e-3)
+
+
+def test_a_module_is_signed_for_boards_that_ask(palpate, files, tmp_path, real_key_dir, public_key):
+    """Nothing that is signed so can be taken for a probe's model."""
+    words = ("compile", files / "model.skops", "--data", files / "train.csv", "--out")
+    assert palpate(*words, tmp_path / "plain.mpy")[0] == 0
+    assert palpate(*words, tmp_path / "signed.mpy", "--key", real_key_dir)[0] == 0
+    plain, signed = ((tmp_path / name).read_bytes() for name in ("plain.mpy", "signed.mpy"))
+    assert signed.startswith(plain)
+
+    status, _, err = palpate(*words, tmp_path / "unsigned.mpy", "--key", tmp_path)
+    assert status == 1 and "holds no signing key" in err and not (tmp_path / "unsigned.mpy").exists()
+
+    def verified(data, context):
+        return slh_dsa.verify(public_key, lambda at, n: data[at : at + n], len(data), context)
+
+    assert verified(signed, keys.PROGRAM) == status_of.OK
+    assert verified(signed, slh_dsa.MODEL) == status_of.BAD_SIGNATURE
+    assert verified(signed[:50] + b"\xff" + signed[51:], keys.PROGRAM) == status_of.BAD_SIGNATURE
 
 
 @pytest.mark.parametrize("name", ["m.c", "m.h", "m.mpy", "m.py"])
@@ -137,8 +159,9 @@ def test_a_pickle_is_not_read_without_trust(palpate, files, tmp_path):
         (("model.skops", "--data", "{place}/holes.csv"), "no finite a in row 0"),
         (("model.skops", "--data", "{place}/model.joblib"), "use .csv, .parquet"),
         (("model.skops", "--out", "m.exe"), "use .py, .mpy, .c, .h"),
-        (("model.skops", "--out", "m.c", "--arch", "armv6m"), "--arch is of a .mpy"),
+        (("model.skops", "--out", "m.c", "--arch", "armv6m"), "--arch and --key are of a .mpy"),
         (("model.skops", "--out", "{place}/m.mpy", "--arch", "z80"), "no architecture is called 'z80'"),
+        (("model.skops", "--key", "{place}"), "--arch and --key are of a .mpy"),
         (("model.skops", "--calibrate", "{place}/more.csv"), "--calibrate needs --target"),
         (("model.skops", "--unit", "mm", "--unit", "kPa"), "units has 2 entries for 1 outputs"),
         (("model.skops", "--target", "d2_mm", "--calibrate", "{place}/more.csv"), "has no column 'd2_mm'"),
