@@ -25,7 +25,7 @@ def _use_array(_context: click.Context, _option: click.Parameter, path: Path | N
     expose_value=False,
     is_eager=True,
     callback=_use_array,
-    help="Description of another sensor array (a copy of firmware_py/sensor_array.py).",
+    help="Another sensor array: a copy of firmware_py/sensor_array.py, or 16x32@3mm,25kPa.",
 )
 def cli() -> None:
     """One stroke of a tactile probe, one estimate of the lump under it.

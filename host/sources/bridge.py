@@ -203,6 +203,22 @@ class _Board:
         return 0
 
 
+class _Brain(estimator.Estimator):  # type: ignore[misc]
+    """Has no calibration where none is kept, and takes none: `palpate calibrate` keeps it here."""
+
+    def __init__(self, kept: Kept) -> None:
+        super().__init__(Memory(), None)
+        self._calibrated = bool(kept.points)
+        if len(dead := kept.dead):
+            self.calibration.set_dead(dead.tolist())
+
+    def _read_back(self, fields: tuple[int, ...]) -> tuple[int, tuple[int, ...], bytes]:
+        return super()._read_back(fields) if self._calibrated else (status.NOT_SUPPORTED, (), b"")
+
+    def _calibrate(self, fields: tuple[int, ...]) -> tuple[int, tuple[int, ...], bytes]:
+        return status.NOT_SUPPORTED, (), b""
+
+
 class _Acquire(acquire.Acquire):  # type: ignore[misc]
     """A frame is due when an image has come, and of its time."""
 
@@ -269,10 +285,7 @@ class Bridge:
 
     def _run(self) -> None:
         board = self._board
-        brain = estimator.Estimator(Memory(), None)
-        if len(dead := board.reading.kept.dead):
-            brain.calibration.set_dead(dead.tolist())
-        device = probe.Probe(board, brain)
+        device = probe.Probe(board, _Brain(board.reading.kept))
         device.acquire = _Acquire(board, device.counts, device.settings.values)
         rate_mHz = round(1e9 / max(board.reading.steady.period_us, 100.0))
         device.settings.values[settings.FRAME_RATE] = max(rate_mHz, 100)

@@ -12,7 +12,7 @@ from flexitac import FlexiTacSensor
 
 from palpate import Probe, open_recording
 from palpate.cli import main
-from palpate.errors import PortError, UsageError
+from palpate.errors import CommandRefused, PortError, UsageError
 from palpate.sim.probe.endpoints import PtyEndpoint
 from palpate.sources import bridge
 from palpate.sources.emulated import AIR as AIR_RAW
@@ -38,6 +38,8 @@ def frames_of(probe, n):
 def test_a_press_is_felt_in_frames_with_steady_times_and_no_place():
     with flexitac([AIR] * 60 + [uniform(5.0)] * 60) as speaker, Probe.open(port_of(speaker)) as probe:
         frames, others = frames_of(probe, 120)
+        with pytest.raises(CommandRefused):  # it would be forgotten; `palpate calibrate` keeps it
+            probe.calibrate_zero()
     said = " ".join(event.text for event in others if isinstance(event, Log))
     for word in ("clock", "check sums", "guessed", "a press only", "a guess (25 kPa at full scale)"):
         assert word in said
@@ -48,7 +50,7 @@ def test_a_press_is_felt_in_frames_with_steady_times_and_no_place():
         25 * 235 / 255 * 0.2**0.6, abs=0.1
     )  # a straight line of what is a power
     assert {(frame.position_um, frame.displacement_um) for frame in frames} == {(0, 0)}
-    assert not probe.identity.has_model and probe.identity.capabilities == ("calibrate",)
+    assert not probe.identity.has_model and not probe.scale.calibrated
 
 
 def test_their_package_and_our_source_read_one_wire():
@@ -92,6 +94,7 @@ def test_a_recording_holds_what_was_streamed(tmp_path, capsys):
     kept = [event for event in open_recording(out).events() if isinstance(event, Frame)]
     assert [frame.packed for frame in kept[: len(frames)]] == [frame.packed for frame in frames]
     assert main(["convert", str(out), str(tmp_path / "press.csv")]) == 0
+    assert "holds no calibration" in capsys.readouterr().err
     assert main(["refine", str(out)]) == 1
     assert "holds a press without place and depth" in capsys.readouterr().err
 
