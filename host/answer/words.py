@@ -13,7 +13,7 @@ LEAST_ODDS = 0.05
 HARDNESS = {
     "hard": f"hard: {BORDER:g} times as stiff as fat, or more",
     "soft": f"soft: less than {BORDER:g} times as stiff as fat",
-    "unsure": f"unsure: the interval lies on both sides of {BORDER:g} times fat, the border of hard",
+    "unsure": f"unsure: the interval holds {BORDER:g} times fat, the border of hard",
 }
 
 WITHOUT_PRESS, UNFAMILIAR = "no_press", "unfamiliar"
@@ -39,7 +39,7 @@ def outside_words(why: Sequence[str]) -> str:
 
 
 def stiffness_words(E_inv23: Span, fat_kPa: Span | None = None) -> str:
-    """The interval as a factor, `over 14 × fat` or `3.1 to 12 × fat`; in kPa too where the fat is known."""
+    """As a factor, `over 14 × fat` or `6.1 (3.1 to 12) × fat`; in kPa too where the fat is known."""
     words = f"{_between(stiffness(E_inv23), 1.0)} × fat"
     if fat_kPa is not None:
         words += f", {_between(stiffness_kPa(E_inv23, fat_kPa), fat_kPa[0])} kPa"
@@ -67,9 +67,11 @@ def _stiff(E: float | None) -> str:
 
 
 def _between(span: tuple[float | None, float | None, float | None], least: float) -> str:
-    _, low, high = span
+    value, low, high = span
     low = least if low is None else low
-    return f"over {_short(low)}" if high is None else f"{_short(low)} to {_short(high)}"
+    if high is None or value is None:
+        return f"over {_short(low)}"
+    return f"{_short(value)} ({_short(low)} to {_short(high)})"
 
 
 def _short(number: float) -> str:

@@ -10,6 +10,8 @@ import click
 
 from firmware_py import geometry, outputs
 from palpate.answer import answer_dict
+from palpate.answer.card import ROWS
+from palpate.answer.visit import HOW, VisitAnswer
 from palpate.answer.words import HARDNESS, outside_words, place_words, size_words, stiffness_words
 from palpate.cli.numbers import Finite
 from palpate.console import note
@@ -107,6 +109,19 @@ def estimate_lines(estimate: Estimate, fat_kPa: float | None = None, told: Told 
             lines.append(f"  {'perhaps because':20} {why}")
     lines.append("  research use, not a diagnosis")
     return lines
+
+
+def visit_lines(answer: VisitAnswer, fat_kPa: float | None = None) -> list[str]:
+    """What the strokes over one lump say together, for people."""
+    level = f"{100 * answer.level:g} % interval"
+    left_out = f", {answer.left_out} left out" if answer.left_out else ""
+    lines = [f"together, if over one lump: {answer.strokes} strokes{left_out}"]
+    for row in ROWS:
+        if row.key in answer.spans:
+            lines.append(_number(row.label.lower(), row.unit, answer.spans[row.key], level))
+    if answer.hardness:
+        lines += [f"  {'stiffness':20} {answer.stiffness_words(fat_kPa)}", f"  {HARDNESS[answer.hardness]}"]
+    return [*lines, f"  {HOW}"]
 
 
 def _across_lines(across: AcrossStroke | None) -> list[str]:

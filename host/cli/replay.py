@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from palpate.cli.ports import document_option, estimate_lines, fat_option
+from palpate.cli.ports import document_option, estimate_lines, fat_option, visit_lines
 from palpate.cli.real import load_model
 from palpate.console import json_option, note, print_json, say
 from palpate.errors import RecordingError, ReplayDiffers
@@ -36,6 +36,7 @@ def command(
       palpate stream --strokes 1 --record visit.mcap
       palpate replay visit.mcap
     """
+    from palpate.answer.visit import visit_answer
     from palpate.model_export.image_builder import inspect
     from palpate.recording.channels import MODEL
     from palpate.recording.reader import Recording
@@ -55,6 +56,9 @@ def command(
         if not as_json:
             say("\n".join(estimate_lines(stroke.probe, fat_kPa, stroke.told)))
             say(f"  replay: {stroke.missing or ('identical' if stroke.identical else 'DIFFERENT')}")
+    together = visit_answer([(stroke.probe, stroke.told) for stroke in strokes])
+    if not as_json and together is not None:
+        say("\n".join(visit_lines(together, fat_kPa)))
     compared = [stroke for stroke in strokes if stroke.host is not None]
     image = image or opened.attachment(MODEL)
     adapted = inspect(image).adapted if image and compared else ""
@@ -65,6 +69,7 @@ def command(
         "identical": bool(compared) and all(stroke.identical for stroke in compared),
         "compared": len(compared),
         "strokes": [stroke.as_dict() for stroke in strokes],
+        "together": None if together is None else together.as_dict(),
     }
     if as_json:
         print_json(summary)

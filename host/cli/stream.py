@@ -21,6 +21,7 @@ from palpate.cli.ports import (
     fat_option,
     port_option,
     tell_damage,
+    visit_lines,
 )
 from palpate.cli.real import load_model
 from palpate.console import json_option, note, plain, print_json, printable, say
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from palpate.link.probe import Probe
     from palpate.link.rerun_log import RerunLog
     from palpate.stroke.follower import Follower
-    from palpate.wire.events import Event, Log
+    from palpate.wire.events import Estimate, Event, Log
 
 WARNINGS = {
     "force_low": "press harder: the force is below the range",
@@ -114,6 +115,7 @@ def command(
       palpate stream --strokes 3 --record visit.mcap --refine
       palpate stream --port socket://localhost:7624 --strokes 1 --json
     """
+    from palpate.answer.visit import visit_answer
     from palpate.link.session import both_counts, counts_line, recorded
     from palpate.stroke.documents import Documents
     from palpate.stroke.follower import Follower
@@ -127,6 +129,7 @@ def command(
     follower = Follower(Documents(None if document is None else load_model(document)))
     quiet = as_json or json_lines
     estimates: list[dict[str, Any]] = []
+    answers: list[tuple[Estimate, Told | None]] = []
     logs = ShownLogs()
     counts: dict[str, int] = {}
     refined: list[dict[str, Any]] = []
@@ -154,6 +157,8 @@ def command(
                     if isinstance(event, Gap) and event.ended:
                         remark = _meet(follower, probe, document, remark)  # it may be another
                     told = follower.of(event) if isinstance(event, Estimate) else None
+                    if isinstance(event, Estimate):
+                        answers.append((event, told))
                     _show(event, told, estimates, logs, quiet, json_lines, fat_kPa)
                     if not quiet and probe.identity.serial != serial:
                         serial = probe.identity.serial
@@ -173,10 +178,12 @@ def command(
                 counts.update(both_counts(probe))
                 if not quiet:
                     note(counts_line(counts))
+            together = visit_answer(answers)
             summary = {
                 "port": probe.name,
                 "probe": probe.identity.as_dict(),
                 "strokes": estimates,
+                "together": None if together is None else together.as_dict(),
                 "earlier": before,
                 "link": counts,
                 "clock": clock_dict(probe),
@@ -185,6 +192,8 @@ def command(
             if refiner.waiting and not quiet:
                 note(f"refining {refiner.waiting} more; Ctrl-C leaves them")
             refined += _refined(refiner.rest(), quiet, json_lines)
+    if not quiet and together is not None:
+        say("\n".join(visit_lines(together, fat_kPa)))
     if record is not None and not quiet:
         note(f"recorded {record}")
     if as_json:

@@ -9,10 +9,12 @@ import socket
 import threading
 import webbrowser
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
 
 import uvicorn
 
+from palpate.answer.visit import POOLS_WITH
 from palpate.stroke.change import Between
 from palpate.view.app import make_app
 from palpate.view.commands import Commands, LoadStrokes
@@ -89,6 +91,7 @@ class Viewer:
             )
         )
         self._threads: list[threading.Thread] = []
+        threading.Thread(target=import_module, args=(POOLS_WITH,), daemon=True).start()  # takes seconds
 
     @property
     def url(self) -> str:

@@ -7,7 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from palpate.answer.visit import visit_answer
 from palpate.stroke.change import ASSUMES, ASSUMES_BETWEEN, QUANTITIES, Between, compare, spread
+from palpate.stroke.found_lump import FoundLump
 from palpate.stroke.lanes import Lanes
 from palpate.stroke.stroke import Stroke
 
@@ -106,11 +108,25 @@ class Visits:
     def snapshot(self) -> dict[str, Any]:
         """Visits and one line for each stroke."""
         return {
-            "visits": [asdict(v) for v in self._visits],
+            "visits": [{**asdict(v), "answer": self.answer(v.number)} for v in self._visits],
             "current_visit": self._current.number,
             "strokes": [s.summary() for s in self._strokes],
             "lanes": self.lanes.as_dict(),
         }
+
+    def answer(self, visit: int) -> dict[str, Any] | None:
+        """What the strokes of a visit over one lump say together; None of fewer than two.
+
+        Where lanes are told a visit may hold several lumps: those count that meet the last one's.
+        """
+        strokes = self.strokes(visit)
+        if any(s.lane_mm is not None for s in strokes):
+            strokes = same_lump(strokes)
+        found = visit_answer([(s.estimate, s.told) for s in strokes])
+        if found is None:
+            return None
+        words = found.stiffness_words(self._fat_kPa)
+        return {**found.as_dict(), "stiffness_text": words, "numbers": [s.number for s in strokes]}
 
     def repeatability(self, visit: int, last: int) -> dict[str, Any]:
         """Mean and spread of the last strokes of a visit, for every quantity that the cards vouch for."""
@@ -138,3 +154,22 @@ class Visits:
         visit = Visit(len(self._visits) + 1, name)
         self._visits.append(visit)
         return visit
+
+
+def same_lump(strokes: Sequence[Stroke]) -> list[Stroke]:
+    """The strokes whose lump lies where the last one's does, within half a diameter along and across."""
+    found = [(s, lump) for s in strokes if s.lane_mm is not None and (lump := s.lump()) is not None]
+    if not found:
+        return []
+    last, there = found[-1]
+    near_mm = there.d_mm[0] / 2
+
+    def across_mm(stroke: Stroke, lump: FoundLump) -> float:
+        return (stroke.lane_mm or 0.0) + (lump.across_mm[0] if lump.across_mm else 0.0)
+
+    return [
+        s
+        for s, lump in found
+        if abs(lump.along_mm - there.along_mm) <= near_mm
+        and abs(across_mm(s, lump) - across_mm(last, there)) <= near_mm
+    ]

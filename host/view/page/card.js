@@ -49,7 +49,7 @@ function quantity({ key, label, unit, value, low, high, beside }, hero, level) {
   const words = told ? "assumed" : `${number(low, unit)} to ${number(high, unit)}`;
   const interval = element("span", { class: "range-text" }, hero && !told ? `${words} ${unit}, ${level}` : words);
   row.append(element("dt", {}, label));
-  if (beside) row.firstChild.append(" ", element("span", { class: "beside" }, `${beside.label} ${beside.value.toFixed(2)}`));
+  if (beside) row.firstChild.append(" ", element("span", { class: "beside", title: `${beside.label}: depth over diameter` }, `${beside.label} ${beside.value.toFixed(2)} of the diameter`));
   if (hero) {
     row.append(element("dd", { class: "hero" }, element("b", { class: "number" }, number(value, unit)), element("span", {}, unit), interval));
   } else row.append(element("dd", {}, element("b", { class: "number" }, `${number(value, unit)} ${unit}`), " ", interval));
@@ -63,8 +63,8 @@ function quantity({ key, label, unit, value, low, high, beside }, hero, level) {
 
 function stiffness({ hardness, hardness_text: words, stiffness_text: text, E_ratio: ratio }) {
   const row = element("dl", { class: "quantity", "data-key": "stiffness", title: words });
-  const said = element("dd", {}, element("b", { class: "number" }, hardness), " ", element("span", { class: "range-text" }, text));
-  row.append(element("dt", {}, "Stiffness"), said);
+  row.append(element("dt", {}, "Stiffness"), element("dd", {}, element("b", { class: "number" }, hardness)));
+  row.append(element("dd", { class: "between-text" }, element("span", { class: "range-text" }, text)));
   if (ratio) {
     const share = (e) => Math.log(Math.max(e, 1)) / Math.log(STIFFEST);
     const value = ratio.high === null || ratio.value === null ? null : share(ratio.value);
@@ -104,8 +104,25 @@ function noModel() {
   return [element("p", { class: "warning" }, "This probe has no model yet: it feels, and cannot judge."), button];
 }
 
+/** What the strokes of a visit over one lump say together, above the card; an empty box where there are fewer than two. */
+export function drawVisitAnswer(box, answer, name) {
+  box.hidden = !answer;
+  if (!answer) return box.replaceChildren();
+  const { strokes, left_out: out, level, d_mm: d, depth_mm: depth, hardness } = answer;
+  const between = ({ value, low, high }) => `${number(value, "mm")} mm (${number(low, "mm")} to ${number(high, "mm")})`;
+  const of = `${name}: ${strokes} strokes over one lump${out ? `, ${out} left out` : ""}`;
+  const interval = `${number(d.low, "mm")} to ${number(d.high, "mm")} mm, ${Math.round(level * 100)} % interval`;
+  const more = [depth && `${between(depth)} deep`, hardness && `${hardness}, ${answer.stiffness_text}`].filter(Boolean);
+  const how = element("details", {}, element("summary", {}, "How"), element("p", {}, answer.how));
+  box.replaceChildren(
+    element("p", { class: "of" }, of),
+    element("p", { class: "hero" }, element("b", { class: "number" }, number(d.value, "mm")), element("span", {}, "mm"), element("span", { class: "range-text" }, interval)),
+    element("p", { class: "more" }, ...more.flatMap((text) => [element("span", {}, text), " "]), how),
+  );
+}
+
 /** Fill `box` with the card of a stroke, or with what to do while there is none. */
-export function drawCard(box, card, { gone = false, mode = "live", model = null } = {}) {
+export function drawCard(box, card, { gone = false, mode = "live", model = null, hero = true } = {}) {
   box.replaceChildren();
   box.className = "";
   if (!card) {
@@ -119,7 +136,7 @@ export function drawCard(box, card, { gone = false, mode = "live", model = null 
   if (card.reference) box.append(element("p", { class: "say" }, card.reference));
   const sure = card.kind === "lump" || card.kind === "none"; // of other strokes nobody knows how often it holds
   const level = sure && card.level ? `${Math.round(card.level * 100)} % interval` : "interval";
-  const rows = card.rows.map((row) => quantity(row, row.key === "d_mm", level));
+  const rows = card.rows.map((row) => quantity(row, hero && row.key === "d_mm", level));
   if (card.hardness) rows.splice(card.rows.findIndex((row) => row.key === "depth_mm") + 1 || rows.length, 0, stiffness(card));
   if (card.layer) rows.splice(card.rows.findIndex((row) => row.key === "depth_mm") + 1, 0, layer(card.layer));
   box.append(...rows);

@@ -131,6 +131,7 @@ function begin(session) {
 function showVisits(message) {
   image.visit(message.strokes.filter(({ visit }) => visit === message.current_visit));
   history.set(message);
+  selected.visitsChanged();
   visitPanel.setKnown(message.lanes);
   page.historyNew = true;
 }

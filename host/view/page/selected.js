@@ -1,7 +1,7 @@
 // Which stroke the page shows: the running one (or the last), or one that was picked from the list.
 
 import { CELLS } from "./array.js";
-import { drawCard } from "./card.js";
+import { drawCard, drawVisitAnswer } from "./card.js";
 
 export class Selected {
   constructor(get, { image, charts, history, page, redraw, toast }) {
@@ -202,9 +202,17 @@ export class Selected {
     this.scrub(this.images.reduce((best, _, n) => (far(n) < far(best) ? n : best), 0));
   }
 
+  /** Another stroke has joined a visit: its answer may be another. */
+  visitsChanged() {
+    const shown = this.picked ?? this.last;
+    if (shown) this.card(shown);
+  }
+
   card(stroke) {
     const { mode } = document.body.dataset;
-    drawCard(this.get("card"), stroke?.card, { gone: this.page.link !== "connected", mode, model: this.page.model });
+    const visit = this.history.visits.find(({ number }) => number === (stroke?.visit ?? null));
+    drawVisitAnswer(this.get("visit-answer"), visit?.answer, visit?.name);
+    drawCard(this.get("card"), stroke?.card, { gone: this.page.link !== "connected", mode, model: this.page.model, hero: !visit?.answer });
     if (!stroke) {
       this.get("estimate-which").textContent = "";
       return;

@@ -43,13 +43,19 @@ def test_flash_stream_replay_and_convert_through_the_command_line(flashed, palpa
         assert estimate["hardness"] in ("hard", "soft", "unsure")
         assert estimate["level"] == 0.9 and estimate["model_id"] == model["model_id"]
     assert told["link"]["frames_lost"] == told["link"]["probe_frames_dropped"] == 0
+    pooled = told["together"]
+    assert pooled["strokes"] + pooled["left_out"] == 2 and "random effects" in pooled["how"]
+    d_mm = [s["d_mm"]["value"] for s in told["strokes"]]
+    assert min(d_mm) <= pooled["d_mm"]["value"] <= max(d_mm)
     assert 0 < told["clock"]["uncertainty_us"] < 1_000_000
     assert Recording(path).metadata()["clock"]["offset_us"]
     status, out, _ = palpate("replay", path, "--json")
     again = json.loads(out)
     assert status == 0 and again["identical"] is True and again["compared"] == 2
     assert [s["replayed"]["d_mm"] for s in again["strokes"]] == [s["d_mm"] for s in told["strokes"]]
+    assert again["together"] == pooled
     status, out, _ = palpate("replay", path)
+    assert "together, if over one lump: 2 strokes" in out
     assert status == 0 and out.splitlines()[-1].startswith("replay: identical")
     status, out, _ = palpate("convert", path, tmp_path / "visit.csv", "--json")
     assert status == 0 and json.loads(out)["estimates"] == 2

@@ -71,8 +71,8 @@ def test_stiffness_keeps_its_order_and_says_where_it_has_no_bound(x, w):
 
 def test_a_factor_is_said_as_an_interval_or_as_a_bound():
     assert stiffness_words((0.05, -0.1, 0.17)) == "over 14 × fat"
-    assert stiffness_words((0.3, 0.2, 0.4)) == "4 to 11 × fat"
-    assert stiffness_words((0.3, 0.2, 0.4), TOLD) == "4 to 11 × fat, 40 to 112 kPa"
+    assert stiffness_words((0.3, 0.2, 0.4)) == "6.1 (4 to 11) × fat"
+    assert stiffness_words((0.3, 0.2, 0.4), TOLD) == "6.1 (4 to 11) × fat, 61 (40 to 112) kPa"
     assert stiffness_words((0.05, -0.1, 0.17), TOLD) == "over 14 × fat, over 143 kPa"
-    assert stiffness_words((0.3, 0.2, 0.4), (10.0, 8.0, 12.0)) == "4 to 11 × fat, 37 to 115 kPa"
+    assert stiffness_words((0.3, 0.2, 0.4), (10.0, 8.0, 12.0)) == "6.1 (4 to 11) × fat, 61 (37 to 115) kPa"
     assert log(14.3) == pytest.approx(-1.5 * log(0.17), abs=0.02)
