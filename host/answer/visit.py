@@ -23,9 +23,13 @@ if TYPE_CHECKING:
 
 HOW = (
     "Strokes pooled by random effects (Paule and Mandel; statsmodels): their scatter (Hartung and Knapp) "
-    "averages out, what is left of their intervals is common to all strokes over a lump, and does not."
+    "averages out, what is left of their intervals, half of the variance at least, is common to all strokes "
+    "over a lump, and does not."
 )
 """Said wherever a pooled estimate is."""
+LEAST_COMMON = 0.5
+"""Of one stroke's variance: so much is taken to be common to all strokes over a lump even where these scatter as
+much as their intervals allow, for intervals are made for many lumps and not for this one."""
 POOLS_WITH = "statsmodels.stats.meta_analysis"
 """Imported when it is first needed, for it takes seconds."""
 _STIFFNESS = "E_inv23"
@@ -104,9 +108,9 @@ def pool(spans: Sequence[Span], level: float) -> Span:
     """One value with its interval from those of several strokes over one lump.
 
     Where all are positive they are pooled as logarithms. The variance of one stroke (its interval's, and what
-    the strokes scatter beyond) less that between strokes is common to all; the sum of that and of the
-    variance of the mean makes the interval, with Student's t and Satterthwaite's degrees of freedom. It is no
-    wider than that of one stroke.
+    the strokes scatter beyond) less that between strokes, but at least `LEAST_COMMON` of it, is common to all;
+    the sum of that and of the variance of the mean makes the interval, with Student's t and Satterthwaite's
+    degrees of freedom. It is no wider than that of one stroke.
 
     Parameters
     ----------
@@ -136,7 +140,7 @@ def pool(spans: Sequence[Span], level: float) -> Span:
         found = combine_effects(y, variance, method_re="iterated")
     of_mean = found.sd_eff_w_re_hksj**2
     of_one = float(np.mean(variance)) + found.tau2
-    common = max(0.0, of_one - n * of_mean)
+    common = max(LEAST_COMMON * of_one, of_one - n * of_mean)
     freedom = (common + of_mean) ** 2 * (n - 1) / max(of_mean**2, 1e-24)
     half = min(stats.t.ppf(0.5 + level / 2, freedom) * np.sqrt(common + of_mean), one * np.sqrt(of_one))
     lean = float(np.sum(above - y) / np.sum(above - below))  # a model's intervals need not be even

@@ -253,6 +253,7 @@ def describe(source: EventSource, documents: Documents) -> Device:
         model_id=identity.model_id if identity.model_status == 0 else "",
         damaged=identity.damaged,
         reference=_reference_of(source),
+        force_range=None if documents.answering is None else documents.answering.force_range,
         document=documents.remark,
     )
 

@@ -27,6 +27,8 @@ class Device:
     damaged: tuple[str, ...] = ()
     reference: str | None = None
     """What the visit's reference press said, "" where there is none; None where the model takes none."""
+    force_range: tuple[float, float] | None = None
+    """N/m that the model is for; None where its document is not known."""
     document: str = ""
     """Why the document that the user named is not used; "" where it is, or none was named."""
 

@@ -1,14 +1,17 @@
 // The charts of a stroke: tactile map with its fit; its press, force against displacement; displacement and force along it. The
 // stroke before is a shadow.
 
-import { Held, Plot, extent } from "./plot.js";
+import { Held, Plot, extent, nearest } from "./plot.js";
 
 const FACE_HALF_MM = 12;
+const DRAGGED_PX = 8;
+const FARTHEST_MM = 60; // half of what is shown along the stroke: beyond it zoom ends
 const MOVED_MM = 0.5; // so far from its first place a probe strokes: until then it presses
 const LEAST_MM = 0.4; // of displacement along a stroke: the dip over a lump is .2 to .3
 
 export class StrokeCharts {
-  constructor(get) {
+  /** moved(mm): the pointer is there along a chart, null: it has left them; or they have to be drawn anew. */
+  constructor(get, moved) {
     this.map = new Plot(get("map"), { xLabel: "place on the tissue (mm)", yLabel: "kPa", yTicks: 6 });
     this.press = new Plot(get("press"), { xLabel: "mm", yLabel: "N/m" });
     this.displacement = new Plot(get("displacement"), { xLabel: "position (mm)", yLabel: "mm" });
@@ -17,6 +20,45 @@ export class StrokeCharts {
     this.shadow = null;
     this.stroke = null;
     this.axes = new Held();
+    this.moved = moved;
+    this.cursor = null; // mm, one for all charts along the stroke
+    this.zoom = null; // [from, to] in mm, or all
+    for (const plot of [this.map, this.displacement, this.force]) this.listen(plot);
+  }
+
+  /** The pointer over a chart: a line through all of them, and zoom where it is dragged; a double click shows all again. */
+  listen(plot) {
+    const { canvas } = plot;
+    let from = null;
+    const at = ({ offsetX }) => (plot.place ? plot.place.fromX(offsetX) : null);
+    const move = (event) => {
+      this.cursor = at(event);
+      this.moved(this.cursor);
+    };
+    canvas.addEventListener("pointermove", move);
+    canvas.addEventListener("pointerdown", (event) => {
+      from = event;
+      move(event);
+    });
+    canvas.addEventListener("pointerup", (event) => {
+      if (from && event.pointerType === "mouse" && Math.abs(event.offsetX - from.offsetX) > DRAGGED_PX) this.zoom = [at(from), at(event)].sort((a, b) => a - b);
+      from = null;
+      this.moved(this.cursor);
+    });
+    canvas.addEventListener("dblclick", () => this.zoomBy(Infinity));
+    canvas.addEventListener("pointerleave", () => {
+      from = this.cursor = null;
+      this.moved(null);
+    });
+  }
+
+  /** Show so much of what is shown along the stroke, about the cursor. */
+  zoomBy(by) {
+    const [low, high] = this.zoom ?? this.map.place?.x ?? [0, 0];
+    const middle = this.cursor ?? (low + high) / 2;
+    const half = (by * (high - low)) / 2;
+    this.zoom = half > 0 && half < FARTHEST_MM ? [middle - half, middle + half] : null;
+    this.moved(this.cursor);
   }
 
   /** Show a stroke, running or finished; a new one leaves the last as a shadow. */
@@ -53,10 +95,11 @@ export class StrokeCharts {
         { kind: "line", x: old.x_mm, y: old.pressure_kPa, color: "ghost", width: 1.5 },
         fit && { kind: "level", at: fit.base_kPa, color: "fit" },
         curve && { kind: "line", ...curve, color: "fit", width: 2.5 },
-        { kind: "points", x: map.x_mm, y: map.pressure_kPa, color: "points" },
+        { kind: "points", x: map.x_mm, y: map.pressure_kPa, color: "points", read: 2 },
       ],
-      x,
+      this.zoom ?? x,
       y,
+      this.cursor,
     );
     this.map.canvas.dataset.y = y.join(" ");
     const [now, before] = [parted(stroke?.traces), parted(this.shadow?.traces)];
@@ -81,11 +124,12 @@ export class StrokeCharts {
     plot.draw(
       [
         old && { kind: "line", x: old.position_mm, y: old[key], color: "ghost", width: 1.2 },
-        now && { kind: "line", x: now.position_mm, y: now[key], color: "points", width: 1.8 },
+        now && { kind: "line", x: now.position_mm, y: now[key], color: "points", width: 1.8, read: key === "force_N_per_m" ? 0 : 2 },
         at >= 0 && { kind: "points", x: [now.position_mm[at]], y: [now[key][at]], color: "accent", radius: 4 },
       ],
-      x,
+      this.zoom ?? x,
       y,
+      this.cursor,
     );
     plot.canvas.dataset.y = y.join(" ");
   }
@@ -113,15 +157,6 @@ function parted(traces) {
   const moved = at.findIndex((v) => Math.abs(v - at[0]) > MOVED_MM);
   const part = (from, to) => Object.fromEntries(Object.entries(traces).map(([key, values]) => [key, values.slice(from, to)]));
   return moved < 0 ? { press: traces } : { press: part(0, moved), along: part(moved) };
-}
-
-/** Which of the values is nearest to `at`; -1 if there are none. */
-function nearest(values, at) {
-  let best = -1;
-  values.forEach((v, n) => {
-    if (best < 0 || Math.abs(v - at) < Math.abs(values[best] - at)) best = n;
-  });
-  return best;
 }
 
 function gaussian({ base_kPa, amp_kPa, centre_mm, stdev_mm }, from, to) {

@@ -1,6 +1,6 @@
 // Keyboard. Letters do nothing while somebody types into a field or a dialog is open.
 
-export function startKeys({ get, history, page, replay, selected, toggleTheme, tools, visitPanel }) {
+export function startKeys({ charts, get, history, page, replay, selected, toggleTheme, tools, visitPanel }) {
   const hold = () => {
     const { mode } = document.body.dataset;
     if (mode === "replay") replay.toggle();
@@ -18,6 +18,9 @@ export function startKeys({ get, history, page, replay, selected, toggleTheme, t
     ArrowRight: (event) => replay.step(event.shiftKey ? 10 : 1),
     "[": () => replay.state && replay.faster(-1),
     "]": () => replay.state && replay.faster(1),
+    "+": () => charts.zoomBy(0.5),
+    "-": () => charts.zoomBy(2),
+    0: () => charts.zoomBy(Infinity),
     Escape: () => selected.back(),
     r: () => tools.record(),
     m: () => tools.mark(),

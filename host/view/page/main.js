@@ -22,7 +22,10 @@ const redraw = () => Object.assign(page, { imageNew: true, chartsNew: true, hist
 const ask = (command, options) => connection.ask(command, options);
 const quietly = (command, options) => ask(command, options).catch((error) => tools.toast(error.message));
 const image = new TactileImage(get("image"));
-const charts = new StrokeCharts(get);
+const charts = new StrokeCharts(get, (mm) => {
+  page.chartsNew = true;
+  selected.hover(mm);
+});
 const history = new History(get, { ask, pick: (number) => selected.pick(number), toast: (text) => tools.toast(text) });
 const replay = new Replay(get, quietly);
 const selected = new Selected(get, { image, charts, history, page, redraw, toast: (text) => tools.toast(text) });
@@ -33,7 +36,7 @@ const tools = startTools(get, { ask, greeted: () => connection.greeted, image, p
 startFlash(get, { toast: (text) => tools.toast(text) });
 startImageTools(get, image);
 const showReference = startReference(get, { ask, toast: (text) => tools.toast(text) });
-startKeys({ get, history, page, replay, selected, toggleTheme, tools, visitPanel });
+startKeys({ charts, get, history, page, replay, selected, toggleTheme, tools, visitPanel });
 get("theme").addEventListener("click", toggleTheme);
 new ResizeObserver(redraw).observe(document.querySelector("main"));
 document.fonts.addEventListener("loadingdone", redraw); // canvases were drawn in whatever was there
@@ -149,6 +152,7 @@ function showLink({ state, text, device }) {
   page.model = device ? device.model_id : null;
   if (device) {
     showReference(device.reference);
+    showForce(null, device.force_range);
     const parts = [device.name, device.serial, device.firmware && `firmware ${device.firmware}`, device.runtime];
     parts.push(device.model_id && `model ${device.model_id}`);
     get("device").textContent = parts.filter(Boolean).join(" · ");
@@ -210,12 +214,32 @@ function loop() {
   }
 }
 
+/** The bar of press quality: the force now against what the model is for, [low, high] in N/m; null: nobody knows that. */
+function showForce(force, range = page.force_range) {
+  page.force_range = range;
+  const bar = get("force-bar");
+  bar.hidden = !range;
+  if (!range) return;
+  const [low, high] = range;
+  const end = 1.25 * high;
+  const place = (v) => `${(100 * Math.min(v / end, 1)).toFixed(1)}%`;
+  const [band, mark] = bar.children;
+  Object.assign(band.style, { left: place(low), right: `${(100 * (1 - high / end)).toFixed(1)}%` });
+  mark.hidden = !(force > 0);
+  mark.style.left = place(Math.max(force, 0));
+  bar.classList.toggle("off", force < low || force > high);
+  bar.setAttribute("aria-valuemax", Math.round(end));
+  bar.setAttribute("aria-valuenow", Math.round(Math.min(Math.max(force, 0), end)));
+  bar.title = `The model is for ${low.toFixed(0)} to ${high.toFixed(0)} N/m`;
+}
+
 function readouts() {
   if (selected.picked || page.held) return;
   const gone = document.body.dataset.link === "gone" || document.body.dataset.link === "offline";
   const frame = (!gone && page.frame) || { force: NaN, displacement_mm: NaN, position_mm: NaN, peak_kPa: NaN };
   const show = (id, value, digits) => (get(id).textContent = Number.isFinite(value) ? value.toFixed(digits) : "–");
   show("now-force", frame.force, 0);
+  showForce(frame.force || 0);
   show("now-displacement", frame.displacement_mm, 2);
   show("now-position", frame.position_mm, 1);
   show("now-peak", frame.peak_kPa, 1);

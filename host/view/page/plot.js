@@ -78,14 +78,23 @@ export function prepare(canvas) {
   return { context, width, height };
 }
 
+/** Which of the values is nearest to `at`; -1 if there are none. */
+export function nearest(values, at) {
+  let best = -1;
+  values.forEach((v, n) => {
+    if (best < 0 || Math.abs(v - at) < Math.abs(values[best] - at)) best = n;
+  });
+  return best;
+}
+
 export class Plot {
   /** counts: the x axis counts things and needs no numbers. */
   constructor(canvas, { xLabel, yLabel, yTicks = 4, counts = false }) {
     Object.assign(this, { canvas, xLabel, yLabel, yTicks, counts });
   }
 
-  /** Draw layers over round axes. x and y are [low, high]. */
-  draw(layers, x, y) {
+  /** Draw layers over round axes. x and y are [low, high]; at the cursor the value of the layer with `read` decimals is told. */
+  draw(layers, x, y, cursor = null) {
     const { context: c, width, height } = prepare(this.canvas);
     if (width < 40 || height < 40) return;
     const k = textScale();
@@ -94,7 +103,8 @@ export class Plot {
     const box = { left: widest + 26 * k, right: width - 10 * k, top: 8 * k, bottom: height - (this.xLabel ? 32 : 12) * k };
     const toX = (v) => box.left + ((v - x[0]) / (x[1] - x[0])) * (box.right - box.left);
     const toY = (v) => box.bottom - ((v - y[0]) / (y[1] - y[0])) * (box.bottom - box.top);
-    this.place = { toX, toY, box, x, y };
+    const fromX = (px) => x[0] + ((px - box.left) / (box.right - box.left)) * (x[1] - x[0]);
+    this.place = { toX, toY, fromX, box, x, y };
     this.axes(c, box, x, marks, digits, toX, toY, k);
     c.save();
     c.beginPath();
@@ -102,6 +112,27 @@ export class Plot {
     c.clip();
     for (const layer of layers) if (layer) this[layer.kind](c, layer, toX, toY, box);
     c.restore();
+    delete this.canvas.dataset.read;
+    if (cursor !== null && cursor >= x[0] && cursor <= x[1]) this.read(c, layers, cursor, toX(cursor), box, k);
+  }
+
+  /** A line at the cursor, and what is there. */
+  read(c, layers, cursor, px, box, k) {
+    c.strokeStyle = color("soft");
+    c.lineWidth = 1;
+    line(c, px, box.top, px, box.bottom);
+    const layer = layers.find((one) => one && "read" in one && one.x.length);
+    if (!layer) return;
+    const n = nearest(layer.x, cursor);
+    const text = `${layer.x[n].toFixed(1)} mm: ${layer.y[n].toFixed(layer.read)} ${this.yLabel}`.replaceAll("-", "\u2212");
+    this.canvas.dataset.read = text;
+    c.textBaseline = "top";
+    c.textAlign = "right";
+    const wide = c.measureText(text).width + 6 * k;
+    c.fillStyle = color("raised");
+    c.fillRect(box.right - wide, box.top, wide, 15 * k);
+    c.fillStyle = color("text");
+    c.fillText(text, box.right - 3 * k, box.top + 2 * k);
   }
 
   /** Round values beside the y axis, and their decimals. */

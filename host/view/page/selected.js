@@ -2,6 +2,7 @@
 
 import { CELLS } from "./array.js";
 import { drawCard, drawVisitAnswer } from "./card.js";
+import { show } from "./stroke_list.js";
 
 export class Selected {
   constructor(get, { image, charts, history, page, redraw, toast }) {
@@ -14,9 +15,6 @@ export class Selected {
     this.after = null; // {stroke, lifted}: it has just ended; until the probe touches again its lump is shown
     get("back-live").addEventListener("click", () => this.back());
     get("scrub-range").addEventListener("input", () => this.scrub(Number(get("scrub-range").value)));
-    const map = get("map");
-    map.addEventListener("pointermove", (event) => this.hover(event.offsetX));
-    map.addEventListener("pointerdown", (event) => this.hover(event.offsetX));
   }
 
   /** The page has just been told everything; `number` is the last stroke, or null. */
@@ -137,6 +135,7 @@ export class Selected {
     this.get("scrub").hidden = this.images.length < 2;
     if (this.images.length) this.scrub(this.images.reduce((best, i, n) => (i.peak > this.images[best].peak ? n : best), 0));
     this.history.keepInSight(); // the button and the slider have taken room from the list
+    show(this.get("image").closest(".panel"));
     this.redraw();
   }
 
@@ -193,11 +192,9 @@ export class Selected {
     show("now-peak", peak, 1);
   }
 
-  /** The pointer over the map moves along the picked stroke. */
-  hover(offsetX) {
-    if (!this.picked || !this.images.length || !this.charts.map.place) return;
-    const { box, x } = this.charts.map.place;
-    const at = x[0] + ((offsetX - box.left) / (box.right - box.left)) * (x[1] - x[0]);
+  /** The pointer over a chart moves along the picked stroke; null: it has left. */
+  hover(at) {
+    if (at === null || !this.picked || !this.images.length) return;
     const far = (n) => Math.abs(this.images[n].position_mm - at);
     this.scrub(this.images.reduce((best, _, n) => (far(n) < far(best) ? n : best), 0));
   }

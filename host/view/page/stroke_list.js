@@ -48,6 +48,14 @@ export function inSight(box, line) {
   return inner.top >= outer.top - 1 && inner.bottom <= outer.bottom + 1;
 }
 
+/** Scroll the page to a panel whose head is out of sight: below the bar, where that stays. */
+export function show(panel) {
+  const bar = document.querySelector(".bar");
+  const above = getComputedStyle(bar).position === "sticky" ? bar.offsetHeight : 0;
+  const { top } = panel.getBoundingClientRect();
+  if (top < above || top > innerHeight / 2) scrollBy(0, top - above - 8);
+}
+
 /** Scroll the box, and not the page: on a phone that would take what is being read out of sight. */
 export function reveal(box, line) {
   const [outer, inner] = [box.getBoundingClientRect(), line.getBoundingClientRect()];

@@ -10,7 +10,7 @@ const LEAST = 0.05; // and its own last column counts this much still
 const TOPS = [0.1, 0.2, 0.3, 0.5, 0.75, 1, 1.5, 2, 3, 5];
 const LOWEST_TOP = 0.2; // what rises by a few per cent may be the hand
 const GAP_MM = 4;
-const HEAD_MM = 10; // over each row of strips, for their numbers
+const HEAD_MM = 16; // over each row of strips, for their numbers
 export const MOST_ARRANGED = 24;
 
 /** Those of which the operator has said where they lie. */

@@ -2,7 +2,7 @@
 
 import { element } from "./card.js";
 import { prepare } from "./plot.js";
-import { reveal } from "./stroke_list.js";
+import { reveal, show } from "./stroke_list.js";
 import { color } from "./theme.js";
 import { MOST_ARRANGED, described, told } from "./visit_map.js";
 import { drawVisit } from "./visit_picture.js";
@@ -43,6 +43,7 @@ export class VisitPanel {
     else document.body.dataset.view = "visit";
     this.get("visit-map-button").setAttribute("aria-pressed", this.open);
     this.get("visit-map-button").classList.toggle("on", this.open);
+    if (this.open) show(this.get("visit-map").closest(".panel"));
     this.hooks.redraw();
   }
 
