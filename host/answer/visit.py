@@ -28,8 +28,8 @@ HOW = (
 )
 """Said wherever a pooled estimate is."""
 LEAST_COMMON = 0.5
-"""Of one stroke's variance: so much is taken to be common to all strokes over a lump even where these scatter as
-much as their intervals allow, for intervals are made for many lumps and not for this one."""
+"""Of one stroke's variance: taken to be common to all strokes over a lump even where these scatter as much as
+their intervals allow, for intervals are made for many lumps and not for this one."""
 POOLS_WITH = "statsmodels.stats.meta_analysis"
 """Imported when it is first needed, for it takes seconds."""
 _STIFFNESS = "E_inv23"
@@ -108,9 +108,9 @@ def pool(spans: Sequence[Span], level: float) -> Span:
     """One value with its interval from those of several strokes over one lump.
 
     Where all are positive they are pooled as logarithms. The variance of one stroke (its interval's, and what
-    the strokes scatter beyond) less that between strokes, but at least `LEAST_COMMON` of it, is common to all;
-    the sum of that and of the variance of the mean makes the interval, with Student's t and Satterthwaite's
-    degrees of freedom. It is no wider than that of one stroke.
+    the strokes scatter beyond) less that between strokes, but at least `LEAST_COMMON` of it, is common to
+    all; the sum of that and of the variance of the mean makes the interval, with Student's t and
+    Satterthwaite's degrees of freedom. It is no wider than that of one stroke.
 
     Parameters
     ----------
