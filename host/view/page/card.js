@@ -115,9 +115,9 @@ export function drawVisitAnswer(box, answer, name) {
   const more = [depth && `${between(depth)} deep`, hardness && `${hardness}, ${answer.stiffness_text}`].filter(Boolean);
   const how = element("details", {}, element("summary", {}, "How"), element("p", {}, answer.how));
   box.replaceChildren(
-    element("p", { class: "of" }, of),
+    element("div", { class: "of" }, element("span", {}, of), how),
     element("p", { class: "hero" }, element("b", { class: "number" }, number(d.value, "mm")), element("span", {}, "mm"), element("span", { class: "range-text" }, interval)),
-    element("p", { class: "more" }, ...more.flatMap((text) => [element("span", {}, text), " "]), how),
+    element("p", { class: "more" }, ...more.flatMap((text) => [element("span", {}, text), " "])),
   );
 }
 
