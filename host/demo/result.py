@@ -100,7 +100,10 @@ def verdict(estimate: Estimate, true: dict[str, float]) -> str:
         stiffness_words(estimate.span("E_inv23"), estimate.fat_kPa()),
     )
     caveat = "" if estimate.in_domain else " (outside what the model knows)"
-    return f"A lump of {size:.1f} mm, {depth[0]:.1f} mm deep, {estimate.hardness}: {factor}{caveat}"
+    stiff = f"{estimate.hardness}: {factor}"
+    if estimate.hardness == "unsure":
+        stiff = "hard or soft cannot be told from one stroke"
+    return f"A lump of {size:.1f} mm, {depth[0]:.1f} mm deep, {stiff}{caveat}"
 
 
 def shown(name: str, span: Span) -> Span:

@@ -112,6 +112,7 @@ export class Plot {
     c.clip();
     for (const layer of layers) if (layer) this[layer.kind](c, layer, toX, toY, box);
     c.restore();
+    this.canvas.dataset.x = x.join(" ");
     delete this.canvas.dataset.read;
     if (cursor !== null && cursor >= x[0] && cursor <= x[1]) this.read(c, layers, cursor, toX(cursor), box, k);
   }
