@@ -7,7 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from palpate.answer.visit import HOW, pool, visit_answer
+from palpate import models
+from palpate.answer.visit import HOW, LEAST_COMMON, pool, visit_answer
+from palpate.firmware_twin.replay_core import Replay
+from palpate.model_export.fixed_point import force_map
+from palpate.model_export.fixed_point.reference import evaluate, inputs
+from palpate.sim.probe.over_lump import strokes_over
+from palpate.sim.tissue import Case
+from palpate.wire.events import OUTPUTS
 from tests.host.view.synthetic import Bump, estimate
 
 LEVEL, Z = 0.9, 1.6449
@@ -74,3 +81,29 @@ def test_one_stroke_or_none_has_no_answer_of_a_visit():
     assert visit_answer([]) is None
     assert visit_answer(answers(Bump(), Bump(kind="none"))) is None
     assert visit_answer([(None, None), *answers(Bump())]) is None
+
+
+@pytest.mark.long
+def test_of_simulated_strokes_most_of_an_intervals_variance_is_common_and_the_pooled_one_holds():
+    """Visits of five strokes, each over a lump that the model has not met, with typical sensors and hand."""
+    held, common = [], []
+    for code in ("d10h08e10f10", "d12h07e20f06", "d13h09e20f07", "d10h06e10f08"):
+        case = Case.from_code(code)
+        spec = models.load(models.suited_to(case))
+        replay = Replay(None if spec.force_map is None else force_map.blob(spec.force_map))
+        streams, calibration = strokes_over(case, "typical", 1000, strokes=30)
+        found = []
+        for stream in streams:
+            assert replay.stream(stream, calibration) == 0
+            found.append(replay.features())
+        said = evaluate(spec, inputs(spec, np.array(found)))
+        for j, true in ((OUTPUTS.index("d_mm"), case.d_mm), (OUTPUTS.index("t_mm"), case.t_mm)):
+            value, low, high = (said[part][:, j] for part in ("value", "low", "high"))
+            spans = list(zip(value, low, high))
+            pooled = [pool(spans[n : n + 5], LEVEL) for n in range(0, 30, 5)]
+            held += [a <= true <= b for _, a, b in pooled]
+            of_one = np.mean((np.log(high / low) / (2 * Z)) ** 2)
+            common.append(1 - np.var(np.log(value), ddof=1) / of_one)
+    print(f"pooled intervals hold {np.mean(held):.2f}; common to all strokes {np.mean(common):.2f}")
+    assert np.mean(held) >= LEVEL
+    assert min(common) > LEAST_COMMON

@@ -81,7 +81,7 @@ def test_nothing_is_cut_at_any_width_in_any_font(viewer, browser, request, font,
     page.keyboard.press("?")
     complaints += look_at_all_widths(page, "gone, help")
     page.close()
-    assert complaints == []
+    assert complaints == [], "\n".join(complaints)
 
 
 def look_at_all_widths(page, state):
