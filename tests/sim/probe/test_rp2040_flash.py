@@ -11,6 +11,7 @@ from palpate.sim.probe.over_lump import strokes_over
 from palpate.stroke.replay import replay
 from tests.host.conftest import bench, images, specs
 from tests.sim.probe.board_bench import Board, bundled, kept_files
+from tests.sim.probe.board_copies import in_a_copy
 from tests.sim.probe.board_terminal import terminal
 from tests.sim.probe.heap import heap
 
@@ -48,19 +49,6 @@ def test_a_model_is_sent_verified_tried_and_live(images, public_key, tmp_path):
     )
 
 
-@pytest.mark.long
-def test_the_largest_bundled_model_is_flashed_over_a_live_one(real_key_dir, public_key, tmp_path):
-    """Each was refused for want of memory: its image was read whole, beside the tables of the live one."""
-    before, after = (bundled(name, real_key_dir) for name in (models.ANYWHERE, models.FIELD))
-    board = Board({"key.pub": public_key, **kept_files(tmp_path, before)})
-    board.until(lambda: bool(board.named("boot")), 10e6)
-    assert live(board) == (before[40:48], status.OK)
-    began_us = board.chip.us
-    board.flash(after)
-    print(f"{len(after)} bytes sent, verified, tried and live in {(board.chip.us - began_us) / 1e6:.1f} s")
-    assert live(board) == (after[40:48], status.OK)
-
-
 @pytest.fixture(scope="module")
 def hand():
     return strokes_over(LUMP, "typical", 1, MOMENTS, 1, press=True)
@@ -68,7 +56,7 @@ def hand():
 
 @pytest.fixture(scope="module")
 def board(hand, public_key, tmp_path_factory):
-    """It has a key and a calibration, and no model."""
+    """It has a key and a calibration, and no model; what happens to it happens to copies."""
     board = Board({"key.pub": public_key, **kept_files(tmp_path_factory.mktemp("store"), None, hand[1])})
     board.until(lambda: bool(board.named("boot")), 10e6)
     return board
@@ -107,38 +95,52 @@ def stroke(board, hand, palpate, folder):
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", models.NAMES)
-def test_each_is_flashed_right_after_a_stroke_and_the_next_stroke_is_its_own(
+def test_each_comes_to_an_empty_board_and_the_next_one_over_it_right_after_a_stroke(
     board, hand, name, real_key_dir, palpate, tmp_path
 ):
-    """The first comes to a board without a model, each of the others to one with a live model."""
-    image = bundled(name, real_key_dir)
-    began_us = board.chip.us
-    board.flash(image)
-    print(f"{name}, {len(image)} bytes: live after {(board.chip.us - began_us) / 1e6:.1f} s")
-    assert live(board) == (image[40:48], status.OK)
-    stroke(board, hand, palpate, tmp_path)
+    def work():
+        names = models.NAMES
+        for model in (name, names[(names.index(name) + 1) % len(names)]):
+            image = bundled(model, real_key_dir)
+            began_us = board.chip.us
+            board.flash(image)
+            print(f"{model}, {len(image)} bytes: live after {(board.chip.us - began_us) / 1e6:.1f} s")
+            assert live(board) == (image[40:48], status.OK)
+            folder = tmp_path / model
+            folder.mkdir()
+            stroke(board, hand, palpate, folder)
+
+    in_a_copy(work)
+    assert live(board) == (bytes(8), status.NO_MODEL)
 
 
 @pytest.mark.long
 def test_one_that_is_refused_leaves_the_live_one_at_work(board, hand, real_key_dir, palpate, tmp_path):
-    before = live(board)
-    image = bytearray(bundled(models.FIELD, real_key_dir))
-    image[-1] ^= 1
-    name = hashlib.sha256(image).digest()[:8]
-    assert board.ask("flash_begin", (len(image), name)).code == status.OK
-    for at in range(0, len(image), messages.FLASH_PIECE):
-        piece = bytes(image[at : at + messages.FLASH_PIECE])
-        assert board.ask("flash_data", (at,), piece).code == status.OK
-    assert board.ask("flash_verify", (name,), limit_us=10e6).code == status.BAD_SIGNATURE
-    assert live(board) == before and before[1] == status.OK
-    stroke(board, hand, palpate, tmp_path)
+    def work():
+        board.flash(bundled(models.ANYWHERE, real_key_dir))
+        before = live(board)
+        image = bytearray(bundled(models.FIELD, real_key_dir))
+        image[-1] ^= 1
+        name = hashlib.sha256(image).digest()[:8]
+        assert board.ask("flash_begin", (len(image), name)).code == status.OK
+        for at in range(0, len(image), messages.FLASH_PIECE):
+            piece = bytes(image[at : at + messages.FLASH_PIECE])
+            assert board.ask("flash_data", (at,), piece).code == status.OK
+        assert board.ask("flash_verify", (name,), limit_us=10e6).code == status.BAD_SIGNATURE
+        assert live(board) == before and before[1] == status.OK
+        stroke(board, hand, palpate, tmp_path)
+
+    in_a_copy(work)
 
 
 @pytest.mark.long
 def test_twenty_in_a_row_leave_as_much_memory_as_one(board, hand, real_key_dir, palpate, tmp_path):
-    for turn in range(TURNS):
-        image = bundled(models.NAMES[turn % len(models.NAMES)], real_key_dir)
-        board.flash(image)
-        assert live(board) == (image[40:48], status.OK)
-        print(f"{turn + 1} of {TURNS}: {heap(board.chip)}", flush=True)
-    stroke(board, hand, palpate, tmp_path)
+    def work():
+        for turn in range(TURNS):
+            image = bundled(models.NAMES[turn % len(models.NAMES)], real_key_dir)
+            board.flash(image)
+            assert live(board) == (image[40:48], status.OK)
+            print(f"{turn + 1} of {TURNS}: {heap(board.chip)}", flush=True)
+        stroke(board, hand, palpate, tmp_path)
+
+    in_a_copy(work)
