@@ -39,6 +39,18 @@ def command(
     \b
     Example:
       palpate import lump-*.csv --as sensor.toml --out out/real
+
+    \b
+    A sensor.toml, for columns as p_0_0 and x_mm; time, displacement and stroke go as position does:
+      rows = 8
+      columns = 12
+      pitch_mm = 3.0
+      frames_per_s = 40
+      [pressure]
+      name = "p_{row}_{column}"
+      unit = "kPa"
+      [position]
+      name = "x_mm"
     """
     from palpate import models
     from palpate.importing import declaration, importer

@@ -91,7 +91,8 @@ def import_file(
         found, said = ours.read(source, said)
     elif said is None:
         raise ImportFailed(
-            f"{source.name} does not say what it holds; write a declaration and give it with --as"
+            f"{source.name} does not say what it holds; write a declaration and give it with --as "
+            "(`palpate import --help` shows one)"
         )
     else:
         found = sources.read(source, said)
