@@ -147,6 +147,6 @@ def _layer_lines(layer: LumpLayer | None) -> list[str]:
 
 def _number(words: str, unit: str, span: Span, level: str) -> str:
     value, low, high = span
-    if low == high:  # the model was told it
+    if high - low <= 1e-4 * abs(value):  # the model was told it; the probe rounds each end by itself
         return f"  {words:20} {value:8.3f} {unit:4} (assumed, not measured)"
     return f"  {words:20} {value:8.3f} {unit:4} ({low:.3f} to {high:.3f}, {level})"

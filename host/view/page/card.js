@@ -45,7 +45,7 @@ function range({ low, high, value, marks = [], from, to }) {
 function quantity({ key, label, unit, value, low, high, beside }, hero, level) {
   const span = Math.max(SPANS[key] ?? high, 10 * Math.ceil(high / 10));
   const row = element("dl", { class: hero ? "quantity first" : "quantity", "data-key": key });
-  const told = low === high; // an assumption of the model
+  const told = high - low <= 1e-4 * Math.abs(value); // an assumption of the model, but for rounding
   const words = told ? "assumed" : `${number(low, unit)} to ${number(high, unit)}`;
   const interval = element("span", { class: "range-text" }, hero && !told ? `${words} ${unit}, ${level}` : words);
   row.append(element("dt", {}, label));
