@@ -173,3 +173,22 @@ def test_no_lump_that_judges_the_flag_was_trained_on(monkeypatch):
     assert not set(trained.group.tolist()) & set(judging.group.tolist())
     assert {*trained.group.tolist(), *judging.group.tolist()} == set(range(30))
     assert len(set(judging.group.tolist())) == 10
+
+
+def test_no_lump_that_judges_the_checks_had_a_part_in_them_or_in_their_model(monkeypatch):
+    from palpate.regression.any_tissue import strange
+
+    seen, pairs = (made_up(20, 2, np.random.default_rng(seed)) for seed in (5, 6))
+    met = set()
+
+    def fitted(train, *_, **__):
+        met.update(train.group.tolist())
+
+    def checks(_model, own, others):
+        met.update(own.group.tolist(), *(other.group.tolist() for other in others.values()))
+
+    monkeypatch.setattr(strange, "fit_tissue_model", fitted)
+    monkeypatch.setattr(strange, "strange_checks", checks)
+    monkeypatch.setattr(strange, "strange_rows", lambda _model, _check, own, *_, **__: own)
+    judging = set(strange.strange_table([], [], seen, None, None, {"two_lumps": pairs}).group.tolist())
+    assert not met & judging and met | judging == set(range(20)) and len(judging) == 10

@@ -164,6 +164,13 @@ def test_the_domain_is_so_much_wider_than_what_was_seen(share):
     assert check.beyond(np.zeros((1, 3)), np.ones((1, 3)))[0] == -np.inf, "ranges without ends"
 
 
+def test_without_being_told_it_leaves_out_one_stroke_in_forty_less_what_it_is_wider():
+    z = np.random.default_rng(13).normal(size=(4000, 3))
+    usual, asked = domain.fit_domain(z, z), domain.fit_domain(z, z, share_out=0.025)
+    assert usual.threshold == asked.threshold and (usual.lo == asked.lo).all()
+    assert 0.001 < (~usual.familiar(z, z)).mean() < 0.025 and len(usual.range_lo) == 5
+
+
 def test_the_margin_is_as_small_as_leaves_out_what_it_may():
     check = edge()
     y = np.column_stack([np.linspace(1.0, 2.0, 101), np.zeros(101), np.full(101, 9.0)])
