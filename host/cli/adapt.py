@@ -8,7 +8,7 @@ import click
 
 from palpate.cli.real import data_option, leave_out_option, load_data, load_model
 from palpate.console import json_option, note, print_json, say, showing_progress, table
-from palpate.files import check_writable, whole_file
+from palpate.files import check_writable
 from palpate.first_time import announce
 
 
@@ -44,8 +44,7 @@ def command(model: Path, data: Path, leave_out: bool, out: Path, as_json: bool) 
         seen = observe_data_set(found_data, spec, progress)
         adapted = adapt_to(spec, seen)
         compared = before_and_after(spec, seen, progress)
-    with whole_file(out) as part:
-        adapted.spec.save(part)
+    adapted.spec.save(out)
     if as_json:
         print_json({
             "out": out, "lumps": adapted.lumps, "strokes": adapted.strokes,

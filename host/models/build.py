@@ -109,8 +109,7 @@ def build(name: str, directory: Path, progress: Progress | None = None) -> Field
         strokes = prepare(directory, **counts, progress=progress)
         noise = made["noise"]
         fit = fit_field(strokes, noise, made["seed"], levels=(noise,), recipes=(), progress=progress)
-    with whole_file(path(name)) as part:
-        fit.spec.save(part)
+    fit.spec.save(path(name))
     write_recipe(name, fit.spec, fit.to_dict())
     return fit
 

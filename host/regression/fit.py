@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from palpate.errors import UsageError
-from palpate.files import whole_file
 from palpate.model_export.schema import ModelSpec
 from palpate.progress import ProgressCallback
 from palpate.regression.any_tissue.result import TissueFit
@@ -57,8 +56,7 @@ class Fit:
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write model.json, whole or not at all."""
-        with whole_file(Path(path)) as temporary:
-            self.spec.save(temporary)
+        self.spec.save(path)
 
 
 def fit(

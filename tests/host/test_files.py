@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -58,3 +60,21 @@ def test_a_store_named_relatively_is_the_directory_that_was_meant(emulated, tmp_
     with connect(emulated(runtime, store=Path("flash"))) as probe:
         probe.set_setting("frame_rate", 25_000)
     assert any((tmp_path / "flash").glob("set*"))
+
+
+FULL = """
+import resource, sys
+from palpate import models
+from palpate.regression.fit import Fit
+fit = Fit("field", models.load(models.FIELD), None)
+resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+fit.save(sys.argv[1])
+"""
+
+
+def test_a_full_disk_names_the_model_that_was_not_written_and_leaves_nothing(tmp_path):
+    """It named a file that nobody knew, ".model.1211.json"."""
+    out = tmp_path / "model.json"
+    run = subprocess.run([sys.executable, "-c", FULL, out], capture_output=True, text=True, check=False)
+    assert f"the disk is full: {out} was not written" in run.stderr
+    assert list(tmp_path.iterdir()) == []

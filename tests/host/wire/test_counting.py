@@ -156,6 +156,17 @@ def test_a_clock_that_is_known_for_too_short_a_time_has_no_drift():
     assert sync.state.drift_ppm == 0.0
     sync.add(5e6 - 50, 5_500_000, 5_500_000, 5e6 + 50)
     assert sync.state.drift_ppm == pytest.approx(1e5, rel=1e-3)
+    two = ClockSync()
+    for at, seconds in enumerate((0, 60), 1):
+        two.add(1e6 * seconds - 50, 1_100_000 * seconds, 1_100_000 * seconds, 1e6 * seconds + 50)
+        assert two.state.drift_ppm == 0.0 and two.state.exchanges == at, "two points say nothing of a rate"
+
+
+def test_the_last_sixty_four_exchanges_count():
+    sync = ClockSync()
+    for k in range(100):
+        sync.add(1e6 * k - 50, 1_000_000 * k, 1_000_000 * k, 1e6 * k + 50)
+    assert sync.state.exchanges == 64
 
 
 def calibration(rng):
