@@ -17,10 +17,10 @@ COUNTS = st.lists(st.integers(0, 4095), min_size=2, max_size=40).filter(lambda c
 @given(COUNTS)
 def test_a_packed_frame_is_its_counts_twelve_bits_after_twelve_bits(counts):
     others = 4095 - np.array(counts)
-    assert unpack(pack(others)).tolist() == others.tolist(), "what was there before is not there any more"
-    packed = pack(np.array(counts))
-    assert int.from_bytes(packed, "little") == sum(count << 12 * k for k, count in enumerate(counts))
+    before, packed = pack(others), pack(np.array(counts))
+    assert unpack(before).tolist() == others.tolist()
     assert unpack(packed).tolist() == counts and len(packed) == len(counts) * 3 // 2
+    assert int.from_bytes(packed, "little") == sum(count << 12 * k for k, count in enumerate(counts))
 
 
 def test_before_anything_came_nothing_is_counted():
@@ -228,8 +228,13 @@ def test_a_calibration_is_put_together_from_one_reading_alone():
 
     assert not any(add(one, at) for at in places[:-1])
     assert add(one, places[-1], what=messages.READ_CALIBRATION + 1) is None
-    assert add(one, places[-1], size=len(one) - 1) is None
+    assert add(one, places[-1], size=len(one) - 1) is None and add(one, 0, size=step) is None
     assert pieces.add(messages.READ_CALIBRATION, places[-1], len(one), one[places[-1] :] + b"x") is None
+    whole = add(one, places[-1])
+    assert whole is not None and bytes(whole._calibration.to_bytes()) == one, (
+        "what was no answer changed nothing"
+    )
+    assert not any(add(one, at) for at in places[:-1])
     assert add(two, 0) is None and add(one, places[-1]) is None, "of two readings none is made"
     for at in reversed(places[1:]):
         done = add(two, at)
