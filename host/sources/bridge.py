@@ -6,6 +6,7 @@ So a stream, a recording, the page and `palpate doctor` need to know nothing of 
 from __future__ import annotations
 
 import hashlib
+import tempfile
 import threading
 import time
 from collections import deque
@@ -15,13 +16,14 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py import acquire, estimator, geometry, messages, probe, settings, status
+from firmware_py import acquire, estimator, geometry, messages, probe, settings, status, store
 from palpate.array import words_of
 from palpate.errors import LinkError, LinkGone, PortError, UsageError
 from palpate.sources.array_line import Image, Line
 from palpate.sources.kept import Kept, drift, place
 from palpate.sources.steady import SETTLED, Steady
 from palpate.wire.packing import pack
+from palpate.wire.scale import NOMINAL
 
 FIRST_S = 3.0
 """So long an array may take to send its first image."""
@@ -33,37 +35,6 @@ DRIFT_PA = 30.0
 """A minute; less is not worth telling."""
 _MASK = (1 << 30) - 1
 _NOBODY_READS = 1 << 22
-
-
-class Memory:
-    """A store that forgets when the program ends (firmware_py/store.py): what is kept is `Kept`."""
-
-    def __init__(self) -> None:
-        self._names: dict[str, bytes] = {}
-
-    def size(self, name: str) -> int:
-        """Bytes of a name, -1 if there is none."""
-        return len(self._names.get(name, b"")) if name in self._names else -1
-
-    def read(self, name: str, offset: int, n: int) -> bytes:
-        """Up to n bytes from an offset."""
-        return self._names.get(name, b"")[offset : offset + n]
-
-    def create(self, name: str, data: bytes = b"") -> int:
-        """Put `data` in the name's place."""
-        self._names[name] = bytes(data)
-        return int(status.OK)
-
-    def append(self, name: str, data: bytes) -> int:
-        """Add `data` at the end."""
-        return self.create(name, self._names.get(name, b"") + bytes(data))
-
-    def remove(self, name: str) -> None:
-        """Forget a name."""
-        self._names.pop(name, None)
-
-    def sync(self) -> None:
-        """Nothing to wait for."""
 
 
 class Reading:
@@ -207,7 +178,8 @@ class _Brain(estimator.Estimator):  # type: ignore[misc]
     """Has no calibration where none is kept, and takes none: `palpate calibrate` keeps it here."""
 
     def __init__(self, kept: Kept) -> None:
-        super().__init__(Memory(), None)
+        self._folder = tempfile.TemporaryDirectory()  # nothing is written: what is kept is `Kept`
+        super().__init__(store.FileStore(self._folder.name), None)
         self._calibrated = bool(kept.points)
         if len(dead := kept.dead):
             self.calibration.set_dead(dead.tolist())
@@ -330,10 +302,7 @@ class _Watch:
         if now_s < self._next_s or not board.now:
             return ""
         self._next_s = now_s + self.EVERY_S
-        from palpate.wire.packing import unpack
-
-        counts = unpack(board.now).astype(float) - geometry.PEDESTAL_COUNTS
-        kPa = counts * (geometry.FULL_SCALE_PA / 1000 / geometry.FULL_COUNT)
+        kPa = NOMINAL.kPa_of(board.now).astype(float).ravel()
         if self._seen and abs(kPa - self._seen[0][1]).max() > self._TOUCHED_KPA:
             self._seen.clear()
         self._seen.append((now_s, kPa))

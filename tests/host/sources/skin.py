@@ -34,7 +34,7 @@ def ours(out):
                 said += event.text
             elif isinstance(event, Frame):
                 kPa.append(float(event.pressure_kPa.mean()))
-                if len(kPa) == 100:
+                if len(kPa) > 20 and kPa[-1] > 1:
                     break
     return said, max(kPa)
 
