@@ -73,13 +73,16 @@ def declared(tmp_path, text=DECLARED):
     return declaration.read(path)
 
 
-def test_an_imported_csv_replays_bit_for_bit_and_is_the_same_stroke(felt, bench, tmp_path):
+def test_an_imported_csv_replays_bit_for_bit_and_is_the_same_stroke(felt, bench, tmp_path, palpate):
     table(felt).to_csv(tmp_path / "a.csv", index=False)
     done = importer.import_file(
         tmp_path / "a.csv", tmp_path / "a.mcap", declared(tmp_path), emulator.image(models.TOLD)
     )
     assert (done.strokes, done.frames, done.missing) == (2, 2 * FRAMES, ())
     assert [s.identical for s in replay(tmp_path / "a.mcap")] == [True, True]
+    said = palpate("replay", tmp_path / "a.mcap")
+    fat = [x for x in "\n".join(said[1:]).splitlines() if "stiffness of the fat" in x]
+    assert fat and all("assumed" in line for line in fat), said
     assert [s.value("d_mm") is not None for s in load_strokes(tmp_path / "a.mcap")] == [True, True]
     strokes = read_strokes(tmp_path / "a.mcap")
     own = bench[0][0]
