@@ -164,11 +164,14 @@ def command(
 
 def _speak(wire: str, over: tuple[Any, ...], listen: str, as_json: bool) -> NoReturn:
     """Another array's wire, until Ctrl-C."""
+    import numpy as np
+
     from palpate.array import words_of
     from palpate.sim.probe.endpoints import endpoint
     from palpate.sources.emulated import WIRES, Speaker, felt_over
     from palpate.wire.cells import FULL_SCALE_KPA, PITCH_MM, SHAPE
 
+    WIRES[wire](np.zeros(SHAPE))  # can it be said of this array? Before strokes are simulated
     with Speaker(endpoint(listen), WIRES[wire], felt_over(*over)) as speaker:
         options = f"?rows={SHAPE[0]}&cols={SHAPE[1]}&pitch={PITCH_MM:g}" if wire == "flexitac" else ""
         port = f"{wire}:{speaker.port}{options}"

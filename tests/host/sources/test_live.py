@@ -129,6 +129,8 @@ def test_units_and_a_face_that_is_left_out(capsys):
     ):
         assert main(["stream", "--port", port]) == 2
         assert said in capsys.readouterr().err
+    assert main(["emulate", "d12h07e20f09", "--as", "reskin"]) == 2
+    assert "--array 8x8@2.5mm" in capsys.readouterr().err
     assert main(["--array", "16x32@3", "doctor", "--sizes"]) == 2
     assert "16x32@3mm,25kPa" in capsys.readouterr().err
     with pytest.raises(UsageError, match="PALPATE_ARRAY=16x16@2mm,25kPa"), flexitac([AIR]) as speaker:
