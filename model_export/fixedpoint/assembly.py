@@ -21,9 +21,11 @@ from palpate.fixedpoint.word_pairs import Row
 
 TRIED = 1000  # vectors of the data, and of the box, on which words are chosen
 FINEST = 2e-6  # of a standard deviation: an output's step
+COARSEST = 1e-3  # the same, at most
 LARGEST = 1e100
 """Of an output: the squares of what is larger would be beyond float64."""
-COARSEST = 1e-3  # the same, at most
+WIDEST = 1 << 29
+"""Of half an interval, as an integer."""
 
 
 @dataclass
@@ -170,9 +172,19 @@ def _outputs(
         )
         outputs.append(Output(scale.name, model.units[j], scale.step))
         if calibration is not None:
-            width = writer.in_row(j, calibration.half_widths[j])
+            value = var(f"out[{len(outputs) - 1}]")
+            unit = 2.0**-24 if scale.link == "exp" else scale.step
+            width = round(min(calibration.half_widths[j] / unit, 1 << 30))
+            if width > WIDEST:
+                raise CompileError(
+                    f"calibrate's {scale.name} is {calibration.half_widths[j]:.2g} off, more than integers "
+                    "can tell; is it the model's target?"
+                )
+            most = (1 << 30) - 1 - width
             for word, sign in (("low", -1), ("high", 1)):
-                code.let(f"out[{len(outputs)}]", writer.told(j, t, sign * width), f"{scale.name}, {word}")
+                moved = ir.clip(t if scale.link == "exp" else value, -most, most) + sign * width
+                end = writer.told(j, moved) if scale.link == "exp" else moved
+                code.let(f"out[{len(outputs)}]", end, f"{scale.name}, {word}")
                 outputs.append(Output(f"{scale.name}_{word}", model.units[j], scale.step))
     if calibration is not None:
         _domain(code, writer, model.space, calibration)
@@ -254,17 +266,11 @@ class _Forests:
             self.code.let("t", var("t") + ir.tree(k))
         return var("t")
 
-    def told(self, j: int, t: Node, more: int = 0) -> Node:
-        moved = t + more if more else t
+    def told(self, j: int, t: Node) -> Node:
         if self.scales[j].link == "exp":
-            return ir.exp(moved, 24)
+            return ir.exp(t, 24)
         half = 1 << self.places[j] - 1 if self.places[j] else 0
-        return (moved + half >> self.places[j]) + self.constant[j]
-
-    def in_row(self, j: int, width: float) -> int:
-        if self.scales[j].link == "exp":
-            return round(width * 2**24)
-        return round(width / self.scales[j].step * 2 ** self.places[j])
+        return (t + half >> self.places[j]) + self.constant[j]
 
 
 def _whole(of: Any, unit: float) -> Any:

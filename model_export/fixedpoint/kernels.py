@@ -108,14 +108,10 @@ class KernelSums:
         """As `Polynomials.sums`."""
         return self.code.let("t", self.rows.row(j), f"{self.scales[j].name}: sum of kernels")
 
-    def told(self, j: int, t: Node, more: int = 0) -> Node:
+    def told(self, j: int, t: Node) -> Node:
         """As `Polynomials.told`."""
-        moved, down = t + more, 24 - self.exponents[j]
-        return (moved + ((1 << down - 1) if down > 0 else 0) >> down) + self.offsets[j]
-
-    def in_row(self, j: int, width: float) -> int:
-        """As `Polynomials.in_row`."""
-        return round(width / self.scales[j].step * 2.0 ** (24 - self.exponents[j]))
+        down = 24 - self.exponents[j]
+        return (t + ((1 << down - 1) if down > 0 else 0) >> down) + self.offsets[j]
 
 
 def _keep(code: Code, u: str, name: str) -> None:

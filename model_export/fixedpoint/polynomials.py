@@ -249,19 +249,11 @@ class Polynomials:
 
     # ---- outputs
 
-    def told(self, j: int, t: Node, more: int = 0) -> Node:
-        """Polynomial j, a row in Q24 in variable t, plus `more` of it, as an integer of its steps."""
+    def told(self, j: int, t: Node) -> Node:
+        """Polynomial j, a row in Q24, as an integer of its steps."""
         scale = self.scales[j]
-        moved = t + more if more else t
         if scale.link == "exp":
-            return ir.exp(moved, 24)
+            return ir.exp(t, 24)
         down = 24 - self.exponent(self.polys[j], scale)
         half = (1 << down - 1) if down > 0 else 0
-        return (moved + half >> down if half else moved >> down) + self.offset(self.polys[j], scale)
-
-    def in_row(self, j: int, width: float) -> int:
-        """A width on the link scale as an integer of the row's Q24."""
-        if self.scales[j].link == "exp":
-            return round(width * 2**24)
-        unit = self.scales[j].step * 2.0 ** self.exponent(self.polys[j], self.scales[j])
-        return round(width / unit * 2**24)
+        return (t + half >> down if half else t >> down) + self.offset(self.polys[j], scale)

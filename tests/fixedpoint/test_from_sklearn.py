@@ -10,7 +10,7 @@ from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
-from palpate.fixedpoint import from_sklearn, from_statsmodels
+from palpate.fixedpoint import CompileError, from_sklearn, from_statsmodels
 from tests.fixedpoint import pipelines, running
 
 REGRESSORS = {**pipelines.LINEAR, **pipelines.TREES, **pipelines.KERNELS}
@@ -93,6 +93,19 @@ def test_a_constant_column_is_calibrated_too():
     model = make_pipeline(StandardScaler(), PolynomialFeatures(2), Ridge()).fit(constant, y)
     program = from_sklearn(model, constant, calibrate=(constant, y))
     assert program.predict(constant)[:, -1].mean() > 0.95
+
+
+def test_intervals_wider_than_the_predictions_can_be_are_proved_too():
+    """Within a row they could overflow: residuals of a poor model are larger than all that it says."""
+    X, y = pipelines.ONE
+    noise = np.random.default_rng(0).normal(size=len(y))
+    model = make_pipeline(StandardScaler(), Ridge()).fit(X, 3e-3 * y)
+    program = from_sklearn(model, X, calibrate=(X, noise))
+    _, low, high, _ = program.values(X).T
+    assert np.mean((low <= noise) & (noise <= high)) >= 0.9
+    assert running.largest(program, running.vectors(program, X)) <= program.proof.largest < 2**30
+    with pytest.raises(CompileError, match="is it the model's target"):
+        from_sklearn(model, X, calibrate=(X, 1e9 * noise))
 
 
 def test_whoever_wants_less_precision_gets_a_shorter_program():
