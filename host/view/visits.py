@@ -117,7 +117,7 @@ class Visits:
     def answer(self, visit: int) -> dict[str, Any] | None:
         """What the strokes of a visit over one lump say together; None of fewer than two.
 
-        Where lanes are told a visit may hold several lumps: those count that meet the last one's.
+        Where lanes are told a visit may hold several lumps: those count that meet the last sure one's.
         """
         strokes = self.strokes(visit)
         if any(s.lane_mm is not None for s in strokes):
@@ -158,7 +158,7 @@ class Visits:
 
 def same_lump(strokes: Sequence[Stroke]) -> list[Stroke]:
     """The strokes whose lump lies where the last one's does, within half a diameter along and across."""
-    found = [(s, lump) for s in strokes if s.lane_mm is not None and (lump := s.lump()) is not None]
+    found = [(s, lump) for s in strokes if s.lane_mm is not None and (lump := s.lump()) and lump.sure]
     if not found:
         return []
     last, there = found[-1]

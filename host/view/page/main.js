@@ -214,6 +214,8 @@ function loop() {
   }
 }
 
+const IN_AIR = 2; // N/m: less is no press
+
 /** The bar of press quality: the force now against what the model is for, [low, high] in N/m; null: nobody knows that. */
 function showForce(force, range = page.force_range) {
   page.force_range = range;
@@ -225,9 +227,9 @@ function showForce(force, range = page.force_range) {
   const place = (v) => `${(100 * Math.min(v / end, 1)).toFixed(1)}%`;
   const [band, mark] = bar.children;
   Object.assign(band.style, { left: place(low), right: `${(100 * (1 - high / end)).toFixed(1)}%` });
-  mark.hidden = !(force > 0);
+  mark.hidden = !(force > IN_AIR);
   mark.style.left = place(Math.max(force, 0));
-  bar.classList.toggle("off", force < low || force > high);
+  bar.classList.toggle("off", force < low || force > high); // the mark is broad and red
   bar.setAttribute("aria-valuemax", Math.round(end));
   bar.setAttribute("aria-valuenow", Math.round(Math.min(Math.max(force, 0), end)));
   bar.title = `The model is for ${low.toFixed(0)} to ${high.toFixed(0)} N/m`;

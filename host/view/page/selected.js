@@ -208,8 +208,9 @@ export class Selected {
   card(stroke) {
     const { mode } = document.body.dataset;
     const visit = this.history.visits.find(({ number }) => number === (stroke?.visit ?? null));
-    drawVisitAnswer(this.get("visit-answer"), visit?.answer, visit?.name);
-    drawCard(this.get("card"), stroke?.card, { gone: this.page.link !== "connected", mode, model: this.page.model, hero: !visit?.answer });
+    const answer = visit?.answer?.numbers.includes(stroke.number) ? visit.answer : null;
+    drawVisitAnswer(this.get("visit-answer"), answer, visit?.name.endsWith(".mcap") ? "This recording" : visit?.name);
+    drawCard(this.get("card"), stroke?.card, { gone: this.page.link !== "connected", mode, model: this.page.model, hero: !answer });
     if (!stroke) {
       this.get("estimate-which").textContent = "";
       return;
