@@ -72,6 +72,11 @@ def test_far_from_the_border_it_is_told_no_further_and_of_nothing_nothing_is_tol
     assert lump(part, 80.0, 10.0, 0.5).in_fat[0] == 2.0 and lump(part, 5.0, 10.0, 2.5).in_fat[0] == -1.0
     for t, d, h in ((0.0, 9.0, 1.0), (9.0, 0.0, 1.0), (9.0, 9.0, 0.0)):
         assert lump(part, t, d, h) is None
+    nothing = [(1.0, 0.9, 1.1)] * len(OUTPUTS)
+    for of in (T, D, H):
+        none_of = [*nothing]
+        none_of[of] = (0.0, 0.0, 3.0)
+        assert layers.lump_layer(part, np.zeros(len(part.spread[0]) - 2), none_of) is None
     wide = replace(part, spread=tuple((40.0, *row[1:]) for row in part.spread))
     said = lump(wide, 17.0, 10.0, 1.2)
     assert said.in_fat[1:] == (-1.0, 2.0) and said.depth_mm[2] == pytest.approx(12 * math.exp(layers.WIDEST))
@@ -104,6 +109,8 @@ def test_where_nothing_stands_out_there_is_no_place_and_all_is_blur():
     assert seen.place_mm == pytest.approx(0.0, abs=1e-6) and seen.blur == 1.0
     noise = np.random.default_rng(4).normal(0, 1, len(COLUMN_MM))
     assert across(noise).blur > 0.3
+    far = [abs(across(np.random.default_rng(k).normal(0, 1, len(COLUMN_MM))).place_mm) for k in range(40)]
+    assert np.mean(far) < 4, "what is only noise lies in the middle, not where it happens to be highest"
     bump = 5 * np.exp(-((COLUMN_MM - 3) ** 2) / 18)
     clear, noisy = across(bump + 0.1 * noise), across(bump + noise)
     assert clear.blur < noisy.blur < 1 and abs(clear.place_mm - 3) < abs(noisy.place_mm - 3) + 0.5

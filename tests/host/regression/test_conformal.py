@@ -92,6 +92,16 @@ def test_a_part_that_holds_too_seldom_widens_the_intervals_as_far_as_is_allowed_
     assert (wider.quantiles >= plain.quantiles * 0.97).all()
 
 
+def test_what_cannot_be_evened_out_is_met_by_a_higher_quantile(monkeypatch):
+    monkeypatch.setattr(conformal, "evened", lambda _terms, coefficients, *_: coefficients)
+    plain, *_ = calibrated(wrong=every_fifth)
+    wider, error, hard, z, predicted = calibrated(groups=[every_fifth], wrong=every_fifth)
+    before, after = (np.abs(error) <= one.half(z, predicted, hard)[:, 0] for one in (plain, wider))
+    part = every_fifth(len(error))
+    assert before[part].mean() < conformal.WORST_GROUP <= after[part].mean()
+    assert (wider.quantiles > plain.quantiles).all() and after.mean() <= conformal.MOST + 0.005
+
+
 def test_a_part_has_a_quantile_of_its_own_only_where_it_has_strokes_enough():
     score = np.arange(1.0, 201.0)
     for size, own in ((conformal.FEWEST - 1, False), (conformal.FEWEST, True)):
