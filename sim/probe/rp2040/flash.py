@@ -44,11 +44,15 @@ def image(files: Mapping[str, bytes]) -> bytes:
     return bytes(context.buffer)
 
 
-def read(blocks: bytes) -> dict[str, bytes]:
-    """All files of a file system, made here or written to by MicroPython. Raises PalpateError."""
-    context = UserContext(BYTES)
-    context.buffer = bytearray(blocks)
-    system = _system(context)
+def read(blocks: bytes, device: UserContext | None = None) -> dict[str, bytes]:
+    """All files of a file system, made here or written to by MicroPython. Raises PalpateError.
+
+    device: what littlefs reads the blocks from; None: from memory
+    """
+    if device is None:
+        device = UserContext(BYTES)
+        device.buffer = bytearray(blocks)
+    system = _system(device)
     try:
         system.mount()
     except LittleFSError as error:

@@ -4,19 +4,20 @@
 
 The board is flashed once, and every command to its flash chip kept. A cut comes between two of them, or
 leaves one half done. From what the chip then holds the board starts: bootrom, MicroPython, littlefs, firmware
-and signature. A start is determined by the bytes that it reads: where two chips agree in all of these, it is
-emulated once for both.
+and signature. A start is determined by the bytes that it reads: where two chips agree in all that littlefs
+can reach, it is emulated once for both.
 """
 
 from __future__ import annotations
 
 import argparse
 import datetime
+import hashlib
 import json
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,14 +28,13 @@ from palpate import models
 from palpate.model_export.signing import keys
 from palpate.sim.probe.rp2040 import flash
 from tests.sim.probe.board_bench import Board, bundled, kept_files
-from tests.sim.probe.flash_cuts import Change, cut_short, of_command, states
+from tests.sim.probe.flash_cuts import Change, Recorded, cut_short, of_command, states
 
 RESULTS = Path(__file__).parents[3] / "docs" / "reliability" / "board.json"
 CUTS = 200
 OVERS = {"a live model": models.ANYWHERE, "an empty board": None}
 TOLD = (status.OK, status.NO_MODEL, status.TRIAL_HUNG, status.REPAIRED)
 """What the start may find: nothing, no model yet, one that was being tried, one copy of a record torn."""
-_LINE = 32
 _XIP, _XIP_END = 0x10000000 + flash.START, 0x10000000 + flash.START + flash.BYTES
 _READS = ("read_uint8", "read_uint16", "read_uint32")
 
@@ -105,90 +105,86 @@ def cuts(flashed: Flashed, n: int, seed: int = 13) -> list[Cut]:
     return made
 
 
-def _noted(lines: set[int], read: Callable[[int], int]) -> Callable[[int], int]:
-    """The same access to memory, which notes where in the file system it was."""
+class _Read(Recorded):
+    """A block device in memory that keeps which of its blocks were read."""
 
-    def looked(address: int) -> int:
-        if _XIP <= address < _XIP_END:
-            lines.add((address - _XIP) // _LINE)
-        return read(address)
+    def __init__(self, blocks: bytes) -> None:
+        super().__init__(blocks)
+        self.blocks: set[int] = set()
 
-    return looked
-
-
-def _watch(board: Board) -> set[int]:
-    """The lines of the file system that the board will have read, or programmed, from here on."""
-    lines: set[int] = set()
-    mcu: Any = board.chip.mcu
-    for name in _READS:
-        setattr(mcu, name, _noted(lines, getattr(mcu, name)))
-
-    def programmed(command: bytes) -> None:
-        change = of_command(command)
-        if change.data is not None:
-            lines.update(range(change.at // _LINE, -(-(change.at + change.size) // _LINE)))
-
-    board.chip.before_flash = programmed
-    return lines
+    def read(self, cfg: Any, block: int, off: int, size: int) -> bytearray:
+        """littlefs reads."""
+        self.blocks.add(block)
+        return super().read(cfg, block, off, size)
 
 
-@dataclass
-class Starts:
-    """Starts of the board from what its chip holds; those that read alike are emulated once."""
-
-    emulated: int = 0
-    _known: list[tuple[np.ndarray, np.ndarray, Start]] = field(default_factory=list)
-
-    def known(self, blocks: bytes) -> Start | None:
-        """What the board says, where a start that read all of this has been emulated."""
-        lines = np.frombuffer(blocks, np.uint8).reshape(-1, _LINE)
-        for places, read, start in self._known:
-            if np.array_equal(lines[places], read):
-                return start
-        return None
-
-    def start(self, blocks: bytes) -> Start:
-        """Emulate one."""
-        board = Board(blocks=blocks)
-        read = _watch(board)
-        board.until(lambda: bool(board.named("boot")), 20e6)
-        (boot,) = board.named("boot")
-        identity = board.ask("identify", (7,)).fields
-        start = Start(boot["status"], identity["model_status"], identity["model_id"])
-        places = np.array(sorted(read))
-        self._known.append((places, np.frombuffer(blocks, np.uint8).reshape(-1, _LINE)[places], start))
-        self.emulated += 1
-        return start
+def within_reach(blocks: bytes) -> dict[int, bytes]:
+    """The blocks that littlefs reads where it is mounted and every file is read; no start can read others."""
+    device = _Read(blocks)
+    files = flash.read(blocks, device)
+    assert files
+    return {n: blocks[n * flash.BLOCK : (n + 1) * flash.BLOCK] for n in sorted(device.blocks)}
 
 
-def tried(flashed: Flashed, some: list[Cut], starts: Starts) -> Iterator[tuple[Cut, Start]]:
-    """Each cut and what the board says after it; those that need no start of their own come first."""
-    left = list(np.random.default_rng(1).permutation(np.arange(len(some))))
-    while left:
-        said = starts.start(some[left[0]].blocks)
-        yield some[left.pop(0)], said
-        for n in list(left):
-            again = starts.known(some[n].blocks)
-            if again is not None:
-                left.remove(n)
-                yield some[n], again
+def alike(some: list[Cut]) -> list[list[Cut]]:
+    """The cuts whose starts read the very bytes, together; the largest groups first."""
+    groups: dict[bytes, list[Cut]] = {}
+    for cut in some:
+        digest = hashlib.sha256()
+        for n, block in within_reach(cut.blocks).items():
+            digest.update(n.to_bytes(4, "little") + block)
+        groups.setdefault(digest.digest(), []).append(cut)
+    return sorted(groups.values(), key=len, reverse=True)
+
+
+def start(blocks: bytes, watch: Callable[[Board], None] = lambda _: None) -> Start:
+    """Power comes; what the board says. `watch` sees it first."""
+    board = Board(blocks=blocks)
+    watch(board)
+    board.until(lambda: bool(board.named("boot")), 20e6)
+    (boot,) = board.named("boot")
+    identity = board.ask("identify", (7,)).fields
+    return Start(boot["status"], identity["model_status"], identity["model_id"])
+
+
+def read_by(blocks: bytes) -> set[int]:
+    """The blocks that a start has read, each access to memory looked at: three times as slow."""
+    read: set[int] = set()
+
+    def noted(access: Callable[[int], int]) -> Callable[[int], int]:
+        def looked(address: int) -> int:
+            if _XIP <= address < _XIP_END:
+                read.add((address - _XIP) // flash.BLOCK)
+            return access(address)
+
+        return looked
+
+    def watch(board: Board) -> None:
+        for name in _READS:
+            setattr(board.chip.mcu, name, noted(getattr(board.chip.mcu, name)))
+
+    start(blocks, watch)
+    return read
 
 
 def campaign(flashed: Flashed, n: int, over: str) -> dict[str, int]:
     """Counts of n cuts, printed as they come: starts emulated, kinds of cuts, and what was live."""
     counted: Counter[str] = Counter(cuts=0, lost=0)
-    starts = Starts()
-    for cut, said in tried(flashed, cuts(flashed, n), starts):
-        counted["cuts"] += 1
+    groups = alike(cuts(flashed, n))
+    print(f"{n} cuts over {over}, in {len(flashed.changes)} commands: {len(groups)} starts", flush=True)
+    for group in groups:
+        said = start(group[0].blocks)
         found = said.found(flashed)
-        counted[found] += 1
-        kind = "erasing" if flashed.changes[cut.k].data is None else "programming"
-        counted[f"while {kind}" if cut.torn else "between two commands"] += 1
-        counted["told of it"] += said.boot in (status.TRIAL_HUNG, status.REPAIRED)
-        counted["starts emulated"] = starts.emulated
+        counted["starts emulated"] += 1
+        counted["cuts"] += len(group)
+        counted[found] += len(group)
+        counted["told of it"] += len(group) * (said.boot in (status.TRIAL_HUNG, status.REPAIRED))
+        for cut in group:
+            kind = "erasing" if flashed.changes[cut.k].data is None else "programming"
+            counted[f"while {kind}" if cut.torn else "between two commands"] += 1
         if found == "lost":
-            print(f"lost: command {cut.k}, torn {cut.torn}: {said}", flush=True)
-        print(f"over {over}, {len(flashed.changes)} commands: {dict(counted)}", flush=True)
+            print(f"lost: {[(cut.k, cut.torn) for cut in group]}: {said}", flush=True)
+        print(f"over {over}: {dict(counted)}", flush=True)
     return dict(counted)
 
 

@@ -3,12 +3,11 @@
 The board itself is flashed and started again: bootrom, MicroPython, littlefs, firmware, signature.
 """
 
-import numpy as np
 import pytest
 
 from tests.campaigns import counted
 from tests.sim.probe import board_cuts
-from tests.sim.probe.board_cuts import CUTS, OVERS, Starts
+from tests.sim.probe.board_cuts import CUTS, OVERS
 
 pytestmark = [pytest.mark.board, pytest.mark.long, pytest.mark.timeout(0)]
 
@@ -32,15 +31,9 @@ def test_after_each_cut_it_starts_and_answers_with_the_old_model_or_the_new_one_
     assert found["while erasing"] and found["while programming"]
 
 
-def test_a_start_that_is_not_emulated_again_is_the_one_that_was(flashed):
-    """Of two chips that differ only where a start has read nothing, both are emulated."""
+def test_a_start_reads_nothing_that_littlefs_cannot_reach(flashed):
+    """So that cuts which agree in all that can be reached need one start."""
     _, record = flashed
-    starts = Starts()
-    first = starts.start(record.before)
-    other = next(
-        cut.blocks
-        for cut in board_cuts.cuts(record, EACH)
-        if cut.torn and cut.blocks != record.before and starts.known(cut.blocks) == first
-    )
-    assert np.count_nonzero(np.frombuffer(other, np.uint8) != np.frombuffer(record.before, np.uint8))
-    assert Starts().start(other) == first
+    read = board_cuts.read_by(record.before)
+    print(f"{len(read)} blocks read")
+    assert read and read <= set(board_cuts.within_reach(record.before))
