@@ -1,5 +1,6 @@
 // Runs one script in MicroPython/WASM: node micropython.mjs CONFIG.json; its output goes to stdout.
-// CONFIG: firmware (directory), files (path in the interpreter -> path on the host), script (path), heap (bytes).
+// CONFIG: firmware (directory), files (path in the interpreter -> path on the host), script (path), heap (bytes),
+// turns: how often the script's function turn() is called after it. Only between calls is the heap cleared here.
 import fs from 'node:fs';
 import path from 'node:path';
 import { loadMicroPython } from '../sim/probe/wasm/node_modules/@micropython/micropython-webassembly-pyscript/micropython.mjs';
@@ -47,6 +48,10 @@ try {
   mp.runPython(`import sys\nsys.path.insert(0, '/flash')\nimport os\nos.chdir('/flash')\n`);
   mp.runPython(guarded);
   mp.globals.get('_run')(fs.readFileSync(config.script, 'utf8'));
+  for (let k = 0; k < config.turns; k++) {
+    mp.runPython('import gc\ngc.collect()');
+    mp.runPython('turn()');
+  }
 } catch (error) {
   say(2)(Buffer.from(`${error.message ?? error}\n`.slice(0, 8000)));
   process.exit(1);

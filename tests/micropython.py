@@ -39,7 +39,11 @@ def stage(folder: Path, script: str, files: Mapping[str, bytes], heap: int, **mo
 
 
 def run_micropython(
-    script: str, files: Mapping[str, bytes] | None = None, heap: int = 1 << 20, timeout_s: float = 900
+    script: str,
+    files: Mapping[str, bytes] | None = None,
+    heap: int = 1 << 20,
+    timeout_s: float = 900,
+    turns: int = 0,
 ) -> str:
     """Run a script in real MicroPython (WASM under Node).
 
@@ -48,13 +52,15 @@ def run_micropython(
     files: name -> contents
     heap: of MicroPython, in bytes (it grows: it proves nothing about memory)
     timeout_s: give up after so many seconds
+    turns: how often the script's function `turn` is called after it, the heap cleared before each time, as it
+        never is while a script runs
 
     Returns what it printed. Raises ScriptFailed, node.RuntimeMissing, subprocess.TimeoutExpired.
     """
     node.check_wasm()
     with tempfile.TemporaryDirectory(prefix="palpate-script-") as scratch:
         folder = Path(scratch)
-        config = stage(folder, script, files or {}, heap)
+        config = stage(folder, script, files or {}, heap, turns=turns)
         return _run([node.node(), str(Path(__file__).with_suffix(".mjs")), str(config)], folder, timeout_s)
 
 
