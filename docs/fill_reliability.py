@@ -112,6 +112,11 @@ TABLES: dict[str, list[tuple[str, str, str]]] = {
             f"{HOST}link/test_parser.py::test_an_hour_of_streaming",
         ),
         (
+            "an hour of frames and strokes, on MicroPython",
+            "the heap as it was",
+            f"{FIRMWARE}test_an_hour.py::test_an_hour_of_frames_and_strokes_leaves_the_heap_as_it_was",
+        ),
+        (
             "24 h of frames, counters begun just before their wrap",
             "in order",
             f"{FIRMWARE}test_commands.py::test_a_day_of_simulated_time",

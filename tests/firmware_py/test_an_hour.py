@@ -10,6 +10,7 @@ import pytest
 from palpate.link import emulator_model as emulator
 from palpate.sim.probe import source
 from palpate.sim.probe.over_lump import strokes_over
+from tests.campaigns import counted
 from tests.micropython import run_micropython
 from tests.sim.probe.board_bench import kept_files
 
@@ -120,8 +121,8 @@ def test_an_hour_of_frames_and_strokes_leaves_the_heap_as_it_was(tmp_path):
         said.splitlines(), dtype=int
     ).T
     used = used[WARM:]
-    print(f"{acquired[-1]} frames, {strokes[-1]} strokes: {used[0]} bytes in use, {used[-1]} in the end")
-    print(f"after each {frames_a_turn} frames {used.min()} to {used.max()} bytes")
+    told = f"{acquired[-1]:,} frames, {strokes[-1]:,} strokes"
+    counted(f"{told}; {used.min():,} to {used.max():,} bytes in use after each {frames_a_turn} frames")
     assert acquired[-1] == sent[-1] >= FRAMES
     assert dropped[-1] == late[-1] == 0
     assert strokes[-1] == estimates[-1] == taken[-1] >= STROKES * turns
