@@ -83,7 +83,6 @@ def test_the_page_is_handed_the_probes_array():
         "COLUMNS": geometry.COLUMNS,
         "CELLS": geometry.CELLS,
         "PITCH_MM": geometry.PITCH_UM / 1000,
-        "FULL_SCALE_KPA": geometry.FULL_SCALE_PA / 1000,
     }
 
 
