@@ -19,7 +19,6 @@ LONGEST = (
     "docs/tutorial/emulated.md",
     "docs/howto/real-strokes.md",
     "tests/sim/probe/test_rp2040.py",
-    "tests/sim/probe/test_rp2040_flash.py",
     "tests/docs/test_examples.py",
     "tests/test_demo.py",
     "README.md",

@@ -120,7 +120,6 @@ class Board:
         self.heard: list[Message] = []
         self._number = 100
         self._last = b""  # of what it said, for whoever waits in vain
-        self.first_us = self.up_us = 0.0  # when its first message came, and that it is up, where waited for
 
     def stroke(self, strokes: Sequence[source.Frames], folder: Path) -> None:
         """From the next stream on a hand leads the board over these strokes, one after the other."""

@@ -1,4 +1,7 @@
-"""The models that come with Palpate, onto the reference board over its USB: each over another, often."""
+"""The models that come with Palpate, onto the reference board over its USB: each over another, often.
+
+One of them goes onto an empty board in `make test`, too (test_rp2040.py).
+"""
 
 import hashlib
 
@@ -16,7 +19,7 @@ from tests.sim.probe.board_terminal import terminal
 from tests.sim.probe.heap import heap
 
 __all__ = ["bench", "images", "specs"]
-pytestmark = [pytest.mark.board, pytest.mark.timeout(0)]
+pytestmark = [pytest.mark.board, pytest.mark.long, pytest.mark.timeout(0)]
 
 LUMP, MOMENTS = "d12h07e20f09", 40
 LEAST_FREE, LEAST_PIECE = 40_000, 4_000
@@ -93,7 +96,6 @@ def stroke(board, hand, palpate, folder):
     assert found.largest_bytes > LEAST_PIECE
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("name", models.NAMES)
 def test_each_comes_to_an_empty_board_and_the_next_one_over_it_right_after_a_stroke(
     board, hand, name, real_key_dir, palpate, tmp_path
@@ -114,7 +116,6 @@ def test_each_comes_to_an_empty_board_and_the_next_one_over_it_right_after_a_str
     assert live(board) == (bytes(8), status.NO_MODEL)
 
 
-@pytest.mark.long
 def test_one_that_is_refused_leaves_the_live_one_at_work(board, hand, real_key_dir, palpate, tmp_path):
     def work():
         board.flash(bundled(models.ANYWHERE, real_key_dir))
@@ -133,7 +134,6 @@ def test_one_that_is_refused_leaves_the_live_one_at_work(board, hand, real_key_d
     in_a_copy(work)
 
 
-@pytest.mark.long
 def test_twenty_in_a_row_leave_as_much_memory_as_one(board, hand, real_key_dir, palpate, tmp_path):
     def work():
         for turn in range(TURNS):
