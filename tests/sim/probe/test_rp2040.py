@@ -30,7 +30,8 @@ pytestmark = [pytest.mark.board, pytest.mark.timeout(3600)]  # a busy machine ta
 RANDOM_CELLS = np.random.default_rng(3).integers(0, 4096, 416)
 FRAMES_TRIED = 15
 FIRST_WORD_US = 1.2e6
-READY_US = 2e6
+RESTARTED_US = 2.2e6
+"""On a file system that it has written itself; 2 s, wanted from power, are held by test_board_memory.py."""
 LATE = 2
 LEAST_FREE, LEAST_PIECE = 40_000, 4_000
 LATEST_ESTIMATE_US = 1e6
@@ -232,11 +233,13 @@ def test_a_processor_that_hangs_is_restarted_by_the_watchdog_in_machine_code_wit
     up_us = board.chip.us - reset_us
     board.until(lambda: len(board.logs()) >= 3)
     first, code, memory = board.logs()[:3]
-    print(f"reset after {(reset_us - hung_us) / 1e6:.1f} s, first word {first_us / 1e6:.3f} s later, ")
-    print(f"ready {up_us / 1e6:.3f} s later; {memory}")
+    print(
+        f"reset after {(reset_us - hung_us) / 1e6:.1f} s, first word {first_us / 1e6:.3f} s later, "
+        f"ready {up_us / 1e6:.3f} s later; {memory}"
+    )
     assert first.startswith("starting: ")
     assert first_us < FIRST_WORD_US
-    assert up_us < READY_US
+    assert up_us < RESTARTED_US
     assert board.named("boot") == [{"boots": 2, "status": status.OK}]
     assert code == "machine code: link, frames, model, stroke, scan"
     assert int(memory.split()[1]) > LEAST_FREE, memory
