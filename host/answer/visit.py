@@ -32,6 +32,8 @@ LEAST_COMMON = 0.5
 their intervals allow, for intervals are made for many lumps and not for this one."""
 POOLS_WITH = "statsmodels.stats.meta_analysis"
 """Imported when it is first needed, for it takes seconds."""
+_OF_A_STROKE = ("place_mm", "F_N_per_m")
+"""What is no lump's: each stroke has a line and a hand of its own."""
 _STIFFNESS = "E_inv23"
 _BORDER = BORDER ** (-2 / 3)
 
@@ -47,7 +49,7 @@ class VisitAnswer:
     level : float
         Coverage that the intervals are meant to have.
     spans : mapping
-        Value, low and high by the keys and in the units of the card's rows, and of `E_inv23`.
+        Value, low and high of the lump by the keys and in the units of the card's rows, and of `E_inv23`.
     """
 
     strokes: int
@@ -98,7 +100,9 @@ def visit_answer(answers: Sequence[tuple[Estimate | None, Told | None]]) -> Visi
     if len(sure) < 2:
         return None
     level = sure[-1][0].level_permille / 1000
-    found: dict[str, list[Span | None]] = {row.key: [row.of(e, told) for e, told in sure] for row in ROWS}
+    found: dict[str, list[Span | None]] = {
+        row.key: [row.of(e, told) for e, told in sure] for row in ROWS if row.key not in _OF_A_STROKE
+    }
     found[_STIFFNESS] = [e.span(_STIFFNESS) if _STIFFNESS in e.outputs else None for e, _ in sure]
     spans = {key: pool([s for s in of if s], level) for key, of in found.items() if of and None not in of}
     return VisitAnswer(len(sure), len(answers) - len(sure), level, spans)
