@@ -10,13 +10,15 @@ read when the firmware's modules are first imported, by child processes too, and
 from __future__ import annotations
 
 import ast
+import atexit
 import importlib.util
 import os
 import re
+import shutil
 import sys
+import tempfile
 from importlib.machinery import ModuleSpec
 from pathlib import Path
-from types import ModuleType
 
 from palpate.errors import NoSuchFile, UsageError
 from palpate.files import read_limited
@@ -106,7 +108,11 @@ def use(path: Path | str) -> None:
 
 def _named(text: str) -> Path:
     """Words as they are, a file wherever the process goes."""
-    return Path(text) if _WORDS.fullmatch(text) else Path(text).resolve()
+    return Path(text) if _in_words(Path(text)) else Path(text).resolve()
+
+
+def _in_words(path: Path) -> bool:
+    return _WORDS.fullmatch(str(path)) is not None
 
 
 def _check_known(path: Path, wanted: dict[str, int]) -> None:
@@ -126,23 +132,19 @@ class _Finder:
             return None
         file = _named(named)
         numbers = read(file)
-        if _WORDS.fullmatch(named):
-            return ModuleSpec(name, _Told(numbers), origin=named)  # type: ignore[arg-type]
+        if _in_words(file):
+            file = _written(numbers)
+            os.environ[VARIABLE] = str(file)  # for children; emulated probes read the file itself
         return importlib.util.spec_from_file_location(name, file)
 
 
-class _Told:
-    """Loads an array that was told in words."""
-
-    def __init__(self, numbers: dict[str, int]) -> None:
-        self._numbers = numbers
-
-    def create_module(self, _spec: ModuleSpec) -> None:
-        """Python's own will do."""
-
-    def exec_module(self, module: ModuleType) -> None:
-        """Its numbers."""
-        vars(module).update(self._numbers)
+def _written(numbers: dict[str, int]) -> Path:
+    """A description of an array that was told in words, as long as this process lives."""
+    folder = Path(tempfile.mkdtemp(prefix="palpate-array-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    file = folder / "sensor_array.py"
+    file.write_text("".join(f"{name} = {number}\n" for name, number in numbers.items()))
+    return file
 
 
 def watch() -> None:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from palpate import array
 from palpate.cli import main
 from palpate.model_export.exporter import export
 from palpate.sim.probe.emulated import EmulatedProbe
@@ -24,6 +25,8 @@ def own_directories(tmp_path_factory, monkeypatch):
     """Emulated probes of other tests, and the user's own, stay out of sight."""
     base = tmp_path_factory.mktemp("run")
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(base))
+    # an array that somebody opens is that of children, too, but not longer than the test
+    monkeypatch.setenv(array.VARIABLE, os.environ.get(array.VARIABLE, ""))
 
 
 @pytest.fixture(scope="session")
