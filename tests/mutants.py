@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import ast
 import concurrent.futures
+import functools
 import json
 import os
 import queue
@@ -130,6 +131,7 @@ class OnePercent(Operator):
 SUMS = ("term", "arith_expr", "power", "factor")
 
 
+@functools.lru_cache(maxsize=2)  # as the module was before the fault: halfway through one it is no Python
 def _indices(tree: Any) -> set[str]:
     """Names that stand in an index, a range or a shape somewhere in the module."""
     found: set[str] = set()

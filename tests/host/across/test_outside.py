@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
+import numpy as np
 import pytest
 
 from palpate import models
+from palpate.answer.outside import why_outside
 from palpate.answer.words import outside_words
+from palpate.model_export.fixed_point import reference
 from palpate.model_export.vocabulary import WORDS
 from palpate.sim.probe.noise import LEVELS
 from palpate.sim.probe.over_lump import strokes_over
@@ -65,3 +68,17 @@ def test_every_check_of_the_models_that_come_with_palpate_has_words_of_its_own()
         for check in () if checks is None else checks.estimates:
             assert "looks like" not in outside_words([check.name]), check.name
     assert outside_words(["thick_skin"]) == "it looks like thick skin" and not outside_words([])
+
+
+def test_what_is_flagged_has_a_reason_and_what_is_not_has_none():
+    """Strokes round one of the training's, near and far: some are outside by their distance alone."""
+    spec, stroke = models.load(models.FIELD), models.recipe(models.FIELD)["sample"][0]
+    there = np.array([[stroke["features"][name] for name in spec.features]])
+    rng = np.random.default_rng(0)
+    reasons = set()
+    for _ in range(200):
+        x = there + rng.normal(0, rng.choice([0.01, 0.05, 0.2, 1.0]), there.shape)
+        why = why_outside(spec, x)
+        assert bool(why) != bool(reference.evaluate(spec, x)["in_domain"][0]), why
+        reasons |= set(why)
+    assert {"unfamiliar", "uneven_tissue", "d_mm"} <= reasons
