@@ -16,8 +16,8 @@ LEAST_PRESS, LEAST_STROKE = 6, 12
 LEAST_DISPLACEMENT_MM = 0.2
 LEAST_TRAVEL_MM = 25.0
 _UNEVEN = 0.03
-"""A column's share of the force changes by so much of itself, noise apart, where a lump ends across: by .04 and
-more over balls of the design, by .02 at most over cylinders, for the gains of cells."""
+"""A column's share of the force changes by so much of itself, noise apart, where a lump ends across: by .04
+and more over balls, by .02 at most over cylinders, for the gains of cells."""
 
 _CREEP_MM_PER_S = 60.0
 """Creep goes by time, and is told by the travel at this speed where the probe stands still."""

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from palpate.errors import PalpateError
 from palpate.inversion.classes import ANYWHERE
 from palpate.inversion.result import FITS, LEVEL, WIDER
 from palpate.inversion.strokes import invert_stroke
@@ -21,7 +22,6 @@ from palpate.regression.conformal import quantile_of_part
 from palpate.sim.probe.noise import level_named
 from palpate.sim.tissue import Case
 from palpate.sim.tissue.anywhere import anywhere_lumps
-from palpate.sim.tissue.errors import CaseError, StrokeError
 from tests.host.inversion.world import felt_of, in_fat_of
 from tests.studies.table import Asked, StudyTable, of_text
 
@@ -60,7 +60,7 @@ def inverted(case: Case, seed: int, noise: str) -> dict[str, Any]:
     """One stroke: how far the regression and the inversion are from the truth, and Laplace's half-widths."""
     try:
         felt, start, _, _ = felt_of(case, seed, noise)
-    except (CaseError, StrokeError) as error:
+    except PalpateError as error:  # no such tissue, no equilibrium, or a stroke that cannot be inverted
         return {"code": case.code, "problem": str(error)}
     begun = time.process_time()
     found = invert_stroke(felt, start, level_named(noise), ANYWHERE.name)
