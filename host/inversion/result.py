@@ -15,8 +15,8 @@ Floats = NDArray[np.float64]
 
 LEVEL = 0.9
 _NORMAL = 1.645
-WIDER = {"ln d": 2.4, "ln depth": 1.5, "ln t": 1.7, "E^-2/3": 2.9, "ln_E": 1.35}
-"""How much wider than Laplace's an interval must be to hold 90 % (docs/howto/refine.md says of how many)."""
+WIDER = {"ln d": 2.4, "ln depth": 2.0, "ln t": 2.2, "E^-2/3": 2.9, "ln_E": 2.0}
+"""How much wider than Laplace's an interval must be to hold 90 %: docs/inversion.md says how it is known."""
 
 FITS = 1.3
 """A misfit below this, for each degree of freedom, fits: computed strokes have 0.6 to 1.1."""
