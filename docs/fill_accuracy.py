@@ -332,8 +332,8 @@ def card(name: str) -> str:
 
 def thesis() -> str:
     """The page on the thesis' Table 1, from its 29 runs as the tests keep them."""
-    from palpate.regression.runs import features_table, read_strokes
-    from palpate.regression.thesis.fit import fit_thesis
+    from palpate.learn.thesis.fit import fit_thesis
+    from palpate.learn.thesis.runs import features_table, read_strokes
 
     names = ("Table 1", "Forward model (Appendix B)", "Inverse model (Appendix C)", "One input at a time")
     names = (*names, "Strain and force", "Why E^-2/3", "Could it be chance?")

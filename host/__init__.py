@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from palpate.errors import PalpateError
     from palpate.inversion import invert
+    from palpate.learn.fit import fit
     from palpate.link.probe import Probe
     from palpate.model_export.exporter import export
     from palpate.recording.playback import open_recording
-    from palpate.regression.fit import fit
     from palpate.sim.probe.emulated import EmulatedProbe
     from palpate.sim.tissue import Case, simulate, sweep
 
@@ -35,7 +35,7 @@ _HOMES = {
     "PalpateError": "palpate.errors",
     "Probe": "palpate.link.probe",
     "export": "palpate.model_export.exporter",
-    "fit": "palpate.regression.fit",
+    "fit": "palpate.learn.fit",
     "invert": "palpate.inversion",
     "open_recording": "palpate.recording.playback",
     "simulate": "palpate.sim.tissue",

@@ -16,6 +16,10 @@ import numpy as np
 
 from firmware_py import calib, evaluator, forcemap, outputs, status
 from palpate.firmware_twin.replay_core import Replay
+from palpate.learn.conformal import LEVEL, Widths, conformal_quantile, fit_sigma
+from palpate.learn.domain import fit_domain
+from palpate.learn.probe_model import fit_polynomial, spec_of, to_link, training_hash
+from palpate.learn.ridge import all_terms
 from palpate.link import flash
 from palpate.link.probe import Probe
 from palpate.model_export.errors import ImageError
@@ -24,10 +28,6 @@ from palpate.model_export.fixed_point import force_map
 from palpate.model_export.image_builder import inspect
 from palpate.model_export.signing import keys
 from palpate.recording import channels
-from palpate.regression.conformal import LEVEL, Widths, conformal_quantile, fit_sigma
-from palpate.regression.domain import fit_domain
-from palpate.regression.probe_model import fit_polynomial, spec_of, to_link, training_hash
-from palpate.regression.ridge import all_terms
 from palpate.sim.probe.emulated import EmulatedProbe
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
 from palpate.sim.probe.stroke_field import on_the_array

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 
+from palpate.learn.any_tissue.model import PRESS
 from palpate.model_export.schema import Estimate, FirstStage, Joining, ModelSpec
-from palpate.regression.any_tissue.model import PRESS
 from tests.model_export import synthetic
 
 CENTRE = (-0.27, 0.21, 0.67, 1.19, 1.44, 1.69, 0.85, 0.59, 0.35)

@@ -39,8 +39,8 @@ FLOORS = (
         "stroke": ("palpate.stroke",),
         "link": ("palpate.link",),
         "learn": (
-            "palpate.regression",
-            *(f"palpate.models.{name}" for name in ("build", "coverage", "__main__")),
+            "palpate.learn",
+            *(f"palpate.models.{name}" for name in ("build", "__main__")),
         ),
     },
     {

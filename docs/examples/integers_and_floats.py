@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from firmware_py import evaluator, features, outputs
+from palpate.learn.observed import observe
+from palpate.learn.thesis.polynomial import fit_thesis_model
 from palpate.model_export.exporter import prepare
 from palpate.model_export.fixed_point.reference import evaluate
-from palpate.regression.observed import observe
-from palpate.regression.thesis.polynomial import fit_thesis_model
 from palpate.sim.probe.sensors import LEVELS, StrokeField
 from palpate.sim.tissue import load_strokes, read_design, sweep
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from palpate.regression.runs import features_table, thesis_strokes
-from palpate.regression.thesis.fit import fit_thesis
+from palpate.learn.thesis.fit import fit_thesis
+from palpate.learn.thesis.runs import features_table, thesis_strokes
 from palpate.sim.tissue import load_strokes, read_design, sweep
 
 directory = Path(sys.argv[1] if len(sys.argv) > 1 else "out/thesis")

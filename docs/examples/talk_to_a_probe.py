@@ -9,12 +9,12 @@ import sys
 import tempfile
 from pathlib import Path
 
+from palpate.learn.thesis.polynomial import fit_thesis_model
 from palpate.link.flash import flash
 from palpate.link.probe import Probe
 from palpate.link.session import recorded
 from palpate.model_export.exporter import export
 from palpate.model_export.signing import keys
-from palpate.regression.thesis.polynomial import fit_thesis_model
 from palpate.sim.probe.emulated import EmulatedProbe
 from palpate.sim.probe.sensors import LEVELS, stroke_frames
 from palpate.sim.tissue import Case, load_strokes, read_design, simulate, sweep

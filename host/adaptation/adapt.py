@@ -16,6 +16,7 @@ from palpate.dataset.columns import DataSetError
 from palpate.dataset.strokes import ObservedDataSet, observe_data_set
 from palpate.dataset.table import DataSet
 from palpate.features.map_features import Floats
+from palpate.learn.probe_model import training_hash
 from palpate.model_export.fixed_point.reference import (
     evaluate,
     half_widths,
@@ -26,7 +27,6 @@ from palpate.model_export.fixed_point.reference import (
     standardised,
 )
 from palpate.model_export.schema import OUTPUTS, ModelSpec
-from palpate.regression.probe_model import training_hash
 
 FEWEST_LUMPS = 5
 """Fewer are refused: their mean error says less than the simulated model."""

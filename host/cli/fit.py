@@ -74,9 +74,9 @@ def command(
       palpate fit out/told --kind field --tissue thesis --out out/told.json
       palpate fit out/told --kind field --tissue thesis --without displacement --out out/pressure.json
     """
-    from palpate.regression.field.data import begun, check_begun
-    from palpate.regression.fit import check_kind, fit
-    from palpate.regression.observed import noise_named
+    from palpate.learn.field.data import begun, check_begun
+    from palpate.learn.fit import check_kind, fit
+    from palpate.learn.observed import noise_named
     from palpate.report.measured import Measured, measure
     from palpate.sim.tissue import check_finished
 
@@ -110,7 +110,7 @@ def command(
     fitted.save(out)
     page = None
     if report is not None:
-        from palpate.regression.thesis.fit import ThesisFit
+        from palpate.learn.thesis.fit import ThesisFit
         from palpate.report import write_report
 
         page = write_report(
@@ -132,7 +132,7 @@ def command(
 
 def _tissue(pairs: tuple[str, ...]) -> dict[str, float] | None:
     """NAME=VALUE pairs as fields of a case; `UsageError` names what is wrong. None: nothing is told."""
-    from palpate.regression.field.data import check_tissue_names
+    from palpate.learn.field.data import check_tissue_names
 
     if not pairs:
         return None

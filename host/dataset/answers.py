@@ -12,9 +12,9 @@ from palpate.dataset.checks import fault, slip_of
 from palpate.dataset.strokes import ObservedDataSet
 from palpate.dataset.table import DataSet
 from palpate.features.map_features import Floats
+from palpate.learn.observed import NAMES
 from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.model_export.schema import ModelSpec
-from palpate.regression.observed import NAMES
 from palpate.spans import BORDER, Span, depth_mm
 
 DEPTH = "depth_mm"

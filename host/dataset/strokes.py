@@ -16,11 +16,11 @@ from palpate.dataset.table import DataSet
 from palpate.errors import PalpateError, RecordingError
 from palpate.features.map_features import Floats
 from palpate.firmware_twin.replay_core import Replay
+from palpate.learn.observed import NAMES, OF_THE_DISPLACEMENT
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.schema import ModelSpec
 from palpate.recording.channels import CALIBRATION, IMPORT_NOTE
 from palpate.recording.playback import open_recording
-from palpate.regression.observed import NAMES, OF_THE_DISPLACEMENT
 from palpate.stroke.presses import Presses
 from palpate.stroke.replay import FRAMES_KEPT
 from palpate.wire.events import Estimate, Frame, StrokeState
@@ -109,7 +109,7 @@ class ObservedDataSet:
     table : DataFrame
         The data set's rows.
     X : (n, features)
-        Every feature of the firmware, by `regression.observed.NAMES`.
+        Every feature of the firmware, by `learn.observed.NAMES`.
     status : (n), int
         The pipeline's status.
     """

@@ -15,7 +15,7 @@ from palpate.first_time import announce
 
 def sweep_step(directory: Path) -> list[Any]:
     """Simulate the thesis' runs that `directory` does not hold yet."""
-    from palpate.regression.runs import read_strokes
+    from palpate.learn.thesis.runs import read_strokes
     from palpate.sim.tissue import Progress, Settings, read_design, sweep
 
     announce(firmware=True)
@@ -41,9 +41,9 @@ def sweep_step(directory: Path) -> list[Any]:
 
 def fit_step(strokes: list[Any], path: Path, stderr: bool) -> Any:
     """Fit the thesis' model to the strokes and write it to `path`."""
-    from palpate.regression.runs import features_table
-    from palpate.regression.thesis.fit import fit_thesis
-    from palpate.regression.thesis.polynomial import fit_thesis_model
+    from palpate.learn.thesis.fit import fit_thesis
+    from palpate.learn.thesis.polynomial import fit_thesis_model
+    from palpate.learn.thesis.runs import features_table
     from palpate.sim.tissue.stroke import one_blas_thread
 
     with one_blas_thread():

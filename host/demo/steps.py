@@ -101,7 +101,7 @@ def run(out: Path, runtime: str = "micropython", fresh: bool = False, stderr: bo
 
 def _report(strokes: list[Any], thesis: Any, page: Path, told: Any) -> None:
     """Write the report, unless the one that is there was made from the same strokes and says the same."""
-    from palpate.regression.probe_model import training_hash
+    from palpate.learn.probe_model import training_hash
     from palpate.report import write_report
 
     numbers = thesis.table.select_dtypes("number").to_numpy(dtype=float)

@@ -11,24 +11,24 @@ import numpy as np
 
 from palpate.features.map_features import Floats
 from palpate.files import json_text, whole_file
+from palpate.learn.any_tissue import data as any_tissue
+from palpate.learn.any_tissue.fit import fit_in_any_tissue
+from palpate.learn.any_tissue.observed import TissueLump, observe_at
+from palpate.learn.any_tissue.result import TissueFit
+from palpate.learn.any_tissue.study import TissueStudy
+from palpate.learn.anywhere.held_out import AnywhereStudy
+from palpate.learn.balls.fit import fit_to_balls
+from palpate.learn.balls.lumps import read_lumps, read_rim
+from palpate.learn.field.data import prepare
+from palpate.learn.field.design import FIELD_SETTINGS, LumpStrokes
+from palpate.learn.field.design import at_forces as at_three_forces
+from palpate.learn.field.fit import fit_field
+from palpate.learn.field.result import FieldFit
+from palpate.learn.observed import observe
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.model_export.schema import ModelSpec
 from palpate.models import ANYWHERE, BALLS, FIELD, TOLD, file_hash, path, recipe_path
-from palpate.regression.any_tissue import data as any_tissue
-from palpate.regression.any_tissue.fit import fit_in_any_tissue
-from palpate.regression.any_tissue.observed import TissueLump, observe_at
-from palpate.regression.any_tissue.result import TissueFit
-from palpate.regression.any_tissue.study import TissueStudy
-from palpate.regression.anywhere.held_out import AnywhereStudy
-from palpate.regression.balls.fit import fit_to_balls
-from palpate.regression.balls.lumps import read_lumps, read_rim
-from palpate.regression.field.data import prepare
-from palpate.regression.field.design import FIELD_SETTINGS, LumpStrokes
-from palpate.regression.field.design import at_forces as at_three_forces
-from palpate.regression.field.fit import fit_field
-from palpate.regression.field.result import FieldFit
-from palpate.regression.observed import observe
 from palpate.sim.probe.sensors import StrokeField
 from palpate.sim.tissue import Case, simulate
 from palpate.sim.tissue.any_tissue import FORCE_PARTS, PRESS_PARTS, PRESSES, STROKES, at_forces

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from palpate.regression.any_tissue.model import OUTPUTS, truth
-from palpate.regression.any_tissue.observed import TRUTH
-from palpate.regression.any_tissue.result import TissueFit
-from palpate.regression.conformal import LEVEL
+from palpate.learn.any_tissue.model import OUTPUTS, truth
+from palpate.learn.any_tissue.observed import TRUTH
+from palpate.learn.any_tissue.result import TissueFit
+from palpate.learn.conformal import LEVEL
 from palpate.report import style
 from palpate.report.field_figures import frame_of
 from palpate.report.items import Item

@@ -7,11 +7,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 from rich.table import Table
 
+from palpate.learn.conformal import LEVEL
+from palpate.learn.field.result import FieldFit
+from palpate.learn.field.score import NEAR_THE_BORDER, ordered
+from palpate.learn.table import SHOWN, TARGETS
 from palpate.model_export.vocabulary import SHOWN_UNITS
-from palpate.regression.conformal import LEVEL
-from palpate.regression.field.result import FieldFit
-from palpate.regression.field.score import NEAR_THE_BORDER, ordered
-from palpate.regression.table import SHOWN, TARGETS
 from palpate.report import style
 from palpate.report.items import Item
 

@@ -17,7 +17,7 @@ from palpate.features.map_features import (
     tactile_map,
     whole_stroke,
 )
-from palpate.regression.table import REFERENCE_CODE
+from palpate.learn.table import REFERENCE_CODE
 from palpate.report import series_figures, style
 from palpate.report.items import Beside, Item, number
 from palpate.sim.tissue import Stroke

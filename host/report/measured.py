@@ -15,7 +15,7 @@ import numpy as np
 
 from palpate.errors import UsageError
 from palpate.features.gaussian import fit_gaussian
-from palpate.regression.thesis.strain import Placed, StrainForce, fit_strain_force, place_among, scale_from
+from palpate.learn.thesis.strain import Placed, StrainForce, fit_strain_force, place_among, scale_from
 from palpate.report.real_maps import RealMap, real_map, real_strain_force
 from palpate.sim.tissue import LIKE_FAT, Case, load_curve
 

@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from palpate.features.map_features import Floats
-from palpate.regression.table import SHOWN, TARGETS, target_values
-from palpate.regression.thesis.fit import ThesisFit
-from palpate.regression.thesis.forward import OUTPUT_NAMES
+from palpate.learn.table import SHOWN, TARGETS, target_values
+from palpate.learn.thesis.fit import ThesisFit
+from palpate.learn.thesis.forward import OUTPUT_NAMES
 from palpate.report import style
 from palpate.report.items import Beside, Item, number
 

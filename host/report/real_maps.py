@@ -14,7 +14,7 @@ import pandas as pd
 
 from palpate.errors import NoSuchFile, UsageError
 from palpate.features.gaussian import Floats, GaussianFit, fit_gaussian
-from palpate.regression.thesis.strain import StrainForce, fit_strain_force
+from palpate.learn.thesis.strain import StrainForce, fit_strain_force
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from palpate.regression.thesis.strain import StrainForce
+from palpate.learn.thesis.strain import StrainForce
 from palpate.report import style
 from palpate.report.items import Beside, Item
 from palpate.report.measured import REFERENCE, measure, pressed, simulated_curves

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from palpate.regression.runs import features_table
-from palpate.regression.table import FEATURES, REFERENCE_CODE, relative
-from palpate.regression.thesis.depth import THESIS, depth_choices
-from palpate.regression.thesis.fit import ThesisFit
-from palpate.regression.thesis.forward import OUTPUT_NAMES
-from palpate.regression.thesis.table_1 import STAR_FROM, Table1Entry, stars
+from palpate.learn.table import FEATURES, REFERENCE_CODE, relative
+from palpate.learn.thesis.depth import THESIS, depth_choices
+from palpate.learn.thesis.fit import ThesisFit
+from palpate.learn.thesis.forward import OUTPUT_NAMES
+from palpate.learn.thesis.runs import features_table
+from palpate.learn.thesis.table_1 import STAR_FROM, Table1Entry, stars
 from palpate.report.items import Beside, Item
 from palpate.sim.tissue import Stroke
 

@@ -14,9 +14,9 @@ from palpate.report import pages, style
 from palpate.report.items import Item, Summary
 
 if TYPE_CHECKING:
-    from palpate.regression.any_tissue.result import TissueFit
-    from palpate.regression.field.result import FieldFit
-    from palpate.regression.thesis.fit import ThesisFit
+    from palpate.learn.any_tissue.result import TissueFit
+    from palpate.learn.field.result import FieldFit
+    from palpate.learn.thesis.fit import ThesisFit
     from palpate.sim.tissue import Stroke
 
 _log = logging.getLogger(__name__)
@@ -88,7 +88,7 @@ def _items(
     simulate: bool,
     tell: Callable[[str], None],
 ) -> list[Item]:
-    from palpate.regression.any_tissue.result import TissueFit
+    from palpate.learn.any_tissue.result import TissueFit
     from palpate.report import (
         any_tissue_figures,
         field_figures,

@@ -14,9 +14,9 @@ from palpate.dataset.agreement import Agreement, Estimated, agreement
 from palpate.dataset.answers import OUTPUTS, Answers, answers
 from palpate.dataset.strokes import ObservedDataSet, observe_data_set
 from palpate.dataset.table import DataSet
+from palpate.learn.probe_model import E_INV23
 from palpate.model_export.schema import ModelSpec
 from palpate.model_export.vocabulary import WORDS
-from palpate.regression.probe_model import E_INV23
 from palpate.validation.verdict import Verdict, verdict
 
 NAMES = {

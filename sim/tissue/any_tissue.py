@@ -2,7 +2,7 @@
 
 Scaling is exact: with all moduli and the force times s, displacements stay and pressures go times s. So the
 fat is 10 kPa throughout, and what is drawn is the force over the fat's modulus; one simulation serves every
-fat (`observed`, in palpate.regression.any_tissue).
+fat (`observed`, in palpate.learn.any_tissue).
 """
 
 from __future__ import annotations

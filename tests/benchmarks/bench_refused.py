@@ -22,10 +22,10 @@ from palpate import models
 from palpate.console import table
 from palpate.features.map_features import Floats
 from palpate.firmware_twin.replay_core import Replay, compiled
+from palpate.learn.field.data import read_lumps, stroke_fields
+from palpate.learn.field.design import FIELD_SETTINGS, lump_cases
+from palpate.learn.observed import ObservedStrokes
 from palpate.model_export.fixed_point import force_map as force_maps
-from palpate.regression.field.data import read_lumps, stroke_fields
-from palpate.regression.field.design import FIELD_SETTINGS, lump_cases
-from palpate.regression.observed import ObservedStrokes
 from palpate.sim.probe.noise import LEVELS
 from palpate.sim.probe.packed_frames import FrameStream
 from palpate.sim.probe.sensors import SensorModel, StrokeField

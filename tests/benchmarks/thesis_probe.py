@@ -16,11 +16,11 @@ import numpy as np
 import pandas as pd
 
 from palpate.features.map_features import curvature
-from palpate.regression.runs import features_table
-from palpate.regression.table import HARD_FROM, check_table
-from palpate.regression.thesis.depth import CHOICES, linear_r2, two_kept
-from palpate.regression.thesis.direct import fit_direct
-from palpate.regression.thesis.forward import one_factor_curve
+from palpate.learn.table import HARD_FROM, check_table
+from palpate.learn.thesis.depth import CHOICES, linear_r2, two_kept
+from palpate.learn.thesis.direct import fit_direct
+from palpate.learn.thesis.forward import one_factor_curve
+from palpate.learn.thesis.runs import features_table
 from palpate.sim.tissue import THESIS_CODES, Case, Settings, Stroke, TissueError, simulate
 
 LINEAR = tuple(code for code in THESIS_CODES if "NL" not in code)

@@ -65,7 +65,7 @@ def test_a_store_named_relatively_is_the_directory_that_was_meant(emulated, tmp_
 FULL = """
 import resource, sys
 from palpate import models
-from palpate.regression.fit import Fit
+from palpate.learn.fit import Fit
 fit = Fit("field", models.load(models.FIELD), None)
 resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
 fit.save(sys.argv[1])

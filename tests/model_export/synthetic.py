@@ -10,9 +10,9 @@ import numpy as np
 
 from firmware_py import features as firmware_features
 from firmware_py import model_image
+from palpate.learn.field.recipe import PILOT_FEATURES
 from palpate.model_export.fixed_point.reference import monomials
 from palpate.model_export.schema import OUTPUTS, Domain, Interval, Limit, ModelSpec, Output
-from palpate.regression.field.recipe import PILOT_FEATURES
 
 SIX = ("ln_base", "ln_amp", "ln_stdev", "inv_curvature", "ln_d28", "ln_d0")
 RANGES = {

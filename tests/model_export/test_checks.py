@@ -9,13 +9,13 @@ import pytest
 
 from firmware_py import evaluator, feature_names, outputs, status
 from firmware_py import model_image as fw
+from palpate.learn.checks import joined
 from palpate.model_export import image_builder
 from palpate.model_export.errors import ModelError, ProofError
 from palpate.model_export.exporter import export, prepare
 from palpate.model_export.fixed_point import bounds, compiler, reference
 from palpate.model_export.schema import Estimate, FirstStage, ModelSpec
 from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS
-from palpate.regression.checks import joined
 from tests.micropython import run_micropython
 from tests.model_export import synthetic
 from tests.model_export.test_two_stages import SCRIPT, loaded, noticed_flips, said, two_stages, vectors

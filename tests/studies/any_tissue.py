@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pandas as pd
 
+from palpate.learn.any_tissue.observed import TissueLump, joined, observe, read_set
+from palpate.learn.any_tissue.study import DRAWS, SEED, TissueStudy, force_map_of, text_of
+from palpate.learn.field.data import sweep_progress
 from palpate.progress import ProgressCallback
-from palpate.regression.any_tissue.observed import TissueLump, joined, observe, read_set
-from palpate.regression.any_tissue.study import DRAWS, SEED, TissueStudy, force_map_of, text_of
-from palpate.regression.field.data import sweep_progress
 from palpate.sim.tissue import sweep
 from palpate.sim.tissue.any_tissue import PRESSES, STROKES, any_tissue_cases, press_cases
 from tests.studies.table import Asked, StudyTable

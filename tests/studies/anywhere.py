@@ -9,12 +9,12 @@ import numpy as np
 
 from palpate.answer.layers import values
 from palpate.features.map_features import Floats
+from palpate.learn.any_tissue.model import OUTPUTS, TissueModel, fit_tissue_model
+from palpate.learn.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe, read_set
+from palpate.learn.any_tissue.study import TextTable, force_map_of
+from palpate.learn.anywhere.held_out import AnywhereStudy
+from palpate.learn.field.data import sweep_progress
 from palpate.progress import ProgressCallback
-from palpate.regression.any_tissue.model import OUTPUTS, TissueModel, fit_tissue_model
-from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe, read_set
-from palpate.regression.any_tissue.study import TextTable, force_map_of
-from palpate.regression.anywhere.held_out import AnywhereStudy
-from palpate.regression.field.data import sweep_progress
 from palpate.sim.tissue import Case, sweep
 from palpate.sim.tissue.any_tissue import PRESSES, STROKES
 from palpate.sim.tissue.anywhere import anywhere_cases, anywhere_press_cases

@@ -17,15 +17,15 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from palpate.features.map_features import Floats
-from palpate.regression.any_tissue.model import OUTPUTS, STIFFNESS, truth
-from palpate.regression.any_tissue.observed import TRUTH, ObservedInTissue, TissueLump
-from palpate.regression.any_tissue.study import force_map_of
-from palpate.regression.any_tissue.study import text_of as outputs_text
-from palpate.regression.balls.emulator import fit_emulator
-from palpate.regression.balls.fit import held_out_folds
-from palpate.regression.balls.lumps import read_lumps
-from palpate.regression.balls.training import BallStudy, judged, observed, taught, train
-from palpate.regression.probe_model import HARD_BELOW
+from palpate.learn.any_tissue.model import OUTPUTS, STIFFNESS, truth
+from palpate.learn.any_tissue.observed import TRUTH, ObservedInTissue, TissueLump
+from palpate.learn.any_tissue.study import force_map_of
+from palpate.learn.any_tissue.study import text_of as outputs_text
+from palpate.learn.balls.emulator import fit_emulator
+from palpate.learn.balls.fit import held_out_folds
+from palpate.learn.balls.lumps import read_lumps
+from palpate.learn.balls.training import BallStudy, judged, observed, taught, train
+from palpate.learn.probe_model import HARD_BELOW
 from tests.studies import bound_emulated
 from tests.studies.table import Asked, StudyTable
 

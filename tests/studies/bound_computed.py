@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from palpate.learn.field.data import sweep_progress
+from palpate.learn.observed import noise_named
 from palpate.progress import ProgressCallback
-from palpate.regression.field.data import sweep_progress
-from palpate.regression.observed import noise_named
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue import Case, Stroke, iterate_strokes, sweep
 from palpate.sim.tissue.any_tissue import PRESSES, STROKES

@@ -10,10 +10,10 @@ import pandas as pd
 from scipy.interpolate import CubicSpline
 
 from palpate.features.map_features import Floats
-from palpate.regression.any_tissue.observed import TissueLump
-from palpate.regression.balls.emulator import StrokeEmulator, inputs_of
-from palpate.regression.observed import noise_named
-from palpate.regression.probe_model import HARD_BELOW
+from palpate.learn.any_tissue.observed import TissueLump
+from palpate.learn.balls.emulator import StrokeEmulator, inputs_of
+from palpate.learn.observed import noise_named
+from palpate.learn.probe_model import HARD_BELOW
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue.symmetry import both_sides
 from tests.studies.bound import MEDIAN_OF_SD, Bound, Felt, bound

@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from palpate.regression.field.bench import Bench
-from palpate.regression.field.data import read_lumps, sweep_progress
-from palpate.regression.field.design import FIELD_SETTINGS, FORCE_STEP, LumpStrokes
-from palpate.regression.field.model import FieldModel, fit_field_model
-from palpate.regression.field.recipe import FIELD
-from palpate.regression.field.score import coverage
-from palpate.regression.observed import ObservedStrokes, join, observe
-from palpate.regression.table import TARGETS
+from palpate.learn.field.bench import Bench
+from palpate.learn.field.data import read_lumps, sweep_progress
+from palpate.learn.field.design import FIELD_SETTINGS, FORCE_STEP, LumpStrokes
+from palpate.learn.field.model import FieldModel, fit_field_model
+from palpate.learn.field.recipe import FIELD
+from palpate.learn.field.score import coverage
+from palpate.learn.observed import ObservedStrokes, join, observe
+from palpate.learn.table import TARGETS
 from palpate.sim.probe.sensors import StrokeField
 from palpate.sim.tissue import Case, sobol_cases, sweep
 from tests.studies.retrained import DRAWS, Row, Study, row_of

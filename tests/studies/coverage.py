@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 
 from palpate import models
 from palpate.features.map_features import Floats
+from palpate.learn.conformal import LEVEL
+from palpate.learn.field.data import read_lumps, stroke_fields, sweep_progress
+from palpate.learn.field.design import FIELD_SETTINGS, lump_cases
+from palpate.learn.observed import ObservedStrokes, observe
+from palpate.learn.table import SHOWN, TARGETS
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.fixed_point.reference import evaluate
 from palpate.model_export.schema import ModelSpec
 from palpate.progress import ProgressCallback
-from palpate.regression.conformal import LEVEL
-from palpate.regression.field.data import read_lumps, stroke_fields, sweep_progress
-from palpate.regression.field.design import FIELD_SETTINGS, lump_cases
-from palpate.regression.observed import ObservedStrokes, observe
-from palpate.regression.table import SHOWN, TARGETS
 from palpate.sim.tissue import sweep
 from palpate.spans import depth_mm
 from palpate.wire.events import OUTPUTS

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from palpate.regression.conformal import LEVEL
+from palpate.learn.conformal import LEVEL
 from palpate.report import style
 from tests.studies.retrained import Study
 

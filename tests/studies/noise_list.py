@@ -21,16 +21,16 @@ from palpate import models
 from palpate.errors import UsageError
 from palpate.features.map_features import Floats
 from palpate.firmware_twin.replay_core import Replay
+from palpate.learn.any_tissue.model import OUTPUTS, depth_mm
+from palpate.learn.any_tissue.observed import TissueLump, random_scale, read_presses, scaled
+from palpate.learn.field.data import sweep_progress
+from palpate.learn.field.design import LumpStrokes
+from palpate.learn.observed import NAMES
+from palpate.learn.probe_model import shows_lump
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.fixed_point import reference
 from palpate.model_export.schema import ModelSpec
 from palpate.progress import ProgressCallback
-from palpate.regression.any_tissue.model import OUTPUTS, depth_mm
-from palpate.regression.any_tissue.observed import TissueLump, random_scale, read_presses, scaled
-from palpate.regression.field.data import sweep_progress
-from palpate.regression.field.design import LumpStrokes
-from palpate.regression.observed import NAMES
-from palpate.regression.probe_model import shows_lump
 from palpate.sim.probe.noise import LEVELS, Noise
 from palpate.sim.probe.packed_frames import FrameStream
 from palpate.sim.probe.sensors import PRESS_FRAMES, SensorModel, StrokeField

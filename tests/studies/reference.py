@@ -11,10 +11,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from palpate.features.map_features import Floats
-from palpate.progress import ProgressCallback
-from palpate.regression.any_tissue.model import fit_tissue_model, tissue_truth
-from palpate.regression.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe
-from palpate.regression.any_tissue.reference import (
+from palpate.learn.any_tissue.model import fit_tissue_model, tissue_truth
+from palpate.learn.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe
+from palpate.learn.any_tissue.reference import (
     References,
     Tissue,
     fit_joining,
@@ -24,9 +23,10 @@ from palpate.regression.any_tissue.reference import (
     said_by,
     tissue_of,
 )
-from palpate.regression.any_tissue.study import DRAWS, FOLDS, SEED, TissueStudy, force_map_of
-from palpate.regression.any_tissue.study import text_of as outputs_text
-from palpate.regression.field.data import sweep_progress
+from palpate.learn.any_tissue.study import DRAWS, FOLDS, SEED, TissueStudy, force_map_of
+from palpate.learn.any_tissue.study import text_of as outputs_text
+from palpate.learn.field.data import sweep_progress
+from palpate.progress import ProgressCallback
 from palpate.sim.tissue import Stroke, sweep
 from palpate.sim.tissue.any_tissue import PRESSES, elsewhere_cases, reference_cases, thicker
 from tests.studies import any_tissue

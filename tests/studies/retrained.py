@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from palpate.regression.conformal import LEVEL
-from palpate.regression.field.bench import Bench
-from palpate.regression.field.data import pressed, read
-from palpate.regression.field.model import Answers, FieldModel
-from palpate.regression.field.score import hardness, scores
-from palpate.regression.observed import ObservedStrokes, noise_named
-from palpate.regression.table import TARGETS
+from palpate.learn.conformal import LEVEL
+from palpate.learn.field.bench import Bench
+from palpate.learn.field.data import pressed, read
+from palpate.learn.field.model import Answers, FieldModel
+from palpate.learn.field.score import hardness, scores
+from palpate.learn.observed import ObservedStrokes, noise_named
+from palpate.learn.table import TARGETS
 from tests.studies.table import Asked, StudyTable
 
 DRAWS = (2, 1, 2)

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py import geometry
-from palpate.regression.field.bench import Bench
-from palpate.regression.field.model import FieldModel, fit_field_model
-from palpate.regression.field.recipe import FIELD, PRESSURE_ONLY, Recipe
-from palpate.regression.observed import NAMES, ObservedStrokes, join
-from palpate.regression.probe_model import from_link, to_link
-from palpate.regression.ridge import FOLDS
-from palpate.regression.table import TARGETS
+from palpate.learn.field.bench import Bench
+from palpate.learn.field.model import FieldModel, fit_field_model
+from palpate.learn.field.recipe import FIELD, PRESSURE_ONLY, Recipe
+from palpate.learn.observed import NAMES, ObservedStrokes, join
+from palpate.learn.probe_model import from_link, to_link
+from palpate.learn.ridge import FOLDS
+from palpate.learn.table import TARGETS
 from palpate.sim.probe.sensors import Noise
 from tests.studies.retrained import DRAWS, Row, Study, row_of
 

@@ -7,17 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
+from palpate.learn.field.bench import Bench
+from palpate.learn.field.data import read_lumps, stroke_fields, sweep_progress
+from palpate.learn.field.design import FIELD_SETTINGS, LumpStrokes, lump_cases
+from palpate.learn.field.model import FieldModel, fit_field_model
+from palpate.learn.field.presses import press_cases, with_presses
+from palpate.learn.field.recipe import FIELD
+from palpate.learn.field.score import coverage
+from palpate.learn.field.strange import strange_strokes
+from palpate.learn.observed import ObservedStrokes, join, observe
+from palpate.learn.table import TARGETS
 from palpate.progress import ProgressCallback
-from palpate.regression.field.bench import Bench
-from palpate.regression.field.data import read_lumps, stroke_fields, sweep_progress
-from palpate.regression.field.design import FIELD_SETTINGS, LumpStrokes, lump_cases
-from palpate.regression.field.model import FieldModel, fit_field_model
-from palpate.regression.field.presses import press_cases, with_presses
-from palpate.regression.field.recipe import FIELD
-from palpate.regression.field.score import coverage
-from palpate.regression.field.strange import strange_strokes
-from palpate.regression.observed import ObservedStrokes, join, observe
-from palpate.regression.table import TARGETS
 from palpate.sim.probe.two_lumps import TwoLumps
 from palpate.sim.tissue import sweep
 from palpate.sim.tissue.any_tissue import PRESSES

@@ -14,12 +14,12 @@ from palpate.dataset.answers import answers, found
 from palpate.dataset.columns import DataSetError
 from palpate.dataset.strokes import ObservedDataSet, read_strokes
 from palpate.firmware_twin.replay_core import Replay
+from palpate.learn.observed import NAMES
 from palpate.model_export.exporter import export
 from palpate.model_export.fixed_point import force_map
 from palpate.model_export.fixed_point.reference import evaluate, monomials, standardised
 from palpate.model_export.image_builder import inspect
 from palpate.model_export.schema import ModelSpec
-from palpate.regression.observed import NAMES
 
 
 @pytest.fixture(scope="module")

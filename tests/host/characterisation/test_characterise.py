@@ -9,7 +9,7 @@ from palpate.characterisation import campaign
 from palpate.characterisation.result import characterise
 from palpate.errors import PalpateError
 from palpate.importing import declaration, importer
-from palpate.regression.observed import noise_named
+from palpate.learn.observed import noise_named
 from palpate.sim.probe.noise import LEVELS, Noise
 from palpate.sim.probe.sensors import SensorModel, StrokeField
 from palpate.sim.tissue import Case, simulate_forces

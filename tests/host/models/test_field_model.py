@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from palpate import models
+from palpate.learn.probe_model import features_version
 from palpate.models.build import MADE, sample
-from palpate.regression.probe_model import features_version
 from palpate.wire.events import OUTPUTS
 from tests.studies.coverage import NAMES, coverage
 

@@ -9,19 +9,19 @@ import pytest
 
 from palpate import models
 from palpate.features.press_features import PLACES
+from palpate.learn.any_tissue.observed import scaled
+from palpate.learn.field import data
+from palpate.learn.field.presses import press_cases
+from palpate.learn.observed import observe
 from palpate.model_export.fixed_point import force_map
 from palpate.model_export.fixed_point.reference import checks_of, evaluate, inputs
 from palpate.model_export.vocabulary import ABSENT
-from palpate.regression.any_tissue.observed import scaled
-from palpate.regression.field import data
-from palpate.regression.field.presses import press_cases
-from palpate.regression.observed import observe
 from palpate.sim.probe.sensors import StrokeField
 from palpate.sim.tissue import simulate
 from palpate.sim.tissue.any_tissue import PRESS_PARTS, PRESSES
 from tests.studies.coverage import shows_lump
 
-STROKES = Path(__file__).parents[1] / "regression" / "data"
+STROKES = Path(__file__).parents[1] / "learn" / "data"
 LUMPS = 32
 
 

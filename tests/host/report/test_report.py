@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from palpate.errors import NoSuchFile
-from palpate.regression.runs import features_table, read_strokes
-from palpate.regression.thesis.fit import fit_thesis
-from palpate.regression.thesis.table_1 import TABLE_1
+from palpate.learn.thesis.fit import fit_thesis
+from palpate.learn.thesis.runs import features_table, read_strokes
+from palpate.learn.thesis.table_1 import TABLE_1
 from palpate.report import style, write_report
 from palpate.sim.tissue import Case
 

@@ -8,7 +8,7 @@ import statsmodels.formula.api as smf
 from palpate.dataset import agreement as agree
 from palpate.dataset.agreement import agreement, by_lump
 from palpate.dataset.answers import OUTPUTS, Answers
-from palpate.regression.table import r_squared
+from palpate.learn.table import r_squared
 from palpate.validation.report import write
 from palpate.validation.result import _hardness, share
 from palpate.validation.verdict import verdict

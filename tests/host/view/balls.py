@@ -6,8 +6,8 @@ from functools import cache
 from pathlib import Path
 
 from firmware_py.calib import Calibration
-from palpate.regression.any_tissue.observed import TissueLump
-from palpate.regression.balls.lumps import beside, read_lumps
+from palpate.learn.any_tissue.observed import TissueLump
+from palpate.learn.balls.lumps import beside, read_lumps
 from palpate.sim.probe.packed_frames import FrameStream
 from palpate.sim.probe.sensors import LEVELS, PRESS_FRAMES, SensorModel, StrokeField
 from palpate.sim.tissue import Case

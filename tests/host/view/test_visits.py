@@ -11,11 +11,11 @@ from playwright.sync_api import expect
 
 from palpate import models
 from palpate.importing import declaration, importer
+from palpate.learn.field import data
 from palpate.link import emulator_model as emulator
-from palpate.regression.field import data
 from palpate.sim.probe.sensors import LEVELS, SensorModel
+from tests.host.learn.conftest import STROKES
 from tests.host.processes import start_palpate
-from tests.host.regression.conftest import STROKES
 
 DECLARED = declaration.Declaration(
     16, 26, (1.5, 1.5), pressure="kPa", position="x", displacement="z", time="t", stroke="n"

@@ -1,0 +1,235 @@
+"""How good an answer is in tissue that the probe knows nothing about: every lump predicted without itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from palpate.features.map_features import Floats
+from palpate.learn.any_tissue.model import (
+    ON_BORDER,
+    OUTPUTS,
+    STIFFNESS,
+    Parts,
+    Scope,
+    TissueModel,
+    depth_mm,
+    fit_tissue_model,
+    truth,
+)
+from palpate.learn.any_tissue.observed import (
+    TRUTH,
+    ObservedInTissue,
+    TissueLump,
+    joined,
+    random_scale,
+    scaled,
+)
+from palpate.learn.field.design import LumpStrokes
+from palpate.learn.field.model import learn_force_map
+from palpate.learn.probe_model import HARD_BELOW
+from palpate.learn.table import r_squared
+from palpate.model_export.fixed_point import force_map as force_maps
+
+if TYPE_CHECKING:
+    from palpate.model_export.schema import Layers
+
+SEED, DRAWS, FOLDS = 31, 3, 5
+TARGETS = {
+    "d": 0.055,
+    "depth": 0.03,
+    "t": 0.025,
+    "E_fat": 0.015,
+    "d_r2": 0.94,
+    "E_inv23_r2": 0.83,
+    "hard_soft": 0.87,
+    "worst_quarter": 0.86,
+}
+"""Of one stroke with its press at typical noise: median errors, R2, hard or soft right, coverage in every
+quarter."""
+
+TextTable = tuple[str, list[str], list[list[str]]]
+"""Title, heads, rows."""
+
+_LEAST_MM = 1e-3
+"""Of a depth: where t and d contradict each other it would be none."""
+
+
+def learnt_force_map(lumps: Sequence[TissueLump]) -> force_maps.ForceMap:
+    """The map that moves frames to another force, learnt over every fat at once; of solid lumps too."""
+    over_any_fat = []
+    for k, lump in enumerate(lumps):
+        s = random_scale(lump.strokes.case, np.random.default_rng(k))
+        over_any_fat.append(LumpStrokes(tuple(scaled(stroke, s) for stroke in lump.strokes.strokes)))
+    return learn_force_map(over_any_fat)
+
+
+def force_map_of(lumps: Sequence[TissueLump]) -> bytes:
+    """The same as the probe carries it."""
+    return force_maps.blob(learnt_force_map(lumps))
+
+
+@dataclass(frozen=True)
+class TissueStudy:
+    """Estimates of lumps by models that have not seen them.
+
+    seen: the strokes that found a lump; y, half : (n, outputs), by `model.OUTPUTS`; hard : (n), bool;
+    in_domain : (n), bool, where it was asked; lost: share of strokes without a lump; inputs : (n, features),
+    what the second stage had, where it was kept.
+    """
+
+    scope: ClassVar[Scope] = ON_BORDER
+    targets: ClassVar[Mapping[str, float]] = MappingProxyType(TARGETS)
+    training: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """What the document says of the lumps."""
+
+    seen: ObservedInTissue
+    y: Floats
+    half: Floats
+    hard: NDArray[np.bool_]
+    lost: float
+    in_domain: NDArray[np.bool_] | None = None
+    inputs: Floats = field(default_factory=lambda: np.empty((0, 0)), kw_only=True)
+
+    @property
+    def parts(self) -> Parts:
+        """Those that are judged apart."""
+        return self.scope.parts(self.seen)
+
+    def layers(self, model: TissueModel) -> Layers | None:
+        """The document's part on the layer that a lump lies in, where lumps lie in several."""
+        return None
+
+    def further_tables(self) -> list[TextTable]:
+        """What else is printed of these lumps."""
+        return []
+
+    @classmethod
+    def held_out(
+        cls,
+        seen: ObservedInTissue,
+        with_press: bool = True,
+        folds: int = FOLDS,
+        step: Callable[[str], None] | None = None,
+        rim: ObservedInTissue | None = None,
+    ) -> Self:
+        """Every lump predicted by models fitted, both stages and the intervals, without it.
+
+        rim: strokes over lumps outside the ranges, that all models are fitted to as well.
+
+        The force map alone has seen every lump: it knows nothing of what lies below.
+        """
+        fold = seen.group % folds
+        parts, answers, inside, inputs = [], [], [], []
+        for k in range(folds):
+            model = fit_tissue_model(seen.take(fold != k), with_press, rim, scope=cls.scope)
+            test = seen.take((fold == k) & seen.found)
+            parts.append(test)
+            answers.append(model.answer(test))
+            inside.append(model.in_domain(test))
+            inputs.append(model.inputs(test))
+            if step:
+                step(f"fold {k + 1} of {folds}")
+        return cls(
+            joined(parts),
+            np.concatenate([a.y for a in answers]),
+            np.concatenate([a.half for a in answers]),
+            np.concatenate([a.hard for a in answers]),
+            float((~seen.found).mean()),
+            np.concatenate(inside),
+            inputs=np.concatenate(inputs),
+        )
+
+    def row(self, words: str) -> dict[str, object]:
+        """R2, median errors and coverage; lengths, forces and moduli relative, E^-2/3 absolute."""
+        Y = truth(self.seen)
+        inside = np.abs(self.y - Y) <= self.half
+        out: dict[str, object] = {"setting": words, "n": len(Y), "lumps": len(np.unique(self.seen.group))}
+        for j, name in enumerate(OUTPUTS):
+            error = np.abs(self.y[:, j] - Y[:, j])
+            short = _short(name)
+            out[f"{short}_r2"] = r_squared(Y[:, j], self.y[:, j])
+            out[f"{short}_error"] = float(np.median(error if j == STIFFNESS else np.expm1(error)))
+            out[f"{short}_covered"] = float(inside[:, j].mean())
+            out[f"{short}_half"] = float(np.median(self.half[:, j]))
+        out |= self._depth()
+        out["hard_soft"] = float((self.hard == (Y[:, STIFFNESS] <= HARD_BELOW)).mean())
+        worst = [inside[rows].mean(0) for rows in self.parts.values() if rows.any()]
+        out["worst_quarter"] = float(np.min(worst))
+        flagged = float("nan") if self.in_domain is None else float((~self.in_domain).mean())
+        return out | {"not_found": self.lost, "flagged": flagged}
+
+    def depths_mm(self) -> Floats:
+        """Fat over the lump, value, low and high (n, 3), from t, d and h (`palpate.spans`)."""
+        return np.maximum(depth_mm(self.y, self.half), _LEAST_MM)
+
+    def _depth(self) -> dict[str, float]:
+        value, low, high = self.depths_mm().T
+        true = np.exp(self.seen.Y[:, TRUTH.index("ln depth")])
+        return {
+            "depth_r2": r_squared(np.log(true), np.log(value)),
+            "depth_error": float(np.median(np.abs(value / true - 1))),
+            "depth_covered": float(((low <= true) & (true <= high)).mean()),
+            "depth_half": float(np.median(np.log(high / low) / 2)),
+        }
+
+
+def _short(name: str) -> str:
+    return {"E^-2/3": "E_inv23"}.get(name, name.removeprefix("ln "))
+
+
+_COLUMNS = {
+    "d": "d",
+    "width": "width across",
+    "depth": "depth",
+    "t": "t",
+    "h": "h",
+    "E_inv23": "E^-2/3",
+    "E_fat": "E_fat",
+    "F": "F",
+    "place": "place across",
+    "in_fat": "in the fat",
+}
+
+
+def text_of(
+    result: pd.DataFrame, targets: Mapping[str, float] = MappingProxyType(TARGETS)
+) -> tuple[list[str], list[list[str]]]:
+    """Heads and rows: R2 / median error / the intervals' coverage of each output, and what is wanted."""
+    names = [name for name in _COLUMNS if f"{name}_error" in result]
+    share = ("hard_soft", "worst_quarter", "not_found")
+    shares = (*share, *(("flagged",) if "flagged" in result else ()))
+    rows = [
+        ["wanted", *(_wanted(name, targets) for name in names), *(_share(targets, n) for n in shares), ""]
+    ]
+    for row in result.to_dict("records"):
+        cells = [_cell(row, name) for name in names]
+        rows.append([str(row["setting"]), *cells, *(_share(row, name) for name in shares), str(row["lumps"])])
+    words = [name.replace("hard_soft", "hard/soft").replace("_", " ") for name in shares]
+    return ["noise, input", *(_COLUMNS[name] for name in names), *words, "lumps"], rows
+
+
+def _wanted(name: str, targets: Mapping[str, float]) -> str:
+    r2 = [f"{targets[f'{name}_r2']}"] if f"{name}_r2" in targets else []
+    return " / ".join([*r2, *([f"{100 * targets[name]:g} %"] if name in targets else [])])
+
+
+def _cell(row: Mapping[Any, Any], name: str) -> str:
+    error, r2, covered = (row.get(f"{name}_{word}") for word in ("error", "r2", "covered"))
+    if not isinstance(error, float) or np.isnan(error):
+        return ""
+    plain = f"{error:.3f}"
+    size = {"E_inv23": plain, "in_fat": plain, "place": f"{error:.1f} mm"}.get(name, f"{100 * error:.1f} %")
+    known = [f"{r2:.3f}"] if isinstance(r2, float) else []
+    return " / ".join([*known, size, *([f"{100 * covered:.0f}"] if isinstance(covered, float) else [])])
+
+
+def _share(row: Mapping[Any, Any], name: str) -> str:
+    value = row.get(name)
+    return "" if not isinstance(value, float) or np.isnan(value) else f"{100 * value:.0f}"

@@ -1,0 +1,224 @@
+"""`fit_to_balls`: from a set of computed strokes over balls and ellipsoids to a model of solid lumps.
+
+The model is fitted to all computed strokes, and to others that an emulator makes from them. What is said of
+it, and how wide its intervals are, comes from computed lumps that neither had met (`training.held_out_fold`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import as_completed
+from pathlib import Path
+
+import numpy as np
+
+from palpate import models
+from palpate.learn.any_tissue.flags import facts_of
+from palpate.learn.any_tissue.model import TissueModel, tissue_truth
+from palpate.learn.any_tissue.observed import ObservedInTissue, TissueLump
+from palpate.learn.any_tissue.reference import (
+    Joining,
+    fit_joining,
+    observe_references,
+    out_of_fold_pairs,
+    tissue_of,
+)
+from palpate.learn.any_tissue.result import TissueFit
+from palpate.learn.any_tissue.spec import tissue_spec
+from palpate.learn.any_tissue.strange import (
+    StrangeStrokes,
+    observe_strange,
+    strange_checks,
+    strange_rows,
+)
+from palpate.learn.any_tissue.study import learnt_force_map
+from palpate.learn.balls.across import across_of, fit_place
+from palpate.learn.balls.emulator import fit_emulator
+from palpate.learn.balls.lumps import without_lump
+from palpate.learn.balls.training import (
+    EMULATED,
+    EMULATED_SEED,
+    FOLDS,
+    BallStudy,
+    Fold,
+    across_factor,
+    emulated_seed,
+    held_out_fold,
+    judged,
+    observed,
+    taught,
+    train,
+    widened,
+    width_factors,
+)
+from palpate.learn.probe_model import E_INV23, to_link, training_hash
+from palpate.model_export.fixed_point import force_map as force_maps
+from palpate.model_export.fixed_point.reference import evaluate, inputs
+from palpate.progress import ProgressCallback, Steps
+from palpate.sim.tissue.solid.design import ball_cases
+from palpate.sim.tissue.workers import pool
+
+TARGETS = {
+    "d": 0.08,
+    "width": 0.10,
+    "depth": 0.05,
+    "t": 0.03,
+    "E_fat": 0.02,
+    "hard_soft": 0.85,
+    "worst_quarter": 0.86,
+}
+"""Of one stroke with its press at typical noise: median errors, hard or soft right."""
+
+_REFERRED = 1000
+"""Emulated lumps with a reference press beside them, or with a second lump."""
+
+_PLAIN = 300
+"""Of these, how many times without the lump, for tissue that undulates."""
+
+
+def fit_to_balls(
+    lumps: Sequence[TissueLump],
+    noise: str = "typical",
+    seed: int = 1,
+    others: Sequence[str] = ("real",),
+    workers: int = 1,
+    progress: ProgressCallback | None = None,
+    count: int = EMULATED,
+    rim: Sequence[TissueLump] = (),
+) -> TissueFit:
+    """Fit the model at one noise level, and the held-out table.
+
+    Parameters
+    ----------
+    lumps : sequence of TissueLump
+        Of `lumps.prepare`.
+    noise : str
+        Level that the model is for, or a sensor's file.
+    seed : int
+        Of the sensors' noise.
+    others : sequence of str
+        Further levels, in the table only.
+    workers : int
+        Processes.
+    progress : callable, optional
+        See `progress.ProgressCallback`.
+    count : int
+        Emulated lumps.
+    rim : sequence of TissueLump, optional
+        Lumps outside the ranges (`lumps.read_rim`), to test the flag; nothing is fitted to them.
+    """
+    levels = (noise, *(other for other in others if other != noise))
+    tell = Steps("emulating and fitting", FOLDS + len(levels) + 3, progress)
+    force_map = learnt_force_map(lumps)
+    blob = force_maps.blob(force_map)
+    folds = held_out_folds(lumps, levels, seed, blob, workers, count, tell)
+    rows: list[dict[str, object]] = []
+    studies = {key: judged([fold.studies[key] for fold in folds]) for key in folds[0].studies}
+    for level in levels:
+        for with_press, words in ((False, "the stroke alone"), (True, "with its press")):
+            rows.append(studies[level, with_press].row(f"{level}, {words}"))
+        rows.append(
+            plane_study(observed(lumps, level, seed, _plane_map())).row(f"{level}, plane-strain model")
+        )
+        tell("plane-strain model asked")
+    study = studies[noise, True]
+    emulator = fit_emulator(lumps)
+    seen = taught(emulator, lumps, noise, seed, blob, count)
+    tell("emulated")
+    trained = train(seen)
+    left_out = [fold.studies[noise, True] for fold in folds]
+    model = widened(trained.model, width_factors(left_out))
+    width, place = trained.width.wider(across_factor(left_out)), fit_place([part.seen for part in left_out])
+    some = emulator.lumps(ball_cases(count, EMULATED_SEED)[: 3 * _REFERRED])
+    joining = _joining(some, noise, seed, seen, model)
+    watch = StrangeStrokes(noise, seed, blob)
+    check = strange_checks(
+        model, seen, observe_strange(watch, some, [without_lump(lump) for lump in some[:_PLAIN]])
+    )
+    tell("model fitted")
+    plain = [without_lump(lump) for lump in lumps]
+    own = observed(lumps, noise, seed, blob, draws=1)
+    strange = strange_rows(model, check, own, lumps, plain, watch)
+    tell("strange strokes")
+    spec = tissue_spec(
+        model,
+        joining,
+        {
+            "hash": training_hash(seen.X, seen.Y),
+            "n": int(seen.found.sum()),
+            "lumps": len(lumps),
+            "emulated_lumps": count,
+            "noise": Path(noise).name,
+            "seed": seed,
+            "tissue": "any",
+            "shape": "solid",
+        },
+        force_map.as_dict(),
+        check,
+        None if place is None else across_of(width, place),
+        held_out={k: v for k, v in rows[1].items() if isinstance(v, float)},
+    )
+    outside = observed(rim, noise, seed, blob, len(lumps)) if rim else None
+    even = observed(plain, noise, seed, blob, draws=1)
+    inside = study.in_domain
+    return TissueFit(
+        spec=spec,
+        model=model,
+        noise=noise,
+        rows=rows,
+        study=study,
+        strange=strange,
+        facts=facts_of(model, float("nan") if inside is None else float((~inside).mean()), outside, even),
+        excluded={"no lump found": round(len(study.y) * study.lost / (1 - study.lost))},
+        targets=TARGETS,
+    )
+
+
+def held_out_folds(
+    lumps: Sequence[TissueLump],
+    levels: Sequence[str],
+    seed: int,
+    force_map: bytes,
+    workers: int,
+    count: int = EMULATED,
+    step: Callable[[str], None] | None = None,
+) -> list[Fold]:
+    """Every lump asked by a model fitted without it (`training.held_out_fold`), in so many processes."""
+    found: dict[int, Fold] = {}
+    with pool(min(workers, FOLDS), __name__) as processes:
+        jobs = {
+            processes.submit(held_out_fold, lumps, k, levels, seed, force_map, count): k for k in range(FOLDS)
+        }
+        for job in as_completed(jobs):
+            found[jobs[job]] = job.result()
+            if step:
+                step(f"{len(found)} of {FOLDS} folds")
+    return [found[k] for k in range(FOLDS)]
+
+
+def _plane_map() -> bytes:
+    spec = models.load(models.FIELD)
+    return b"" if spec.force_map is None else force_maps.blob(spec.force_map)
+
+
+def plane_study(seen: ObservedInTissue) -> BallStudy:
+    """What the model of endless cylinders that comes with Palpate says of the same lumps."""
+    spec, found = models.load(models.FIELD), seen.take(seen.found)
+    said = evaluate(spec, inputs(spec, found.X))
+    y, low, high = (to_link(said[part]) for part in ("value", "low", "high"))
+    hard = np.asarray(said["value"])[:, E_INV23] < spec.hard_below
+    lost = float((~seen.found).mean())
+    return BallStudy(found, y, (high - low) / 2, hard, lost, np.asarray(said["in_domain"]))
+
+
+def _joining(
+    lumps: Sequence[TissueLump], noise: str, seed: int, seen: ObservedInTissue, model: TissueModel
+) -> Joining:
+    """How a reference press joins the stroke's own, from the first lumps of `seen`: the press where a stroke
+    begins, well off the lump, stands for one beside it."""
+    first = seen.take(seen.group < len(lumps))
+    references = {tissue_of(lump.strokes.case): lump.press for lump in lumps}
+    found = observe_references(lumps, references, noise, emulated_seed(seed)).take(first.group)
+    some, pressed = first.take(found.taken), found.take(found.taken)
+    own, other = out_of_fold_pairs(some, pressed, model.press)
+    return fit_joining(own, other, tissue_truth(some))

@@ -1,0 +1,26 @@
+"""Make the strokes for the tests of the field kind: `python -m tests.host.learn.make_data DIR`.
+
+96 lumps, 24 plain tissues and twice 16 lumps outside the ranges at two forces each, and the features of the
+thesis' thirty runs; a few minutes.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from palpate.learn.field.data import prepare
+from palpate.learn.thesis.runs import features_table
+from palpate.sim.tissue import THESIS_CODES, Case, load_strokes, sweep
+
+
+def main(directory: str) -> None:
+    """Simulate into `directory` what the tests read from tests/host/learn/data."""
+    home = Path(directory)
+    prepare(home, lumps=96, rim=16, plain=24, wide=16)
+    sweep([Case.from_code(code) for code in THESIS_CODES], out_dir=home / "thesis")
+    features_table(load_strokes(home / "thesis")).round(7).to_csv(home / "thesis_runs.csv", index=False)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

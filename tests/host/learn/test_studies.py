@@ -1,0 +1,104 @@
+"""Studies of the told model: every one runs, and says how good each setting is."""
+
+import importlib
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from palpate.errors import PalpateError, UsageError
+from palpate.learn.field import data
+from palpate.learn.observed import observe
+from palpate.sim.tissue.any_tissue import PRESS_PARTS
+from tests.host.learn.conftest import STROKES
+from tests.studies import __main__, computed, tissues
+from tests.studies.figure import save_study_figure
+from tests.studies.settings import STUDIES
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_study_runs_and_says_how_good_its_first_setting_is(bench, name):
+    row = next(STUDIES[name].run(bench))
+    assert row["setting"] and 0 < row["d_error"] < 0.2 and row["n"] > 0
+
+
+def test_strokes_over_another_tissue_are_simulated_once_and_scored(bench, fitted, tmp_path):
+    changes = {"gland_ratio": 8.0}
+    pairs = tissues.other_tissue(tmp_path, changes, lumps=4, workers=1)
+    assert {pair.case.gland_ratio for pair in pairs} == {8.0}
+    written = sorted(tmp_path.glob("*/strokes.parquet"))
+    assert [path.parent.name for path in written] == ["tissue-gland_ratio-8", "tissue-gland_ratio-8-press"]
+    assert all(len(pair.press) == len(PRESS_PARTS) for pair in pairs)
+    before = [path.stat().st_mtime_ns for path in written]
+    assert len(tissues.other_tissue(tmp_path, changes, lumps=4, workers=1)) == len(pairs)
+    assert [path.stat().st_mtime_ns for path in written] == before
+    observed = observe(data.stroke_fields(pairs), "typical", 1, force_map=bench.blob)
+    row = tissues.tissue_row("gland 8 times the fat", fitted, observed)
+    assert -0.5 < row["d_bias"] < 0.5 and 0 <= row["flagged"] <= 1 and 0 <= row["covered_d"] <= 1
+    result = pd.DataFrame([row])
+    shown = tissues.TISSUE.shown(result)
+    assert "flagged" in shown.heads and len(shown.rows[0]) == len(shown.heads)
+
+
+def test_a_study_retrains_for_each_setting_and_draws_one_figure(bench, tmp_path):
+    study = STUDIES["pitch"]
+    result = study.table(bench)
+    assert list(result["setting"]) == ["1.5 mm (16 rows)", "3 mm (8 rows)"]
+    assert result["d_error"].between(0, 0.2).all()
+    shown = study.shown(result)
+    assert len(shown.heads) == len(shown.rows[0]) == len(shown.rows[1])
+    save_study_figure(study, result, tmp_path / "pitch.svg")
+    assert (tmp_path / "pitch.svg").read_text().count("3 mm (8 rows)") == 1
+
+
+def test_fewer_bits_and_coarser_cells_change_what_the_pipeline_gets(bench):
+    some = bench.lumps[:1]
+    fine = observe(some, "typical", 3)
+    coarse = observe(some, "typical", 3, alter=lambda counts: counts // 64 * 64 + 32)
+    assert not np.array_equal(fine.X, coarse.X)
+    assert coarse.columns(["ln_base"]) == pytest.approx(fine.columns(["ln_base"]), abs=0.05)
+
+
+def test_a_study_of_computed_strokes_prints_what_every_interval_covers(fitted, parts, strokes):
+    row = computed.covered_row("as trained", fitted, parts[2])
+    assert 0.7 < row["covered_t"] <= 1.0 and 0.7 < row["covered_d"] <= 1.0
+    shown = computed.COMPUTED.shown(pd.DataFrame([row]))
+    assert shown.heads[-5:] == ["F covered", "t covered", "d covered", "h covered", "E_inv23 covered"]
+    assert shown.rows[0][-4] == f"{100 * row['covered_t']:.0f}"
+    fields = computed.seen_through(strokes.lumps[:2], 1)
+    assert [list(f.forces_N_per_m) for f in fields] == [
+        [s.F_N_per_m for s in lump.strokes] for lump in strokes.lumps[:2]
+    ]
+    assert len(computed.cases()) == 7 * computed.LUMPS
+
+
+def test_a_study_is_printed_and_drawn_by_one_command(tmp_path):
+    figure = tmp_path / "pitch.svg"
+    words = ["pitch", str(STROKES), "--figure", str(figure), "--json"]
+    result = CliRunner().invoke(__main__.command, words)
+    assert result.exception is None, result.output
+    (said,) = json.loads(result.stdout)["tables"]
+    assert [row["setting"] for row in said["rows"]] == ["1.5 mm (16 rows)", "3 mm (8 rows)"]
+    assert figure.read_text(encoding="utf-8").startswith("<?xml")
+    noiseless = CliRunner().invoke(__main__.command, ["pitch", str(STROKES), "--noise", "none", "--json"])
+    assert noiseless.exception is None, noiseless.output
+    better = json.loads(noiseless.stdout)["tables"][0]["rows"][0]
+    assert better["F_error"] < said["rows"][0]["F_error"], "the sensors are those that were asked for"
+
+
+def test_a_study_that_does_not_exist_and_a_directory_without_strokes_are_refused(tmp_path):
+    result = CliRunner().invoke(__main__.command, ["colour", str(tmp_path)])
+    assert isinstance(result.exception, UsageError) and "no study 'colour'" in str(result.exception)
+    result = CliRunner().invoke(__main__.command, ["noise", str(tmp_path)])
+    assert isinstance(result.exception, PalpateError) and "no strokes over lumps" in str(result.exception)
+    result = CliRunner().invoke(__main__.command, ["pitch", str(STROKES), "--noise", "loud"])
+    assert isinstance(result.exception, PalpateError) and "loud" in str(result.exception)
+
+
+@pytest.mark.parametrize("name", __main__.MODULES)
+def test_every_name_has_its_module_and_says_so(name):
+    module = importlib.import_module(f"tests.studies.{__main__.MODULES[name]}")
+    assert name in module.STUDIES if name in __main__.DRAWN else callable(module.tables)
+    assert name in __main__.command.help
