@@ -56,9 +56,10 @@ bench: ## speed and memory, beside the tools people would pick instead
 	@.ci/setup bench
 	$(PY) -m tests.benchmarks
 
-docs: dev ## the documentation as a site, in site/
+docs: dev ## the documentation as a site, in site/, and how many words of it are written by hand
 	@.ci/links
 	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --strict -q
+	@$(PY) -m tests.docs.words | tail -1
 
 clean:
 	rm -rf .venv .links build dist site out sim/probe/wasm/node_modules host/view/fonts/node_modules .ci/docs/node_modules *.egg-info
