@@ -64,7 +64,8 @@ def command(
     Without more the lump is a cylinder across the stroke (plane strain, a fraction of a second). _ball and
     _ellipsoid8x4 (half-axes across and down, mm) are solid lumps in three dimensions (seconds); _y5 puts
     one 5 mm beside the stroke's line. _t18 gives the fat a thickness of its own: its border to the gland
-    need not pass through the lump's middle.
+    need not pass through the lump's middle. _m10_M20 lays a muscle of 10 mm, 20 times as stiff as fat, under
+    the gland.
 
     \b
     Example:

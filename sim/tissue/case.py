@@ -12,6 +12,7 @@ from typing import Any
 from palpate.sim.tissue.case_limits import LIMITS, ONLY_SOLID
 from palpate.sim.tissue.errors import CaseError
 from palpate.sim.tissue.face_sensors import WIDTH_MM
+from palpate.sim.tissue.layers import DEEPER, UNDER_FAT, Layer, fields_of
 
 FORCE_UNIT_N_PER_M = 100.0
 """F = 1.0 of a code, in N per metre of probe width (strain 19.7 % in the reference case)."""
@@ -48,19 +49,21 @@ class Case:
         Stiffness of the lump at rest over that of the fat. Exactly 1 means no lump at all.
     F_rel : float
         Force on the probe in units of 100 N per metre of probe width.
-    lump_stiffening, fat_stiffening, gland_stiffening : float
+    lump_stiffening, fat_stiffening, gland_stiffening, muscle_stiffening : float
         b of the law; 0 is linear elasticity at large strain.
     law : str
         How what has a b stiffens, `LAWS`: `exponential`, W = mu/(2b) (exp(b (l1 - l2)^2) - 1), or `ogden`,
         W = 2 mu/a^2 (l1^a + l2^a + l3^a - 3) with a = 2 + b, for a cylinder.
     fat_kPa : float
         Young's modulus of the fat, kPa.
-    gland_ratio : float
-        Stiffness of the gland over that of the fat.
+    gland_ratio, muscle_ratio : float
+        Stiffness of gland and muscle over that of the fat.
     poisson : float
-        Poisson's ratio of all three.
+        Poisson's ratio of all tissue.
     gland_mm : float
-        Depth of the gland, between the fat and the fixed chest wall.
+        Depth of the gland, under the fat.
+    muscle_mm : float, optional
+        Depth of a muscle between gland and chest wall, where there is one. The lump does not reach it.
     probe_radius_mm : float
         Radius of the probe's face at its lowest point; `math.inf` is a flat one. The face is the parabola
         s^2 / 2R: the circle of R = 40 stands .02 mm (1.6 %) higher at s = 10 mm.
@@ -111,6 +114,9 @@ class Case:
     across_half_mm: float = 17.0
     across_fillet_per_mm2: float = 0.1
     law: str = LAWS[0]
+    muscle_mm: float | None = None
+    muscle_ratio: float = 6.0
+    muscle_stiffening: float = 0.0
 
     def __post_init__(self) -> None:
         for name, (low, high) in LIMITS.items():
@@ -124,9 +130,14 @@ class Case:
             if math.isnan(value) or not low <= value <= high or (math.isinf(value) and high < math.inf):
                 raise CaseError(f"{name} must lie between {low:g} and {high:g}, not {value:g}")
             object.__setattr__(self, name, value)
-        self._check_shape()
+        defaults = {f.name: f.default for f in fields(self)}
+        for layer in DEEPER:
+            mm, *others = fields_of(layer)
+            if getattr(self, mm) is None and any(getattr(self, name) != defaults[name] for name in others):
+                raise CaseError(f"a case without {mm} has no {layer} whose stiffness could be given")
+        self._check_shape(defaults)
 
-    def _check_shape(self) -> None:
+    def _check_shape(self, defaults: dict[str, Any]) -> None:
         if self.law not in LAWS:
             raise CaseError(f"law must be one of {', '.join(LAWS)}, not {self.law!r}")
         if self.solid and self.law != LAWS[0]:
@@ -137,7 +148,6 @@ class Case:
         if any(axes) if self.shape != "ellipsoid" else not all(axes):
             raise CaseError("half_across_mm and half_down_mm belong to an ellipsoid, which needs both")
         if not self.solid:
-            defaults = {f.name: f.default for f in fields(self)}
             if extra := [name for name in ONLY_SOLID if getattr(self, name) != defaults[name]]:
                 raise CaseError(f"a cylinder has no {extra[0]}: that takes a ball or an ellipsoid")
         elif self.friction:
@@ -147,7 +157,7 @@ class Case:
         if placed and below > self.t_mm + 0.97 * self.gland_mm:
             raise CaseError(
                 f"a lump that reaches {below:g} mm down does not fit over "
-                f"a chest wall at {self.t_mm + self.gland_mm:g} mm"
+                f"a {self.under_gland} at {self.t_mm + self.gland_mm:g} mm"
             )
 
     @property
@@ -180,6 +190,18 @@ class Case:
         return self.d_mm * (self.h + 0.5)
 
     @property
+    def layers(self) -> tuple[Layer, ...]:
+        """Fat, gland and what else there is, from the skin down to the chest wall."""
+        below = (Layer(name, *(getattr(self, field) for field in fields_of(name))) for name in UNDER_FAT)
+        fat = Layer("fat", self.t_mm, 1.0, self.fat_stiffening)
+        return (fat, *(layer for layer in below if layer.mm is not None))
+
+    @property
+    def under_gland(self) -> str:
+        """What the gland lies on, in words."""
+        return self.layers[2].name if len(self.layers) > 2 else "chest wall"
+
+    @property
     def centre_mm(self) -> float:
         """Depth of the lump's middle under the skin, mm."""
         return self.t_mm if self.fat_mm is None else self.depth_mm + self.half_down
@@ -188,6 +210,14 @@ class Case:
     def border_mm(self) -> float:
         """Height of the border between fat and gland over the lump's middle, mm."""
         return self.centre_mm - self.t_mm
+
+    @property
+    def borders_mm(self) -> tuple[float, ...]:
+        """Heights of the layers' lower ends over the lump's middle, downwards, mm; last the chest wall."""
+        heights = [self.border_mm]
+        for layer in self.layers[1:]:
+            heights.append(heights[-1] - layer.mm)
+        return tuple(heights)
 
     @property
     def depth_mm(self) -> float:
@@ -264,6 +294,11 @@ class Case:
         out = asdict(self)
         if self.law == LAWS[0]:  # which went without saying when it was the only one
             del out["law"]
+        for layer in DEEPER:
+            mm, *others = fields_of(layer)
+            if out[mm] is None:
+                for name in (mm, *others):
+                    del out[name]
         if not self.solid:
             for name in (*SOLID_FIELDS, *(["fat_mm"] if self.fat_mm is None else [])):
                 del out[name]

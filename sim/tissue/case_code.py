@@ -14,6 +14,7 @@ from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
 from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.layers import DEEPER, letters_of
 
 if TYPE_CHECKING:
     from palpate.sim.tissue.case import Case
@@ -43,6 +44,8 @@ OPTIONS = {
     "wa": "across_half_mm",
     "ka": "across_fillet_per_mm2",
 }
+for _layer in DEEPER:
+    OPTIONS |= letters_of(_layer)
 """Letters of an option and the field that it sets."""
 
 

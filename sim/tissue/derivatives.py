@@ -24,6 +24,7 @@ from palpate.sim.tissue.contact import ContactState, differentiate_sensors
 from palpate.sim.tissue.element import integrate
 from palpate.sim.tissue.errors import CaseError
 from palpate.sim.tissue.frames import Frames, solve_frames
+from palpate.sim.tissue.layers import DEEPER, UNDER_FAT, fields_of
 from palpate.sim.tissue.material import Tissue, elasticity
 from palpate.sim.tissue.newton import Newton
 from palpate.sim.tissue.run import Run
@@ -34,11 +35,15 @@ from palpate.sim.tissue.topology import OutsideTopology, Topology
 
 Floats = NDArray[np.float64]
 
-LENGTHS = ("d_mm", "h", "gland_mm", "fat_mm")
+LENGTHS = ("d_mm", "h", *(f"{layer}_mm" for layer in UNDER_FAT), "fat_mm")
 """They move the mesh."""
 MODULI = (
-    "E_ratio", "gland_ratio", "fat_kPa", "poisson", "fat_stiffening", "gland_stiffening", "lump_stiffening",
-)  # fmt: skip
+    "E_ratio",
+    *(f"{layer}_ratio" for layer in UNDER_FAT),
+    "fat_kPa",
+    "poisson",
+    *(f"{tissue}_stiffening" for tissue in ("fat", *UNDER_FAT, "lump")),
+)
 FACE = ("probe_radius_mm", "face_half_mm", "fillet_per_mm2", "friction")
 FIELDS = (*LENGTHS, *MODULI, *FACE)
 """Fields of a case in the plane; friction from none at all only. The force is the frames' own."""
@@ -86,7 +91,7 @@ def stroke_with_derivatives(
     case: Case,
     places_mm: Sequence[float] | Floats,
     forces_N_per_m: Sequence[float] | Floats,
-    by: Sequence[str] = FIELDS,
+    by: Sequence[str] | None = None,
     settings: Settings | None = None,
 ) -> tuple[Frames, Derivatives]:
     """What n frames feel, each at its own place and under its own force, and how that changes with the case.
@@ -96,8 +101,8 @@ def stroke_with_derivatives(
     case : Case
         A cylinder, or no lump; its `F_rel` is not used.
     places_mm, forces_N_per_m : (n,)
-    by : sequence of str
-        Which of `FIELDS`.
+    by : sequence of str, optional
+        Which of `FIELDS`; without it all that the case has, `differentiable`.
     settings : Settings, optional
 
     Raises
@@ -117,9 +122,21 @@ def stroke_with_derivatives(
     return frames, differentiate(frames, topology, by)
 
 
-def differentiate(frames: Frames, topology: Topology, by: Sequence[str] = FIELDS) -> Derivatives:
+def differentiable(case: Case) -> tuple[str, ...]:
+    """All of `FIELDS` that a case has."""
+    without = {"fat_mm"} if case.fat_mm is None else set()
+    for layer in DEEPER:
+        if getattr(case, f"{layer}_mm") is None:
+            without |= set(fields_of(layer))
+    if not case.has_lump:
+        without |= {"E_ratio", "d_mm", "lump_stiffening"}
+    return tuple(name for name in FIELDS if name not in without)
+
+
+def differentiate(frames: Frames, topology: Topology, by: Sequence[str] | None = None) -> Derivatives:
     """Derivatives at frames that were solved on a geometry of this topology; otherwise as above."""
     run = frames.run
+    by = differentiable(run.case) if by is None else by
     if unknown := [name for name in by if name not in FIELDS]:
         raise CaseError(f"there is no derivative by {unknown[0]}; there are {', '.join(FIELDS)}")
     if run.case.friction:
@@ -171,7 +188,7 @@ class _Columns:
         case = self._run.case
         value = getattr(case, name)
         if value is None:
-            raise CaseError(f"{case.code}: its fat has no thickness of its own to differentiate by")
+            raise CaseError(f"{case.code} has no {name} to differentiate by")
         for sign in (1.0, -1.0):  # at the end of what the topology or the case allows, the other way
             step = sign * _LENGTH_STEP * value
             try:

@@ -17,7 +17,7 @@ from skfem import Basis, ElementQuad2, LinearForm, MeshQuad2
 from skfem.models.poisson import mass
 
 from palpate.sim.tissue.case import Case
-from palpate.sim.tissue.mesh import FAT, GLAND, LUMP
+from palpate.sim.tissue.layers import MATERIALS
 from palpate.sim.tissue.reference import WeakForm
 from palpate.sim.tissue.result import Stroke
 from palpate.sim.tissue.settings import Settings
@@ -43,7 +43,7 @@ class Fields:
     cells : ndarray (M, 9) or (M, 27)
         Nodes of each element, in VTK's order.
     material : ndarray (M,)
-        0 fat, 1 gland, 2 lump.
+        Numbers in `layers.MATERIALS`: 0 fat, 1 gland, 2 lump.
     values : dict of str to ndarray (P,) or (P, n)
         `displacement_mm` (x, y, 0); `strain` of Green and Lagrange (xx, yy, zz, xy, yz, xz); `stretch_1` and
         `stretch_2`, the principal stretches in the plane, the larger first (round a solid lump all three);
@@ -85,7 +85,8 @@ class _Projector:
         mesh = run.mesh
         self._weak = WeakForm(mesh, run.tissue.constants)
         self._cells = mesh.quads.dofs.element_dofs
-        self._parts = [_Part(mesh.quads, np.nonzero(mesh.material == m)[0]) for m in (FAT, GLAND, LUMP)]
+        there = [np.nonzero(mesh.material == m)[0] for m in range(len(MATERIALS))]
+        self._parts = [_Part(mesh.quads, elements) for elements in there if len(elements)]
         self._nodes = np.concatenate([part.nodes for part in self._parts])
         order = np.concatenate([part.elements for part in self._parts])
         self._material = mesh.material[order]

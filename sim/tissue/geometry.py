@@ -33,7 +33,7 @@ def geometry_of(case: Case, settings: Settings, first: float, last: float) -> Ge
     """The geometry of a case, remembered per thread: stiffness and force do not change it."""
     memory: OrderedDict[tuple, Geometry] = _local.__dict__.setdefault("memory", OrderedDict())
     own_fat = case.fat_mm is not None and (case.fat_mm, case.has_lump)
-    key = (case.d_mm, case.h, case.gland_mm, own_fat, case.reach_mm, settings, first, last)
+    key = (case.d_mm, case.h, case.borders_mm, own_fat, case.reach_mm, settings, first, last)
     if key not in memory:
         mesh = build_mesh(case, settings, first, last)
         try:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.layers import rows_through
 from palpate.sim.tissue.settings import Settings
 
 LEAST_ROOM_MM = 20.0
@@ -46,8 +47,8 @@ class Grid:
         Element rings in the lump, round its core, and in the tissue round it.
     radius : float
         The lump's radius.
-    border : float
-        Height of the border between fat and gland.
+    borders : tuple of float
+        Heights of the borders between the layers, downwards; the first is that of fat and gland.
     turns : tuple of float
         By which angles the lines from the core to the circle turn upwards: from its lower corner, from the
         middle of its side, where the box's inner line goes on, and from its upper corner.
@@ -63,7 +64,7 @@ class Grid:
     inner: int
     outer: int
     radius: float
-    border: float
+    borders: tuple[float, ...]
     turns: tuple[float, float, float]
 
 
@@ -87,7 +88,9 @@ def lay_grid(case: Case, settings: Settings, first_mm: float, last_mm: float) ->
     r, top_mm, border, hx = case.d_mm / 2, case.centre_mm, case.border_mm, settings.hx_mm
     room = case.gland_mm - border
     if r > 0.95 * room:
-        raise CaseError(f"a lump of {case.d_mm:g} mm does not fit into {room:g} mm over the chest wall")
+        raise CaseError(
+            f"a lump of {case.d_mm:g} mm does not fit into {room:g} mm over the {case.under_gland}"
+        )
     half = r + max(min(0.5 * r, 3.0), 1.2)
     columns = 2 * math.ceil(half / hx)
     half = columns / 2 * hx
@@ -111,6 +114,7 @@ def lay_grid(case: Case, settings: Settings, first_mm: float, last_mm: float) ->
 
     under = np.linspace(-room, -bottom, max(1, math.ceil((room - bottom) / settings.gland_row_mm)) + 1)
     under = with_line(under, border)
+    under = np.concatenate([rows_through(case.borders_mm[2:], settings.gland_row_mm, -room), under])
     over = with_line(_rows_over_box(top, skin_bottom, float(skin[-1]), row), border)
     rows = [under, np.linspace(-bottom, line, below + 1)[1:], np.linspace(line, top, above + 1)[1:], over[1:]]
     y = np.concatenate([*rows, top_mm - np.cumsum(skin)[-2::-1], [top_mm]])
@@ -135,7 +139,7 @@ def lay_grid(case: Case, settings: Settings, first_mm: float, last_mm: float) ->
         inner=k * max(1, math.ceil(0.36 * r / max(1.8, case.d_mm / 6))),
         outer=k * max(1, round((half - r) / 2.0)),
         radius=r,
-        border=border,
+        borders=case.borders_mm[:-1],
         turns=turns(line / r),
     )
 

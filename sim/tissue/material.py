@@ -15,7 +15,8 @@ from palpate.sim.tissue import kernels
 from palpate.sim.tissue.case import LAWS, Case
 from palpate.sim.tissue.element import ElementIntegrals
 from palpate.sim.tissue.law import EXPONENTIAL
-from palpate.sim.tissue.mesh import FAT, GLAND, LUMP, TissueMesh
+from palpate.sim.tissue.layers import FAT, GLAND, LUMP, by_material
+from palpate.sim.tissue.mesh import TissueMesh
 
 Floats = NDArray[np.float64]
 
@@ -41,13 +42,13 @@ class Elasticity:
 
 
 def elasticity(case: Case, mesh: TissueMesh) -> Elasticity:
-    """The constants of fat, gland and lump. Without a lump its place is filled by fat and gland."""
+    """The constants of layers and lump. Without a lump its place is filled by fat and gland."""
     material = mesh.material
     if not case.has_lump:
         above = mesh.nodes_mm[mesh.elements[:, 4], 1] > 0.0
         material = np.where(material == LUMP, np.where(above, FAT, GLAND), material)
-    young = case.fat_kPa * np.array([1.0, case.gland_ratio, case.E_ratio])[material]
-    b = np.array([case.fat_stiffening, case.gland_stiffening, case.lump_stiffening])[material]
+    young = case.fat_kPa * by_material([layer.ratio for layer in case.layers], case.E_ratio)[material]
+    b = by_material([layer.stiffening for layer in case.layers], case.lump_stiffening)[material]
     nu = case.poisson
     mu = young / (2 * (1 + nu))
     return Elasticity(mu, young * nu / ((1 + nu) * (1 - 2 * nu)) + mu, b, LAWS.index(case.law))

@@ -14,9 +14,8 @@ from skfem import Dofs, ElementQuad2, MeshQuad1, MeshQuad2
 
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.grid import Grid, lay_grid
+from palpate.sim.tissue.layers import FAT, GLAND, LUMP, layer_at
 from palpate.sim.tissue.settings import Settings
-
-FAT, GLAND, LUMP = 0, 1, 2
 
 ALONG_THEN_UP: NDArray[np.int64] = np.lexsort(ElementQuad2.doflocs.T)
 """Nodes of scikit-fem's element in the order of the kernels."""
@@ -39,7 +38,7 @@ class TissueMesh:
     elements : ndarray (M, 9)
         Their nodes, the first direction running fastest: node i + 3 j lies at (i/2, j/2).
     material : ndarray (M,)
-        `FAT`, `GLAND` or `LUMP`.
+        Numbers in `MATERIALS`: `FAT`, `GLAND`, `LUMP`, or a deeper layer's.
     column : ndarray (M,)
         Number of the element's column from left to right; neighbours differ by at most one.
     surface : ndarray (S,)
@@ -101,7 +100,7 @@ def build_mesh(case: Case, settings: Settings, first_mm: float, last_mm: float) 
     keep = np.ones((nx, ny), bool)
     keep[i0:i1, j0:j1] = False
     column = np.arange(nx) + np.where(np.arange(nx) >= i1, 2, np.where(np.arange(nx) >= i0, 1, 0)) * rings
-    outer_fat = np.where(y[:-1] >= grid.border - 1e-9, FAT, GLAND)
+    of_row = layer_at((y[:-1] + y[1:]) / 2, grid.borders)
     element_id = np.full((nx, ny), -1)
     element_id[keep] = np.arange(keep.sum())
     ring_column, ring_material = _ring_columns(grid, m, n)
@@ -114,7 +113,7 @@ def build_mesh(case: Case, settings: Settings, first_mm: float, last_mm: float) 
         corners_of(grid),
         cells,
         material=np.concatenate(
-            [np.broadcast_to(outer_fat, (nx, ny))[keep], np.full(m * n, LUMP), ring_material.ravel()]
+            [np.broadcast_to(of_row, (nx, ny))[keep], np.full(m * n, LUMP), ring_material.ravel()]
         ),
         column=np.concatenate(
             [
@@ -126,7 +125,7 @@ def build_mesh(case: Case, settings: Settings, first_mm: float, last_mm: float) 
         element_rows=element_id[:, j1:].T.copy(),
         lump_radius_mm=grid.radius,
         round_layers=(loop[grid.inner - 1], loop[grid.inner]),
-        border_mm=grid.border,
+        border_mm=grid.borders[0],
     )
 
 
@@ -211,7 +210,7 @@ def with_corners(mesh: TissueMesh, corners: Floats, grid: Grid) -> TissueMesh:
         quads=MeshQuad2(nodes, mesh.quads.t),
         nodes_mm=nodes.T.copy(),
         lump_radius_mm=grid.radius,
-        border_mm=grid.border,
+        border_mm=grid.borders[0],
     )
 
 

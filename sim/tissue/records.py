@@ -9,6 +9,7 @@ import pyarrow as pa
 
 from palpate.sim.tissue.case import SOLID_FIELDS, Case
 from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.layers import DEEPER, fields_of
 from palpate.sim.tissue.result import Stroke
 
 Record = dict[str, Any]
@@ -25,7 +26,10 @@ _LISTS = (
     "iterations",
 )
 _SOLID_LISTS = ("peak_across_mm", "ramp_N", "ramp_displacement_mm", "ramp_images_kPa")
-_PLANE_FIELDS = tuple(f.name for f in fields(Case) if f.name not in (*SOLID_FIELDS, "law"))
+_DEEPER_FIELDS = tuple(name for layer in DEEPER for name in fields_of(layer))
+_UNSAID = ("law", *_DEEPER_FIELDS)
+"""What a case without it leaves out of its row."""
+_PLANE_FIELDS = tuple(f.name for f in fields(Case) if f.name not in (*SOLID_FIELDS, *_UNSAID))
 SCHEMA = pa.schema(
     [(name, pa.string()) for name in ("key", "code", "status", "reason")]
     + [(name, pa.float64()) for name in _PLANE_FIELDS]
@@ -37,6 +41,7 @@ SCHEMA = pa.schema(
         ("nodes", pa.int32()),
         ("law", pa.string()),
     ]
+    + [(name, pa.float64()) for name in _DEEPER_FIELDS]
 )
 SOLID_SCHEMA = pa.schema(
     list(SCHEMA)
@@ -76,8 +81,7 @@ def stroke_of(record: Record) -> Stroke:
         solid = record.get("shape") is not None
         record = {"fat_mm": None, **record}  # which a cylinder has not always had
         case = {name: record[name] for name in (*_PLANE_FIELDS, *(SOLID_FIELDS if solid else ()))}
-        if record.get("law") is not None:
-            case["law"] = record["law"]
+        case |= {name: record[name] for name in _UNSAID if record.get(name) is not None}
         whole = {**record, "case": case, "cpu_s": record.get("cpu_s", 0.0)}
         if solid:
             from palpate.sim.tissue.solid.result import SolidStroke

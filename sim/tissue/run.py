@@ -174,7 +174,8 @@ class Run:
             "smallest_jacobian": state.smallest_jacobian,
         }
         own_fat = self.case.fat_mm is not None  # which may be thin, over a gland that yields
-        deepest = (self.case.t_mm + self.case.gland_mm, "tissue") if own_fat else (self.case.t_mm, "fat")
+        whole = sum(layer.mm for layer in self.case.layers)
+        deepest = (whole, "tissue") if own_fat else (self.case.t_mm, "fat")
         if trouble := fault(row, state, *deepest):
             raise StrokeError(self.case.code, position, trouble)
         return row

@@ -134,7 +134,7 @@ def _same_task(case: Case, other: Case) -> bool:
     """Whether two cases share so much that one task had better do both."""
     if case.solid or other.solid:
         return replace(case, F_rel=other.F_rel) == other
-    one, two = ((c.d_mm, c.h, c.gland_mm, c.fat_mm) for c in (case, other))
+    one, two = ((c.d_mm, c.h, c.borders_mm, c.fat_mm) for c in (case, other))
     return one == two
 
 

@@ -68,7 +68,7 @@ class Topology:
         self.span_mm = (first_mm, last_mm)
         self._grid = lay_grid(self.case, settings, first_mm, last_mm)
         self._mesh = build_mesh(case, settings, first_mm, last_mm)
-        self._place = _place_of(self.case, self._grid)
+        self._place = _place_of(self.case)
         self._top_share, self._bottom_share = self._shares()
         self._lines = self._lines_of(self.case)
 
@@ -87,8 +87,10 @@ class Topology:
             more than twice as high or less than half.
         """
         case = meshed(case)
-        if _place_of(case, replace(self._grid, radius=case.d_mm / 2, border=case.border_mm)) != self._place:
+        if _place_of(case) != self._place:
             raise OutsideTopology(f"{case.code}: the border has entered or left the lump")
+        if len(case.layers) != len(self.case.layers):
+            raise OutsideTopology(f"{case.code}: its layers are others than those of {self.case.code}")
         before, after = self._grid, self._lines_of(case)
         stretched = np.diff(after.knots) / np.diff(self._lines.knots)
         if not (stretched > _NARROWEST).all() or not (stretched < _WIDEST).all():
@@ -100,7 +102,7 @@ class Topology:
             before,
             y=np.interp(before.y, self._lines.knots, after.knots),
             radius=r,
-            border=case.border_mm,
+            borders=case.borders_mm[:-1],
             turns=grids.turns(after.line / r),
         )
 
@@ -135,27 +137,28 @@ class Topology:
 
     def _neighbours(self, case: Case) -> tuple[float, float]:
         """The next lines under and over the lump."""
-        border = case.border_mm
+        border, gland_ends = case.borders_mm[:2]
         above = (
             border if self._place == "gland" else case.centre_mm - sum(grids.skin_rows(case, self.settings))
         )
-        return (border if self._place == "fat" else border - case.gland_mm), above
+        return (border if self._place == "fat" else gland_ends), above
 
     def _lines_of(self, case: Case) -> _Lines:
         r, border, skin = case.d_mm / 2, case.border_mm, grids.skin_rows(case, self.settings)
         below, above = self._neighbours(case)
         top, bottom = r + self._top_share * (above - r), -r - self._bottom_share * (-below - r)
         line = border if self._place == "meets" else 0.0
-        knots = [border - case.gland_mm, bottom, line, top, case.centre_mm - sum(skin), case.centre_mm]
+        deeper = sorted(case.borders_mm[1:])
+        knots = [*deeper, bottom, line, top, case.centre_mm - sum(skin), case.centre_mm]
         if self._place == "gland" and self._top_share < 1 - 1e-9:
-            knots.insert(4, border)
+            knots.insert(-2, border)
         elif self._place == "fat" and self._bottom_share < 1 - 1e-9:
-            knots.insert(1, border)
+            knots.insert(len(deeper), border)
         return _Lines(np.array(knots), line)
 
 
-def _place_of(case: Case, grid: Grid) -> str:
+def _place_of(case: Case) -> str:
     """Where the lump lies for the mesh: the border meets it, or it is in the "fat" or in the "gland"."""
-    if grids.meets(grid.border, grid.radius):
+    if grids.meets(case.border_mm, case.d_mm / 2):
         return "meets"
-    return "gland" if grid.border > 0 else "fat"
+    return "gland" if case.border_mm > 0 else "fat"

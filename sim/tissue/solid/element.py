@@ -19,6 +19,7 @@ from skfem import CellBasis, ElementHex0, ElementHex2
 
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.errors import FoldedElement
+from palpate.sim.tissue.layers import LUMP, by_material, layer_at
 from palpate.sim.tissue.solid.mesh import SolidMesh
 
 Floats = NDArray[np.float64]
@@ -118,12 +119,11 @@ class SolidElasticity:
 
 
 def elasticity(case: Case, mesh: SolidMesh, integrals: SolidIntegrals) -> SolidElasticity:
-    """The constants of fat, gland and lump. Without a lump its place is filled by fat and gland."""
+    """The constants of layers and lump. Without a lump its place is filled by fat and gland."""
     I, nu = integrals, case.poisson
-    lump = mesh.lump[:, None] & case.has_lump
-    fat = I.y > mesh.grid.border
-    young = case.fat_kPa * np.where(lump, case.E_ratio, np.where(fat, 1.0, case.gland_ratio))
-    b = np.where(lump, case.lump_stiffening, np.where(fat, case.fat_stiffening, case.gland_stiffening))
+    material = np.where(mesh.lump[:, None] & case.has_lump, LUMP, layer_at(I.y, mesh.grid.borders))
+    young = case.fat_kPa * by_material([layer.ratio for layer in case.layers], case.E_ratio)[material]
+    b = by_material([layer.stiffening for layer in case.layers], case.lump_stiffening)[material]
     b = np.where(I.dx > 0, b, 0.0)
     mu_dx = young / (2 * (1 + nu)) * I.dx
     bulk_of_mu = 2 * nu / (1 - 2 * nu) + 1

@@ -20,7 +20,7 @@ from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.errors import StrokeError
 from palpate.sim.tissue.fields import Fields
 from palpate.sim.tissue.law import EXPONENTIAL, phi
-from palpate.sim.tissue.mesh import FAT, GLAND, LUMP
+from palpate.sim.tissue.layers import LUMP, MATERIALS, layer_at
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.solid.element import POINTS
 from palpate.sim.tissue.solid.mesh import LATTICE_OF_LOCAL, SolidMesh
@@ -66,12 +66,12 @@ class _Projector:
         self._run = run
         mesh, grid = run.mesh, run.mesh.grid
         integrals = run.newton.body.integrals
-        fat = (integrals.dx * (integrals.y > grid.border)).sum(1) > 0.5 * integrals.volume
+        at_points = layer_at(integrals.y, grid.borders)
+        filled = [(integrals.dx * (at_points == m)).sum(1) for m in range(len(MATERIALS))]
         lump = mesh.lump & run.case.has_lump
-        material = np.where(lump, LUMP, np.where(fat, FAT, GLAND))
-        self._parts = [
-            _Part(mesh, np.nonzero(material == m)[0]) for m in (FAT, GLAND, LUMP) if (material == m).any()
-        ]
+        material = np.where(lump, LUMP, np.argmax(filled, 0))
+        there = [np.nonzero(material == m)[0] for m in range(len(MATERIALS))]
+        self._parts = [_Part(mesh, elements) for elements in there if len(elements)]
         self._nodes = np.concatenate([part.nodes for part in self._parts])
         self._material = np.concatenate([material[part.elements] for part in self._parts])
         starts = np.cumsum([0, *(len(part.nodes) for part in self._parts[:-1])])

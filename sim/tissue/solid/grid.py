@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.errors import CaseError
 from palpate.sim.tissue.grid import with_line
+from palpate.sim.tissue.layers import rows_through
 from palpate.sim.tissue.settings import Settings
 
 Floats = NDArray[np.float64]
@@ -55,8 +56,8 @@ class SolidGrid:
         The lump's, in x, y and z.
     offset : float
         z of the lump's middle.
-    border : float
-        Height of the border between fat and gland.
+    borders : tuple of float
+        Heights of the borders between the layers, downwards; the first is that of fat and gland.
     split : float
         Height of the row line inside the box: the border's where that passes through the lump, or 0.
     inner, outer : int
@@ -73,7 +74,7 @@ class SolidGrid:
     box: tuple[tuple[int, int], ...] | None
     half_axes: tuple[float, float, float]
     offset: float
-    border: float
+    borders: tuple[float, ...]
     split: float
     inner: int
     outer: int
@@ -126,7 +127,7 @@ def lay_grid(
         box=tuple((k * a, k * b) for a, b in spans),
         half_axes=(along, down, across),
         offset=case.offset_mm,
-        border=case.centre_mm - case.t_mm,
+        borders=case.borders_mm[:-1],
         split=split,
         inner=k,
         outer=_SHELLS_ROUND * k,
@@ -139,7 +140,7 @@ def lay_plain_grid(of: SolidGrid, case: Case, hx: float) -> SolidGrid:
     """Half of plain tissue under a probe that stands at x = 0, with the rows and layers of another grid."""
     step = hx * np.arange(math.ceil(case.reach_mm / hx) + 1)
     x = np.concatenate([step, _far(step[-1], _SIDES_MM[1], 3.0 * hx)[1:]])
-    return SolidGrid(x, of.y, of.z, None, of.half_axes, of.offset, of.border, 0.0, 0, 0, of.half)
+    return SolidGrid(x, of.y, of.z, None, of.half_axes, of.offset, of.borders, 0.0, 0, 0, of.half)
 
 
 def _margin(radius: float) -> float:
@@ -149,8 +150,7 @@ def _margin(radius: float) -> float:
 def _rows(case: Case, follow_border: bool) -> tuple[Floats, tuple[int, int], float]:
     """Rows from the chest wall to the skin, the box among them, and the height of the line inside it."""
     radius, surface, depth = case.half_down, case.centre_mm, case.depth_mm
-    border = surface - case.t_mm
-    floor = border - case.gland_mm
+    border, floor = case.borders_mm[:2]
     skin = min(_SKIN_MM, 0.5 * depth)
     clear = depth - skin
     above = min(max(0.35 * clear, 0.5), _margin(radius)) if clear >= 0.6 else 0.5 * clear
@@ -164,6 +164,7 @@ def _rows(case: Case, follow_border: bool) -> tuple[Floats, tuple[int, int], flo
     over = with_line(_rows_over(top, surface - skin, skin), border, _LEAST_ROW_MM)
     rows = np.linspace(floor, bottom, max(1, math.ceil((bottom - floor) / _GLAND_ROW_MM)) + 1)
     under = with_line(rows, border, _LEAST_ROW_MM)
+    under = np.concatenate([rows_through(case.borders_mm[2:], _GLAND_ROW_MM, floor), under])
     y = np.concatenate([under, [split], over, [surface]])
     first = len(under) - 1
     return y, (first, first + 2), split

@@ -140,8 +140,8 @@ def _columns(rows: list[dict[str, Any]]) -> dict[str, Floats]:
 
 def _geometry_of(case: Case, settings: Settings, first: float, last: float) -> SolidGeometry:
     """The geometry of a case; the last one is remembered per thread: stiffness and force do not change it."""
-    plain = replace(case, F_rel=1.0, E_ratio=2.0, gland_ratio=1.0, fat_kPa=1.0)
-    key = (plain, settings, first, last)
+    shape = (case.half_axes_mm, case.offset_mm, case.depth_mm, case.borders_mm, case.reach_mm)
+    key = (shape, settings, first, last)
     if _local.__dict__.get("key") != key:
         _local.__dict__.clear()
         try:

@@ -8,7 +8,7 @@ import pytest
 from palpate.sim.tissue import Case, Settings
 from palpate.sim.tissue.any_tissue import any_tissue_cases
 from palpate.sim.tissue.anywhere import anywhere_lumps
-from palpate.sim.tissue.derivatives import FIELDS, differentiate, stroke_with_derivatives
+from palpate.sim.tissue.derivatives import differentiable, differentiate, stroke_with_derivatives
 from palpate.sim.tissue.errors import CaseError
 from palpate.sim.tissue.frames import solve_frames
 from palpate.sim.tissue.mesh import build_mesh
@@ -79,16 +79,20 @@ def random_cases(n, seed):
 
 def fields_of(case):
     """What this case can be differentiated by, but friction, of which no stroke on this side of 0 exists."""
-    without = {"friction"} | ({"fat_mm"} if case.fat_mm is None else set())
-    if not case.has_lump:
-        without |= {"E_ratio", "d_mm", "lump_stiffening"}
-    return [name for name in FIELDS if name not in without]
+    return [name for name in differentiable(case) if name != "friction"]
 
 
 @pytest.mark.parametrize("number", [1])
 def test_derivatives_are_those_of_whole_strokes(number):
     case = list(random_cases(4, 11))[number]
     assert max(worst_difference(case, FINE, fields_of(case), number).values()) < AGREE
+
+
+def test_derivatives_by_a_muscle_are_those_of_whole_strokes():
+    case = Case(10.0, 0.8, 10.0, 0.6, muscle_mm=9.0, muscle_ratio=3.0, muscle_stiffening=4.0)
+    by = [name for name in differentiable(case) if name.startswith("muscle")]
+    assert len(by) == 3
+    assert max(worst_difference(case, FINE, by, 1).values()) < AGREE
 
 
 @pytest.mark.long
