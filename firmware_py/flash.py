@@ -6,7 +6,7 @@ from firmware_py import features, keyring, memory, messages, slots, status
 class Flash:
     """A probe's model slots and their commands.
 
-    Parameters: store (store.py), key: the public key (slh_dsa.py) whose signature makes a model believable.
+    Parameters: store (store.py), key: the public key (signature.py) whose signature makes a model believable.
     """
 
     def __init__(self, store, key):

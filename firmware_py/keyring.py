@@ -20,7 +20,7 @@ def name(key):
 class Keyring:
     """`current`: whose models are taken (empty: nobody's); `before`: whose models stay.
 
-    Parameters: the store; the public key that was installed (slh_dsa.py).
+    Parameters: the store; the public key that was installed (signature.py).
     """
 
     def __init__(self, store, installed):
@@ -49,31 +49,31 @@ class Keyring:
 
     def least(self):
         """Bytes of the shortest thing that can be signed."""
-        from firmware_py import slh_dsa
+        from firmware_py import signature
 
-        return slh_dsa.signature_size(self.current) + len(SUCCESSION) + MOMENT + len(self.installed)
+        return signature.size(self.current) + len(SUCCESSION) + MOMENT + len(self.installed)
 
     def signed(self, read, size, stays=True):
         """(status, bytes) of a model: whether it is signed, and how many bytes stand before the signature.
 
         stays: with the key before the current one it is good, too.
         """
-        from firmware_py import slh_dsa
+        from firmware_py import signature
 
         key = self.current
-        code = slh_dsa.verify(key, read, size)
+        code = signature.verify(key, read, size)
         if code == status.BAD_SIGNATURE and stays and self.before:
             key = self.before
-            code = slh_dsa.verify(key, read, size)
-        return code, size - slh_dsa.signature_size(key)
+            code = signature.verify(key, read, size)
+        return code, size - signature.size(key)
 
     def successor(self, read, size):
         """(status, moment and public key) of a succession."""
-        from firmware_py import slh_dsa
+        from firmware_py import signature
 
-        code = slh_dsa.verify(self.current, read, size, slh_dsa.SUCCESSOR)
+        code = signature.verify(self.current, read, size, signature.SUCCESSOR)
         named = read(len(SUCCESSION), MOMENT + len(self.installed))
-        if code == status.OK and (size != self.least() or not slh_dsa.parameters(named[MOMENT:])):
+        if code == status.OK and (size != self.least() or not signature.size(named[MOMENT:])):
             code = status.BAD_MODEL
         if code == status.OK and named[:MOMENT] <= self.moment:
             code = status.TOO_OLD

@@ -24,7 +24,7 @@ def _nobody():
 class LiveModel:
     """The live model of a probe.
 
-    Parameters: the store; the public key that signs models (slh_dsa.py); what this firmware
+    Parameters: the store; the public key that signs models (signature.py); what this firmware
     computes (features_version, feature_count); the probe's identity (model_image.PROBE).
     `model` is the live model (evaluator.Model) or None. `changed` is called whenever it is another one, or
     for a while none: nobody may hold on to the tables of the one before. After `boot`, `health` is OK or the

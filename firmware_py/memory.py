@@ -11,7 +11,7 @@ from array import array
 from firmware_py import geometry
 
 BINS = 55  # 82.5 mm of travel: with many more, 40 kB would not stay free beside a model of two stages
-SIGNATURE = ("slh_dsa", "sha_thumb")
+SIGNATURE = ("signature", "slh_dsa", "sha_thumb")
 # what checks and loads a model
 FLASHING = SIGNATURE + ("model_image", "model_check", "unpack", "stage_image")
 CALIBRATING = ("calibrate", "reference")

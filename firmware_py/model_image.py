@@ -2,7 +2,7 @@
 
 Little endian. Head of 104 bytes, at its end the lengths of the sections (u16 each, 0 for one that is
 left out); the sections in order, each padded to a multiple of four; the signature over all of it.
-docs/model-image.md has it in full. The caller verifies the signature first (slh_dsa.py); what is signed
+docs/model-image.md has it in full. The caller verifies the signature first (signature.py); what is signed
 is checked all the same (model_check.py).
 """
 

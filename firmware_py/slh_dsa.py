@@ -27,10 +27,6 @@ KEY_SIZE = 4 + 2 * N
 # a key's number of its set: layers of trees, their height, few-time trees (FORS), their height
 SETS = {1: (7, 9, 14, 12)}  # SHA2-128s
 
-# what a signature is for, so that one cannot be taken for another
-MODEL = b"palpate model"
-SUCCESSOR = b"palpate key"
-
 # an address behind the seed's block: layer (1), tree (8), type (1), then three words
 _LAYER = 64
 _TREE = 65
@@ -66,9 +62,10 @@ def signature_size(key):
     return N * (1 + trees * (depth + 1) + layers * (CHAINS + height))
 
 
-def verify(key, read, size, context=MODEL):
+def verify(key, read, size, context):
     """Does the end of what `read(offset, n)` gives (size bytes in all) sign what stands before it?
 
+    context: what it is for (signature.py).
     Returns OK, BAD_SIGNATURE, or NOT_SUPPORTED where the board has no SHA-256.
     """
     if sha256 is None:

@@ -50,9 +50,9 @@ class Slots(live_model.LiveModel):
 
         If an image of that size is already on its way it goes on: `received` says from where.
         """
-        from firmware_py import slh_dsa
+        from firmware_py import signature
 
-        if not slh_dsa.available():
+        if not signature.available():
             return status.NOT_SUPPORTED
         if self.state == RECEIVING and size == self.size:
             return status.OK

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from firmware_py import slh_dsa
+from firmware_py import signature
 from palpate.model_export import image_builder
 from palpate.model_export.errors import ModelError
 from palpate.model_export.fixed_point import accuracy, bounds, compiler, sampling
@@ -151,7 +151,7 @@ def export(
     report = Report(
         info.model_id,
         len(signed),
-        slh_dsa.signature_size(key.public),
+        signature.size(key.public),
         info.counter,
         info.replaces,
         errors,

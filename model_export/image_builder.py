@@ -7,7 +7,7 @@ import struct
 from array import array
 from dataclasses import dataclass
 
-from firmware_py import evaluator, feature_names, model_check, slh_dsa, stage, status, unpack
+from firmware_py import evaluator, feature_names, model_check, signature, stage, status, unpack
 from firmware_py import features as firmware_features
 from firmware_py import model_image as fw
 from palpate.fixedpoint import nested
@@ -212,12 +212,12 @@ class Info:
 
 def _body_size(data: bytes, key: bytes | None) -> int:
     if key is not None:
-        code = slh_dsa.verify(key, lambda at, n: data[at : at + n], len(data))
+        code = signature.verify(key, lambda at, n: data[at : at + n], len(data))
         if code != status.OK:
             raise ImageError(
                 "the image's signature does not fit the key: it was changed, or another key signed it"
             )
-        return len(data) - slh_dsa.signature_size(key)
+        return len(data) - signature.size(key)
     if len(data) < fw.HEAD_SIZE or data[:4] != fw.MAGIC:
         raise ImageError("this is not a model image")
     return int(struct.unpack_from("<I", data, 8)[0])

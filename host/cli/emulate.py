@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 
 import click
 
-from firmware_py import slh_dsa
+from firmware_py import signature
 from palpate.cli.numbers import SEED
 from palpate.console import json_option, note, print_json, say
 from palpate.errors import NoSuchFile, PalpateError, UsageError
@@ -219,6 +219,6 @@ def public_key(directory: Path | None) -> bytes | None:
         raise NoSuchFile(
             f"there is no key in {directory}; make one with `palpate keygen {directory}`"
         ) from None
-    if slh_dsa.parameters(key) is None:
+    if not signature.size(key):
         raise UsageError(f"{path} is no public key; `palpate keygen` writes one, public.key")
     return key

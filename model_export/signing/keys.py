@@ -20,16 +20,15 @@ import contextlib
 import json
 import math
 import os
-import secrets
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from firmware_py import keyring, model_image, slh_dsa, status
+from firmware_py import keyring, model_image, signature, status
 from palpate.model_export.errors import SigningError
 from palpate.model_export.signing import key_files as files
-from palpate.model_export.signing import slh_sign
+from palpate.model_export.signing import slh_sign as scheme
 
 EPOCH_S = 1704067200
 """2024-01-01T00:00Z."""
@@ -42,7 +41,7 @@ SUCCESSION = "succession.palp"
 _NO_TIME_S = 1e11  # the year 5138
 
 PROGRAM = b"palpate program"
-"""What such a signature is for, beside slh_dsa.MODEL and SUCCESSOR."""
+"""What such a signature is for, beside signature.MODEL and SUCCESSOR."""
 MAX_COUNTER = model_image.MAX_COUNTER
 """In minutes, the year 4065."""
 
@@ -52,18 +51,18 @@ class Key:
     """A key directory, read; `counter` is the last security counter it has given, 0 before the first."""
 
     directory: Path
-    secret: slh_sign.Secret
+    secret: scheme.Secret
     public: bytes
     counter: int
 
 
 def generate(
     directory: str | os.PathLike[str],
-    secret: slh_sign.Secret | None = None,
+    secret: scheme.Secret | None = None,
     succeeds: str | os.PathLike[str] | None = None,
     force: bool = False,
 ) -> bytes:
-    """Make a signing key in a new directory (`palpate keygen`); returns the public key, 36 bytes.
+    """Make a signing key in a new directory (`palpate keygen`); returns the public key.
 
     Parameters
     ----------
@@ -82,16 +81,9 @@ def generate(
         If the directory cannot be written or already holds a key.
     """
     path = Path(directory)
-    if secret is None:
-        seed, prf, public_seed = (secrets.token_bytes(slh_dsa.N) for _ in range(3))
-        secret = slh_sign.Secret(seed, prf, public_seed)
-    public = slh_sign.public_key(secret)
-    content = {
-        "format": "palpate-signing-key",
-        "version": 2,
-        "set": secret.set,
-        "seeds": (secret.seed + secret.prf + secret.public_seed).hex(),
-    }
+    secret = scheme.Secret.draw() if secret is None else secret
+    public = scheme.public_key(secret)
+    content = {"format": "palpate-signing-key", "version": 2, **secret.content}
     succession = None if succeeds is None else succeed(succeeds, public, force=force)
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -120,11 +112,9 @@ def load(directory: str | os.PathLike[str]) -> Key:
                 f"the key in {path} is of the old kind (LMS), whose copies could be made to sign forgeries; "
                 "make a new one with `palpate keygen` and give the probe its public key"
             )
-        seeds = bytes.fromhex(data["seeds"])
         public = (path / "public.key").read_bytes()
-        secret = slh_sign.Secret(seeds[:16], seeds[16:32], seeds[32:], data["set"])
-        good = len(seeds) == 48 and slh_dsa.parameters(public) and public[3] == secret.set
-        if data["version"] != 2 or not good or public[4:20] != secret.public_seed:
+        secret = scheme.Secret.read(data, public)
+        if data["version"] != 2:
             raise ValueError
     except FileNotFoundError:
         raise SigningError(f"{path} holds no signing key; make one with `palpate keygen {path}`") from None
@@ -207,8 +197,8 @@ def sign(
         minutes = int((_clock_s(key.directory, seen_s, force) - EPOCH_S) // 60)
         counter = min(max(key.counter + 1, minutes), MAX_COUNTER)
     message = make(counter)
-    signed = message + slh_sign.sign(key.secret, key.public, message)
-    _check(key, signed, slh_dsa.MODEL)
+    signed = message + scheme.sign(key.secret, key.public, message, signature.MODEL)
+    _check(key, signed, signature.MODEL)
     # only an order within a minute hangs on it: a directory that cannot be written may sign all the same
     with contextlib.suppress(OSError):
         files.write(key.directory / "counter.json", json.dumps({"last": counter}).encode() + b"\n")
@@ -238,16 +228,16 @@ def succeed(
             named = (key.directory / SUCCESSION).read_bytes()[len(keyring.SUCCESSION) :][: keyring.MOMENT]
             moment_ns = min(max(moment_ns, 1 + int.from_bytes(named, "big")), 256**keyring.MOMENT - 1)
     message = keyring.SUCCESSION + max(moment_ns, 1).to_bytes(keyring.MOMENT, "big") + new
-    signed = message + slh_sign.sign(key.secret, key.public, message, slh_dsa.SUCCESSOR)
-    _check(key, signed, slh_dsa.SUCCESSOR)
+    signed = message + scheme.sign(key.secret, key.public, message, signature.SUCCESSOR)
+    _check(key, signed, signature.SUCCESSOR)
     return signed
 
 
 def sign_program(directory: str | os.PathLike[str], module: bytes) -> bytes:
     """A compiled regression's .mpy (`palpate.fixedpoint`) and its signature, which no loader reads.
 
-    A board checks it by `slh_dsa.verify(key, read, size, PROGRAM)`; no probe takes it for a model. It has no
-    counter: an older one that was signed is as good as a newer.
+    A board checks it by `signature.verify(key, read, size, PROGRAM)`; no probe takes it for a model. It has
+    no counter: an older one that was signed is as good as a newer.
 
     Raises
     ------
@@ -255,13 +245,13 @@ def sign_program(directory: str | os.PathLike[str], module: bytes) -> bytes:
         If the key is missing or damaged, or its signature does not verify.
     """
     key = load(directory)
-    signed = module + slh_sign.sign(key.secret, key.public, module, PROGRAM)
+    signed = module + scheme.sign(key.secret, key.public, module, PROGRAM)
     _check(key, signed, PROGRAM)
     return signed
 
 
 def _check(key: Key, signed: bytes, context: bytes) -> None:
-    if slh_dsa.verify(key.public, lambda at, n: signed[at : at + n], len(signed), context) != status.OK:
+    if signature.verify(key.public, lambda at, n: signed[at : at + n], len(signed), context) != status.OK:
         raise SigningError(
             f"the signing key in {key.directory} is damaged: its signature does not verify; copy it back "
             "from a backup"

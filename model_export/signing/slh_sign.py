@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import hashlib
 import hmac
+import secrets
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +29,27 @@ class Secret:
     prf: bytes
     public_seed: bytes
     set: int = 1
+
+    @classmethod
+    def draw(cls) -> Secret:
+        """A new one, from the operating system."""
+        seed, prf, public_seed = (secrets.token_bytes(N) for _ in range(3))
+        return cls(seed, prf, public_seed)
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """What a file holds of it."""
+        return {"set": self.set, "seeds": (self.seed + self.prf + self.public_seed).hex()}
+
+    @classmethod
+    def read(cls, content: dict[str, Any], public: bytes) -> Secret:
+        """The private key of `content`; ValueError, KeyError or TypeError where it is none of `public`'s."""
+        seeds = bytes.fromhex(content["seeds"])
+        secret = cls(seeds[:N], seeds[N : 2 * N], seeds[2 * N :], content["set"])
+        known = slh_dsa.parameters(public) and public[3] == secret.set
+        if len(seeds) != 3 * N or not known or public[4 : 4 + N] != secret.public_seed:
+            raise ValueError
+        return secret
 
     @property
     def parameters(self) -> tuple[int, int, int, int]:
@@ -77,8 +100,8 @@ def _path(nodes: Bytes, index: int) -> bytes:
     return out
 
 
-def sign(secret: Secret, public: bytes, message: bytes, context: bytes = slh_dsa.MODEL) -> bytes:
-    """Signature of a message for a purpose (slh_dsa.MODEL, slh_dsa.SUCCESSOR)."""
+def sign(secret: Secret, public: bytes, message: bytes, context: bytes) -> bytes:
+    """Signature of a message for a purpose, as `firmware_py.signature.MODEL`."""
     layers, height, trees, depth = secret.parameters
     state, seed = _state(secret), _array(secret.seed)
     whole = bytes((0, len(context))) + context + message
@@ -95,8 +118,8 @@ def sign(secret: Secret, public: bytes, message: bytes, context: bytes = slh_dsa
     out, roots = [r], []
     for i in range(trees):
         pick = picks >> depth * (trees - 1 - i) & (1 << depth) - 1
-        secrets, nodes = kernels.few_times_tree(state, seed, address, leaf, i, depth)
-        out += [secrets[pick].tobytes(), _path(nodes, pick)]
+        leaves, nodes = kernels.few_times_tree(state, seed, address, leaf, i, depth)
+        out += [leaves[pick].tobytes(), _path(nodes, pick)]
         roots.append(nodes[1].tobytes())
     address[9:] = 0
     address[9] = 4

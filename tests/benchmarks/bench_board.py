@@ -17,7 +17,7 @@ from array import array
 from collections import defaultdict
 from pathlib import Path
 
-from firmware_py import evaluator, features, messages, slh_dsa
+from firmware_py import evaluator, features, messages, signature
 from palpate import models
 from palpate.link import emulator_model as emulator
 from palpate.model_export.fixed_point import compiler
@@ -128,7 +128,7 @@ def times_us(fast: bool) -> dict[str, float]:
     """Device time of each part."""
     image = emulator.image()
     sizes = (
-        len(image) - slh_dsa.signature_size(emulator.public_key()),
+        len(image) - signature.size(emulator.public_key()),
         features.FEATURES_VERSION,
         features.COUNT,
     )

@@ -23,6 +23,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from firmware_py import signature
 from palpate.model_export import image_builder
 from palpate.model_export.fixed_point import accuracy, compiler, force_map, sampling
 from palpate.model_export.schema import ModelSpec
@@ -60,7 +61,7 @@ def signed_image(spec: ModelSpec, force_map: bytes | None) -> tuple[bytes, bytes
     secret = slh_sign.Secret(bytes(16), bytes(16), bytes(16))
     public = slh_sign.public_key(secret)
     body = image_builder.build(spec, compiler.compile_model(spec), force_map, 1)
-    return public, body + slh_sign.sign(secret, public, body)
+    return public, body + slh_sign.sign(secret, public, body, signature.MODEL)
 
 
 def size_of_mpy(*names: str) -> int:

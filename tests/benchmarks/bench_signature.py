@@ -19,7 +19,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from firmware_py import slh_dsa, status
+from firmware_py import signature, status
 from palpate import models as bundled
 from palpate.model_export.exporter import export
 from palpate.model_export.signing import keys, slh_sign
@@ -32,13 +32,13 @@ HEAP = 1 << 22
 
 SETUP = """
 import gc
-from firmware_py import slh_dsa
+from firmware_py import signature, slh_dsa
 KEY = open("key", "rb").read()
 DATA = open("image", "rb").read()
 def read(at, n):
     return DATA[at : at + n]
 def verify():
-    assert slh_dsa.verify(KEY, read, len(DATA)) == 0
+    assert signature.verify(KEY, read, len(DATA)) == 0
 def turn(name):
     if name == "verify":
         verify()
@@ -115,22 +115,22 @@ def main() -> None:
         images = {f"{name}, {len(spec.terms)} terms": export(spec, home)[0] for name, spec in models.items()}
     sizes = Table("model", "its part, B", "signature, B", "image, B", title="Signed images")
     for name, image in images.items():
-        signature = slh_dsa.signature_size(key)
-        sizes.add_row(name, str(len(image) - signature), str(signature), str(len(image)))
+        signed = signature.size(key)
+        sizes.add_row(name, str(len(image) - signed), str(signed), str(len(image)))
     console.print(sizes)
     image = max(images.values(), key=len)
 
     def verify() -> None:
-        assert slh_dsa.verify(key, lambda at, n: image[at : at + n], len(image)) == status.OK
+        assert signature.verify(key, lambda at, n: image[at : at + n], len(image)) == status.OK
 
-    message = image[: len(image) - slh_dsa.signature_size(key)]
+    message = image[: len(image) - signature.size(key)]
     files = {"key": key, "image": image}
     unix_ms = on_unix(files)
     allocated = int(run_micropython(SETUP + ALLOCATED, files, heap=HEAP))
     times = Table("what", "ms of CPU", title=f"SLH-DSA, an image of {len(image)} bytes")
     rows = {
         "a key, host": best_ms(lambda: slh_sign.public_key(secret)),
-        "a signature, host": best_ms(lambda: slh_sign.sign(secret, key, message), 3),
+        "a signature, host": best_ms(lambda: slh_sign.sign(secret, key, message, signature.MODEL), 3),
         "verified, CPython": best_ms(verify),
         "verified, MicroPython/WASM": on_wasm(files),
         "verified, MicroPython, Unix port": unix_ms,

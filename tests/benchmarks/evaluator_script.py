@@ -3,7 +3,7 @@
 SETUP = """
 import gc, json, micropython, sys
 from array import array
-from firmware_py import calib, evaluator, features, slh_dsa, model_image, pipeline
+from firmware_py import calib, evaluator, features, signature, model_image, pipeline
 import plain, palpate_model, palpate_values
 try:
     import generated
@@ -13,7 +13,7 @@ except ImportError:
 data = open('model.palp', 'rb').read()
 read = lambda at, n: data[at:at + n]
 key = open('public.key', 'rb').read()
-body = len(data) - slh_dsa.signature_size(key)
+body = len(data) - signature.size(key)
 code, model = model_image.load(read, body, features.FEATURES_VERSION, features.COUNT)
 assert code == 0
 rows = json.loads(open('vectors.json').read())
@@ -62,7 +62,7 @@ def m2cgen_whole():
         generated.estimate(x)
 
 def verify():
-    assert slh_dsa.verify(key, read, len(data)) == 0
+    assert signature.verify(key, read, len(data)) == 0
 
 runs = {'ours': ours, 'values': ours_values, 'emitted': emitted, 'emitted values': emitted_values}
 runs['float'] = plain_whole

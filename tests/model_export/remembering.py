@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from firmware_py import slh_dsa
+from firmware_py import signature
 
 
 @pytest.fixture(autouse=True)
 def remember_signatures(monkeypatch):
     """Verify each distinct content once: the answer depends on nothing else."""
     known: dict[tuple, int] = {}
-    real = slh_dsa.verify
+    real = signature.verify
 
-    def verify(key, read, size, context=slh_dsa.MODEL):
+    def verify(key, read, size, context=signature.MODEL):
         content = key, read(0, size), context
         if content not in known:
             known[content] = real(key, read, size, context)
         return known[content]
 
-    monkeypatch.setattr(slh_dsa, "verify", verify)
+    monkeypatch.setattr(signature, "verify", verify)

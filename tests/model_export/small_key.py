@@ -5,7 +5,7 @@ but one in this process believes such a key.
 
 from __future__ import annotations
 
-from firmware_py import slh_dsa
+from firmware_py import signature, slh_dsa
 from palpate.model_export.signing import slh_sign
 
 SMALL = 200
@@ -21,4 +21,4 @@ def signer(number: int = 0):
     """(public key, sign): sign(body) gives body and signature."""
     key = secret(number)
     public = slh_sign.public_key(key)
-    return public, lambda body, *context: body + slh_sign.sign(key, public, body, *context)
+    return public, lambda body, context=signature.MODEL: body + slh_sign.sign(key, public, body, context)

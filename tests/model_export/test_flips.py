@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from firmware_py import slh_dsa, status
+from firmware_py import signature, status
 from palpate.model_export.exporter import export
 from palpate.model_export.signing import keys
 from tests.campaigns import counted
@@ -17,12 +17,12 @@ def count_accepted_flips(data: bytes, key: bytes, every: int = 1) -> int:
     def read(at, n):
         return bytes(image[at : at + n])
 
-    assert slh_dsa.verify(key, read, len(image)) == status.OK
+    assert signature.verify(key, read, len(image)) == status.OK
     accepted = 0
     for number in range(0, 8 * len(image), every):
         at, bit = divmod(number, 8)
         image[at] ^= 1 << bit
-        accepted += slh_dsa.verify(key, read, len(image)) == status.OK
+        accepted += signature.verify(key, read, len(image)) == status.OK
         image[at] ^= 1 << bit
     assert bytes(image) == data
     return accepted
@@ -41,7 +41,7 @@ def test_every_bit_of_the_public_key(signed, public_key):
             other = bytearray(public_key)
             other[at] ^= 1 << bit
             data = signed[1]
-            code = slh_dsa.verify(bytes(other), lambda a, n, d=data: d[a : a + n], len(data))
+            code = signature.verify(bytes(other), lambda a, n, d=data: d[a : a + n], len(data))
             assert code == status.BAD_SIGNATURE
 
 
@@ -57,10 +57,10 @@ def test_every_bit_of_a_field_image_with_the_default_key(field, tmp_path):
 @pytest.mark.parametrize("cut", [1, 4, 32, 1000])
 def test_a_shortened_or_lengthened_image(signed, public_key, cut):
     for data in (signed[1][:-cut], signed[1][cut:], signed[1] + bytes(cut), bytes(cut) + signed[1]):
-        code = slh_dsa.verify(public_key, lambda a, n, d=data: d[a : a + n], len(data))
+        code = signature.verify(public_key, lambda a, n, d=data: d[a : a + n], len(data))
         assert code == status.BAD_SIGNATURE
 
 
 def test_two_halves_of_two_good_images(signed, public_key):
     mixed = signed[1][:1000] + signed[2][1000:]
-    assert slh_dsa.verify(public_key, lambda a, n: mixed[a : a + n], len(mixed)) == status.BAD_SIGNATURE
+    assert signature.verify(public_key, lambda a, n: mixed[a : a + n], len(mixed)) == status.BAD_SIGNATURE

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from firmware_py import slh_dsa, status
+from firmware_py import signature, status
 from palpate.model_export.errors import SigningError
 from palpate.model_export.signing import keys
 from palpate.model_export.signing.keys import SUCCESSION
@@ -32,7 +32,7 @@ def sign(directory, message=b"message", **words):
 
 
 def good(key, signed, *context):
-    return slh_dsa.verify(key, lambda at, n: signed[at : at + n], len(signed), *context) == status.OK
+    return signature.verify(key, lambda at, n: signed[at : at + n], len(signed), *context) == status.OK
 
 
 def test_two_homes_with_one_key_give_an_adversary_nothing_to_forge_with(key, tmp_path):
@@ -57,8 +57,8 @@ def test_the_one_time_keys_above_sign_only_what_never_changes(key):
     public = (key / "public.key").read_bytes()
     for k in range(300):  # 256 few-time keys in this small set: many meet
         signed, _ = sign(key, b"%d" % k, counter=k)
-        signature = signed[-slh_dsa.signature_size(public) :]
-        upper = signature[16 * (1 + 8 * 5) + 16 * 39 :]  # the top layer's one-time signature and path
+        end = signed[-signature.size(public) :]
+        upper = end[16 * (1 + 8 * 5) + 16 * 39 :]  # the top layer's one-time signature and path
         path = upper[16 * 35 :]
         signed_by.setdefault(hashlib.sha256(path).digest(), set()).add(upper[: 16 * 35])
     assert len(signed_by) <= 16 and all(len(what) == 1 for what in signed_by.values())
@@ -126,7 +126,7 @@ def test_a_new_key_is_handed_over_by_the_old_one(key, tmp_path):
     new = keys.generate(tmp_path / "new", small_key.secret(1))
     succession = keys.succeed(key, new)
     old = (key / "public.key").read_bytes()
-    assert good(old, succession, slh_dsa.SUCCESSOR)
+    assert good(old, succession, signature.SUCCESSOR)
     assert not good(old, succession)  # it is no model
     assert new in succession
 

@@ -15,7 +15,7 @@ from tests.micropython import run_micropython
 COMMON = """
 import json, micropython
 from array import array
-from firmware_py import evaluator, features, slh_dsa, model_image, slots, status, store
+from firmware_py import evaluator, features, signature, slh_dsa, model_image, slots, status, store
 
 def reader(name):
     data = open(name, 'rb').read()
@@ -29,8 +29,8 @@ EVALUATE = (
     COMMON
     + """
 read, size = reader('model.palp')
-assert slh_dsa.verify(key, read, size) == 0
-body = size - slh_dsa.signature_size(key)
+assert signature.verify(key, read, size) == 0
+body = size - signature.size(key)
 code, model = model_image.load(read, body, features.FEATURES_VERSION, features.COUNT)
 assert code == 0 and model_image.self_test(model, read, features.COUNT) == 0
 x = array('i', [0] * features.COUNT)

@@ -7,7 +7,7 @@ import hashlib
 import pytest
 import slhdsa
 
-from firmware_py import slh_dsa, status
+from firmware_py import signature, slh_dsa, status
 from palpate.model_export.signing import slh_kernels, slh_sign
 from tests.micropython import run_micropython
 from tests.model_export import small_key
@@ -23,11 +23,11 @@ def public():
 @pytest.fixture(scope="module")
 def signed(public):
     message = bytes(range(256)) * 3
-    return message + slh_sign.sign(SECRET, public, message)
+    return message + slh_sign.sign(SECRET, public, message, signature.MODEL)
 
 
 def verify(key, data, *context):
-    return slh_dsa.verify(key, lambda at, n: data[at : at + n], len(data), *context)
+    return signature.verify(key, lambda at, n: data[at : at + n], len(data), *context)
 
 
 def test_the_constants_of_sha_256_are_worked_out_rightly():
@@ -45,33 +45,33 @@ def test_another_implementation_makes_the_same_key_and_signature(public, signed)
     seeds = (SECRET.seed, SECRET.prf, SECRET.public_seed, public[20:])
     theirs = slhdsa.SecretKey(seeds, slhdsa.sha2_128s)
     assert theirs.pubkey.digest() == public[4:]
-    message, signature = signed[:768], signed[768:]
-    assert len(signature) == slh_dsa.signature_size(public) == 7856
-    assert theirs.pubkey.verify_pure(message, signature, slh_dsa.MODEL)
-    assert not theirs.pubkey.verify_pure(message + b"!", signature, slh_dsa.MODEL)
+    message, end = signed[:768], signed[768:]
+    assert len(end) == signature.size(public) == 7856
+    assert theirs.pubkey.verify_pure(message, end, signature.MODEL)
+    assert not theirs.pubkey.verify_pure(message + b"!", end, signature.MODEL)
 
 
 @pytest.mark.long
 def test_another_implementation_signs_to_the_same_bytes(public, signed):
     seeds = (SECRET.seed, SECRET.prf, SECRET.public_seed, public[20:])
     theirs = slhdsa.SecretKey(seeds, slhdsa.sha2_128s)
-    assert theirs.sign_pure(signed[:768], False, slh_dsa.MODEL) == signed[768:]
+    assert theirs.sign_pure(signed[:768], False, signature.MODEL) == signed[768:]
 
 
 def test_the_probes_verifier_takes_it_for_this_purpose_only(public, signed):
     assert verify(public, signed) == status.OK
-    assert verify(public, signed, slh_dsa.SUCCESSOR) == status.BAD_SIGNATURE
+    assert verify(public, signed, signature.SUCCESSOR) == status.BAD_SIGNATURE
 
 
 def test_micropython_agrees_and_keeps_its_numbers_small(public, signed):
     broken = bytearray(signed)
     broken[2000] ^= 1
     said = run_micropython(
-        "from firmware_py import slh_dsa\n"
+        "from firmware_py import signature\n"
         "key = open('key', 'rb').read()\n"
         "for name in ('good', 'broken'):\n"
         "    data = open(name, 'rb').read()\n"
-        "    print(slh_dsa.verify(key, lambda at, n: data[at:at + n], len(data)))\n",
+        "    print(signature.verify(key, lambda at, n: data[at:at + n], len(data)))\n",
         {"key": public, "good": signed, "broken": bytes(broken)},
     )
     assert said.split() == [str(status.OK), str(status.BAD_SIGNATURE)]
@@ -85,19 +85,19 @@ def test_sets_of_any_shape_agree(numbers, monkeypatch):
     public = slh_sign.public_key(secret)
     for k in range(3):
         message = bytes((k,)) * (1 + 100 * k)
-        data = message + slh_sign.sign(secret, public, message)
+        data = message + slh_sign.sign(secret, public, message, signature.MODEL)
         assert verify(public, data) == status.OK
         assert verify(public, b"?" + data[1:]) == status.BAD_SIGNATURE
 
 
 @pytest.mark.parametrize("key", [b"", bytes(36), b"SLH\x02" + bytes(32), b"SLH\x01" + bytes(31)])
 def test_what_is_no_key_verifies_nothing(key, signed):
-    assert verify(key, signed) == status.BAD_SIGNATURE and slh_dsa.signature_size(key) == 0
+    assert verify(key, signed) == status.BAD_SIGNATURE and signature.size(key) == 0
 
 
 def test_a_store_that_ends_early_is_no_signature(public, signed):
     for end in (0, 10, 800, 3000, len(signed) - 1):
-        code = slh_dsa.verify(public, lambda at, n, e=end: signed[at : min(at + n, e)], len(signed))
+        code = signature.verify(public, lambda at, n, e=end: signed[at : min(at + n, e)], len(signed))
         assert code == status.BAD_SIGNATURE
 
 
@@ -117,7 +117,8 @@ def test_a_signer_is_believed_for_all_of_his_key_and_not_for_half_of_it(at):
     """With the root compared on 8 of its 16 bytes half the work forges, and five files of tests passed."""
     secret = small_key.secret(5)
     public = bytearray(slh_sign.public_key(secret))
-    assert verify(bytes(public), b"m" + slh_sign.sign(secret, bytes(public), b"m")) == status.OK
+    signed = b"m" + slh_sign.sign(secret, bytes(public), b"m", signature.MODEL)
+    assert verify(bytes(public), signed) == status.OK
     public[-16 + at] ^= 1  # a key whose root is another, in one byte: he signs as if it were his
-    signed = b"m" + slh_sign.sign(secret, bytes(public), b"m")
+    signed = b"m" + slh_sign.sign(secret, bytes(public), b"m", signature.MODEL)
     assert verify(bytes(public), signed) == status.BAD_SIGNATURE

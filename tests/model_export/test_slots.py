@@ -7,7 +7,7 @@ from array import array
 
 import pytest
 
-from firmware_py import evaluator, forcemap, model_image, slh_dsa, slots, status
+from firmware_py import evaluator, forcemap, model_image, signature, slh_dsa, slots, status
 from firmware_py import features as firmware_features
 from firmware_py.store import FileStore
 from palpate.model_export import image_builder as host_image
@@ -104,7 +104,7 @@ def test_pieces_may_come_twice_but_not_early_and_not_too_many(signed, public_key
 def test_sizes_that_cannot_be_are_refused_at_once(public_key):
     probe = probe_of(FlashSim(), public_key, max_size=8192)
     assert probe.begin(8193) == status.NO_SPACE
-    assert probe.begin(slh_dsa.signature_size(public_key)) == status.BAD_SIGNATURE
+    assert probe.begin(signature.size(public_key)) == status.BAD_SIGNATURE
     assert probe.begin(0) == probe.begin(-1) == status.BAD_VALUE
 
 

@@ -15,7 +15,7 @@ from sklearn.neural_network import MLPRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, PolynomialFeatures, StandardScaler
 
-from firmware_py import slh_dsa
+from firmware_py import signature
 from firmware_py import status as status_of
 from palpate.model_export.signing import keys
 from tests.host.cli.sentences import one_sentence
@@ -88,10 +88,10 @@ def test_a_module_is_signed_for_boards_that_ask(palpate, files, tmp_path, real_k
     assert status == 1 and "holds no signing key" in err and not (tmp_path / "unsigned.mpy").exists()
 
     def verified(data, context):
-        return slh_dsa.verify(public_key, lambda at, n: data[at : at + n], len(data), context)
+        return signature.verify(public_key, lambda at, n: data[at : at + n], len(data), context)
 
     assert verified(signed, keys.PROGRAM) == status_of.OK
-    assert verified(signed, slh_dsa.MODEL) == status_of.BAD_SIGNATURE
+    assert verified(signed, signature.MODEL) == status_of.BAD_SIGNATURE
     assert verified(signed[:50] + b"\xff" + signed[51:], keys.PROGRAM) == status_of.BAD_SIGNATURE
 
 

@@ -11,7 +11,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from firmware_py import cobs, crc, evaluator, features, forcemap, pipeline, slh_dsa, status
+from firmware_py import cobs, crc, evaluator, features, forcemap, pipeline, signature, slh_dsa, status
 from palpate.model_export.fixed_point import compiler
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
 from tests.firmware_py import stages, twins, vectors
@@ -169,11 +169,11 @@ def test_a_signature_is_checked_in_machine_code_and_a_wrong_one_refused(architec
     monkeypatch.setattr(slh_dsa, "sha_thumb", sha)
     key, sign = small_key.signer(1)
     signed = sign(b"a model")
-    assert slh_dsa.verify(key, lambda at, n: signed[at : at + n], len(signed)) == status.OK
+    assert signature.verify(key, lambda at, n: signed[at : at + n], len(signed)) == status.OK
     assert sum(made) > 100
     wrong = bytearray(signed)
     wrong[-100] ^= 4
-    assert slh_dsa.verify(key, lambda at, n: wrong[at : at + n], len(wrong)) == status.BAD_SIGNATURE
+    assert signature.verify(key, lambda at, n: wrong[at : at + n], len(wrong)) == status.BAD_SIGNATURE
 
 
 def test_a_hash_that_gives_other_bytes_is_not_used(monkeypatch):
@@ -183,7 +183,7 @@ def test_a_hash_that_gives_other_bytes_is_not_used(monkeypatch):
         sha.Nodes(bytes(64))
     key, sign = small_key.signer(1)
     signed = sign(b"a model")
-    assert slh_dsa.verify(key, lambda at, n: signed[at : at + n], len(signed)) == status.OK
+    assert signature.verify(key, lambda at, n: signed[at : at + n], len(signed)) == status.OK
 
 
 # ---- whole strokes, whole models
