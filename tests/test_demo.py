@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -46,6 +47,24 @@ def test_the_estimate_is_near_the_truth(demo):
     for name in ("width_mm", "place_mm"):
         said = result["across"][name]
         assert said["low"] <= result["truth"][name] <= said["high"], name
+
+
+def test_the_report_begins_with_what_the_strokes_say_together(demo):
+    """The pooled estimate with its interval, which holds the truth and is no wider than one stroke's."""
+    result, _, out = demo
+    together = result["together"]
+    assert together["strokes"] + together["left_out"] == 3 and together["strokes"] >= 2
+    for name in ("d_mm", "depth_mm", "t_mm", "width_mm"):
+        low, truth, high = together[name]["low"], result["truth"][name], together[name]["high"]
+        assert low <= truth <= high, name
+    one = result["estimate"]["d_mm"]
+    assert together["d_mm"]["high"] - together["d_mm"]["low"] <= 1.05 * (one["high"] - one["low"])
+    page = (out / "report" / "index.html").read_text("utf-8")
+    headline = re.search(r"<h1>(.*?)</h1>", page)[1]
+    assert headline.startswith(
+        "A lump of {value:.1f} mm ({low:.1f} to {high:.1f})".format(**together["d_mm"])
+    )
+    assert page.index("random effects") < page.index('id="figure_2"')
 
 
 def test_it_leaves_the_picture_the_recording_and_the_image(demo):

@@ -20,8 +20,8 @@ from palpate.console import json_option, print_json
 def command(out: Path, runtime: str, fresh: bool, as_json: bool) -> None:
     """Tissue, fit, export, flash, stroke, estimate: the whole chain, nothing faked in between.
 
-    Three minutes the first time, one the second. Ends with the probe's own estimate beside the truth and
-    beside the host's replay, a recording, and one picture.
+    Three minutes the first time, one the second. Ends with the probe's own estimate beside the truth, what
+    three strokes say together, the host's replay, a recording, a picture and a report.
 
     \b
     Example:

@@ -7,7 +7,7 @@ from palpate.console import note
 LUMP = "d12h06e20f07_ball"
 """The lump under the emulated probe: a ball that no model has met."""
 
-NOISE, SEED = "typical", 10
+NOISE, SEED, STROKES = "typical", 10, 3
 
 
 def say(text: str) -> None:

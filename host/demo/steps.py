@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from palpate import models
 from palpate.console import console, progress
-from palpate.demo.lump import LUMP, NOISE, say
+from palpate.demo.lump import LUMP, NOISE, STROKES, say
 from palpate.demo.model_steps import export_step, fit_step, sweep_step
 from palpate.demo.probe_steps import emulate_step, flash_step, replay_step, stroke_step
 from palpate.demo.result import DemoResult, say_result, summary, truth, verdict
@@ -85,18 +85,27 @@ def run(out: Path, runtime: str = "micropython", fresh: bool = False, stderr: bo
             say(f"{probe.port}, {NOISE} sensors in a hand whose force wanders")
         with step("Flash", "the model image over the serial line"):
             model_id = flash_step(probe.port, image)
-        with step("Stroke", "frames, displacement, and the probe's own estimate"):
+        with step("Stroke", f"{STROKES} strokes: frames, displacement, and the probe's own estimates"):
             frames, found, estimate = stroke_step(probe.port, files["recording"])
-            identical, across = replay_step(files["recording"])
+            identical, across, together = replay_step(files["recording"])
             true = truth()
             _pictures(files, frames, found, estimate, across, true)
-    with step("Report", "this stroke, and the thesis' figures and tables from the thirty"):
-        _report(strokes, thesis, files["report"], summary(estimate, across, true, files))
-    say_result(estimate, across, true, identical, files, stderr)
+    with step("Report", "these strokes, and the thesis' figures and tables from the thirty"):
+        _report(strokes, thesis, files["report"], summary(estimate, across, together, true, files))
+    say_result(estimate, across, together, true, identical, files, stderr)
     if not identical:
         raise PalpateError("the host's replay of the stroke differs from what the probe sent")
-    said = None if across is None else across.as_dict()
-    return DemoResult(estimate.as_dict(), said, true, identical, model_id, len(image), files, step.seconds)
+    return DemoResult(
+        estimate.as_dict(),
+        None if across is None else across.as_dict(),
+        None if together is None else together.as_dict(),
+        true,
+        identical,
+        model_id,
+        len(image),
+        files,
+        step.seconds,
+    )
 
 
 def _report(strokes: list[Any], thesis: Any, page: Path, told: Any) -> None:

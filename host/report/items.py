@@ -55,30 +55,35 @@ class Item:
 
 @dataclass(frozen=True)
 class Summary:
-    """A stroke that stands before everything else.
+    """What stands before everything else: the answer of a stroke, or of several over one lump.
 
     Attributes
     ----------
     verdict : str
         The headline: what was found, in a few words.
     text : str
-        What kind of stroke it was, in a sentence or two.
-    title : str
+        What kind of strokes these were, in a sentence or two.
+    title, says : str
+        The section's, and its second column's.
     rows : list of (quantity, value, interval, truth)
         As text.
     picture, narrow : Path
-        A PNG of it; the same for a phone.
+        A PNG of one stroke; the same for a phone.
     interval : str
         What the third column is.
+    how : str
+        How the values were pooled, if they were.
     """
 
     verdict: str
     text: str
     title: str
+    says: str
     rows: list[tuple[str, str, str, str]]
     picture: Path
     narrow: Path
     interval: str
+    how: str = ""
 
 
 def number(value: float, digits: int = 3) -> str:

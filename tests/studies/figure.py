@@ -30,12 +30,12 @@ def study_figure(study: Study, result: pd.DataFrame) -> Figure:
             ms=10,
             mew=2,
             color=style.COLORS[1],
-            label=f"d, +-{100 * LEVEL:g} %",
+            label=f"diameter d, half of its {100 * LEVEL:g} % interval",
         )
         figure.suptitle(study.title)
-        left.set(xlabel="%", xlim=(0, None), ylabel=study.setting)
+        left.set(xlabel="error (%)", xlim=(0, None), ylabel=study.setting)
         left.set_yticks(y, [str(s) for s in result["setting"]])
-        right.plot(result["E_inv23_r2"], y, "s", color=style.COLORS[3], label="R2 of E^-2/3")
+        right.plot(result["E_inv23_r2"], y, "s", color=style.COLORS[3], label=style.powers("R2 of E^-2/3"))
         right.plot(result["hard_soft"], y, "D", color=style.COLORS[4], label="hard or soft right")
         low = float(min(result["E_inv23_r2"].min(), result["hard_soft"].min()))
         right.set(xlim=(min(0.8, low - 0.05), 1.0), xlabel="stiffness")

@@ -98,6 +98,19 @@ def strokes(stage: Stage) -> Iterator[Shown]:
     yield "disconnected", page
 
 
+def a_long_visit(stage: Stage) -> Iterator[Shown]:
+    bumps = [replace(LUMP, d_mm=12.1 + 0.1 * (k % 5), across_mm=3.0 * (k % 3)) for k in range(5)]
+    page = stage.page(SyntheticSource(bumps, seconds=0.4, rest=0.0, limit=30))
+    expect(page.locator("#stroke-30")).to_be_visible()
+    yield "thirty", page
+    page.locator("#stroke-27").click()
+    expect(page.locator("#image-note")).to_have_text("stroke 27")
+    yield "picked", page
+    page.keyboard.press("l")
+    expect(page.locator("#visit-map")).to_be_visible()
+    yield "map-of-thirty", page
+
+
 def nothing_found(stage: Stage) -> Iterator[Shown]:
     source = SyntheticSource([Bump(kind="none", base_kPa=3.6)], seconds=1.0, limit=0)
     page = stage.page(source)
@@ -146,7 +159,7 @@ def main(out: Path, recording: Path, only: set[str]) -> None:
     """Draw them."""
     out.mkdir(parents=True, exist_ok=True)
     expect.set_options(timeout=1000 * PATIENCE_S)
-    acts = (before_the_first_stroke, strokes, nothing_found, no_model, at_the_end_of(recording))
+    acts = (before_the_first_stroke, strokes, a_long_visit, nothing_found, no_model, at_the_end_of(recording))
     with (
         sync_playwright() as playwright,
         playwright.chromium.launch(executable_path=chromium(), args=CHROMIUM_OPTIONS) as browser,
