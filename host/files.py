@@ -6,6 +6,7 @@ import contextlib
 import errno
 import json
 import os
+import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -91,6 +92,19 @@ def cannot_write(path: Path, error: OSError) -> PalpateError:
     if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return DiskFull(f"the disk is full: {path} was not written; make room and try again")
     return PalpateError(f"{path} cannot be written: {(error.strerror or str(error)).lower()}")
+
+
+def check_readable(path: Path, most: int) -> None:
+    """Before a library reads a file to its end: `UsageError` for a device, a pipe, a name that no file can
+    have, and for more than `most` bytes; OSError as `stat` raises it."""
+    try:
+        about = path.stat()
+    except ValueError:
+        raise UsageError(f"{str(path)!r} is no file's name") from None
+    if not (stat.S_ISREG(about.st_mode) or stat.S_ISDIR(about.st_mode)):
+        raise UsageError(f"{path} is a device or a pipe; name a file")
+    if about.st_size > most:
+        raise UsageError(f"{path} has {about.st_size / 1e6:.0f} MB; {most / 1e6:.0f} are read at most")
 
 
 def read_limited(path: Path, most: int) -> bytes:

@@ -1,11 +1,12 @@
 """Faults put into the source one at a time, by cosmic-ray: which of them do the tests notice?
 
-    python -m tests.mutants [MODULE ...] [--sample 25 | --all] [--jobs 1] [--write]
+    python -m tests.mutants [MODULE ...] [--sample 25 | --all] [--seed palpate] [--jobs 1] [--write | --again]
 
 Each mutant is one change (an operator, a number, a comparison, a call left out; in numerical kernels a
 result that is 1 % off). It runs in a copy of the tree; killed is what fails a test or takes far too long.
 `tests/mutants.toml` says which tests a module's mutants must get past, `tests/survivors.toml` why those
-that got past stand. `--write` keeps the figures for docs/reliability.md.
+that got past stand. `--write` keeps the figures for docs/reliability.md; `--again` tries only what got past
+in the sample kept there.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import argparse
 import ast
 import concurrent.futures
+import datetime
 import functools
 import json
 import os
@@ -41,7 +43,6 @@ CONFIG: dict[str, dict[str, Any]] = tomllib.loads((HERE / "mutants.toml").read_t
 FIGURES = ROOT / "docs" / "evidence" / "mutants.json"
 PYTEST = ("-x", "-q", "-o", "addopts=", "-m", "not long", "-p", "no:cacheprovider")
 WANTED = 0.9
-SEED = "palpate"
 # no mutants of a kind that is always, or nearly always, equivalent, or that a linter finds
 LEFT_OUT = re.compile(r"core/(.*_(Is|IsNot)|Replace.*Operator_Is.*|ExceptionReplacer|Variable.*)$")
 COPIED_IN = """
@@ -153,8 +154,8 @@ def operators(config: dict[str, Any]) -> dict[str, Operator]:
     return {"CallLeftOut": CallLeftOut(), **{n: cosmic_ray.plugins.get_operator(n)() for n in names}}
 
 
-def mutants(module: str, sample: int | None) -> list[Mutant]:
-    """Places in a module with a fault each, drawn alike each time; without `sample` every fault there is."""
+def mutants(module: str, sample: int | None, seed: str) -> list[Mutant]:
+    """Places in a module with a fault each, as `seed` draws them; without `sample` every fault there is."""
     source = (ROOT / module).read_text()
     annotations = list(_annotations(source))
     tree = get_ast(source)
@@ -164,13 +165,27 @@ def mutants(module: str, sample: int | None) -> list[Mutant]:
         for occurrence, (start, end) in enumerate(spots):
             if not any(a <= start and end <= b for a, b in annotations):
                 places.setdefault((start, end), []).append((name, occurrence))
-    chance = random.Random(f"{SEED} {module}")
+    chance = random.Random(f"{seed} {module}")
     if sample is None:
         chosen = [fault for faults in places.values() for fault in faults]
     else:
         drawn = chance.sample(sorted(places), min(sample, len(places)))
         chosen = [chance.choice(places[place]) for place in sorted(drawn)]
     return [{"module": module, "operator": name, "occurrence": k} for name, k in chosen]
+
+
+def texts(mutant: Mutant) -> tuple[str, str]:
+    """The module without its fault and with it."""
+    source = (ROOT / mutant["module"]).read_text()
+    operator = operators(CONFIG[mutant["module"]])[mutant["operator"]]
+    return source, mutate_code(source, operator, mutant["occurrence"])
+
+
+def lines_of(source: str, changed: str) -> Mutant:
+    """The first line that a fault has changed: its number, as it was and as it is."""
+    lines = zip(source.splitlines(), changed.splitlines())
+    number, (was, now) = next((k, pair) for k, pair in enumerate(lines, 1) if pair[0] != pair[1])
+    return {"line": number, "was": was.strip(), "now": now.strip()}
 
 
 def _annotations(source: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
@@ -216,9 +231,7 @@ class Copy:
     def try_out(self, mutant: Mutant, limit_s: float) -> Mutant:
         """The mutant with its lines and what became of it."""
         path = self.root / mutant["module"]
-        source = (ROOT / mutant["module"]).read_text()
-        operator = operators(CONFIG[mutant["module"]])[mutant["operator"]]
-        changed = mutate_code(source, operator, mutant["occurrence"])
+        source, changed = texts(mutant)
         began = time.monotonic()
         self.forget_compiled(mutant["module"])
         path.write_text(changed)
@@ -227,11 +240,10 @@ class Copy:
         finally:
             path.write_text(source)
             self.forget_compiled(mutant["module"])
-        lines = zip(source.splitlines(), changed.splitlines())
-        number, (was, now) = next((k, pair) for k, pair in enumerate(lines, 1) if pair[0] != pair[1])
+        seconds = round(time.monotonic() - began, 1)
         return {
-            **mutant, "line": number, "was": was.strip(), "now": now.strip(), "killed": not passed,
-            "late": passed is None, "seconds": round(time.monotonic() - began, 1),
+            **mutant, **lines_of(source, changed),
+            "killed": not passed, "late": passed is None, "seconds": seconds,
         }  # fmt: skip
 
     def forget_compiled(self, module: str) -> None:
@@ -257,8 +269,8 @@ def _beside(folder: str, names: list[str]) -> set[str]:
     return left & set(names)
 
 
-def run_campaign(modules: list[str], sample: int | None, jobs: int) -> list[Mutant]:
-    """Try all mutants of the modules out, on `jobs` copies; says each survivor as it is found."""
+def run_campaign(drawn: dict[str, list[Mutant]], jobs: int, keep: Callable[..., None]) -> list[Mutant]:
+    """Try mutants out, module by module, on `jobs` copies; says each survivor as it is found."""
     done: list[Mutant] = []
     with tempfile.TemporaryDirectory() as place, concurrent.futures.ThreadPoolExecutor(jobs) as pool:
         copies: queue.Queue[Copy] = queue.Queue()
@@ -272,14 +284,14 @@ def run_campaign(modules: list[str], sample: int | None, jobs: int) -> list[Muta
             finally:
                 copies.put(copy)
 
-        for module in modules:
+        for module, faults in drawn.items():
             began = time.monotonic()
             if not borrow(lambda copy, module=module: copy.passes(CONFIG[module]["tests"], 1800)):
                 raise SystemExit(f"{module}: its tests fail without a fault")
             limit_s = 3 * (time.monotonic() - began) + CONFIG[module].get("more_s", 20)
             tried = [
                 pool.submit(borrow, lambda copy, m=m, limit_s=limit_s: copy.try_out(m, limit_s))
-                for m in mutants(module, sample)
+                for m in faults
             ]
             for future in concurrent.futures.as_completed(tried):
                 one = future.result()
@@ -287,6 +299,7 @@ def run_campaign(modules: list[str], sample: int | None, jobs: int) -> list[Muta
                 if not one["killed"]:
                     print(f"survived {module}:{one['line']}: {one['was']}  ->  {one['now']}", flush=True)
             print(f"{module}: {share(done, module)}", flush=True)
+            keep(module, [one for one in done if one["module"] == module])
     return done
 
 
@@ -322,23 +335,44 @@ def main() -> None:
     parser.add_argument("modules", nargs="*", help="paths, as in tests/mutants.toml; all by default")
     parser.add_argument("--sample", type=int, default=25, help="mutants a module (25)")
     parser.add_argument("--all", action="store_true", help="every mutant there is: hours")
+    parser.add_argument("--seed", default="palpate", help="another draws other mutants (palpate)")
     parser.add_argument("--jobs", type=int, default=1, help="copies that work side by side (1)")
     parser.add_argument("--write", action="store_true", help=f"keep the figures in {FIGURES.name}")
+    parser.add_argument("--again", action="store_true", help="only what got past in the sample that is kept")
     wish = parser.parse_args()
-    done = run_campaign(wish.modules or list(CONFIG), None if wish.all else wish.sample, wish.jobs)
+    kept = json.loads(FIGURES.read_text()) if FIGURES.exists() else {}
+    modules = wish.modules or [name for name in CONFIG if name in kept or not wish.again]
+    if wish.again:
+        drawn = {name: past(name, kept[name]) for name in modules}
+    else:
+        sample = None if wish.all else wish.sample
+        drawn = {name: mutants(name, sample, wish.seed) for name in modules}
+
+    def keep(module: str, tried: list[Mutant]) -> None:
+        passed = sorted(key(one)[1:] for one in tried if not one["killed"])
+        if wish.again:
+            kept[module]["survivors"] = passed
+        elif wish.write:
+            kept[module] = {
+                "seed": wish.seed, "sample": None if wish.all else wish.sample, "tried": len(tried),
+                "date": f"{datetime.date.today()}", "at_first": passed, "survivors": passed,
+            }  # fmt: skip
+        FIGURES.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n")
+
+    done = run_campaign({name: faults for name, faults in drawn.items() if faults}, wish.jobs, keep)
     killed, others, _ = count(done)
     print(f"in all: {share(done)}")
-    if wish.write:
-        kept = json.loads(FIGURES.read_text()) if FIGURES.exists() else {}
-        for module in {one["module"] for one in done}:
-            mine = [one for one in done if one["module"] == module]
-            passed = sorted(key(one)[1:] for one in mine if not one["killed"])
-            kept[module] = {"tried": len(mine), "survivors": passed}
-        FIGURES.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n")
     strange = [one for one in done if not one["killed"] and key(one) not in reasons()]
     if strange:
         print(f"{len(strange)} survivors without a reason in tests/survivors.toml")
-    sys.exit(killed < WANTED * (killed + others) or bool(strange))
+    sys.exit((killed < WANTED * (killed + others) and not wish.again) or bool(strange))
+
+
+def past(module: str, kept: dict[str, Any]) -> list[Mutant]:
+    """The mutants of the sample that is kept which nobody noticed; of a line changed since there are none."""
+    survivors = {tuple(pair) for pair in kept["survivors"]}
+    drawn = [(one, lines_of(*texts(one))) for one in mutants(module, kept["sample"], kept["seed"])]
+    return [one for one, lines in drawn if (lines["was"], lines["now"]) in survivors]
 
 
 if __name__ == "__main__":

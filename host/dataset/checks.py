@@ -23,7 +23,8 @@ def fault(row: Any, column: str, what: str) -> DataSetError:
 
 def text_of(value: Any) -> str:
     """A place of the table as text; "" where it is empty."""
-    return "" if value is None or value is pd.NaT or value != value else str(value).strip()
+    empty = value is None or value is pd.NaT or value is pd.NA or (np.isscalar(value) and value != value)
+    return "" if empty else str(value).strip()
 
 
 def numbers(values: Iterable[Any], column: Column, rows: Iterable[int]) -> list[float]:
@@ -68,6 +69,9 @@ def check_words(out: pd.DataFrame) -> None:
             for row, value in zip(out["row"], out[column.name]):
                 if not value:
                     raise fault(row, column.name, "it is empty")
+    for row, name in zip(out["row"], out["recording"]):
+        if "\0" in name:
+            raise fault(row, "recording", f"{name!r} is no file's name")
     for row, place in zip(out["row"], out["place"]):
         if place not in PLACES:
             raise fault(row, "place", f"{place!r} is not one of border, fat, gland")

@@ -5,6 +5,7 @@ Rows count as in a spreadsheet: the heading is row 1.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,7 +17,11 @@ from palpate.csv_dialect import COMMA_NUMBER, dialect_of
 from palpate.dataset import checks
 from palpate.dataset.columns import COLUMNS, NEEDED, TRUTH, DataSetError
 from palpate.errors import NoSuchFile
-from palpate.files import by_suffix, whole_file
+from palpate.files import by_suffix, check_readable, whole_file
+
+LARGEST = 1 << 28
+"""Bytes of a table: a million strokes have fewer."""
+MOST_COLUMNS = 10_000
 
 
 @dataclass(frozen=True)
@@ -90,8 +95,8 @@ def _csv(path: Path) -> pd.DataFrame:
     if raw.empty:
         raise DataSetError(f"{path} cannot be read as a table: it is empty")
     heads = [str(name).removeprefix("\ufeff").strip() for name in raw.iloc[0]]
-    for at, name in enumerate(heads):
-        if name and name in heads[:at]:
+    for name, times in Counter(heads).items():
+        if name and times > 1:
             raise DataSetError(f"row 1, column {name}: it is there twice")
     table = raw.iloc[1:].set_axis(heads, axis=1)
     return table.set_axis(table.index - 1, axis=0)
@@ -99,6 +104,10 @@ def _csv(path: Path) -> pd.DataFrame:
 
 def _as_text(path: Path) -> pd.DataFrame:
     sep, decimal = dialect_of(path)
+    with path.open("rb") as file:
+        columns = 1 + file.readline(1 << 20).count(sep.encode())
+    if columns > MOST_COLUMNS:
+        raise ValueError(f"it has {columns} columns, and {MOST_COLUMNS} are read at most")
     raw = pd.read_csv(
         path,
         sep=sep,
@@ -116,11 +125,12 @@ def _with_a_point(field: str) -> str:
 
 
 def _parquet(path: Path) -> pd.DataFrame:
-    return _opened(path, lambda: pd.read_parquet(path))
+    return _opened(path, lambda: pd.read_parquet(path)).reset_index(drop=True)
 
 
 def _opened(path: Path, load: Callable[[], pd.DataFrame]) -> pd.DataFrame:
     try:
+        check_readable(path, LARGEST)
         return load()
     except FileNotFoundError:
         raise NoSuchFile(f"there is no data set {path}; check the name") from None

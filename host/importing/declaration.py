@@ -46,6 +46,7 @@ PRESSURES = {"Pa": 1e-3, "kPa": 1.0, "mbar": 0.1, "psi": 6.894757, "N": 0.0, "co
 """kPa of one; N and counts need the cell's area and `kPa_per_unit`."""
 
 MOST_CELLS = 1 << 16
+MOST_FRAMES_PER_S = 10_000
 _TABLES: dict[str, tuple[str, ...]] = {
     "pressure": ("name", "unit", "kPa_per_unit", "zero", "zero_frames"),
     "position": ("name", "unit", "constant_mm_per_s"),
@@ -148,6 +149,8 @@ def _declaration(said: dict[str, Any]) -> Declaration:
     if ("name" in position) == ("constant_mm_per_s" in position):
         raise UsageError("[position] has a name, or constant_mm_per_s where there is none, and not both")
     rate = _number(said, "frames_per_s", "frames_per_s", 0.0)
+    if rate > MOST_FRAMES_PER_S:
+        raise UsageError(f"frames_per_s is {MOST_FRAMES_PER_S} at most, not {rate:g}")
     if "name" not in parts["time"] and rate <= 0:
         raise UsageError("say when the frames were taken: [time] with a name, or frames_per_s")
     return Declaration(

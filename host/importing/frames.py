@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from palpate.csv_dialect import dialect_of
 from palpate.errors import MissingExtra, NoSuchFile, UsageError
-from palpate.files import by_suffix
+from palpate.files import by_suffix, check_readable
 from palpate.importing.declaration import Declaration
 
 Floats = NDArray[np.float64]
@@ -21,6 +21,8 @@ Floats = NDArray[np.float64]
 LARGEST = 1 << 26
 """Bytes that a file may unpack to whatever its size; and `EXPANSION` times its size beyond."""
 EXPANSION = 100
+MOST_READ = 1 << 32
+"""Bytes of a file."""
 FARTHEST_MM = 1000.0
 """Places and displacements."""
 LONGEST_S = 86_400.0
@@ -101,10 +103,12 @@ def assemble(source: _Source, said: Declaration, name: str) -> Frames:
         back = np.flatnonzero((np.diff(time) <= 0) & (np.diff(stroke) == 0))
         if len(back):
             raise ImportFailed(f"{name}, frame {back[0] + 1}, {said.time}: time does not go on")
-        _within(time - time[0], LONGEST_S, "s from the first frame", f"{name}, {{}}, {said.time}")
     else:
         time = np.arange(n) / said.frames_per_s
         missing.append("time")
+    _within(
+        time - time[0], LONGEST_S, "s from the first frame", f"{name}, {{}}, {said.time or 'frames_per_s'}"
+    )
     if said.position:
         position = said.position_mm * _column(source, said.position, n, name)
         _within(position, FARTHEST_MM, "mm", f"{name}, {{}}, {said.position}")
@@ -194,10 +198,12 @@ def _column(source: _Source, wanted: str, n: int, name: str) -> Floats:
 
 
 def _numbers(values: NDArray[Any], column: str, name: str) -> Floats:
+    if np.iscomplexobj(values):
+        raise ImportFailed(f"{name}, {column}: complex numbers are none of a sensor")
     try:
         return np.asarray(values, float)
     except (TypeError, ValueError, OverflowError):
-        for k, value in enumerate(values):
+        for k, value in enumerate(np.atleast_1d(values)):
             try:
                 float(value)
             except (TypeError, ValueError, OverflowError):
@@ -313,12 +319,13 @@ def _check_size(path: Path, size: int) -> None:
 
 def _opened(path: Path, load: Callable[[], Any]) -> Any:
     try:
+        check_readable(path, MOST_READ)
         return load()
     except FileNotFoundError:
         raise NoSuchFile(f"there is no file {path}; check the name") from None
     except OSError as error:
         raise NoSuchFile(f"{path} cannot be read: {(error.strerror or _first_line(error)).lower()}") from None
-    except ImportFailed:
+    except UsageError:
         raise
     except Exception as error:  # whatever a damaged file makes of a reader of others
         raise ImportFailed(f"{path} cannot be read: {_first_line(error)}") from None

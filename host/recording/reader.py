@@ -22,10 +22,13 @@ from mcap.records import (
 )
 
 from palpate.errors import NoSuchFile, NotARecording
+from palpate.files import check_readable
 from palpate.recording import channels, chunks, records
 
 MAGIC = b"\x89MCAP0\r\n"
 PROFILE = "palpate"
+LARGEST = 1 << 40
+"""Bytes: months of frames."""
 _FOOTER_BYTES = 20
 _BLOCK = 1 << 20
 
@@ -52,6 +55,7 @@ class Recording:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         try:
+            check_readable(self.path, LARGEST)
             with self.path.open("rb") as stream:
                 known = _begins_like_one(stream)
                 self._size = stream.seek(0, 2)

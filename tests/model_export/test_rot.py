@@ -167,6 +167,24 @@ def test_only_the_current_key_may_name_a_successor(public_key, succession, tmp_p
     assert probe.keys.current == public_key
 
 
+def test_of_several_things_that_a_start_finds_the_worst_is_told(public_key, succession, signed):
+    store = FlashSim()
+    probe = probe_of(store, public_key)
+    assert flash(probe, signed[3]) == flash(probe, succession[1]) == status.OK
+    one_key, one_record = flipped(store.files, "key0", 300), flipped(store.files, "live0", 40)
+    hung = {slots.TRIAL: bytes(8)}
+    for files, worst in (
+        (store.files, status.OK),
+        (one_key, status.REPAIRED),
+        (one_record, status.REPAIRED),
+        ({**one_key, "live0": one_record["live0"]}, status.REPAIRED),
+        ({**one_record, **hung}, status.TRIAL_HUNG),
+        ({**flipped(one_key, "key1", 700), "live0": one_record["live0"]}, status.ROTTEN),
+        ({**flipped(one_key, "key1", 700), **hung}, status.ROTTEN),
+    ):
+        assert probe_of(FlashSim(files), public_key).health == worst
+
+
 @pytest.mark.parametrize("step", [29, pytest.param(1, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", ["key0", "key1"])
 def test_no_flip_in_a_copy_of_the_keys_changes_whose_models_are_taken(public_key, succession, name, step):

@@ -11,7 +11,7 @@ from palpate import models
 from palpate.answer.outside import why_outside
 from palpate.answer.words import outside_words
 from palpate.model_export.fixed_point import reference
-from palpate.model_export.vocabulary import WORDS
+from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS, WORDS
 from palpate.sim.probe.noise import LEVELS
 from palpate.sim.probe.over_lump import strokes_over
 from palpate.stroke.read import load_strokes
@@ -68,6 +68,20 @@ def test_every_check_of_the_models_that_come_with_palpate_has_words_of_its_own()
         for check in () if checks is None else checks.estimates:
             assert "looks like" not in outside_words([check.name]), check.name
     assert outside_words(["thick_skin"]) == "it looks like thick skin" and not outside_words([])
+
+
+def test_a_feature_of_the_press_that_is_absent_is_the_only_reason():
+    """Whatever else is beyond its range then is so because of it."""
+    spec, stroke = models.load(models.FIELD), models.recipe(models.FIELD)["sample"][0]
+    there = np.array([[stroke["features"][name] for name in spec.features]])
+    for k, name in enumerate(spec.features):
+        x = there.copy()
+        x[0, k] = ABSENT
+        why = why_outside(spec, x)
+        assert (why == ("no_press",)) == (name in OF_THE_PRESS) and why
+    x = there * 1.5
+    beyond = why_outside(spec, x)
+    assert {"d_mm", "t_mm"} & set(beyond) and {check.name for check in spec.checks.estimates} & set(beyond)
 
 
 def test_what_is_flagged_has_a_reason_and_what_is_not_has_none():

@@ -8,7 +8,8 @@ import pytest
 from palpate import models
 from palpate.dataset import answers, table
 from palpate.dataset.columns import DataSetError
-from palpate.errors import NoSuchFile, UnknownFormat
+from palpate.errors import NoSuchFile, UnknownFormat, UsageError
+from palpate.recording.reader import Recording
 
 GOOD = """recording,stroke,lump,d_mm,depth_mm,E_ratio,place,visit,when
 a.mcap,1,A,12,8.4,20,border,1,2026-11-21
@@ -66,6 +67,7 @@ def test_csv_and_parquet_say_the_same(tmp_path):
         ("b.mcap,2,B,8", "b.mcap,,B,8", "row 5, column stroke: it is empty"),
         ("b.mcap,2,B,8", "b.mcap,2,,8", "row 5, column lump: it is empty"),
         (",fat,1", ",liver,1", "row 4, column place: 'liver' is not one of border, fat, gland"),
+        ("a.mcap,2", "a\0.mcap,2", r"row 3, column recording: 'a\\x00.mcap' is no file's name"),
         ("2026-11-21", "the 21st", "row 2, column when: 'the 21st' is not a date"),
         ("lump,", "lumps,", "has no column lump: which lump"),
     ],
@@ -141,6 +143,44 @@ def test_files_that_are_no_tables(tmp_path):
     (tmp_path / "set.parquet").write_bytes(b"no table")
     with pytest.raises(DataSetError, match="cannot be read as a table"):
         table.read(tmp_path / "set.parquet")
+
+
+@pytest.mark.parametrize(
+    ("column", "value"), [("d_mm", [12.0, 13.0]), ("when", [1, 2]), ("d_mm", {"a": 1}), ("d_mm", "twelve")]
+)
+def test_a_list_in_a_place_of_parquet_is_named(tmp_path, column, value):
+    """It was "the truth value of an array ... is ambiguous"."""
+    row = {"recording": "a.mcap", "stroke": 1, "lump": "A", "d_mm": 12.0, column: value}
+    pd.DataFrame([row]).to_parquet(tmp_path / "set.parquet")
+    with pytest.raises(DataSetError, match=f"row 2, column {column}: .* is not a "):
+        table.read(tmp_path / "set.parquet")
+
+
+@pytest.mark.parametrize("index", [["x", "y"], [1e18, math.nan], [(1, 2), (3, 4)]])
+def test_parquets_own_names_of_rows_count_for_nothing(tmp_path, index):
+    """Rows named by words, NaN or pairs ended as "unexpected TypeError"."""
+    rows = pd.DataFrame({"recording": "a.mcap", "stroke": [1, 2], "lump": "A", "d_mm": [12.0, pd.NA]})
+    rows.index = pd.MultiIndex.from_tuples(index) if isinstance(index[0], tuple) else pd.Index(index)
+    rows.to_parquet(tmp_path / "set.parquet")
+    with pytest.raises(DataSetError, match="row 3, column d_mm: the row holds no truth"):
+        table.read(tmp_path / "set.parquet")
+
+
+def test_what_never_ends_is_not_read(tmp_path):
+    """A table, or a recording of one, that was a link to /dev/zero took 4 GB and all there was."""
+    for name in ("set.csv", "set.parquet"):
+        (tmp_path / name).symlink_to("/dev/zero")
+        with pytest.raises(UsageError, match="is a device or a pipe"):
+            table.read(tmp_path / name)
+    with pytest.raises(UsageError, match="is a device or a pipe"):
+        Recording("/dev/zero")
+
+
+def test_a_table_of_very_many_columns_is_refused_before_it_is_read(tmp_path):
+    """200,000 took more than a minute and a half, each name being sought among all before it."""
+    many = ",".join(f"x{k}" for k in range(20_000))
+    with pytest.raises(DataSetError, match="it has 20000 columns, and 10000 are read at most"):
+        read(tmp_path, f"{many}\n{many}\n")
 
 
 def test_rows_are_counted_as_an_editor_counts_them(tmp_path):

@@ -315,6 +315,11 @@ HOSTILE = {
         lambda path, felt: np.savez(path, **(arrays(felt) | {"x": felt[0]["x"] + 1e11})),
         "frame 0, x: 1e+12 mm",
     ),
+    "complex pressures": (
+        "a.npz",
+        lambda path, felt: np.savez(path, **(arrays(felt) | {"x": felt[0]["x"] * 1j})),
+        "x: complex numbers are none of a sensor",
+    ),
     "80 MB in a thousandth": ("a.npz", hollow, "over 100 times its size"),
     "no archive": ("a.npz", lambda path, _: path.write_bytes(b"PK\3\4" + bytes(400)), "cannot be read"),
     "a table cut short": (
@@ -336,7 +341,7 @@ def test_a_hostile_file_is_refused_in_a_sentence_and_leaves_nothing(felt, tmp_pa
     assert not list(tmp_path.glob("*out*"))
 
 
-@pytest.mark.parametrize("kind", ["hollow", "elsewhere", "virtual", "words", "good"])
+@pytest.mark.parametrize("kind", ["hollow", "elsewhere", "virtual", "words", "nothing", "good"])
 def test_a_hostile_hdf5_file_is_refused_too(felt, tmp_path, kind):
     h5py = pytest.importorskip("h5py")
     (tmp_path / "secret").write_bytes(bytes(416 * 8 * FRAMES))
@@ -355,6 +360,10 @@ def test_a_hostile_hdf5_file_is_refused_too(felt, tmp_path, kind):
             layout = h5py.VirtualLayout(shape, "f8")
             layout[:] = h5py.VirtualSource(str(tmp_path / "other.h5"), "x", shape)
             file.create_virtual_dataset("pressure", layout)
+        elif kind == "nothing":
+            file["pressure"] = np.ones(shape)
+            del file["x"]
+            file["x"] = h5py.Empty("f8")
         elif kind == "words":
             file["pressure"] = ["high"] * FRAMES
     said = declared(tmp_path, ONE_ARRAY)
@@ -364,6 +373,17 @@ def test_a_hostile_hdf5_file_is_refused_too(felt, tmp_path, kind):
     with pytest.raises(PalpateError):
         importer.import_file(tmp_path / "a.h5", tmp_path / "out.mcap", said)
     assert not list(tmp_path.glob("*out*"))
+
+
+@pytest.mark.parametrize(
+    ("rate", "says"), [("1e-9", "s from the first frame is none of a stroke"), ("1e8", "is 10000 at most")]
+)
+def test_frames_that_take_days_or_no_time_are_refused(felt, tmp_path, rate, says):
+    """ "unexpected error: argument out of range", and frames of one microsecond."""
+    np.savez(tmp_path / "a.npz", **arrays(felt))
+    text = f"frames_per_s = {rate}\n{ONE_ARRAY.partition('[time]')[0]}"
+    with pytest.raises(PalpateError, match=says):
+        importer.import_file(tmp_path / "a.npz", tmp_path / "out.mcap", declared(tmp_path, text))
 
 
 def test_an_import_that_fails_leaves_the_recording_that_was_there(felt, tmp_path, monkeypatch):

@@ -102,6 +102,20 @@ def test_what_cannot_be_evened_out_is_met_by_a_higher_quantile(monkeypatch):
     assert (wider.quantiles > plain.quantiles).all() and after.mean() <= conformal.MOST + 0.005
 
 
+def test_a_part_that_nothing_helps_does_not_make_all_other_intervals_wide(monkeypatch):
+    """They are widened as far as to the quantile of MOST, whatever that part still lacks."""
+    monkeypatch.setattr(conformal, "evened", lambda _terms, coefficients, *_: coefficients)
+    monkeypatch.setattr(conformal, "WORST_GROUP", 0.99)  # more than any part of few strokes can have
+    widths, error, hard, z, predicted = calibrated(groups=[worst_of_all], wrong=worst_of_all)
+    held = np.abs(error) <= widths.half(z, predicted, hard)[:, 0]
+    assert held[worst_of_all(len(held))].mean() < conformal.WORST_GROUP
+    assert held.mean() <= conformal.MOST + 0.005
+
+
+def worst_of_all(n):
+    return np.arange(n) % 50 == 0
+
+
 def test_a_part_has_a_quantile_of_its_own_only_where_it_has_strokes_enough():
     score = np.arange(1.0, 201.0)
     for size, own in ((conformal.FEWEST - 1, False), (conformal.FEWEST, True)):

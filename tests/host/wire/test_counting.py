@@ -72,6 +72,15 @@ def test_a_number_is_late_within_the_window_and_a_restart_beyond_it():
     assert counter.counts.lost == 1000, "after a restart the next number follows"
 
 
+def test_a_message_two_hundred_behind_is_late_and_no_restart():
+    """The probe's outbox and the operating system's buffers hold as many."""
+    counted = Sequence()
+    for number in (*range(50), *range(51, 251)):
+        assert counted.add(number)
+    assert counted.add(50)
+    assert (counted.counts.late, counted.counts.lost, counted.counts.restarts) == (1, 0, 0)
+
+
 def test_a_new_connection_is_no_gap():
     counter = Sequence()
     counter.add(5)
@@ -116,6 +125,37 @@ def test_a_value_belongs_to_the_turn_nearest_to_what_the_hosts_clock_expects():
     without = Unwrapper()
     told = [without(value) for value in (3, half, WRAP - 1, 2)]
     assert told == [3, half, WRAP - 1, WRAP + 2]
+
+
+def test_values_that_come_late_leave_the_turn_as_it_was():
+    unwrapped = Unwrapper()
+    told = (0, 500_000_000, 100_000_000, 700_000_000, WRAP - 1, 900_000_000, 350_000_000)
+    assert [unwrapped(value) for value in told] == [*told[:-1], WRAP + told[-1]]
+
+
+def test_a_probe_that_says_it_took_longer_than_the_whole_exchange_is_not_known_better_than_exactly():
+    sync = ClockSync()
+    sync.add(1000, 0, 5000, 1200)
+    assert sync.state.uncertainty_us == 0
+    over_the_wrap = ClockSync()
+    over_the_wrap.add(2_000_000, WRAP - 10, 30, 2_000_100)
+    assert over_the_wrap.state.uncertainty_us == 30
+
+
+def test_a_board_that_is_emulated_slowly_has_its_turns_counted_in_its_own_time():
+    sync = ClockSync(times_slower=70.0)
+    for probe in (0, 600_000_000, 1_400_000_000):
+        sync.add(70 * probe - 50, probe % WRAP, probe % WRAP, 70 * probe + 50)
+    assert sync.state.at_probe_us == 1_400_000_000
+
+
+def test_exchanges_that_are_slow_one_way_only_do_not_shift_the_clock():
+    sync = ClockSync(min_span_s=2.0)
+    for k in range(40):
+        probe, slow = 500_000 * k, 1000 * (k % 2)
+        sync.add(7e8 + probe - 100 - slow, probe, probe, 7e8 + probe + 100)
+    assert sync.state.exchanges == 20
+    assert sync.state.offset_us == pytest.approx(7e8, abs=1)
 
 
 def test_exchanges_that_took_long_count_for_nothing_and_half_the_quickest_is_the_uncertainty():
