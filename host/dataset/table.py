@@ -107,7 +107,7 @@ def _as_text(path: Path) -> pd.DataFrame:
     with path.open("rb") as file:
         columns = 1 + file.readline(1 << 20).count(sep.encode())
     if columns > MOST_COLUMNS:
-        raise ValueError(f"it has {columns} columns, and {MOST_COLUMNS} are read at most")
+        raise DataSetError(f"{path}: it has {columns} columns, and {MOST_COLUMNS} are read at most")
     raw = pd.read_csv(
         path,
         sep=sep,
