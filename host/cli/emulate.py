@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
 import click
 
 from firmware_py import signature
-from palpate.cli.numbers import SEED
+from palpate.cli.numbers import SEED, Finite
 from palpate.console import json_option, note, print_json, say
 from palpate.errors import NoSuchFile, PalpateError, UsageError
 from palpate.files import read_limited
@@ -58,6 +59,10 @@ STROKES = 20
               help="Different strokes (seeds) over the lump, one after the other; then again.")  # fmt: skip
 @click.option("--as", "wire", type=click.Choice(["flexitac", "reskin"]),
               help="Not a probe: the lump's pressures on another array's wire.")  # fmt: skip
+@click.option("--press", "beside_mm", type=Finite(0.0, 40.0), metavar="MM",
+              help="With --as: presses so far beside the lump, and no strokes.")  # fmt: skip
+@click.option("--cuff", "cuff_kPa", type=Finite(0.0, 100.0), metavar="KPA",
+              help="With --as: a cuff presses every cell alike, as a calibration wants it.")  # fmt: skip
 @json_option
 def command(
     code: str,
@@ -75,6 +80,8 @@ def command(
     frames: int,
     strokes: int,
     wire: str | None,
+    beside_mm: float | None,
+    cuff_kPa: float | None,
     as_json: bool,
 ) -> None:
     """Emulate a probe that strokes the lump CODE, until Ctrl-C.
@@ -91,11 +98,16 @@ def command(
       palpate emulate d12h07e20f09 --key out/key
       palpate emulate d12h07e20f09 --listen tcp:127.0.0.1:7624 --runtime cpython
       palpate emulate d12h07e20f09 --board rp2040
-      palpate emulate d12h07e20f09 --as flexitac
+      palpate emulate d12h07e20f09 --as flexitac --press 0
     """
+    if wire is None and (beside_mm is not None or cuff_kPa is not None):
+        raise UsageError("--press and --cuff go with --as: what a probe feels are presses and strokes")
     if wire is not None:
         check_arguments(code, noise, listen)
-        _speak(wire, (code, noise, seed, frames, strokes, still), listen, as_json)
+        over = (code, noise, seed)
+        _speak(
+            wire, lambda: _images(over, frames, strokes, still, beside_mm, cuff_kPa), code, listen, as_json
+        )
     from palpate.link import emulated
     from palpate.sim.probe.emulated import RUNTIMES, EmulatedProbe
     from palpate.sim.probe.node import check_runtime
@@ -162,25 +174,39 @@ def command(
         )
 
 
-def _speak(wire: str, over: tuple[Any, ...], listen: str, as_json: bool) -> NoReturn:
+def _images(
+    over: tuple[str, str, int], frames: int, strokes: int, still: bool, beside_mm: float | None,
+    cuff_kPa: float | None,
+) -> list[Any]:  # fmt: skip
+    """What another array feels: a cuff, presses, or presses and strokes."""
+    from palpate.sources import emulated
+
+    if cuff_kPa is not None:
+        return emulated.felt_under_a_cuff(*over, cuff_kPa)
+    if beside_mm is not None:
+        return emulated.felt_in_presses(*over, strokes, beside_mm)
+    return emulated.felt_over(*over, frames, strokes, still)
+
+
+def _speak(wire: str, felt: Callable[[], list[Any]], code: str, listen: str, as_json: bool) -> NoReturn:
     """Another array's wire, until Ctrl-C."""
     import numpy as np
 
     from palpate.array import words_of
     from palpate.sim.probe.endpoints import endpoint
-    from palpate.sources.emulated import WIRES, Speaker, felt_over
+    from palpate.sources.emulated import WIRES, Speaker
     from palpate.wire.cells import FULL_SCALE_KPA, PITCH_MM, SHAPE
 
     WIRES[wire](np.zeros(SHAPE))  # can it be said of this array? Before strokes are simulated
-    with Speaker(endpoint(listen), WIRES[wire], felt_over(*over)) as speaker:
+    with Speaker(endpoint(listen), WIRES[wire], felt()) as speaker:
         options = f"?rows={SHAPE[0]}&cols={SHAPE[1]}&pitch={PITCH_MM:g}" if wire == "flexitac" else ""
         port = f"{wire}:{speaker.port}{options}"
         if as_json:
-            print_json({"port": port, "pid": os.getpid(), "code": over[0], "runtime": wire})
+            print_json({"port": port, "pid": os.getpid(), "code": code, "runtime": wire})
         else:
             say(port)
             array = words_of(*SHAPE, PITCH_MM, FULL_SCALE_KPA)
-            note(f"{over[0]} on {array}; try `palpate view --port '{port}'`")
+            note(f"{code} on {array}; try `palpate view --port '{port}'`")
         while True:
             time.sleep(POLL_S)
 

@@ -20,6 +20,8 @@ from palpate.first_time import announce
               help="Directory for the recordings, one a file.")  # fmt: skip
 @click.option("--model", type=click.Path(path_type=Path, dir_okay=False),
               help="Model image for the estimates; else `thesis-tissue`, without a press.")  # fmt: skip
+@click.option("--position", "track", type=click.Path(path_type=Path, dir_okay=False),
+              help="CSV of places for a recording: time_s, position_mm, displacement_mm.")  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace recordings that are there.")
 @json_option
 def command(
@@ -27,10 +29,13 @@ def command(
     declared: Path | None,
     out: Path,
     model: Path | None,
+    track: Path | None,
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Make recordings of FILES: CSV, Parquet, NPZ, HDF5, or a recording by another array.
+    """Make recordings of FILES: CSV, Parquet, NPZ, HDF5, or a recording by another array; two published
+    layouts, presses in a .mat file and LESS' palpations in HDF5, by the names that docs/howto/real-strokes.md
+    gives their arrays.
 
     Frames may be of any array at any pitch; they are resampled to the array in use, no force lost, or taken
     as they are where --array names theirs. What is missing is said: without displacement only the pressure
@@ -64,13 +69,13 @@ def command(
             raise UsageError(f"{files[k]} would replace itself; choose another --out")
     image = None if model is None else read_whole(model, "model image")
     announce(solver=False, firmware=True)
-    if image is None and models.suits_array():
+    if image is None and track is None and models.suits_array():
         from palpate.link import emulator_model as emulator
 
         image = emulator.image(models.TOLD)
     done = []
     for file, target in zip(files, targets):
-        found = importer.import_file(file, target, said, image, overwrite)
+        found = importer.import_file(file, target, said, image, overwrite, track)
         done.append(found.to_dict())
         if not as_json:
             say(f"{target}: {found.strokes} strokes, {found.frames} frames")

@@ -25,17 +25,26 @@ KINDS = ("auto", "anywhere", "border", "none")
               "auto compares them.")  # fmt: skip
 @click.option("--noise", default="typical", show_default=True,
               help="Of sensors and hand: a level, or sensor.toml of `palpate characterise`.")  # fmt: skip
+@click.option("--face", "face_words", metavar="WORDS",
+              help="Of somebody's array: radius=flat, or radius=40mm&padding=2mm&modulus=80kPa.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Processes.")
 @click.option("--scheduler", help="A Dask cluster instead: its address, as tcp://10.0.0.5:8786.")
 @json_option
 def command(
-    recordings: tuple[Path, ...], kind: str, noise: str, workers: int, scheduler: str | None, as_json: bool
+    recordings: tuple[Path, ...],
+    kind: str,
+    noise: str,
+    face_words: str | None,
+    workers: int,
+    scheduler: str | None,
+    as_json: bool,
 ) -> None:
     """Fit the finite-element model to recorded strokes: size, depth, stiffness, and whether it fits.
 
     The probe's own answer is a regression. This takes seconds to a minute a stroke and works in any tissue
     that the solver knows; it says "does not fit" where no class of tissue and lump explains the stroke. Lumps
-    are endless cylinders.
+    are endless cylinders. A recording without a stroke has its presses fitted: they tell less, and the
+    intervals say how much.
 
     \b
     Example:
@@ -46,13 +55,15 @@ def command(
     from palpate.inversion.recorded import felt_strokes
     from palpate.inversion.result import Inverted
     from palpate.inversion.strokes import invert_stroke
+    from palpate.link.face import face_in_words
     from palpate.sim.probe.noise import level_named
     from palpate.sim.tissue.workers import pool
 
     if workers > 1 and scheduler is not None:
         raise UsageError("--workers is for this machine and --scheduler for a cluster; give one of them")
     level = level_named(noise)
-    jobs = [(path, stroke, start) for path in recordings for stroke, start in felt_strokes(path)]
+    face = None if face_words is None else face_in_words(face_words)
+    jobs = [(path, stroke, start) for path in recordings for stroke, start in felt_strokes(path, face)]
     announce()
     found: list[tuple[Path, Inverted]] = []
     with ExitStack() as stack:
@@ -89,7 +100,8 @@ def command(
 
 def lines_of(one: Inverted, path: Path | None = None) -> list[str]:
     """One stroke in words."""
-    head = f"stroke {one.stroke}" if path is None else f"{path}, stroke {one.stroke}"
+    what = f"{'press' if one.press else 'stroke'} {one.stroke}"
+    head = what if path is None else f"{path}, {what}"
     if one.problem:
         return [f"{head}: not refined: {one.problem}"]
     odds = ", ".join(f"{name} {share:.0%}" for name, share in one.classes.items())
@@ -98,13 +110,15 @@ def lines_of(one: Inverted, path: Path | None = None) -> list[str]:
     lines = [f"{head}: {_KIND[one.kind]}; {fit} (misfit {one.chi2:.2f}{rest})"]
     for name, words, unit, digits in _SHOWN:
         if (value := one.values.get(name)) is not None:
-            lines.append(f"  {words:<22}{_span(value, digits)} {unit}".rstrip())
+            vague = "; hardly told" if _vague(value) else ""
+            lines.append(f"  {words:<22}{_span(value, digits)} {unit}".rstrip() + vague)
     if one.lump:
         lines.append(f"  {'hard or soft':<22}{one.hardness}")
     return [*lines, f"  {'classes':<22}{odds}"]
 
 
 _KIND = {"anywhere": "a lump", "border": "a lump on the border of fat and gland", "none": "no lump"}
+_WIDE = 4.0
 _SHOWN = (
     ("d_mm", "diameter", "mm", 1),
     ("depth_mm", "tissue over it", "mm", 1),
@@ -112,6 +126,11 @@ _SHOWN = (
     ("t_mm", "fat", "mm", 1),
     ("E_fat_kPa", "fat's modulus", "kPa", 1),
 )
+
+
+def _vague(value: Value) -> bool:
+    """Whether an interval is so wide that its number says next to nothing."""
+    return value.low is None or value.high is None or value.high > _WIDE * max(value.low, 1e-9)
 
 
 def _span(value: Value, digits: int) -> str:

@@ -1,4 +1,4 @@
-"""Strokes of a stream, fitted by the finite-element model beside it: `palpate stream --refine`."""
+"""Strokes of a stream, and presses of somebody's array, fitted by the finite-element model beside it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from palpate.inversion.felt import NotInvertible
 from palpate.inversion.recorded import Strokes
 from palpate.inversion.result import Inverted
 from palpate.inversion.strokes import invert_stroke
+from palpate.link.schemes import address_of
 from palpate.sim.probe.noise import level_named
 from palpate.sim.tissue.workers import pool
 from palpate.wire.events import Event
@@ -18,13 +19,15 @@ from palpate.wire.events import Event
 class Refining:
     """One process that refines strokes in the order in which they came."""
 
-    def __init__(self, executor: Executor) -> None:
-        self._executor, self._strokes, self._noise = executor, Strokes(), level_named("typical")
+    def __init__(self, executor: Executor, port: str) -> None:
+        self._executor, self._strokes, self._noise = executor, Strokes(port), level_named("typical")
+        self._presses_too = address_of(port) is not None
         self._work: list[Future[Inverted]] = []
 
     def take(self, event: Event, calibration: bytes) -> None:
         """Watch an event go by."""
-        if (found := self._strokes.take(event, calibration)) is None:
+        found = self._strokes.take(event, calibration)
+        if found is None or (self._strokes.was_press and not self._presses_too):
             return
         stroke, start = found
         if isinstance(stroke, NotInvertible):
@@ -50,7 +53,7 @@ class Refining:
 
 
 @contextmanager
-def refining() -> Iterator[Refining]:
+def refining(port: str) -> Iterator[Refining]:
     """Have a process beside this one; it ends with the block."""
     with pool(1, "palpate.inversion.strokes") as executor:
-        yield Refining(executor)
+        yield Refining(executor, port)

@@ -134,7 +134,7 @@ def command(
     counts: dict[str, int] = {}
     refined: list[dict[str, Any]] = []
     shown = None if rerun is None else _rerun(rerun, overwrite, fat_kPa)
-    with refining() if refine else nullcontext() as refiner:
+    with refining(port) if refine else nullcontext() as refiner:
         with ExitStack() as stack:
             probe = stack.enter_context(recorded(port, record, overwrite, baud))
             if shown is not None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from palpate.csv_dialect import dialect_of
 from palpate.errors import MissingExtra, NoSuchFile, UsageError
 from palpate.files import by_suffix, check_readable
+from palpate.importing import published
 from palpate.importing.declaration import Declaration
 
 Floats = NDArray[np.float64]
@@ -23,6 +24,8 @@ LARGEST = 1 << 26
 EXPANSION = 100
 MOST_READ = 1 << 32
 """Bytes of a file."""
+LESS = "/xela/data"
+"""A dataset by whose name LESS' layout is known."""
 FARTHEST_MM = 1000.0
 """Places and displacements."""
 LONGEST_S = 86_400.0
@@ -78,7 +81,7 @@ def read(path: str | Path, said: Declaration) -> Frames:
     """
     path = Path(path)
     openers: dict[str, Callable[[Path], _Source]] = {
-        ".csv": _table, ".parquet": _table, ".npz": _npz, ".h5": _hdf5, ".hdf5": _hdf5
+        ".csv": _table, ".parquet": _table, ".npz": _npz, ".h5": _hdf5, ".hdf5": _hdf5, ".mat": _presses
     }  # fmt: skip
     source = by_suffix(path, openers)(path)
     return assemble(source, said, path.name)
@@ -306,7 +309,16 @@ def _hdf5(path: Path) -> _Source:
             _check_size(path, item.nbytes)
             return np.asarray(item[()])
 
-    return _Arrays(list(_opened(path, load)), get)
+    names = list(_opened(path, load))
+    if any(name.endswith(LESS) for name in names):
+        arrays = published.trajectories(path)
+        return _Arrays(list(arrays), arrays.__getitem__)
+    return _Arrays(names, get)
+
+
+def _presses(path: Path) -> _Source:
+    arrays = published.presses(path)
+    return _Arrays(list(arrays), arrays.__getitem__)
 
 
 def _check_size(path: Path, size: int) -> None:

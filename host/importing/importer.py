@@ -13,13 +13,14 @@ from firmware_py import calib, geometry
 from palpate.errors import RecordingError
 from palpate.files import whole_file
 from palpate.importing import frames as sources
-from palpate.importing import ours, resample
+from palpate.importing import ours, places, published, resample
 from palpate.importing.declaration import Declaration
 from palpate.importing.firmware import Session
 from palpate.importing.frames import Frames, ImportFailed
 from palpate.model_export.image_builder import inspect
 from palpate.recording import channels
 from palpate.recording.channels import IMPORT_NOTE
+from palpate.recording.reader import Recording
 from palpate.recording.writer import RecordingWriter
 from palpate.wire.cells import FULL_SCALE_KPA, PEDESTAL_KPA
 from palpate.wire.events import Estimate
@@ -66,6 +67,7 @@ def import_file(
     said: Declaration | None,
     model: bytes | None = None,
     overwrite: bool = False,
+    track: Path | None = None,
 ) -> Imported:
     """Make a recording of a file of frames.
 
@@ -81,22 +83,32 @@ def import_file(
         The image that makes the estimates; without one the recording holds frames, map and features only.
     overwrite : bool
         Replace an existing recording.
+    track : Path, optional
+        A table of places for a recording of ours, see `places.join`.
 
     Raises
     ------
     ImportFailed, NoSuchFile, UnknownFormat, MissingExtra, RecordingError
     """
     source, recording = Path(source), Path(recording)
+    port, calibrated, joined = "import", True, list[str]()
     if source.suffix.lower() == ".mcap":
-        found, said = ours.read(source, said)
+        found, said = ours.read(source, said, whole=track is not None)
+        if track is not None:
+            found, joined = places.join(found, ours.began_s(source), track)
+            of = Recording(source)  # which stays what it was: somebody's array, calibrated or not
+            port = of.metadata().get("session", {}).get("port", port)
+            calibrated = of.attachment(channels.CALIBRATION) is not None
+    elif track is not None:
+        raise ImportFailed(f"--position goes with recordings (.mcap); {source.name} has its own places")
     elif said is None:
         raise ImportFailed(
             f"{source.name} does not say what it holds; write a declaration and give it with --as "
-            "(`palpate import --help` shows one)"
+            "(`palpate import --help` shows one)" + _names_in(source)
         )
     else:
         found = sources.read(source, said)
-    remarks = list(_about(found, said))
+    remarks = [*_about(found, said), *joined]
     counts = _counts(found, said, remarks)
     info = None if model is None else inspect(model)
     words = {
@@ -106,7 +118,7 @@ def import_file(
         "missing": " ".join(found.missing),
     }
     began_ns = source.stat().st_mtime_ns
-    meta = {"port": "import", "started_ns": str(began_ns)}
+    meta = {"port": port, "started_ns": str(began_ns)}
     if recording.suffix != ".mcap":
         raise RecordingError(f"a recording's name ends in .mcap, not {recording.name!r}")
     if recording.exists() and not overwrite:
@@ -115,13 +127,17 @@ def import_file(
         with RecordingWriter(part, True, meta) as writer:
             writer.note(IMPORT_NOTE, words)
             writer.note("probe", {"serial": "IMPORTED", "array": words["array"]})
-            writer.attach(channels.CALIBRATION, "application/octet-stream", calib.Calibration().to_bytes())
+            if calibrated:
+                nominal = calib.Calibration().to_bytes()
+                writer.attach(channels.CALIBRATION, "application/octet-stream", nominal)
             if model is not None:
                 writer.attach(channels.MODEL, "application/octet-stream", model)
             strokes = _play(Session(writer, info, began_ns), found, counts, said.lift)
         writer.check()
     declared = len(np.unique(found.stroke))
-    if said.stroke and strokes != declared:
+    if not strokes and len(found.position_mm) and np.ptp(found.position_mm) == 0:
+        remarks.append(f"{declared} presses and no stroke: `palpate refine` takes them, with --face")
+    elif said.stroke and strokes != declared:
         remarks.append(
             f"{declared} strokes are declared, {strokes} were found: too short, or not in contact?"
         )
@@ -130,6 +146,15 @@ def import_file(
             "no stroke was found: the probe never pressed and moved on by .5 mm; look at the units"
         )
     return Imported(source, recording, strokes, len(counts), found.missing, tuple(remarks))
+
+
+def _names_in(source: Path) -> str:
+    """The names of a published layout's arrays, for who declares them."""
+    if source.suffix.lower() == ".mat":
+        return f"; it has {published.OF_PRESSES}"
+    if source.suffix.lower() in (".h5", ".hdf5"):
+        return f"; in LESS' layout it has {published.OF_LESS}"
+    return ""
 
 
 def _sha256(path: Path) -> str:

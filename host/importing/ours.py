@@ -18,8 +18,11 @@ from palpate.recording.reader import Recording
 LEAST_PITCH_MM = 0.01
 
 
-def read(path: Path, said: Declaration | None) -> tuple[Frames, Declaration]:
+def read(path: Path, said: Declaration | None, whole: bool = False) -> tuple[Frames, Declaration]:
     """Frames of a recording, and what they are; the pitch is the recording's own, or that of `said`.
+
+    whole : bool
+        All frames, for their places come from elsewhere; else those of strokes.
 
     Raises
     ------
@@ -55,6 +58,8 @@ def read(path: Path, said: Declaration | None) -> tuple[Frames, Declaration]:
     pitch = said.pitch_mm if said is not None else _pitch(recording, path)
     own = Declaration(*shape, pitch) if said is None else replace(said, rows=shape[0], columns=shape[1])
     motion, kept = np.array(motions), np.array(numbers) >= 0
+    if whole:
+        kept[:], numbers, own = True, [0] * len(numbers), replace(own, lift=False)
     if not kept.any():
         raise ImportFailed(f"{path} holds no stroke")
     frames = Frames(
@@ -65,7 +70,14 @@ def read(path: Path, said: Declaration | None) -> tuple[Frames, Declaration]:
         np.array(numbers)[kept],
         (),
     )
-    return frames, replace(own, stroke="stroke")
+    return frames, own if whole else replace(own, stroke="stroke")
+
+
+def began_s(path: Path) -> float:
+    """Unix time of a recording's first image."""
+    found = Recording(path).records()
+    times = (r.log_time for topic, r in found if topic == channels.IMAGE and isinstance(r, Message))
+    return next((ns / 1e9 for ns in times), 0.0)
 
 
 def _image(told: dict[str, object], path: Path) -> tuple[tuple[int, int], np.ndarray]:

@@ -7,12 +7,13 @@ every case stands in fat of 10 kPa.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.link.face import Face
 from palpate.sim.tissue import Case
 
 Floats = NDArray[np.float64]
@@ -26,6 +27,10 @@ _DEEPEST = 0.93
 """A lump ends so far down the gland at most; a search that would go deeper moves the chest wall with it."""
 _PLAIN_D_MM = 10.0
 _STEP = 1e-6
+PADDING = "ln padding"
+_FLAT_MM = 1e4
+_EDGE_MM = 2.0
+"""The face is rounded off so far from where its cells end, as our probe's."""
 
 
 @dataclass(frozen=True)
@@ -132,3 +137,22 @@ NONE = Class(
     ("h", "gland_ratio", "gland_mm", "fat_stiffening", "gland_stiffening", "probe_radius_mm"),
 )
 CLASSES = {c.name: c for c in (NONE, BORDER, ANYWHERE)}
+
+
+def under(face: Face, of: Class, half_mm: float) -> Class:
+    """A class felt by another face, `half_mm` from its middle to where its cells end."""
+    mean = float(np.log(min(face.radius_mm, _FLAT_MM)))
+    radius = Unknown("ln R", mean, 0.029, mean - 0.17, mean + 0.17, 0.03)
+    unknowns = tuple(radius if unknown.name == radius.name else unknown for unknown in of.unknowns)
+    if not face.padding_mm:
+        return replace(
+            of, unknowns=unknowns, case=lambda theta: replace(of.case(theta), face_half_mm=half_mm - _EDGE_MM)
+        )
+    gives = float(np.log(face.yields_mm_per_kPa))
+    padding = Unknown(PADDING, gives, 2.0, gives - 3.0, min(gives + 3.0, np.log(0.9)), 0.3)
+
+    def case(theta: Floats) -> Case:
+        bare = of.case(theta[:-1])
+        return replace(bare, face_half_mm=half_mm - _EDGE_MM, padding_mm_per_kPa=float(np.exp(theta[-1])))
+
+    return Class(of.name, (*unknowns, padding), case, (*of.fields, "padding_mm_per_kPa"))

@@ -1,13 +1,14 @@
-"""What the sensors have felt of one stroke and of the press before it: row means, places, displacements."""
+"""What the sensors have felt of a stroke and its press, or of a press alone: rows, places, displacements."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import PalpateError
+from palpate.link.face import Face
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -15,6 +16,11 @@ Ints = NDArray[np.int64]
 LEAST_PRESS, LEAST_STROKE = 6, 12
 LEAST_DISPLACEMENT_MM = 0.2
 LEAST_TRAVEL_MM = 25.0
+LEAST_RISE = 2.0
+"""By so much the force of a press alone must grow."""
+_TOUCHES = 0.1
+_OWN = Face(40.0)
+"""Of our probe."""
 _UNEVEN = 0.03
 """A column's share of the force changes by so much of itself, noise apart, where a lump ends across: by .04
 and more over balls, by .02 at most over cylinders, for the gains of cells."""
@@ -24,18 +30,18 @@ _CREEP_MM_PER_S = 60.0
 
 
 class NotInvertible(PalpateError):
-    """The stroke lacks something that the inversion needs; the text is one sentence."""
+    """The stroke or press lacks something that the inversion needs; the text is one sentence."""
 
 
 @dataclass(frozen=True)
 class FeltStroke:
-    """n frames, the first `press` of them before the probe moved.
+    """n frames, the first `press` of them before the probe moved: all of them, where it never did.
 
     Attributes
     ----------
-    rows_kPa : ndarray (n, 16)
+    rows_kPa : ndarray (n, rows)
         Mean of the live cells of each row.
-    live : ndarray (16,)
+    live : ndarray (rows,)
         How many cells that is.
     displacement_mm, place_mm : ndarray (n,)
     share : ndarray (n,)
@@ -44,7 +50,10 @@ class FeltStroke:
         The clock of creep: the place, or 60 mm for each second where the probe stands still.
     press : int
     stroke : int
-        Its number on the probe.
+        Its number on the probe; of a press alone in its recording.
+    face : Face
+    measured : bool
+        Whether the displacement is; else it is 0 and counts for nothing.
     """
 
     rows_kPa: Floats
@@ -55,13 +64,21 @@ class FeltStroke:
     along_mm: Floats
     press: int
     stroke: int = 0
+    face: Face = _OWN
+    measured: bool = True
+
+    @property
+    def alone(self) -> bool:
+        """Whether it is a press without a stroke."""
+        return self.press == len(self.place_mm)
 
     def take(self, press: Ints, stroke: Ints) -> FeltStroke:
         """Some frames of the press and of the stroke, each counted from its own first."""
         k = np.concatenate([press, self.press + stroke])
-        parts = (self.rows_kPa, self.displacement_mm, self.place_mm, self.share, self.along_mm)
-        rows, depth, place, share, along = (part[k] for part in parts)
-        return FeltStroke(rows, self.live, depth, place, share, along, len(press), self.stroke)
+        return replace(
+            self, rows_kPa=self.rows_kPa[k], displacement_mm=self.displacement_mm[k],
+            place_mm=self.place_mm[k], share=self.share[k], along_mm=self.along_mm[k], press=len(press),
+        )  # fmt: skip
 
 
 def felt_stroke(
@@ -72,18 +89,21 @@ def felt_stroke(
     time_s: Floats,
     press: int,
     stroke: int = 0,
+    face: Face | None = None,
 ) -> FeltStroke:
-    """Row means of n frames.
+    """Row means of n frames of a stroke.
 
     Parameters
     ----------
-    pressure_kPa : ndarray (n, 16, 26)
+    pressure_kPa : ndarray (n, rows, columns)
         By the probe's calibration; signed.
-    dead : ndarray (16, 26), bool
+    dead : ndarray (rows, columns), bool
         Cells that tell nothing.
     displacement_mm, place_mm, time_s : ndarray (n,)
     press : int
         So many of the first frames came before the probe moved.
+    face : Face, optional
+        The probe's own unless told.
 
     Raises
     ------
@@ -91,7 +111,6 @@ def felt_stroke(
         No press, no displacement, too short a stroke, a row without a live cell, or a lump that ends across
         the stroke.
     """
-    live = (~dead).sum(1)
     if press < LEAST_PRESS:
         raise NotInvertible(f"stroke {stroke} has no press before it: lift the probe, press, then stroke")
     if len(place_mm) - press < LEAST_STROKE or np.ptp(place_mm[press:]) < LEAST_TRAVEL_MM:
@@ -100,19 +119,66 @@ def felt_stroke(
         )
     if np.ptp(displacement_mm) < LEAST_DISPLACEMENT_MM:
         raise NotInvertible(f"stroke {stroke} has no displacement: the probe's sensor for it does not move")
-    if not live.all():
-        raise NotInvertible(f"stroke {stroke}: row {int(np.argmin(live))} has no live cell")
-    rows = np.where(dead, 0.0, pressure_kPa).sum(2) / live
-    _check_even(pressure_kPa[press:], dead, stroke)
+    rows = _rows(pressure_kPa, dead, f"stroke {stroke}")
+    _check_even(pressure_kPa[press:], dead, f"stroke {stroke}")
     start = place_mm[press]
     share = np.concatenate([np.zeros(press), np.linspace(0.0, 1.0, len(place_mm) - press)])
     before = start + _CREEP_MM_PER_S * (time_s[:press] - time_s[press])
     along = np.concatenate([before, place_mm[press:]])
     place = np.concatenate([np.full(press, start), place_mm[press:]])
-    return FeltStroke(rows, live, displacement_mm, place, share, along, press, stroke)
+    face = face or _OWN
+    live = (~dead).sum(1)
+    return FeltStroke(rows, live, displacement_mm, place, share, along, press, stroke, face)
 
 
-def _check_even(pressure_kPa: Floats, dead: NDArray[np.bool_], stroke: int) -> None:
+def felt_press(
+    pressure_kPa: Floats,
+    dead: NDArray[np.bool_],
+    displacement_mm: Floats,
+    time_s: Floats,
+    number: int = 0,
+    face: Face | None = None,
+) -> FeltStroke:
+    """Row means of a press alone, from contact to its greatest force; parameters as of `felt_stroke`.
+
+    displacement_mm : ndarray (n,)
+        Where it does not change, it was not measured.
+
+    Raises
+    ------
+    NotInvertible
+        Too few frames, a force that does not grow, a row without a live cell, or a lump that ends across.
+    """
+    name = f"press {number}"
+    rows = _rows(pressure_kPa, dead, name)
+    force = rows.sum(1)
+    most = int(np.argmax(force))
+    k = np.flatnonzero((force >= _TOUCHES * force[most]) & (np.arange(len(force)) <= most))
+    if len(k) < LEAST_PRESS or force[most] < LEAST_RISE * force[k[0]]:
+        raise NotInvertible(
+            f"{name} is too quick: it takes {LEAST_PRESS} frames in which the force grows at least twofold"
+        )
+    _check_even(pressure_kPa[k], dead, name)
+    depth = displacement_mm[k]
+    measured = bool(np.ptp(depth) >= LEAST_DISPLACEMENT_MM)
+    nothing = np.zeros(len(k))
+    return FeltStroke(
+        rows[k], (~dead).sum(1), depth if measured else nothing, nothing, nothing,
+        _CREEP_MM_PER_S * (time_s[k] - time_s[k[-1]]), len(k), number,
+        face or _OWN, measured,
+    )  # fmt: skip
+
+
+def _rows(pressure_kPa: Floats, dead: NDArray[np.bool_], name: str) -> Floats:
+    """Means (n, rows) of the live cells."""
+    live = (~dead).sum(1)
+    if not live.all():
+        raise NotInvertible(f"{name}: row {int(np.argmin(live))} has no live cell")
+    rows: Floats = np.where(dead, 0.0, pressure_kPa).sum(2) / live
+    return rows
+
+
+def _check_even(pressure_kPa: Floats, dead: NDArray[np.bool_], name: str) -> None:
     """NotInvertible where columns differ by more than gains: such a lump ends across the stroke."""
     alive = np.where(dead, np.nan, pressure_kPa)
     across = np.nanmean(alive, axis=1)  # (n, 26): the force on each column
@@ -121,6 +187,6 @@ def _check_even(pressure_kPa: Floats, dead: NDArray[np.bool_], stroke: int) -> N
     white = np.nanmean(np.diff(share, axis=0) ** 2, axis=0) / 2
     if np.nanmax(np.nanmean(apart**2, axis=0) - white) > _UNEVEN**2:
         raise NotInvertible(
-            f"stroke {stroke}: its image changes across the stroke, as over a ball; "
+            f"{name}: its image changes across the stroke, as over a ball; "
             "the inversion knows endless cylinders only, so take the probe's own estimate"
         )

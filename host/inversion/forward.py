@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from palpate.inversion.classes import Class
 from palpate.sim.tissue import Settings
+from palpate.sim.tissue.contact import OWN_PLACES
 from palpate.sim.tissue.derivatives import Derivatives, differentiate
 from palpate.sim.tissue.frames import Frames, solve_frames
 from palpate.sim.tissue.state import State
@@ -22,6 +23,8 @@ Floats = NDArray[np.float64]
 COARSE = Settings()
 FINE = Settings(hx_mm=1.0)
 _REACH_MM = 56.0
+_PRESS_REACH_MM = 24.0
+"""Frames at one place need no more."""
 _FAR = 0.5
 """Guesses by derivatives are for steps within so many of the priors' standard deviations."""
 
@@ -40,7 +43,7 @@ class Computed:
 
     @property
     def images(self) -> Floats:
-        """(n, 16), kPa."""
+        """(n, rows), kPa."""
         return self.frames.images_kPa
 
     @property
@@ -52,8 +55,8 @@ class Computed:
 class Forward:
     """Computes frames of one class on one mesh, whose topology stays as long as the guesses are near."""
 
-    def __init__(self, of: Class, settings: Settings) -> None:
-        self.of, self.settings = of, settings
+    def __init__(self, of: Class, settings: Settings, sensors: Floats = OWN_PLACES) -> None:
+        self.of, self.settings, self.sensors = of, settings, sensors
         self.solved = 0
         self._topology: Topology | None = None
         self._last: Computed | None = None
@@ -73,16 +76,17 @@ class Forward:
             topology = self._topology
             geometry = topology.geometry(case)
         except OutsideTopology:
-            topology = Topology(case, self.settings, -_REACH_MM, _REACH_MM)
+            reach = _REACH_MM if np.ptp(places_mm) else _PRESS_REACH_MM
+            topology = Topology(case, self.settings, -reach, reach)
             geometry = topology.geometry(case)
         guesses = self._guesses(theta, places_mm, forces_N_per_m, topology)
-        frames = solve_frames(case, self.settings, geometry, places_mm, forces_N_per_m, guesses)
+        frames = solve_frames(case, self.settings, geometry, places_mm, forces_N_per_m, guesses, self.sensors)
         self._topology = topology
         self.solved += 1
         return Computed(theta.copy(), places_mm, forces_N_per_m, frames, topology)
 
     def differentiated(self, at: Computed) -> tuple[Floats, Floats]:
-        """Derivatives of images (n, 16, k + 2) and depth (n, k + 2) by unknowns, place and ln force."""
+        """Derivatives of images (n, rows, k + 2) and depth (n, k + 2) by unknowns, place and ln force."""
         at.derivatives = found = differentiate(at.frames, at.topology, self.of.fields)
         fields, k = len(self.of.fields), len(at.theta)
         chain = np.zeros((fields + 2, k + 2))

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.inversion.classes import FAT_KPA, Class
+from palpate.inversion.classes import FAT_KPA, PADDING, Class
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import Computed
 from palpate.sim.probe.creep import LAG_MM
@@ -29,6 +29,10 @@ Floats = NDArray[np.float64]
 
 _COUNTS = 4095
 _START_SD_MM = 3.0
+_PRESS_SD_MM = 6.0
+"""So far from the middle of the face may lie what a press alone is over."""
+_PADDING_SD = 0.25
+"""Of the logarithm of how far the padding gives way: its owner knows its modulus about so well."""
 _LN_E, _LN_F = (np.log(10.8), 0.58), (np.log(5.46), 0.48)
 """Mean and spread of the fat's modulus in kPa and of the force over it in mm, over the models' design."""
 
@@ -42,7 +46,7 @@ SINGLE = ("ln_E", "ln_F", "start", "scale", "creep", "zero", "drift", "depth_zer
 
 @dataclass(frozen=True)
 class Misfit:
-    """Weighted residuals of the data, (n, 17): rows and displacement; and of what is known beforehand."""
+    """Weighted residuals of the data, (n, rows + 1): rows, displacement; and of what is known beforehand."""
 
     data: Floats
     prior: Floats
@@ -58,8 +62,8 @@ class Posterior:
 
     def __init__(self, of: Class, stroke: FeltStroke, noise: Noise, hx_mm: float) -> None:
         self.of, self.stroke, self.noise = of, stroke, noise
-        n, p = len(stroke.displacement_mm), stroke.press
-        sizes = {"tissue": len(of.unknowns), **dict.fromkeys(SINGLE, 1), "gain": 16, "offset": 16}
+        n, p, rows = len(stroke.displacement_mm), stroke.press, stroke.rows_kPa.shape[1]
+        sizes = {"tissue": len(of.unknowns), **dict.fromkeys(SINGLE, 1), "gain": rows, "offset": rows}
         sizes |= {"place": n - p, "force": n}
         ends = np.cumsum([0, *sizes.values()])
         self.at = {name: slice(int(a), int(b)) for name, a, b in zip(sizes, ends, ends[1:])}
@@ -76,7 +80,7 @@ class Posterior:
             "tissue": self.of.column("sd"),
             "ln_E": _LN_E[1],
             "ln_F": _LN_F[1],
-            "start": _START_SD_MM,
+            "start": _PRESS_SD_MM if self.stroke.alone else _START_SD_MM,
             "scale": noise.position_scale,
             "creep": noise.creep / 2,
             "zero": zero,
@@ -97,7 +101,7 @@ class Posterior:
         return mean, sd
 
     def _weights(self, hx_mm: float) -> Floats:
-        """One over the standard deviation of rows and displacement, (n, 17)."""
+        """One over the standard deviation of rows and displacement, (n, rows + 1); 0: not measured."""
         s, noise = self.stroke, self.noise
         count = FULL_SCALE_KPA / _COUNTS
         white = np.hypot(noise.white * FULL_SCALE_KPA, count / np.sqrt(12)) / np.sqrt(s.live)
@@ -107,7 +111,9 @@ class Posterior:
         stuck = noise.hysteresis * np.maximum(s.rows_kPa, 0.0)
         depth = np.full(len(s.displacement_mm), np.hypot(noise.displacement_noise_mm, _DEPTH_ERROR_MM))
         rows = np.sqrt(white**2 + mesh**2 + stuck**2)
-        return 1.0 / np.column_stack([np.maximum(rows, 1e-3), depth])
+        weight = 1.0 / np.column_stack([np.maximum(rows, 1e-3), depth])
+        weight[:, -1] *= s.measured
+        return weight
 
     def start(self, theta: Floats, E_kPa: float, lump_mm: float) -> Floats:
         """A first guess: tissue and lump (k,), the fat's modulus, where along the stroke the lump lies."""
@@ -117,8 +123,18 @@ class Posterior:
         self.mean[self.at["start"]] = lump_mm
         force = np.log(np.maximum(self.stroke.rows_kPa.sum(1) * PITCH_MM, 1.0) / E_kPa)
         z[self.at["force"]] = force
-        z[self.at["ln_F"]] = force[self.stroke.press :].mean()
+        z[self.at["ln_F"]] = force.max() if self.stroke.alone else force[self.stroke.press :].mean()
         return z
+
+    @property
+    def measured(self) -> int:
+        """How many numbers were."""
+        return int(np.count_nonzero(self._weight))
+
+    def force_at(self, z: Floats) -> int:
+        """Which unknown the force is: the stroke's mean, or a press' greatest."""
+        force = self.at["force"]
+        return force.start + int(np.argmax(z[force])) if self.stroke.alone else int(self.at["ln_F"].start)
 
     def one(self, z: Floats, name: str) -> float:
         """One of `SINGLE`."""
@@ -129,7 +145,7 @@ class Posterior:
         p = self.stroke.press
         moved = (self.stroke.place_mm[p:] - z[self.at["place"]]) / (1 + self.one(z, "scale"))
         moved = moved - self.one(z, "start")
-        return np.concatenate([np.full(p, moved[0]), moved])
+        return np.concatenate([np.full(p, -self.one(z, "start") if self.stroke.alone else moved[0]), moved])
 
     def forces(self, z: Floats) -> Floats:
         """Of all frames in fat of 10 kPa, N/m (n,)."""
@@ -157,17 +173,26 @@ class Posterior:
         prior = (z - self.mean) / self.sd
         wander = z[self.at["force"]][self.stroke.press :] - self.one(z, "ln_F")
         return Misfit(
-            (self.predicted(z, found) - felt) * self._weight, np.concatenate([prior, wander / self.force_sd])
+            (self.predicted(z, found) - felt) * self._weight,
+            np.concatenate([prior, wander / self.force_sd, [self._padding(z)]]),
         )
 
-    def jacobian(self, z: Floats, found: Computed, images: Floats, depth: Floats) -> tuple[Floats, Floats]:
-        """Of the misfit's data (17 n, size) and prior (size + frames of the stroke, size).
+    def _padding(self, z: Floats) -> float:
+        """How far the padding's give is from what its owner says, in fat of 10 kPa, weighed."""
+        names = [unknown.name for unknown in self.of.unknowns]
+        if PADDING not in names:
+            return 0.0
+        told = np.log(self.stroke.face.yields_mm_per_kPa / FAT_KPA) + self.one(z, "ln_E")
+        return float((z[names.index(PADDING)] - told) / _PADDING_SD)
 
-        images (n, 16, k + 2), depth (n, k + 2): derivatives by tissue and lump, place and ln force.
+    def jacobian(self, z: Floats, found: Computed, images: Floats, depth: Floats) -> tuple[Floats, Floats]:
+        """Of the misfit's data (n (rows + 1), size) and prior (size + frames of the stroke + 1, size).
+
+        images (n, rows, k + 2), depth (n, k + 2): derivatives by tissue and lump, place and ln force.
         """
-        n, p, at = len(depth), self.stroke.press, self.at
+        n, p, at, rows = len(depth), self.stroke.press, self.at, self.stroke.rows_kPa.shape[1]
         E, share, frame = np.exp(self.one(z, "ln_E")) / FAT_KPA, self.stroke.share, np.arange(n)
-        P, D = np.zeros((n, 16, self.size)), np.zeros((n, self.size))
+        P, D = np.zeros((n, rows, self.size)), np.zeros((n, self.size))
         P[:, :, at["tissue"]], D[:, at["tissue"]] = E * images[:, :, :-2], depth[:, :-2]
         P[:, :, at["ln_E"]] = E * found.images[:, :, None]
         by_place, of_depth = E * images[:, :, -2], depth[:, -2]
@@ -176,14 +201,15 @@ class Posterior:
         stretch = -(self.places(z) + self.one(z, "start")) / longer
         P[:, :, at["scale"]] = (by_place * stretch[:, None])[:, :, None]
         D[:, at["scale"]] = (of_depth * stretch)[:, None]
-        own = at["place"].start + np.maximum(frame - p, 0)  # the press stands where the stroke begins
-        P[frame, :, own], D[frame, own] = -by_place / longer, -of_depth / longer
+        if not self.stroke.alone:
+            own = at["place"].start + np.maximum(frame - p, 0)  # the press stands where the stroke begins
+            P[frame, :, own], D[frame, own] = -by_place / longer, -of_depth / longer
         force = at["force"].start + frame
         P[frame, :, force], D[frame, force] = E * images[:, :, -1], depth[:, -1]
         operator, gain = self._lagged(z), 1 + z[at["gain"]]
         P = (operator @ P.reshape(n, -1)).reshape(P.shape) * gain[:, None]
         pressure = self._pressure(z, found)
-        row = np.arange(16)
+        row = np.arange(rows)
         P[:, :, at["creep"]] = (2 * (self._lag @ pressure - pressure) * gain)[:, :, None]
         P[:, row, at["gain"].start + row] = operator @ pressure
         P[:, row, at["offset"].start + row] = 1.0
@@ -193,7 +219,10 @@ class Posterior:
         wander = np.zeros((n - p, self.size))
         wander[np.arange(n - p), at["force"].start + np.arange(p, n)] = 1 / self.force_sd
         wander[:, at["ln_F"]] = -1 / self.force_sd
-        return data.reshape(-1, self.size), np.vstack([np.diag(1 / self.sd), wander])
+        padding = np.zeros((1, self.size))
+        if PADDING in (names := [unknown.name for unknown in self.of.unknowns]):
+            padding[0, names.index(PADDING)], padding[0, at["ln_E"]] = 1 / _PADDING_SD, -1 / _PADDING_SD
+        return data.reshape(-1, self.size), np.vstack([np.diag(1 / self.sd), wander, padding])
 
 
 def _lag(along_mm: Floats) -> Floats:

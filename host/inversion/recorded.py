@@ -1,105 +1,177 @@
-"""The strokes of a session, recorded or live, as the inversion takes them."""
+"""The strokes of a session, recorded or live, as the inversion takes them, and its presses."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from firmware_py import calib, messages
 from palpate import models
 from palpate.errors import RecordingError
-from palpate.inversion.felt import FeltStroke, NotInvertible, felt_stroke
-from palpate.inversion.start import Start, start_of
+from palpate.inversion.felt import FeltStroke, NotInvertible, felt_press, felt_stroke
+from palpate.inversion.start import MIDDLE, Start, first_guess, start_of
+from palpate.link.face import Face, face_at
+from palpate.link.schemes import address_of
 from palpate.recording.channels import CALIBRATION
 from palpate.recording.playback import open_recording
 from palpate.stroke.presses import Presses
 from palpate.wire.events import Estimate, Event, Frame, StrokeState
 
+Floats = NDArray[np.float64]
+
 _KEPT = 1 << 16
 
+Felt = tuple[FeltStroke | NotInvertible, Start]
 
-def felt_strokes(path: str | Path) -> Iterator[tuple[FeltStroke | NotInvertible, Start]]:
+
+def felt_strokes(path: str | Path, face: Face | None = None) -> Iterator[Felt]:
     """Every stroke of a recording with a first estimate, or the reason why it cannot be inverted.
+
+    Where it holds no stroke, every press.
+
+    Parameters
+    ----------
+    face : Face, optional
+        Of somebody's array; by default what the recorded port says of it.
 
     Raises
     ------
     PalpateError
-        The file is no readable recording, is of another sensor array, or holds no stroke.
+        The file is no readable recording, is of another sensor array, or holds neither stroke nor press.
     """
-    strokes, count = Strokes(), 0
-    moved = set[tuple[int, int]]()
+    presses: list[Felt] = []
+    count = 0
     with open_recording(path) as session:
+        port = session.recording.metadata().get("session", {}).get("port", "")
+        strokes = Strokes(port, face)
         calibration = session.recording.attachment(CALIBRATION) or b""
         for event in session.events():
-            if isinstance(event, Frame) and len(moved) < 2:
-                moved.add((event.position_um, event.displacement_um))
-            if (stroke := strokes.take(event, calibration)) is not None:
+            if (found := strokes.take(event, calibration)) is None:
+                continue
+            if strokes.was_press:
+                presses.append(found)
+            else:
                 count += 1
-                yield stroke
-    if not count and len(moved) == 1:
-        raise RecordingError(
-            f"{path} holds a press without place and depth, as other people's arrays send it; what is fitted "
-            "is a stroke, for one image does not tell a large deep lump from a small shallow one"
-        )
+                yield found
+        if (found := strokes.end()) is not None:
+            presses.append(found)
     if not count:
-        raise RecordingError(f"{path} holds no whole stroke")
+        yield from presses
+    if not count and not presses:
+        raise RecordingError(f"{path} holds no whole stroke, and no press")
 
 
 class Strokes:
-    """Watches the events of a session go by, and gives each stroke when its estimate has come.
+    """Watches the events of a session go by, and gives each stroke and each press alone when it is over.
 
-    Raises
-    ------
-    RecordingError
-        No bundled model, where an inversion begins, is of this sensor array.
+    Parameters
+    ----------
+    port : str
+        Where the session came from: somebody's array must be described and calibrated.
+    face : Face, optional
+        What describes it, where the port does not.
+
+    Attributes
+    ----------
+    was_press : bool
+        Whether what `take` gave last was a press alone.
     """
 
-    def __init__(self) -> None:
-        if not models.suits_array():
-            raise RecordingError(
-                "the inversion starts from a bundled model, and there is none for this sensor array"
-            )
+    def __init__(self, port: str = "", face: Face | None = None) -> None:
+        address = address_of(port)
+        self._foreign = address is not None
+        self._face = face or face_at(address)
         self._presses, self._frames = Presses(), dict[int, Frame]()
+        self._contact: int | None = None
+        self._newest, self._pressed = 0, 0
+        self.was_press = False
 
-    def take(self, event: Event, calibration: bytes) -> tuple[FeltStroke | NotInvertible, Start] | None:
-        """The stroke that ends with this event, or why it cannot be inverted, and a first estimate.
+    def take(self, event: Event, calibration: bytes) -> Felt | None:
+        """The stroke or press that ends with this event, or why it cannot be inverted, and a first estimate.
 
         Parameters
         ----------
         calibration : bytes
             What the probe keeps of its own; b"" where it has none.
         """
+        self._calibration = calibration
         if isinstance(event, StrokeState):
             self._presses.take(event)
+            if event.state == "lifted":
+                return self.end()
+            if event.state in ("contact", "started"):
+                self._contact = event.frame_seq if event.state == "contact" else None
         elif isinstance(event, Frame):
             self._frames[event.seq] = event
+            self._newest = event.seq
             if len(self._frames) > _KEPT:
                 del self._frames[next(iter(self._frames))]
         elif isinstance(event, Estimate):
+            self.was_press = False
             own = calib.Calibration()
             own.load(calibration)
             press = self._presses.of(event.stream, event.stroke, self._frames)
-            return _of(event, self._frames, press or [], own)
+            if (problem := self._problem()) is not None:
+                return problem, replace(MIDDLE, stroke=event.stroke)
+            return _of(event, self._frames, press or [], own, self._face)
+        return None
+
+    def end(self) -> Felt | None:
+        """The press that is under way, which ends here."""
+        first, self._contact = self._contact, None
+        if first is None:
+            return None
+        self.was_press, self._pressed = True, self._pressed + 1
+        nothing = replace(MIDDLE, stroke=self._pressed)
+        if (problem := self._problem()) is not None:
+            return problem, nothing
+        numbers = [(first + k) % messages.WRAP for k in range((self._newest - first) % messages.WRAP + 1)]
+        frames = [self._frames[seq] for seq in numbers if seq in self._frames]
+        try:
+            felt = felt_press(*_read(frames), self._pressed, self._face)
+        except NotInvertible as error:
+            return error, nothing
+        return felt, first_guess(felt)
+
+    def _problem(self) -> NotInvertible | None:
+        """Why nothing of somebody's array can be inverted."""
+        if self._foreign and not self._calibration:
+            return NotInvertible(
+                "its pressures are a guess until the array is calibrated: palpate calibrate zero, then gain, "
+                "and record again"
+            )
+        if self._foreign and self._face is None:
+            return NotInvertible(
+                "the array's face is not described: say --face radius=flat, or "
+                "--face 'radius=40mm&padding=2mm&modulus=80kPa'"
+            )
         return None
 
 
 def _of(
-    said: Estimate, frames: dict[int, Frame], press: list[Frame], own: calib.Calibration
-) -> tuple[FeltStroke | NotInvertible, Start]:
+    said: Estimate, frames: dict[int, Frame], press: list[Frame], own: calib.Calibration, face: Face | None
+) -> Felt:
     numbers = [(said.first_seq + k) % messages.WRAP for k in range(said.frames)]
+    nothing = replace(MIDDLE, stroke=said.stroke)
     stroke = [frames[seq] for seq in numbers if seq in frames]
-    nothing = Start(said.stroke, 11.0, 6.0, 11.0, 0.3, 11.0, 0.0)
     if len(stroke) < len(numbers):
         missing = len(numbers) - len(stroke)
-        return NotInvertible(
-            f"{missing} of the {len(numbers)} frames of stroke {said.stroke} are missing"
-        ), nothing
+        problem = f"{missing} of the {len(numbers)} frames of stroke {said.stroke} are missing"
+        return NotInvertible(problem), nothing
+    if not stroke:
+        return NotInvertible(f"stroke {said.stroke} has no frames"), nothing
     try:
-        felt = _felt(said.stroke, press, stroke)
+        pressure, dead, depth, time_s = _read([*press, *stroke])
+        place = np.array([frame.position_mm for frame in (*press, *stroke)])
+        felt = felt_stroke(pressure, dead, depth, place, time_s, len(press), said.stroke, face)
     except NotInvertible as error:
         return error, nothing
+    if face is not None or not models.suits_array():
+        return felt, first_guess(felt)  # no bundled model knows such a face
     middle = float(np.mean(felt.place_mm[felt.press :]))
     start = start_of(
         said.stroke,
@@ -111,17 +183,12 @@ def _of(
     return felt, start
 
 
-def _felt(number: int, press: list[Frame], stroke: list[Frame]) -> FeltStroke:
-    both = [*press, *stroke]
-    if not stroke:
-        raise NotInvertible(f"stroke {number} has no frames")
-    counts = np.array([frame.counts for frame in both])
-    return felt_stroke(
-        np.array([frame.pressure_kPa for frame in both], float),
+def _read(frames: list[Frame]) -> tuple[Floats, NDArray[np.bool_], Floats, Floats]:
+    """Pressures, dead cells, displacements and times of n frames."""
+    counts = np.array([frame.counts for frame in frames])
+    return (
+        np.array([frame.pressure_kPa for frame in frames], float),
         (counts == 0).all(0),
-        np.array([frame.displacement_mm for frame in both]),
-        np.array([frame.position_mm for frame in both]),
-        np.array([frame.time_us * 1e-6 for frame in both]),
-        len(press),
-        number,
+        np.array([frame.displacement_mm for frame in frames]),
+        np.array([frame.time_us * 1e-6 for frame in frames]),
     )

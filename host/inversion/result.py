@@ -43,7 +43,7 @@ class Inverted:
     Attributes
     ----------
     stroke : int
-        Its number on the probe.
+        Its number on the probe; of a press alone in its recording.
     values : dict
         `Value` by name: t_mm, E_fat_kPa, F_N_per_m, gland_mm, gland_ratio; with a lump d_mm, h, depth_mm,
         E_inv23, E_ratio and E_kPa.
@@ -62,6 +62,8 @@ class Inverted:
         Where the lump lies along the stroke.
     problem : str
         Why there is no inversion; then all else is empty.
+    press : bool
+        Whether it was a press alone.
     """
 
     stroke: int
@@ -74,6 +76,7 @@ class Inverted:
     worst: str = ""
     centre_mm: float | None = None
     problem: str = ""
+    press: bool = False
 
     @property
     def lump(self) -> bool:
@@ -92,6 +95,7 @@ class Inverted:
         """As `--json` prints it."""
         return {
             "stroke": self.stroke,
+            "press": self.press,
             "problem": self.problem,
             "lump": self.lump,
             **{name: value.as_dict() for name, value in self.values.items()},
@@ -113,7 +117,7 @@ def told(posterior: Posterior, mode: Mode, odds: dict[str, float]) -> Inverted:
     z, C = mode.z, mode.covariance
     case = posterior.of.case(z[: len(names)])
     fat = posterior.at["ln_E"].start
-    force = posterior.at["ln_F"].start
+    force = posterior.force_at(z)
     common = posterior.noise.common_gain
 
     def half(weights: dict[str | int, float], wider: float, more: float = 0.0) -> float:
@@ -154,17 +158,17 @@ def told(posterior: Posterior, mode: Mode, odds: dict[str, float]) -> Inverted:
         centre = posterior.one(z, "start")
     return Inverted(
         posterior.stroke.stroke, values, posterior.of.name, odds, mode.chi2, mode.chi2 < FITS, mode.settled,
-        worst_part(mode.misfit.data, posterior.places(z)), centre,
+        worst_part(mode.misfit.data, posterior.places(z)), centre, press=posterior.stroke.alone,
     )  # fmt: skip
 
 
 def worst_part(data: Floats, places_mm: Floats) -> str:
-    """Which row, frame or sensor the misfit (n, 17) is greatest in, for its share of the data."""
+    """Which row, frame or sensor the misfit (n, rows + 1) is greatest in, for its share of the data."""
     squares = data**2
     by_row, by_frame = squares.mean(0), squares.mean(1)
-    row, frame = int(by_row[:16].argmax()), int(by_frame.argmax())
+    row, frame = int(by_row[:-1].argmax()), int(by_frame.argmax())
     candidates = [
-        (by_row[16], "the displacement"),
+        (by_row[-1], "the displacement"),
         (by_row[row], f"row {row}"),
         (by_frame[frame], f"the frame {places_mm[frame]:+.0f} mm from the lump"),
     ]

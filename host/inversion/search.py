@@ -106,7 +106,7 @@ def search(
             break
         steps += 1
     covariance: Floats = np.linalg.inv(H).astype(np.float64)
-    dof = misfit.data.size - float(np.trace(covariance @ (A.T @ A)))
+    dof = posterior.measured - float(np.trace(covariance @ (A.T @ A)))
     known = np.isfinite(posterior.sd)
     evidence = -0.5 * (misfit.total + np.linalg.slogdet(H)[1]) - float(np.log(posterior.sd[known]).sum())
     return Mode(z, covariance, misfit, dof, settled, steps, evidence)

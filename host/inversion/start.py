@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 from palpate import models
 from palpate.firmware_twin.replay_core import Replay
 from palpate.inversion.classes import ANYWHERE, BORDER, Class
+from palpate.inversion.felt import FeltStroke
 from palpate.model_export.fixed_point import force_map, reference
 from palpate.model_export.schema import ModelSpec
+from palpate.sim.tissue.face_sensors import places_mm
+from palpate.wire.cells import PITCH_MM
 
 Floats = NDArray[np.float64]
 
@@ -43,9 +46,49 @@ class Start:
             d = self.d_mm * float(np.exp(_SIZE_BY_STIFFNESS * (s - self.E_inv23)))
             theta = of.column("mean")
             size = [np.log(d), np.log(self.depth_mm)]
-            own = [*size, np.log(self.t_mm), s] if of is ANYWHERE else [*size, s] if of is BORDER else []
+            own = (
+                [*size, np.log(self.t_mm), s]
+                if of.name == ANYWHERE.name
+                else [*size, s]
+                if of.name == BORDER.name
+                else []
+            )
             theta[: len(own) or 1] = own or [np.log(self.t_mm)]
             yield theta
+
+
+MIDDLE = Start(0, 11.0, 6.0, 11.0, 0.3, 11.0, 0.0)
+"""Of the lumps that models are trained for."""
+
+
+def first_guess(felt: FeltStroke) -> Start:
+    """Where no regression helps: the middle, its fat as stiff as the displacement says, the lump where the
+    image says."""
+    force = felt.rows_kPa.sum(1) * PITCH_MM
+    E_kPa = MIDDLE.E_kPa
+    most = int(force.argmax())
+    if felt.measured and felt.displacement_mm[most] > 0.1:  # as `sim.tissue.run` guesses its depth
+        E_kPa = (
+            force[most] / 10 / (felt.displacement_mm[most] / 2.56 / (MIDDLE.t_mm / 13) ** 0.67) ** (1 / 0.62)
+        )
+    return replace(MIDDLE, stroke=felt.stroke, E_kPa=float(np.clip(E_kPa, 2, 60)), lump_mm=_bump_mm(felt))
+
+
+def _bump_mm(felt: FeltStroke) -> float:
+    """Where more is felt than usual: of a press beside the face's middle, of a stroke along its way."""
+    at = places_mm(felt.rows_kPa.shape[1], PITCH_MM)
+    if felt.alone:
+        last = felt.rows_kPa[-1]
+        return float(np.clip(3 * (last @ at) / last.sum(), -8.0, 8.0))
+    rows = felt.rows_kPa[felt.press :] / felt.rows_kPa[felt.press :].mean(1, keepdims=True)
+    more = rows - np.median(rows, axis=0)
+    where = (felt.place_mm[felt.press :, None] + at).ravel()
+    bins = np.arange(where.min(), where.max() + 2.0, 2.0)
+    found = np.histogram(where, bins, weights=more.ravel())[0] / np.maximum(np.histogram(where, bins)[0], 1)
+    low, high = np.sort(felt.place_mm[[felt.press, -1]])
+    middle = (bins[1:] + bins[:-1]) / 2
+    found[(middle < low) | (middle > high)] = -np.inf
+    return float(middle[found.argmax()])
 
 
 @lru_cache(maxsize=1)
@@ -73,7 +116,7 @@ def start_of(
     """
     spec, replay = _model()
     code = replay.stroke(*frames, calibration, press)  # type: ignore[arg-type]
-    middle = Start(stroke, 11.0, 6.0, 11.0, 0.3, 11.0, lump_mm)
+    middle = replace(MIDDLE, stroke=stroke, lump_mm=lump_mm)
     if code != 0:
         return middle
     said = reference.evaluate(spec, reference.inputs(spec, replay.features()[None]))

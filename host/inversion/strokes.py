@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -11,19 +11,21 @@ from numpy.typing import NDArray
 from palpate.errors import UsageError
 from palpate.inversion.classes import ANYWHERE, BORDER, CLASSES, NONE, Class
 from palpate.inversion.felt import FeltStroke, NotInvertible
-from palpate.inversion.forward import COARSE, FINE, Forward
+from palpate.inversion.forward import COARSE, FINE
 from palpate.inversion.posterior import SINGLE, Posterior
+from palpate.inversion.press import invert_press
 from palpate.inversion.recorded import felt_strokes
 from palpate.inversion.result import Inverted, told
 from palpate.inversion.search import Mode, search
 from palpate.inversion.start import Start
+from palpate.inversion.under import AUTO, classes_over, forward_of, odds_of
+from palpate.link.face import Face
 from palpate.sim.probe.noise import Noise, level_named
 from palpate.sim.tissue import CaseError, StrokeError
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-AUTO = "auto"
 KINDS = (AUTO, *CLASSES)
 _NEAR_MM = 18.0
 """Farther from the lump every third or fourth frame will do."""
@@ -33,8 +35,10 @@ _HOPELESS = 6.0
 """A class whose misfit is so many times the data's number after some steps is not followed further."""
 
 
-def invert(recording: str | Path, kind: str = AUTO, noise: Noise | str = "typical") -> Iterator[Inverted]:
-    """Invert every stroke of a recording, one after the other.
+def invert(
+    recording: str | Path, kind: str = AUTO, noise: Noise | str = "typical", face: Face | None = None
+) -> Iterator[Inverted]:
+    """Invert every stroke of a recording, or every press where it has no stroke, one after the other.
 
     Parameters
     ----------
@@ -44,6 +48,8 @@ def invert(recording: str | Path, kind: str = AUTO, noise: Noise | str = "typica
         One of `KINDS`: the class of tissue and lump, or `auto` for the one with the best odds.
     noise : Noise or str
         Of the sensors and the hand: a level's name, or a file sensor.toml of `palpate characterise`.
+    face : palpate.link.face.Face, optional
+        Of somebody's array, where the port that was recorded does not describe it.
 
     Yields
     ------
@@ -58,7 +64,7 @@ def invert(recording: str | Path, kind: str = AUTO, noise: Noise | str = "typica
     if kind not in KINDS:
         raise UsageError(f"there is no class {kind!r}; there are {', '.join(KINDS)}")
     level = level_named(noise) if isinstance(noise, str) else noise
-    for stroke, start in felt_strokes(recording):
+    for stroke, start in felt_strokes(recording, face):
         if isinstance(stroke, NotInvertible):
             yield Inverted(start.stroke, problem=str(stroke))
         else:
@@ -66,10 +72,12 @@ def invert(recording: str | Path, kind: str = AUTO, noise: Noise | str = "typica
 
 
 def invert_stroke(stroke: FeltStroke, start: Start, noise: Noise, kind: str = AUTO) -> Inverted:
-    """Invert one stroke from a first estimate; as `invert`."""
+    """Invert one stroke from a first estimate, or one press; as `invert`."""
+    if stroke.alone:
+        return invert_press(stroke, noise, kind)
     some, kept = _thinned(stroke, start.lump_mm, press=4, near=2, far=4)
     tried: dict[str, tuple[Posterior, Mode]] = {}
-    for of in _order(kind):
+    for of in classes_over(stroke, kind):
         found = _coarse(of, some, start, noise, tried)
         if found is not None:
             tried[of.name] = found
@@ -77,7 +85,7 @@ def invert_stroke(stroke: FeltStroke, start: Start, noise: Noise, kind: str = AU
         return Inverted(
             stroke.stroke, problem=f"stroke {stroke.stroke}: no class of tissue and lump could be computed"
         )
-    odds = _odds(tried)
+    odds = odds_of({name: mode.log_evidence for name, (_, mode) in tried.items()})
     best = max(odds, key=lambda name: odds[name])
     if best == BORDER.name and ANYWHERE.name in tried:
         best = (
@@ -87,10 +95,6 @@ def invert_stroke(stroke: FeltStroke, start: Start, noise: Noise, kind: str = AU
     if mode.chi2 < _HOPELESS:  # what the coarse mesh does not explain at all needs no finer one
         posterior, mode = _fine(stroke, start, noise, posterior, mode, kept)
     return told(posterior, mode, odds)
-
-
-def _order(kind: str) -> Sequence[Class]:
-    return [CLASSES[kind]] if kind != AUTO else list(reversed(CLASSES.values()))
 
 
 def _coarse(
@@ -105,22 +109,16 @@ def _coarse(
         posterior = Posterior(of, some, noise, COARSE.hx_mm)
         try:
             z = posterior.start(theta, start.E_kPa, start.lump_mm)
-            mode = search(posterior, Forward(of, COARSE), z, _COARSE_STEPS, enough=2.0, hopeless=hopeless)
+            mode = search(
+                posterior, forward_of(of, COARSE, some), z, _COARSE_STEPS, enough=2.0, hopeless=hopeless
+            )
         except (CaseError, StrokeError):
             continue
         if best is None or mode.misfit.total < best[1].misfit.total:
             best = posterior, mode
-        if best[1].chi2 < _ILL or of is NONE or (tried and best[1].misfit.total > hopeless):
+        if best[1].chi2 < _ILL or of.name == NONE.name or (tried and best[1].misfit.total > hopeless):
             break
     return best
-
-
-def _odds(tried: dict[str, tuple[Posterior, Mode]]) -> dict[str, float]:
-    """Of the classes, by Laplace's evidence, all as likely beforehand."""
-    evidence = {name: mode.log_evidence for name, (_, mode) in tried.items()}
-    most = max(evidence.values())
-    share = {name: float(np.exp(value - most)) for name, value in evidence.items()}
-    return {name: share[name] / sum(share.values()) for name in CLASSES if name in share}
 
 
 def _fine(
@@ -141,7 +139,7 @@ def _fine(
     known = dict(zip(kept[posterior.stroke.press :].tolist(), mode.z[posterior.at["place"]]))
     z[other.at["place"]] = [known.get(k, 0.0) for k in now[more.press :].tolist()]
     try:
-        return other, search(other, Forward(of, FINE), z, _FINE_STEPS, enough=1.0, damping=1e-4)
+        return other, search(other, forward_of(of, FINE, more), z, _FINE_STEPS, enough=1.0, damping=1e-4)
     except (CaseError, StrokeError):
         return posterior, mode
 

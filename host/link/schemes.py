@@ -14,6 +14,7 @@ from urllib.parse import parse_qsl
 from palpate.errors import MissingExtra, UsageError
 
 GROUP = "palpate.sources"
+_UNITS = {"pitch": "mm", "full": "kPa", "radius": "mm", "padding": "mm", "modulus": "kPa"}
 _PORT = re.compile(r"([a-z][a-z0-9_-]+):(?!//)([^?]*)(?:\?(.*))?")
 
 
@@ -101,3 +102,26 @@ def use_array_of(port: str) -> None:
         from palpate import array
 
         array.use(array.words_of(*source_of(address).shape(address.options)))
+
+
+def number(options: dict[str, Any], name: str, unless_told: float | None = None) -> float:
+    """A positive number among the options; units that are told must be the usual ones.
+
+    Raises
+    ------
+    UsageError
+        It is missing and there is no value to take instead, or it is none.
+    """
+    unit = _UNITS.get(name, "")
+    if name not in options:
+        if unless_told is None:
+            example = "rows=16&cols=32&pitch=3mm" if name in ("rows", "cols", "pitch") else f"{name}=40{unit}"
+            raise UsageError(f"say {name}= of the array, as {example}")
+        return unless_told
+    try:
+        value = float(str(options[name]).removesuffix(unit) if unit else options[name])
+    except ValueError:
+        value = 0.0
+    if not 0 < value < 1e9:
+        raise UsageError(f"{name}={options[name]} is no positive number" + (f" of {unit}" if unit else ""))
+    return value

@@ -8,20 +8,23 @@ known.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import PortError, UsageError
-from palpate.link.schemes import Address
+from palpate.link import face
+from palpate.link.schemes import Address, number
 
 if TYPE_CHECKING:
     from palpate.link.transport import Transport
+    from palpate.sources.encoder import Encoder
 
 Image = NDArray[np.float64]
-COMMON = ("full", "baud", "name", "keep")
-"""Options that every source takes: kPa at full scale, baud rate, and what the calibration is kept under."""
+COMMON = ("full", "baud", "name", "keep", "position", "position_baud", *face.OPTIONS)
+"""Options that every source takes: kPa at full scale, baud rate, where the calibration is kept, a second port
+that gives places, the face."""
 
 
 class Shape(NamedTuple):
@@ -58,6 +61,7 @@ class ArrayLine(ABC):
                 f"{address.scheme} takes no {min(unknown)}=; it takes {', '.join((*self.OPTIONS, *COMMON))}"
             )
         self.shape_ = self.shape(address.options)
+        face.face_of(address.options)  # what is wrong with it is said at once
 
     @classmethod
     def shape(cls, options: dict[str, str]) -> Shape:
@@ -85,9 +89,18 @@ class ArrayLine(ABC):
         """The array itself, its port open."""
         from palpate.link.transport import open_transport
 
-        source = cls(address)
-        baud = number(address.options, "baud", float(cls.BAUD))
-        return Line(source, open_transport(address.where, int(baud)))
+        source, told = cls(address), address.options
+        transport = open_transport(address.where, int(number(told, "baud", float(cls.BAUD))))
+        if "position" not in told:
+            return Line(source, transport)
+        from palpate.sources.encoder import Encoder
+
+        try:
+            second = open_transport(told["position"], int(number(told, "position_baud", 115_200.0)))
+        except BaseException:
+            transport.close()
+            raise
+        return Line(source, transport, Encoder(told["position"], second))
 
     @abstractmethod
     def feed(self, data: bytes) -> list[Image]:
@@ -104,10 +117,10 @@ class ArrayLine(ABC):
 
 
 class Line:
-    """A source on its open port: `read` gives images as they come."""
+    """A source on its open port: `read` gives images as they come; beside it what gives their places."""
 
-    def __init__(self, source: ArrayLine, transport: Transport) -> None:
-        self.source, self._transport = source, transport
+    def __init__(self, source: ArrayLine, transport: Transport, encoder: Encoder | None = None) -> None:
+        self.source, self.encoder, self._transport = source, encoder, transport
 
     def read(self, timeout_s: float) -> list[Image]:
         """What has come within `timeout_s`.
@@ -139,27 +152,7 @@ class Line:
                 return
 
     def close(self) -> None:
-        """Give the port back."""
+        """Give the ports back."""
         self._transport.close()
-
-
-def number(options: dict[str, Any], name: str, unless_told: float | None = None) -> float:
-    """A positive number among the options; units that are told must be the usual ones.
-
-    Raises
-    ------
-    UsageError
-        It is missing and there is no value to take instead, or it is none.
-    """
-    unit = {"pitch": "mm", "full": "kPa"}.get(name, "")
-    if name not in options:
-        if unless_told is None:
-            raise UsageError(f"say {name}= of the array, as rows=16&cols=32&pitch=3mm")
-        return unless_told
-    try:
-        value = float(str(options[name]).removesuffix(unit) if unit else options[name])
-    except ValueError:
-        value = 0.0
-    if not 0 < value < 1e9:
-        raise UsageError(f"{name}={options[name]} is no positive number" + (f" of {unit}" if unit else ""))
-    return value
+        if self.encoder is not None:
+            self.encoder.close()

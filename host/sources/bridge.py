@@ -20,6 +20,7 @@ from firmware_py import acquire, estimator, geometry, messages, probe, settings,
 from palpate.array import words_of
 from palpate.errors import LinkError, LinkGone, PortError, UsageError
 from palpate.sources.array_line import Image, Line
+from palpate.sources.encoder import GAP_US, Encoder
 from palpate.sources.kept import Kept, drift, place
 from palpate.sources.steady import SETTLED, Steady
 from palpate.wire.packing import pack
@@ -61,6 +62,9 @@ class Reading:
         self.steady = Steady()
         line.drain()
         first = self.take(max(AIR_FRAMES, SETTLED + 1))
+        if line.encoder is not None:
+            line.encoder.look(time.monotonic_ns() / 1000, FIRST_S)
+            line.encoder.check()
         self.air = np.array(self.kept.air).reshape(rows, columns) if self.kept.air else first.mean(axis=0)
         self.curves: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         if self.kept.points:
@@ -124,8 +128,10 @@ class _Board:
         self.serial = hashlib.sha256(name.encode()).digest()[:8]
         self.boots = 1
         self.settings_record = None
-        self.images: deque[tuple[bytes, int, int]] = deque(maxlen=512)
-        self.now = b""
+        self.images: deque[tuple[bytes, float, int]] = deque(maxlen=512)
+        self.now, self.now_us = b"", 0.0
+        self.encoder = reading.line.encoder
+        self._place_um = 0, 0
         self.inbox, self.outbox = bytearray(), bytearray()
         self.turn = threading.Condition()
 
@@ -135,7 +141,17 @@ class _Board:
     def idle(self, us: int) -> None:
         """Look at the array, and no longer than a command may wait."""
         for raw, time_us, missed in self.reading.next(0.0 if self.images else min(us / 1e6, LOOK_S)):
-            self.images.append((self.reading.packed(raw), int(time_us) & _MASK, missed))
+            self.images.append((self.reading.packed(raw), time_us, missed))
+        if self.encoder is not None:
+            self.encoder.look(time.monotonic_ns() / 1000)
+
+    def take(self) -> tuple[int, int]:
+        """The next image is there: its time, and how many seem lost before it."""
+        self.now, time_us, missed = self.images.popleft()
+        if self.encoder is not None:
+            place, depth = (round(1000 * mm) for mm in self.encoder.at(time_us))
+            self._place_um = place, depth
+        return int(time_us) & _MASK, missed
 
     def read(self, buffer: bytearray) -> int:
         with self.turn:
@@ -168,10 +184,10 @@ class _Board:
         counts[:] = self.now
 
     def position_um(self) -> int:
-        return 0  # a press alone
+        return self._place_um[0]  # 0: a press alone
 
     def displacement_um(self) -> int:
-        return 0
+        return self._place_um[1]
 
 
 class _Brain(estimator.Estimator):  # type: ignore[misc]
@@ -198,7 +214,7 @@ class _Acquire(acquire.Acquire):  # type: ignore[misc]
         return 0 if self._board.images else 1_000_000
 
     def begin(self, now_us: int) -> None:
-        self._board.now, self._begun_us, missed = self._board.images.popleft()
+        self._begun_us, missed = self._board.take()
         self.seq = (self.seq + missed) & _MASK  # the host counts them as lost
         self.under_way = True
 
@@ -263,11 +279,13 @@ class Bridge:
         device.settings.values[settings.FRAME_RATE] = max(rate_mHz, 100)
         source = self._line.source
         device.log(messages.LOG_INFO, f"{source.address.scheme}: its frames bring no {source.LACKS}")
-        device.log(messages.LOG_INFO, "times are steadied here, losses guessed from them; a press only")
+        encoder = board.encoder
+        where = "a press only" if encoder is None else f"places and depths are of {encoder.name}"
+        device.log(messages.LOG_INFO, f"times are steadied here, losses guessed from them; {where}")
         device.log(
             messages.LOG_INFO if board.reading.kept.points else messages.LOG_WARNING, board.reading.remark()
         )
-        watch = _Watch(board.reading)
+        watch, gaps = _Watch(board.reading), _Gaps()
         slips = source.slips  # the first frame may have been cut
         try:
             while not self._closed.is_set():
@@ -277,12 +295,38 @@ class Bridge:
                     device.log(
                         messages.LOG_WARNING, f"frames slipped {slips} times: bytes lost, or it was reset"
                     )
+                if encoder is not None and (words := gaps.look(encoder)):
+                    device.log(messages.LOG_WARNING, words)
                 if words := watch.look(board):
                     device.log(messages.LOG_WARNING, words)
         except LinkError as error:
             self._failure = error
             with board.turn:
                 board.turn.notify_all()
+
+
+class _Gaps:
+    """Tells when frames have begun or ceased to lack a place, and of lines that are none."""
+
+    def __init__(self) -> None:
+        self._without, self._odd, self._first = 0, 0, 0
+        self._ends_us = 0.0
+
+    def look(self, encoder: Encoder) -> str:
+        """What is to be told now; "" mostly."""
+        now_us = time.monotonic_ns() / 1000
+        if encoder.without > self._without:
+            begins = not self._ends_us
+            self._first = self._without if begins else self._first
+            self._without, self._ends_us = encoder.without, now_us + GAP_US
+            return f"no places from {encoder.name}: frames keep the last" if begins else ""
+        if self._ends_us and now_us > self._ends_us:
+            self._ends_us = 0.0
+            return f"places again; {self._without - self._first} frames had none of their own"
+        if encoder.odd > self._odd and encoder.odd & (encoder.odd - 1) == 0:  # the 1st, 2nd, 4th, 8th...
+            self._odd = encoder.odd
+            return f"{encoder.odd} lines of {encoder.name} are no places"
+        return ""
 
 
 class _Watch:

@@ -116,8 +116,27 @@ class Speaker:
 def felt_over(code: str, noise: str, seed: int, frames: int, strokes: int, still: bool) -> list[Floats]:
     """Air, then what the cells feel of presses and strokes over a lump: images (rows, columns), kPa."""
     from palpate.sim.probe.over_lump import strokes_over
-    from palpate.wire.scale import NOMINAL
 
     streams, _ = strokes_over(code, noise, seed, frames, strokes, still=still)
-    felt = [NOMINAL.kPa(counts.astype(np.uint16)).astype(float) for s in streams for counts in s.counts]
-    return [np.zeros(SHAPE)] * AIR_FRAMES + felt
+    return [np.zeros(SHAPE)] * AIR_FRAMES + [image for s in streams for image in _felt(s.counts)]
+
+
+def felt_in_presses(code: str, noise: str, seed: int, presses: int, beside_mm: float) -> list[Floats]:
+    """The same of presses alone; the hand lifts after each."""
+    from palpate.sim.probe.over_lump import presses_over
+
+    streams = presses_over(code, noise, seed, presses, beside_mm)
+    return [image for s in streams for image in _felt(s.counts)]
+
+
+def felt_under_a_cuff(code: str, noise: str, seed: int, pressure_kPa: float) -> list[Floats]:
+    """What the same cells feel of one pressure everywhere."""
+    from palpate.sim.probe.over_lump import cuffed
+
+    return _felt(cuffed(code, noise, seed, pressure_kPa, AIR_FRAMES))
+
+
+def _felt(counts: Iterable[Floats]) -> list[Floats]:
+    from palpate.wire.scale import NOMINAL
+
+    return [NOMINAL.kPa(each.astype(np.uint16)).astype(float) for each in counts]

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from firmware_py import geometry
 from palpate.sim.probe.noise import level_named
 from palpate.sim.probe.sensors import FORCE_RATIO, PRESS_FRAMES, FrameStream, SensorModel, StrokeField
-from palpate.sim.tissue import Case, simulate_forces
+from palpate.sim.tissue import Case, Settings, simulate_forces
 from palpate.sim.tissue.any_tissue import PRESS_PARTS, PRESSES, REFERENCE_PARTS, STROKES, without_its_lump
+from palpate.wire.cells import SHAPE
 
 if TYPE_CHECKING:
     from firmware_py.calib import Calibration
@@ -89,6 +91,37 @@ def reference_beside(case: Case | str, noise: str, seed: int, steady: bool = Fal
         pressed = StrokeField(*simulate_forces(without_its_lump(case), forces, PRESSES))
     hand = SensorModel(pressed, level.without("force") if steady else level, seed)
     return hand.reference(pressed, case.F_N_per_m, place_mm=BESIDE_MM)
+
+
+def presses_over(
+    case: Case | str, noise: str, seed: int, presses: int = 1, beside_mm: float = 0.0
+) -> list[FrameStream]:
+    """Presses without a stroke, each from the air to the case's force and back, so far beside the lump."""
+    sensors, pressed, case = _pressing(case, noise, seed, beside_mm)
+    return [sensors(k).reference(pressed, case.F_N_per_m, place_mm=beside_mm) for k in range(presses)]
+
+
+def cuffed(case: Case | str, noise: str, seed: int, pressure_kPa: float, frames: int) -> Any:
+    """What the same cells read under a cuff: counts (frames, cells), of 0 kPa in the air."""
+    sensors, *_ = _pressing(case, noise, seed, 0.0)
+    even = np.full((frames, *SHAPE), pressure_kPa)
+    counts, _, _ = sensors(0).felt(even, np.zeros(frames), 2.0 * np.arange(frames), np.zeros(frames))
+    return np.clip(np.rint(counts), 0, geometry.FULL_COUNT)
+
+
+def _pressing(case: Case | str, noise: str, seed: int, beside_mm: float) -> tuple[Any, StrokeField, Case]:
+    """The probe of press k, what is under it, and the case."""
+    case = Case.from_code(case) if isinstance(case, str) else case
+    forces = [case.F_rel * part for part in REFERENCE_PARTS]
+    if case.solid:
+        from palpate.sim.tissue.solid.stroke import simulate_forces as simulate_solid
+
+        pressed = StrokeField(*simulate_solid(case, forces, positions_mm=(-abs(beside_mm),)))
+    else:
+        at = Settings(start_mm=-abs(beside_mm), press_only=True)
+        pressed = StrokeField(*simulate_forces(case, forces, at))
+    level = level_named(noise)
+    return (lambda k: SensorModel(pressed, level, seed + k)), pressed, case
 
 
 def _solid(case: Case, forces: list[float]) -> list[Any]:

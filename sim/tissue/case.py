@@ -81,6 +81,9 @@ class Case:
         How far the solid lump's middle lies beside the stroke's line, across the stroke.
     fat_mm : float, optional
         Thickness of the fat where the border to the gland need not pass through the lump's middle.
+    padding_mm_per_kPa : float
+        How far a padding on the face gives way under a pressure, each of its places by itself (a bed of
+        springs): its thickness over its modulus. Only for a cylinder.
     across_radius_mm, across_half_mm, across_fillet_per_mm2 : float
         The face's radius across the stroke and its rounding off, as along it. Only for solid lumps.
 
@@ -110,6 +113,7 @@ class Case:
     half_down_mm: float | None = None
     offset_mm: float = 0.0
     fat_mm: float | None = None
+    padding_mm_per_kPa: float = 0.0
     across_radius_mm: float = 200.0
     across_half_mm: float = 17.0
     across_fillet_per_mm2: float = 0.1
@@ -150,8 +154,9 @@ class Case:
         if not self.solid:
             if extra := [name for name in ONLY_SOLID if getattr(self, name) != defaults[name]]:
                 raise CaseError(f"a cylinder has no {extra[0]}: that takes a ball or an ellipsoid")
-        elif self.friction:
-            raise CaseError(f"friction is for cylinders only: a {self.shape} is stroked without")
+        elif self.friction or self.padding_mm_per_kPa:
+            what = "friction is" if self.friction else "padding is"
+            raise CaseError(f"{what} for cylinders only: a {self.shape} is stroked without")
         below = self.depth_mm + 2 * self.half_down
         placed = self.solid or (self.fat_mm is not None and self.has_lump)  # others: where they are meshed
         if placed and below > self.t_mm + 0.97 * self.gland_mm:
@@ -299,6 +304,8 @@ class Case:
             if out[mm] is None:
                 for name in (mm, *others):
                     del out[name]
+        if not self.padding_mm_per_kPa:  # so did a bare face
+            del out["padding_mm_per_kPa"]
         if not self.solid:
             for name in (*SOLID_FIELDS, *(["fat_mm"] if self.fat_mm is None else [])):
                 del out[name]

@@ -40,6 +40,7 @@ OPTIONS = {
     "sl": "lump_stiffening",
     "y": "offset_mm",
     "t": "fat_mm",
+    "p": "padding_mm_per_kPa",
     "Ra": "across_radius_mm",
     "wa": "across_half_mm",
     "ka": "across_fillet_per_mm2",

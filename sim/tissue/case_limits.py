@@ -20,6 +20,7 @@ _OPTIONS: dict[str, tuple[float, float]] = {
     "fat_stiffening": (0.0, 2000.0),
     "lump_stiffening": (0.0, 2000.0),
     "fat_mm": (0.3, 200.0),
+    "padding_mm_per_kPa": (0.0, 1.0),
 }
 for _layer in UNDER_FAT:
     _OPTIONS |= dict(zip(fields_of(_layer), ((1.0, 200.0), (0.1, 1000.0), (0.0, 2000.0))))

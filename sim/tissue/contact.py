@@ -1,7 +1,8 @@
 """Contact of the surface's nodes with the probe's face.
 
-Collocation: node i may not pass the face, y_i <= Y + f(x_i - X), Y being the probe's height; its multiplier
-times the weight w_i of Simpson's rule is the force on it. The probe is above, so `gap` > 0 is penetration.
+Collocation: node i may not pass the face, y_i <= Y + f(x_i - X) + c lambda_i, Y being the probe's height
+and c how far its padding gives way. The multiplier lambda_i times the weight w_i of Simpson's rule is the
+force on it. The probe is above, so `gap` > 0 is penetration.
 Units: mm, kPa, N/m.
 """
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.sim.tissue import contact_kernels as kernels
-from palpate.sim.tissue.face_sensors import PITCH_MM, SENSORS_MM
+from palpate.sim.tissue.face_sensors import ALONG, PITCH_MM, places_mm
 from palpate.sim.tissue.mesh import TissueMesh
 from palpate.sim.tissue.probe_shape import ProbeShape
 
@@ -39,13 +40,20 @@ class Contact:
     """The surface of `mesh` under a probe of the given shape and friction coefficient.
 
     `augmentation` (kPa/mm) is the stiffness that eliminates the multipliers: the constraint stays exact
-    whatever it is, but the smaller, the more iterations; the larger, the more digits are rounded away.
+    whatever it is, but the smaller, the more iterations; the larger, the more digits are rounded away. A
+    padding (mm/kPa) is a spring in series with it.
     """
 
     def __init__(
-        self, mesh: TissueMesh, shape: ProbeShape, friction: float, augmentation: float = 1e6
+        self,
+        mesh: TissueMesh,
+        shape: ProbeShape,
+        friction: float,
+        augmentation: float = 1e6,
+        padding_mm_per_kPa: float = 0.0,
     ) -> None:
-        self.shape, self.friction, self.augmentation = shape, friction, augmentation
+        self.shape, self.friction, self.padding = shape, friction, padding_mm_per_kPa
+        self.augmentation = augmentation / (1 + augmentation * padding_mm_per_kPa)
         self.x_dof = 2 * mesh.surface
         self.x0, self.y0 = mesh.nodes_mm[mesh.surface].T.copy()
         side = self.x0[2::2] - self.x0[:-2:2]
@@ -59,7 +67,17 @@ class Contact:
         f, slope, curvature = self.shape.height(kernels.places(self.x0, self.x_dof, u, position))
         return ContactState(
             *kernels.choose(
-                self.y0, self.x_dof, u, multiplier, self.weight, height, f, slope, curvature, self.friction
+                self.y0,
+                self.x_dof,
+                u,
+                multiplier,
+                self.weight,
+                height,
+                f,
+                slope,
+                curvature,
+                self.friction,
+                self.padding,
             )
         )
 
@@ -116,26 +134,35 @@ class Contact:
         return dx, np.where(pressure > 0, (dmultiplier * self.weight - pressure * darea) / area, 0.0)
 
 
-_SAMPLES = np.linspace(-PITCH_MM / 2, PITCH_MM / 2, 9)
-_PLACES = SENSORS_MM[:, None] + _SAMPLES
 _SAMPLE_WEIGHTS = np.array([0.5, *[1.0] * 7, 0.5]) / 8
 
 
-def read_sensors(s_mm: Floats, pressure_kPa: Floats) -> Floats:
-    """Mean pressure over each sensor of `SENSORS_MM`, kPa, from a profile in the probe's frame.
+def places_read(count: int, pitch_mm: float) -> Floats:
+    """Where a row of sensors is read, (count, 9), mm: nine places over each."""
+    return places_mm(count, pitch_mm)[:, None] + np.linspace(-pitch_mm / 2, pitch_mm / 2, 9)
 
-    s_mm (S,): places, ascending; pressure_kPa (S,).
+
+OWN_PLACES = places_read(ALONG, PITCH_MM)
+"""Of `SENSORS_MM`."""
+
+
+def read_sensors(s_mm: Floats, pressure_kPa: Floats, at: Floats = OWN_PLACES) -> Floats:
+    """Mean pressure over each sensor, kPa, from a profile in the probe's frame.
+
+    s_mm (S,): places, ascending; pressure_kPa (S,); at (n, 9): `places_read`.
     """
-    return np.interp(_PLACES.ravel(), s_mm, pressure_kPa).reshape(_PLACES.shape) @ _SAMPLE_WEIGHTS
+    return np.interp(at.ravel(), s_mm, pressure_kPa).reshape(at.shape) @ _SAMPLE_WEIGHTS
 
 
-def differentiate_sensors(s_mm: Floats, pressure_kPa: Floats, ds: Floats, dp: Floats) -> Floats:
-    """How `read_sensors` changes (k, 16) with changes ds, dp (k, S) of the profile's places and pressures."""
-    at = _PLACES.ravel()
+def differentiate_sensors(
+    s_mm: Floats, pressure_kPa: Floats, ds: Floats, dp: Floats, sensors: Floats = OWN_PLACES
+) -> Floats:
+    """How `read_sensors` changes (k, n) with changes ds, dp (k, S) of the profile's places and pressures."""
+    at = sensors.ravel()
     i = np.clip(np.searchsorted(s_mm, at, side="right") - 1, 0, len(s_mm) - 2)
     length, inside = s_mm[i + 1] - s_mm[i], at - s_mm[i]
     share = inside / length
     moved = -(ds[:, i] * (1 - share) + ds[:, i + 1] * share) / length
     change = dp[:, i] * (1 - share) + dp[:, i + 1] * share + (pressure_kPa[i + 1] - pressure_kPa[i]) * moved
-    out: Floats = change.reshape(len(ds), *_PLACES.shape) @ _SAMPLE_WEIGHTS
+    out: Floats = change.reshape(len(ds), *sensors.shape) @ _SAMPLE_WEIGHTS
     return out

@@ -3,7 +3,7 @@
 They compute what the contact's forms of `forms.py` define, node by node; with the weights w of Simpson's
 rule,
 
-    gap_i = y_i + u_y - Y - f(s_i),   s_i = x_i + u_x - X,   force_i = w_i lambda_i,
+    gap_i = y_i + u_y - Y - f(s_i) - c lambda_i,   s_i = x_i + u_x - X,   force_i = w_i lambda_i,
     n = (-f', 1),   t = (1, f'),   the tissue being pushed by -force_i (n - mu t)
 """
 
@@ -27,7 +27,7 @@ def places(x0, x_dof, u, position):
 
 
 @njit(cache=True, nogil=True)
-def choose(y0, x_dof, u, multiplier, weight, height, f, slope, curvature, friction):
+def choose(y0, x_dof, u, multiplier, weight, height, f, slope, curvature, friction, padding):
     """The active set (primal-dual), lambda + c gap > 0: indices, gap, slope, curvature, force and lift.
 
     Lift is the force's vertical part, force (1 - mu f').
@@ -39,7 +39,7 @@ def choose(y0, x_dof, u, multiplier, weight, height, f, slope, curvature, fricti
     out = np.empty((5, count))
     n = 0
     for i in range(count):
-        gap = y0[i] + u[x_dof[i] + 1] - height - f[i]
+        gap = y0[i] + u[x_dof[i] + 1] - height - f[i] - padding * multiplier[i]
         if multiplier[i] + _SWITCH * gap > 0.0:
             force = weight[i] * multiplier[i]
             active[n] = i

@@ -44,7 +44,7 @@ MODULI = (
     "poisson",
     *(f"{tissue}_stiffening" for tissue in ("fat", *UNDER_FAT, "lump")),
 )
-FACE = ("probe_radius_mm", "face_half_mm", "fillet_per_mm2", "friction")
+FACE = ("probe_radius_mm", "face_half_mm", "fillet_per_mm2", "friction", "padding_mm_per_kPa")
 FIELDS = (*LENGTHS, *MODULI, *FACE)
 """Fields of a case in the plane; friction from none at all only. The force is the frames' own."""
 
@@ -62,7 +62,7 @@ class Derivatives:
     ----------
     by : tuple of str
         Fields of the case; the last two are "place_mm" and "force_N_per_m" of the frame itself.
-    images : ndarray (n, 16, k)
+    images : ndarray (n, rows, k)
         kPa per unit.
     displacement : ndarray (n, k)
         mm per unit.
@@ -143,7 +143,7 @@ def differentiate(frames: Frames, topology: Topology, by: Sequence[str] | None =
         raise CaseError(f"{run.case.code}: with friction a stroke's derivatives are not worked out")
     if not isinstance(run.newton, Newton):
         raise CaseError("derivatives take the compiled solver, not the reference")
-    columns = _Columns(run, topology, tuple(by))
+    columns = _Columns(run, topology, tuple(by), frames.sensors)
     n, k = len(frames.states), len(by) + 2
     images, depth = np.empty((n, frames.images_kPa.shape[1], k)), np.empty((n, k))
     steps: list[tuple[NDArray[np.float32], Floats, Floats]] = [(np.empty(0, np.float32),) * 3] * n  # type: ignore[list-item]
@@ -165,9 +165,9 @@ class _Moved:
 class _Columns:
     """Right-hand sides by `by`, then place and force."""
 
-    def __init__(self, run: Run, topology: Topology, by: tuple[str, ...]) -> None:
+    def __init__(self, run: Run, topology: Topology, by: tuple[str, ...], sensors: Floats) -> None:
         assert isinstance(run.newton, Newton)
-        self._run, self._by, self._newton = run, by, run.newton
+        self._run, self._by, self._newton, self._sensors = run, by, run.newton, sensors
         self._held = np.nonzero(run.mesh.fixed.ravel())[0]
         self._zero = np.zeros((len(run.mesh.elements), 3))
         self._frozen = np.zeros((len(run.mesh.elements), 3, 18))
@@ -230,7 +230,7 @@ class _Columns:
         return which, b
 
     def at(self, state: State, x: float) -> tuple[Floats, Floats, tuple[NDArray[np.float32], Floats, Floats]]:
-        """Derivatives of the image (16, k), the displacement (k,) and the state."""
+        """Derivatives of the image (rows, k), the displacement (k,) and the state."""
         contact = self._run.contact
         touching = self._newton.linearise(state, x)
         forces, gap, deficit = self._sides(state, touching, x)
@@ -240,7 +240,7 @@ class _Columns:
         places, pressures, _ = contact.pressure(state.u, state.multiplier, x)
         dx, dp = contact.pressure_derivatives(state.u, state.multiplier, du, multipliers)
         dx[-2] -= 1.0  # the frame's own place carries its sensors along
-        images = differentiate_sensors(places - x, pressures, dx, dp)
+        images = differentiate_sensors(places - x, pressures, dx, dp, self._sensors)
         return images.T, self._rise - rise, (du.astype(np.float32), multipliers, rise)
 
     def _sides(self, state: State, touching: ContactState, x: float) -> tuple[Floats, Floats, Floats]:
@@ -267,6 +267,9 @@ class _Columns:
                 forces[j, dof] -= touching.force
                 forces[j, dof + 1] -= touching.force * touching.slope
                 deficit[j] = float(touching.force @ touching.slope)
+                continue
+            if name == "padding_mm_per_kPa":
+                gap[j] = -state.multiplier[active]
                 continue
             height, slope = contact.shape.derivatives(s, name)
             gap[j] = -height

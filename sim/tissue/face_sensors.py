@@ -17,9 +17,9 @@ WIDTH_MM = ACROSS * PITCH_MM
 """Across the stroke: a solid lump's probe is pressed with the force per metre times this."""
 
 
-def places_mm(count: int) -> NDArray[np.float64]:
+def places_mm(count: int, pitch_mm: float = PITCH_MM) -> NDArray[np.float64]:
     """Centres of a row of sensors, in the probe's frame."""
-    return np.asarray(PITCH_MM * (np.arange(count) - (count - 1) / 2), np.float64)
+    return np.asarray(pitch_mm * (np.arange(count) - (count - 1) / 2), np.float64)
 
 
 SENSORS_MM = places_mm(ALONG)

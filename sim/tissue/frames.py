@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M, Case
 from palpate.sim.tissue.checks import inside_out
-from palpate.sim.tissue.contact import read_sensors
+from palpate.sim.tissue.contact import OWN_PLACES, read_sensors
 from palpate.sim.tissue.errors import StrokeError
 from palpate.sim.tissue.geometry import Geometry
 from palpate.sim.tissue.newton import NoConvergence
@@ -47,8 +47,10 @@ class Frames:
         The way from frame to frame on which neighbours are near.
     states : list of State
         The equilibria.
-    images_kPa : ndarray (n, 16)
+    images_kPa : ndarray (n, rows)
     displacement_mm : ndarray (n,)
+    sensors : ndarray (rows, 9)
+        Where they are read.
     """
 
     run: Run
@@ -58,6 +60,7 @@ class Frames:
     states: list[State]
     images_kPa: Floats
     displacement_mm: Floats
+    sensors: Floats = field(default_factory=lambda: OWN_PLACES)
 
 
 def solve_frames(
@@ -67,6 +70,7 @@ def solve_frames(
     places_mm: Floats,
     forces_N_per_m: Floats,
     guesses: Sequence[State] | None = None,
+    sensors: Floats = OWN_PLACES,
 ) -> Frames:
     """Equilibria of n frames in the plane.
 
@@ -78,6 +82,8 @@ def solve_frames(
         In any order; `case.F_rel` is not used.
     guesses : sequence of State, optional
         A guess for each frame.
+    sensors : ndarray (rows, 9)
+        `palpate.sim.tissue.contact.places_read` of an array.
 
     Raises
     ------
@@ -93,12 +99,12 @@ def solve_frames(
         for k in order.tolist():
             states[k] = march.on(float(places[k]), float(forces[k]), None if guesses is None else guesses[k])
     found = [state for state in states if state is not None]
-    images, depth = np.empty((len(found), 16)), np.empty(len(found))
+    images, depth = np.empty((len(found), len(sensors))), np.empty(len(found))
     for k, state in enumerate(found):
         x, pressure, _ = run.contact.pressure(state.u, state.multiplier, places[k])
-        images[k] = read_sensors(x - places[k], pressure)
+        images[k] = read_sensors(x - places[k], pressure, sensors)
         depth[k] = run.surface_mm - state.height
-    return Frames(run, places, forces, order, found, images, depth)
+    return Frames(run, places, forces, order, found, images, depth, sensors)
 
 
 class _March:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.checks import fault, inside_out
 from palpate.sim.tissue.contact import Contact, read_sensors
-from palpate.sim.tissue.errors import StrokeError
+from palpate.sim.tissue.errors import CaseError, StrokeError
 from palpate.sim.tissue.geometry import Geometry
 from palpate.sim.tissue.material import Tissue, elasticity
 from palpate.sim.tissue.newton import Equilibrium, Newton, NoConvergence
@@ -43,7 +43,10 @@ class Run:
         self.areas = geometry.integrals.dx.sum(1)
         self.tissue = Tissue(geometry.mesh, geometry.integrals, elasticity(case, geometry.mesh))
         shape = ProbeShape(case.probe_radius_mm, case.face_half_mm, case.fillet_per_mm2)
-        self.contact = Contact(geometry.mesh, shape, case.friction)
+        padding = case.padding_mm_per_kPa
+        if padding and settings.solver == "reference":
+            raise CaseError(f"{case.code}: the reference solver knows bare faces only")
+        self.contact = Contact(geometry.mesh, shape, case.friction, padding_mm_per_kPa=padding)
         self.newton: Equilibrium = (
             ReferenceNewton(self.mesh, self.tissue.constants, shape, case.friction, settings.tolerance)
             if settings.solver == "reference"

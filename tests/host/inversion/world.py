@@ -9,8 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from firmware_py import calib
-from palpate.inversion.felt import FeltStroke, felt_stroke
+from palpate.inversion.felt import FeltStroke, felt_press, felt_stroke
 from palpate.inversion.start import Start, start_of
+from palpate.link.face import Face
 from palpate.sim.probe.noise import level_named
 from palpate.sim.probe.packed_frames import FrameStream
 from palpate.sim.probe.sensors import PRESS_FRAMES, SensorModel
@@ -81,3 +82,27 @@ def of_stream(stream: FrameStream, calibration: calib.Calibration) -> tuple[Felt
 def in_fat_of(case: Case, fat_kPa: float) -> Case:
     """The same stroke in softer or stiffer fat: moduli and force alike."""
     return replace(case, fat_kPa=fat_kPa, F_rel=case.F_rel * fat_kPa / case.fat_kPa)
+
+
+def press_of(
+    case: Case, seed: int, noise: str = "typical", beside_mm: float = 0.0, measured: bool = True,
+    face: Face | None = None,
+) -> FeltStroke:  # fmt: skip
+    """One press beside a lump's middle, from a tenth of the force to all of it, by a probe of this seed."""
+    field = ExactField(case)
+    field.press = None
+    sensors = SensorModel(field, level_named(noise), seed)  # type: ignore[arg-type]
+    force = case.F_N_per_m * np.linspace(0.1, 1.0, PRESS_FRAMES)
+    image, depth = field.at(np.full(PRESS_FRAMES, beside_mm), force)
+    time_s = np.arange(PRESS_FRAMES) / 37.5
+    image = np.repeat(image[:, :, None], SHAPE[1], axis=2)
+    counts, _, depth_um = sensors.felt(image, depth, 60.0 * time_s, np.zeros(PRESS_FRAMES))
+    counts = np.clip(np.rint(counts), 0, 4095).reshape(-1, *SHAPE)
+    return felt_press(
+        counts / 4095 * FULL_SCALE_KPA - PEDESTAL_KPA,
+        (counts == 0).all(0),
+        depth_um / 1e3 if measured else np.zeros(PRESS_FRAMES),
+        time_s,
+        1,
+        face,
+    )

@@ -78,8 +78,8 @@ def random_cases(n, seed):
 
 
 def fields_of(case):
-    """What this case can be differentiated by, but friction, of which no stroke on this side of 0 exists."""
-    return [name for name in differentiable(case) if name != "friction"]
+    """What this case can be differentiated by, but friction and padding, with no stroke on this side of 0."""
+    return [name for name in differentiable(case) if name not in ("friction", "padding_mm_per_kPa")]
 
 
 @pytest.mark.parametrize("number", [1])

@@ -1,0 +1,42 @@
+"""What lies under a face, as its array feels it: classes, forward models and odds of one stroke or press."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from palpate.inversion.classes import ANYWHERE, BORDER, CLASSES, Class, under
+from palpate.inversion.felt import FeltStroke
+from palpate.inversion.forward import Forward
+from palpate.sim.tissue import Settings
+from palpate.sim.tissue.contact import places_read
+from palpate.wire.cells import PITCH_MM, SHAPE
+
+AUTO = "auto"
+LUMPS = (BORDER.name, ANYWHERE.name)
+"""The latter holds the former."""
+_HALF_MM = SHAPE[0] * PITCH_MM / 2
+_USUAL_HALF_MM = 12.0
+_SIDES_MM = 160.0
+
+
+def classes_over(felt: FeltStroke, kind: str) -> list[Class]:
+    """The classes that are compared, the one with most unknowns first, as this face feels them."""
+    chosen = [CLASSES[kind]] if kind != AUTO else list(reversed(CLASSES.values()))
+    return [under(felt.face, of, _HALF_MM) for of in chosen]
+
+
+def forward_of(of: Class, settings: Settings, felt: FeltStroke) -> Forward:
+    """The forward model of a class on one mesh."""
+    if _HALF_MM > _USUAL_HALF_MM and not felt.alone:  # a wide face must not come too near the tissue's sides
+        settings = replace(settings, left_mm=-_SIDES_MM, right_mm=_SIDES_MM)
+    return Forward(of, settings, places_read(SHAPE[0], PITCH_MM))
+
+
+def odds_of(evidence: Mapping[str, float]) -> dict[str, float]:
+    """Of the classes, by the logarithms of their evidence, all as likely beforehand."""
+    most = max(evidence.values())
+    share = {name: float(np.exp(value - most)) for name, value in evidence.items()}
+    return {name: share[name] / sum(share.values()) for name in CLASSES if name in share}
