@@ -136,7 +136,7 @@ def import_file(
         writer.check()
     declared = len(np.unique(found.stroke))
     if not strokes and len(found.position_mm) and np.ptp(found.position_mm) == 0:
-        remarks.append(f"{declared} presses and no stroke: `palpate refine` takes them, with --face")
+        remarks.append(f"{declared} presses and no stroke: `palpate refine` is for these")
     elif said.stroke and strokes != declared:
         remarks.append(
             f"{declared} strokes are declared, {strokes} were found: too short, or not in contact?"

@@ -215,6 +215,7 @@ class _Acquire(acquire.Acquire):  # type: ignore[misc]
 
     def begin(self, now_us: int) -> None:
         self._begun_us, missed = self._board.take()
+        self._begun_um = self._board.position_um()
         self.seq = (self.seq + missed) & _MASK  # the host counts them as lost
         self.under_way = True
 

@@ -5,9 +5,13 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from palpate import open_recording
+from palpate.cli import main as cli
 from palpate.errors import NoSuchFile, UsageError
 from palpate.importing.less import read_less
 from palpate.importing.presses import read_mat
+from palpate.inversion.recorded import felt_strokes
+from palpate.wire.events import Frame
 from tests.studies.real_data import main
 
 DEPTH_MM = np.arange(0, 20.5, 0.5)
@@ -56,21 +60,81 @@ def test_what_is_no_file_of_presses_gets_one_sentence(phantom, tmp_path):
         read_mat(path)
 
 
-def test_a_file_of_less_gives_taxels_at_their_places(tmp_path):
+def less(path):
+    """A file of that layout: 16 taxels that go 20 mm in x and 40 in y each second."""
     time = np.linspace(0, 2, 40)
     robot = np.linspace(-0.1, 2.1, 23)
-    with h5py.File(tmp_path / "S1_St8C13_0.hdf5", "w") as file:
+    with h5py.File(path, "w") as file:
         for name, samples in (("traj_10", 40), ("traj_2", 40), ("traj_3", 4)):
             group = file.create_group(name)
             group["xela/data"] = np.full((samples, 16, 3), float(name.removeprefix("traj_")))
             group["xela/timestamps"] = time[:samples]
-            group["robot/ee_position"] = np.column_stack([robot, 2 * robot, 0 * robot])
+            group["robot/ee_position"] = 0.02 * np.column_stack([robot, 2 * robot, 0 * robot])
             group["robot/ee_rotation"] = np.tile(np.eye(3), (23, 1, 1))
             group["robot/timestamps"] = robot
+    return time
+
+
+def test_a_file_of_less_gives_taxels_at_their_places(tmp_path):
+    time = less(tmp_path / "S1_St8C13_0.hdf5")
     found = read_less(tmp_path / "S1_St8C13_0.hdf5")
     assert [each.name for each in found] == ["traj_2", "traj_10"]
     assert found[1].felt.shape == (40, 16, 3) and (found[1].felt == 10).all()
-    assert found[0].position == pytest.approx(np.column_stack([time, 2 * time, 0 * time]), abs=1e-12)
+    assert found[0].position == pytest.approx(0.02 * np.column_stack([time, 2 * time, 0 * time]), abs=1e-12)
+
+
+DECLARED = """
+rows = {rows}
+columns = {columns}
+pitch_mm = 4.7
+{rest}
+[pressure]
+name = "{pressure}"
+unit = "counts"
+kPa_per_unit = {kPa}
+[displacement]
+name = "depth_mm"
+[position]
+name = "{position}"
+[stroke]
+name = "{stroke}"
+"""
+
+
+def imported(tmp_path, capsys, file, **words):
+    """What `palpate import` says of a file so declared."""
+    (tmp_path / "sensor.toml").write_text(DECLARED.format(**words))
+    arguments = ["import", str(file), "--as", str(tmp_path / "sensor.toml"), "--out", str(tmp_path / "out")]
+    assert cli(arguments) == 0, capsys.readouterr().err
+    said = capsys.readouterr()
+    return said.out + said.err
+
+
+def test_presses_are_imported_by_the_names_of_their_layout(phantom, tmp_path, capsys):
+    assert cli(["import", str(phantom[0]), "--out", str(tmp_path)]) == 2
+    assert "[pressure] taxels, [displacement] depth_mm, [position] still_mm" in capsys.readouterr().err
+    said = imported(
+        tmp_path, capsys, phantom[0], rows=2, columns=5, pressure="taxels", kPa=0.004, position="still_mm",
+        stroke="press", rest="frames_per_s = 20",
+    )  # fmt: skip
+    assert f"0 strokes, {47 * 41} frames" in said and "47 presses and no stroke" in said
+    with open_recording(tmp_path / "out" / "phantom.mcap") as session:
+        frames = [event for event in session.events() if isinstance(event, Frame)]
+    assert max(frame.displacement_mm for frame in frames) == 20.0
+    (felt, _), *_ = felt_strokes(tmp_path / "out" / "phantom.mcap")
+    assert felt.alone and felt.measured and felt.displacement_mm[-1] == pytest.approx(20.0, abs=0.5)
+
+
+def test_trajectories_of_less_are_imported_as_strokes(tmp_path, capsys):
+    less(tmp_path / "phantom.hdf5")
+    said = imported(
+        tmp_path, capsys, tmp_path / "phantom.hdf5", rows=4, columns=4, pressure="normal", kPa=0.5,
+        position="along_mm", stroke="trajectory", rest='[time]\nname = "time_s"',
+    )  # fmt: skip
+    assert "4 x 4 cells at 4.7 mm were resampled" in said
+    with open_recording(tmp_path / "out" / "phantom.mcap") as session:
+        places = [event.position_mm for event in session.events() if isinstance(event, Frame)]
+    assert np.ptp(places) == pytest.approx(40 * np.sqrt(5), rel=0.03)
 
 
 def test_what_is_not_of_less_gets_one_sentence(tmp_path):

@@ -96,7 +96,7 @@ def test_a_recording_holds_what_was_streamed(tmp_path, capsys):
     assert main(["convert", str(out), str(tmp_path / "press.csv")]) == 0
     assert "holds no calibration" in capsys.readouterr().err
     assert main(["refine", str(out)]) == 1
-    assert "holds a press without place and depth" in capsys.readouterr().err
+    assert "its pressures are a guess until the array is calibrated" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
