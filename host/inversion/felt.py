@@ -54,6 +54,8 @@ class FeltStroke:
     face : Face
     measured : bool
         Whether the displacement is; else it is 0 and counts for nothing.
+    curve_kPa : float
+        Standard deviation of what the cells' response curves get wrong, row by row.
     """
 
     rows_kPa: Floats
@@ -66,6 +68,7 @@ class FeltStroke:
     stroke: int = 0
     face: Face = _OWN
     measured: bool = True
+    curve_kPa: float = 0.0
 
     @property
     def alone(self) -> bool:

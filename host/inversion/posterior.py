@@ -110,7 +110,7 @@ class Posterior:
         mesh = np.hypot(step * np.maximum(steps[:, 1:], steps[:, :-1]), share * np.maximum(s.rows_kPa, 0.0))
         stuck = noise.hysteresis * np.maximum(s.rows_kPa, 0.0)
         depth = np.full(len(s.displacement_mm), np.hypot(noise.displacement_noise_mm, _DEPTH_ERROR_MM))
-        rows = np.sqrt(white**2 + mesh**2 + stuck**2)
+        rows = np.sqrt(white**2 + mesh**2 + stuck**2 + s.curve_kPa**2)
         weight = 1.0 / np.column_stack([np.maximum(rows, 1e-3), depth])
         weight[:, -1] *= s.measured
         return weight

@@ -24,6 +24,8 @@ from palpate.wire.events import Estimate, Event, Frame, StrokeState
 Floats = NDArray[np.float64]
 
 _KEPT = 1 << 16
+_CURVE_KPA = 0.05
+"""Of a cell's curve through three points, as the emulated FlexiTac's have it: 0.02 to 0.08 kPa."""
 
 Felt = tuple[FeltStroke | NotInvertible, Start]
 
@@ -135,6 +137,7 @@ class Strokes:
             felt = felt_press(*_read(frames), self._pressed, self._face)
         except NotInvertible as error:
             return error, nothing
+        felt = replace(felt, curve_kPa=_CURVE_KPA * self._foreign)
         return felt, first_guess(felt)
 
     def _problem(self) -> NotInvertible | None:

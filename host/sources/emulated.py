@@ -31,8 +31,8 @@ FIELD_UT = np.array([35.0, -12.0, 410.0])
 
 def as_flexitac(kPa: Floats) -> bytes:
     """Pressures (rows, columns) in FlexiTac's frame."""
-    share = np.clip(kPa / FULL_SCALE_KPA, 0, 1)
-    return flexitac.frame(AIR + (255 - AIR) * share**EXPONENT)
+    share = np.clip(kPa / FULL_SCALE_KPA, -1, 1)  # in the air it is noise, to either side
+    return flexitac.frame(AIR + (255 - AIR) * np.sign(share) * np.abs(share) ** EXPONENT)
 
 
 def as_reskin(kPa: Floats) -> bytes:
