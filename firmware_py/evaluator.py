@@ -50,12 +50,13 @@ HARD_BELOW = const(5)  # millionths of E_inv23
 FORCE_LO = const(6)  # millionths of N/m
 FORCE_HI = const(7)
 LEVEL_PERMILLE = const(8)
-LINKS = const(9)  # bit j: output j has a ln link
+LINKS = const(9)  # bit j: output j has a ln link; those with a scale of their own: unpack.links
 MARGIN = const(10)  # how far beyond its range an estimate may lie, in 1/256 of its interval's half-width
 PART_BITS = const(11)  # of an input, that high words meet
 HIGH_BITS = const(12)  # of an input, that low words meet
 STEPS = const(13)  # bytes of the outputs' program; behind it ln sigma's runs
-HEAD = const(14)
+SUMS = const(14)  # polynomials that are worked out at once: here OUTPUTS, of a stage as many as it has values
+HEAD = const(15)
 
 # feature table: one row of seven for each feature
 CLIP_LO = const(0)
@@ -68,7 +69,7 @@ BOX_HI = const(6)
 FEATURE_ROW = const(7)
 
 # output table: one row of nine for each output
-LINK = const(0)  # 1: ln of millionths, 0: the value itself
+LINK = const(0)  # see scales.value
 Y_LO = const(1)
 Y_HI = const(2)
 Y_MID = const(3)  # and the shift that takes y - Y_MID into +-1 in Q28
@@ -144,7 +145,7 @@ def intervals(c, d, steps, rows, outs, head, part, high, work, out):
     while i < len(steps):
         n = steps[i] & 31
         i += 1
-        polynomial.sums(c, d, at, part, high, steps, i, i + n, low_sum_shift, downs, work, 0)
+        polynomial.sums(c, d, at, part, high, steps, i, i + n, low_sum_shift, downs, work, 0, OUTPUTS)
         i += n
         at += OUTPUTS * n
     at = 0
@@ -205,6 +206,7 @@ class Tables:
         self.outs = outs
         self.limits = limits
         self.head = head
+        head[SUMS] = OUTPUTS
         n = head[N_FEATURES]
         self.u = array("i", bytearray(4 * n))
         self.part = array("i", bytearray(4 * (n + OUTPUTS)))

@@ -10,21 +10,17 @@ See hot_viper.py, its fellow for the frames. Viper reads 16-bit words without th
 # ruff: noqa: F821 - ptr8, ptr16 and ptr32 are viper's own
 import micropython
 
-from firmware_py import constant, polynomial
-
-const = constant.const
-
-_OUTPUTS = const(6)  # polynomial.OUTPUTS
+from firmware_py import polynomial
 
 
 @micropython.viper
 def sums(
     c: ptr16, d: ptr16, at: int, part: ptr32, high: ptr32, steps: ptr8, first: int, last: int,
-    low_sum_shift: int, downs: int, work: ptr32, to: int,
+    low_sum_shift: int, downs: int, work: ptr32, to: int, n: int,
 ):  # fmt: skip
     """See polynomial.sums; one output after the other, since registers are few."""
     j = 0
-    while j < _OUTPUTS:
+    while j < n:
         a = 0
         b = 0
         i = at + j
@@ -32,7 +28,7 @@ def sums(
         while k < last:
             a += ((c[i] ^ 0x8000) - 0x8000) * part[steps[k]]
             b += ((d[i] ^ 0x8000) - 0x8000) * high[steps[k]]
-            i += _OUTPUTS
+            i += n
             k += 1
         work[to + j] += (a + (b >> low_sum_shift)) >> (downs & 15)
         downs >>= 4
@@ -40,16 +36,16 @@ def sums(
 
 
 @micropython.viper
-def carry(own: ptr32, at: int, u: int, base: int, work: ptr32):
+def carry(own: ptr32, at: int, u: int, base: int, work: ptr32, n: int):
     """See polynomial.carry."""
     a = u >> 14
     b = u & 16383
     j = base
-    while j < base + _OUTPUTS:
+    while j < base + n:
         v = work[j] + own[at]
         work[j] = 0
         w = v >> 14
-        work[j - _OUTPUTS] += a * w + ((a * (v & 16383) + b * w) >> 14)
+        work[j - n] += a * w + ((a * (v & 16383) + b * w) >> 14)
         at += 1
         j += 1
 

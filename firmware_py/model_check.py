@@ -14,7 +14,7 @@ WIDEST = 1 << 29  # of a feature or a prediction, Q24: 32
 FEATURES = 24  # no model has more
 MOST_VALUES = 3  # of a first stage, as stage.MOST
 INFO_BYTES = 2048
-NUMBERS_BYTES = unpack.NUMBERS_HEAD + 2 * evaluator.OUTPUTS
+MOST_LINK = 26
 DISTANCE_BITS = 12
 FIRST_ID = 240  # of the first value of a first stage (stage.py)
 
@@ -42,7 +42,7 @@ def places(ids, feature_count):
 
 def features(numbers):
     """How many features an image's first section says that it has; 0 where that is impossible."""
-    if len(numbers) != NUMBERS_BYTES:
+    if len(numbers) not in (unpack.NUMBERS_BYTES, unpack.NUMBERS_BYTES + evaluator.OUTPUTS):
         return 0
     n = unpack.head(numbers)[evaluator.N_FEATURES]
     return n if n <= FEATURES else 0
@@ -57,14 +57,15 @@ def check(parts, counts, feature_count, values=0):
     BAD_LENGTH where sections do not fit each other, MISSING_FEATURE, BAD_MODEL where a number is impossible.
     """
     numbers, ids, feats, _, words, rows, outs, limits, info, force_map = parts[1:11]
-    if len(numbers) != NUMBERS_BYTES:
+    n = features(numbers)
+    if n == 0:
         return status.BAD_LENGTH
     head = unpack.head(numbers)
-    sizes = numbers[unpack.NUMBERS_HEAD :]
-    n = head[evaluator.N_FEATURES]
+    sizes = numbers[unpack.NUMBERS_HEAD : unpack.NUMBERS_BYTES]
+    if max(unpack.links(numbers)) > MOST_LINK:
+        return status.BAD_MODEL
     if (
-        not 0 < n <= FEATURES
-        or len(ids) != n
+        len(ids) != n
         or len(feats) != 4 * len(unpack.FEATURE_KEPT) * n
         or len(rows) != unpack.ROW_BYTES * (2 * evaluator.OUTPUTS + n)
         or len(outs) != 4 * len(unpack.OUTPUT_KEPT) * evaluator.OUTPUTS

@@ -134,7 +134,7 @@ def _load(read, body, features_version, feature_count, probe):
         return status.BAD_VERSION, None
     numbers = h.section(read, NUMBERS)
     steps = h.section(read, STEPS)
-    sizes = numbers[unpack.NUMBERS_HEAD :]
+    sizes = numbers[unpack.NUMBERS_HEAD : unpack.NUMBERS_BYTES]
     n = model_check.features(numbers)
     counts = unpack.program(steps, n) if n else None
     if counts is None:
@@ -162,6 +162,7 @@ def _load(read, body, features_version, feature_count, probe):
     head[evaluator.N_LIMITS] = len(limits) // 3
     head[evaluator.LEAVES] = leaves
     head[evaluator.STEPS] = outer
+    head[evaluator.SUMS] = outputs
     low = head[evaluator.LOW_BITS]
     sigma = words + ((leaves + branches) * sum(sizes[:outputs]) + 7) // 8
     start = sigma + ((outputs + n) * sum(sizes[outputs:]) + 7) // 8
@@ -179,7 +180,7 @@ def _load(read, body, features_version, feature_count, probe):
         d,
         own,
         unpack.rows(parts[ROWS]),
-        unpack.outs(parts[OUTPUTS], head[evaluator.LINKS]),
+        unpack.outs(parts[OUTPUTS], unpack.links(numbers)),
         limits,
         head,
     )

@@ -12,15 +12,15 @@ d * high. The program, `steps`, is bytes, innermost branches first:
     128 + 32 * depth, feature        close that branch: times the feature, into the one at depth - 1
 
 Words of coefficients stand in the program's order, one an output for each leaf; a branch's own
-coefficients, which come in as it is closed, are whole numbers at the scale of its sum. The sums of a depth
-are kept in work[OUTPUTS * depth..].
+coefficients, which come in as it is closed, are whole numbers at the scale of its sum. There are head[SUMS]
+outputs, n, and the sums of a depth are kept in work[n * depth..].
 """
 
 from firmware_py import constant
 
 const = constant.const
 
-OUTPUTS = const(6)  # outputs.COUNT; `sums` takes them one by one
+OUTPUTS = const(6)  # outputs.COUNT; so many `sums` takes one by one
 ALL_DOWNS = const(0xFFFFFF)  # four bits for each of them
 # entries of the head
 DOWNS = const(2)
@@ -28,15 +28,34 @@ LOW_BITS = const(3)
 PART_BITS = const(11)
 HIGH_BITS = const(12)
 STEPS = const(13)
+SUMS = const(14)
 
 
-def sums(c, d, at, part, high, steps, first, last, low_sum_shift, downs, work, to):
-    """Add the outputs' sums over the inputs steps[first..last-1] to work[to..]; their words begin at `at`.
+def few(c, d, at, part, high, steps, first, last, low_sum_shift, downs, work, to, n):
+    """As `sums`, of any number n of outputs."""
+    for j in range(n):
+        a = 0
+        b = 0
+        i = at + j
+        for k in range(first, last):
+            h = steps[k]
+            a += c[i] * part[h]
+            b += d[i] * high[h]
+            i += n
+        work[to + j] += a + (b >> low_sum_shift) >> (downs & 15)
+        downs >>= 4
+
+
+def sums(c, d, at, part, high, steps, first, last, low_sum_shift, downs, work, to, n):
+    """Add n outputs' sums over the inputs steps[first..last-1] to work[to..]; their words begin at `at`.
 
     Each is shifted down by its four bits of `downs`, and low words' products by `low_sum_shift` before.
 
     All at once: an input is read once, and a look-up costs as much as a product.
     """
+    if n != OUTPUTS:
+        few(c, d, at, part, high, steps, first, last, low_sum_shift, downs, work, to, n)
+        return
     a0 = a1 = a2 = a3 = a4 = a5 = 0
     b0 = b1 = b2 = b3 = b4 = b5 = 0
     i = at
@@ -83,22 +102,23 @@ def sums(c, d, at, part, high, steps, first, last, low_sum_shift, downs, work, t
     work[to + 5] += a5
 
 
-def carry(own, at, u, base, work):
-    """A branch of every output, their sums work[base..], times u into the branches before; empties them."""
+def carry(own, at, u, base, work, n):
+    """A branch of n outputs, their sums work[base..], times u into the branches before; empties them."""
     a = u >> 14
     b = u & 16383
-    for j in range(base, base + OUTPUTS):
+    for j in range(base, base + n):
         v = work[j] + own[at]
         work[j] = 0
         w = v >> 14
         # the product of the two low halves is below what is kept
-        work[j - OUTPUTS] += a * w + (a * (v & 16383) + b * w >> 14)
+        work[j - n] += a * w + (a * (v & 16383) + b * w >> 14)
         at += 1
 
 
 def nested(c, d, own, steps, u, part, high, head, work):
     """All of it, the outputs' sums into work[0..]. The features are the inputs from OUTPUTS on."""
-    for i in range(3 * OUTPUTS):
+    outputs = head[SUMS]
+    for i in range(3 * outputs):
         work[i] = 0
     at = 0
     branch = 0
@@ -108,17 +128,17 @@ def nested(c, d, own, steps, u, part, high, head, work):
     i = 0
     while i < last:
         n = steps[i]
-        base = OUTPUTS * (n >> 5 & 3)
+        base = outputs * (n >> 5 & 3)
         i += 1
         if n & 128:
-            carry(own, branch, u[steps[i]], base, work)
-            branch += OUTPUTS
+            carry(own, branch, u[steps[i]], base, work, outputs)
+            branch += outputs
             i += 1
         else:
             n &= 31
-            sums(c, d, at, part, high, steps, i, i + n, low_sum_shift, downs, work, base)
+            sums(c, d, at, part, high, steps, i, i + n, low_sum_shift, downs, work, base, outputs)
             i += n
-            at += OUTPUTS * n
+            at += outputs * n
 
 
 def dot_high(c, at, high, first, n):

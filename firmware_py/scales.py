@@ -63,7 +63,12 @@ def width(ln_width):
 
 
 def value(y, link):
-    """Millionths of the output's unit from y on the link scale."""
-    if link:
+    """Millionths of the output's unit from y on the link scale.
+
+    link: 1: y is ln of millionths; 0: y is in the unit; else y is in 2^(26 - link) millionths.
+    """
+    if link == 1:
         return exp(y, 24)
+    if link:
+        return y + (1 << link >> 3) >> link - 2
     return ((y >> 12) * 15625 + ((y & 4095) * 15625 >> 12) + 32) >> 6

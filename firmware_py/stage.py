@@ -92,7 +92,8 @@ class Stage:
         self.u = array("i", bytearray(4 * n))
         self.part = array("i", bytearray(4 * (n + evaluator.OUTPUTS)))
         self.high = array("i", bytearray(4 * (n + evaluator.OUTPUTS)))
-        self.work = array("i", bytearray(4 * evaluator.WORK))
+        head[evaluator.SUMS] = count
+        self.work = array("i", bytearray(4 * 3 * count))  # three depths
         self.x = array("i", bytearray(4 * (feature_count + MOST)))
         self.refers = refers
         self.reference = array("i", bytearray(4 * MOST if refers else 0))

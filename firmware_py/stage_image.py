@@ -82,12 +82,14 @@ def load(raw, feature_count, values=0):
         return status.BAD_MODEL, None
     head[evaluator.LEAVES] = leaves
     head[evaluator.STEPS] = len(steps)
-    c = array("h", bytearray(2 * outputs * leaves))
-    d = array("h", bytearray(2 * outputs * leaves))
-    own = array("i", bytearray(4 * outputs * branches))
+    # the image has as many sums as a model has outputs; those that the stage does not need are left there
+    head[evaluator.SUMS] = count
+    c = array("h", bytearray(2 * count * leaves))
+    d = array("h", bytearray(2 * count * leaves))
+    own = array("i", bytearray(4 * count * branches))
     numbers = unpack.Numbers(lambda offset, n: raw[offset : offset + n], at[5], sizes)
     unpack.share(steps, len(steps), numbers, head, c, d, own)
-    rows = unpack.rows(raw[at[3] : at[3] + unpack.ROW_BYTES * outputs])
+    rows = unpack.rows(raw[at[3] : at[3] + unpack.ROW_BYTES * outputs])[: evaluator.ROW * count]
     ids = model_check.places(ids, feature_count)
     feature_count += values
     found = stage.Stage(

@@ -16,6 +16,7 @@ _LINKS = const(22)
 _PART_BITS = const(23)
 _HIGH_BITS = const(24)
 NUMBERS_HEAD = 25  # bytes of the numbers before the sizes of the words
+NUMBERS_BYTES = NUMBERS_HEAD + 2 * evaluator.OUTPUTS  # and a byte an output behind, where one has a scale
 ROW_BYTES = 5  # an intercept and its shift
 _PIECE = const(1024)  # bytes read at a time
 # what the image keeps of a feature's row and of an output's; the rest is worked out
@@ -172,23 +173,30 @@ def pieces(whole, low, c, d, at):
 
 
 def share(steps, size, numbers, head, c, d, own):
-    """The outputs' coefficients, which stand in the program's order: leaves to c and d, branches' to own."""
+    """The outputs' coefficients, which stand in the program's order: leaves to c and d, branches' to own.
+
+    Of the outputs that the image has, the first head[SUMS] are kept.
+    """
     leaf = 0
     branch = 0
     i = 0
+    kept = head[evaluator.SUMS]
     while i < size:
         n = steps[i]
         if n & 128:
             whole = numbers.take(evaluator.OUTPUTS)
-            for j in range(evaluator.OUTPUTS):
+            for j in range(kept):
                 down = head[evaluator.DOWNS] >> 4 * j & 15
                 own[branch] = whole[j] << head[evaluator.PART_BITS] - head[evaluator.LOW_BITS] - down
                 branch += 1
             i += 2
         else:
             n &= 31
-            pieces(numbers.take(evaluator.OUTPUTS * n), head[evaluator.LOW_BITS], c, d, leaf)
-            leaf += evaluator.OUTPUTS * n
+            whole = numbers.take(evaluator.OUTPUTS * n)
+            if kept < evaluator.OUTPUTS:
+                whole = [whole[k] for k in range(len(whole)) if k % evaluator.OUTPUTS < kept]
+            pieces(whole, head[evaluator.LOW_BITS], c, d, leaf)
+            leaf += kept * n
             i += 1 + n
 
 
@@ -207,6 +215,13 @@ def head(raw):
     out[evaluator.PART_BITS] = raw[_PART_BITS]
     out[evaluator.HIGH_BITS] = raw[_HIGH_BITS]
     return out
+
+
+def links(raw):
+    """The link of each output (scales.value), from the same bytes as `head`."""
+    if len(raw) > NUMBERS_BYTES:
+        return raw[NUMBERS_BYTES:]
+    return bytes([raw[_LINKS] >> j & 1 for j in range(evaluator.OUTPUTS)])
 
 
 def spread(kept, where, row):
@@ -246,7 +261,7 @@ def outs(raw, links):
     outs = spread(array("i", raw), OUTPUT_KEPT, evaluator.OUTPUT_ROW)
     for j in range(evaluator.OUTPUTS):
         at = evaluator.OUTPUT_ROW * j
-        outs[at + evaluator.LINK] = links >> j & 1
+        outs[at + evaluator.LINK] = links[j]
         outs[at + evaluator.Y_MID], outs[at + evaluator.Y_SHIFT] = middle(
             outs[at + evaluator.Y_LO], outs[at + evaluator.Y_HI]
         )

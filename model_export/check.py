@@ -23,6 +23,8 @@ MOST_SPREAD = 100
 MOST_STRETCH = 5
 MOST_SLOPE = 10
 OF_LAYERS = 3
+LN_ENDS = (1e-5, 500.0)
+IDENTITY_ENDS = (-500.0, 500.0)
 
 
 def _short(value: Any) -> str:
@@ -217,14 +219,11 @@ def _outputs(model: ModelData) -> None:
         _need(o.link in LINKS, f"the link of {o.name} must be one of {', '.join(LINKS)}, not {o.link!r}")
         lo, hi = _number(o.lo, f"lo of {o.name}"), _number(o.hi, f"hi of {o.name}")
         _need(lo < hi, f"lo of {o.name} must be below its hi")
-        if o.link == "ln":
-            _need(
-                lo >= 1e-5 and hi <= 500, f"{o.name}: with a ln link lo and hi must lie within 1e-5 and 500"
-            )
-        else:
-            _need(
-                lo >= -7.9 and hi <= 7.9, f"{o.name}: with an identity link lo and hi must lie within +-7.9"
-            )
+        least, most = LN_ENDS if o.link == "ln" else IDENTITY_ENDS
+        _need(
+            least <= lo and hi <= most,
+            f"{o.name}: with a link of {o.link} lo and hi must lie within {least:g} and {most:g}",
+        )
         _numbers(o.coefficients, len(model.terms), f"coefficients of {o.name}")
 
 

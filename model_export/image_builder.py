@@ -44,18 +44,18 @@ def packed(words: list[int], sizes: list[int]) -> bytes:
     return whole.to_bytes((at + 7) // 8, "little")
 
 
-def _in_order(tables: evaluator.Tables | stage.Stage, leaves: list[int]) -> list[int]:
+def in_order(tables: evaluator.Tables | stage.Stage, leaves: list[int]) -> list[int]:
     """The outputs' coefficients, of leaves and branches, in the program's order."""
     head = tables.head
     ups = [
         head[evaluator.PART_BITS] - head[evaluator.LOW_BITS] - (head[evaluator.DOWNS] >> 4 * j & 15)
-        for j in range(evaluator.OUTPUTS)
+        for j in range(head[evaluator.SUMS])
     ]
     words, own = iter(leaves), iter(tables.own)
     out = []
     for step in nested.from_bytes(tables.steps[: head[evaluator.STEPS]]):
         if isinstance(step, nested.Run):
-            out += [next(words) for _ in range(evaluator.OUTPUTS * len(step.terms))]
+            out += [next(words) for _ in range(len(ups) * len(step.terms))]
         else:
             out += [next(own) >> up for up in ups]
     return out
@@ -73,10 +73,12 @@ def _stage(first: stage.Stage | None) -> bytes:
         return b""
     head, n = first.head, len(first.ids)
     low = head[evaluator.LOW_BITS]
-    words = _in_order(first, [(c << low) + d for c, d in zip(first.c, first.d)])
+    words = _with_nothing(in_order(first, [(c << low) + d for c, d in zip(first.c, first.d)]), first.count)
     sizes = _bits(words)
     feats = [first.feats[evaluator.FEATURE_ROW * i + k] for i in range(n) for k in unpack.FEATURE_KEPT]
     rows = first.rows.tolist()
+    nothing = 13 - low + head[evaluator.PART_BITS] - 24  # the shift of a sum of nothing
+    rows += [0, nothing] * (evaluator.OUTPUTS - first.count)
     parts = (
         struct.pack(
             f"<5B{evaluator.OUTPUTS}BBH2xI", n, first.count, low, head[evaluator.PART_BITS],
@@ -94,6 +96,12 @@ def _stage(first: stage.Stage | None) -> bytes:
     return b"".join(map(self_test.padded, parts))
 
 
+def _with_nothing(words: list[int], count: int) -> list[int]:
+    """A stage's words with zeros for the sums that it does not need: an image has as many as outputs."""
+    none = [0] * (evaluator.OUTPUTS - count)
+    return [w for at in range(0, len(words), count) for w in (*words[at : at + count], *none)]
+
+
 def _bits(words: list[int]) -> list[int]:
     """How many bits each output's words take, the least two."""
     n = evaluator.OUTPUTS
@@ -106,7 +114,7 @@ def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None
     words = [(c << low) + d for c, d in zip(tables.c, tables.d)]
     coarse = tables.c[len(words) :].tolist()
     first = outputs * tables.head[evaluator.LEAVES]
-    parts = (_in_order(tables, words[:first]), words[first:])
+    parts = (in_order(tables, words[:first]), words[first:])
     sizes = [_bits(part) for part in parts]
     info = ",".join(spec.features) + "\n1e-6 " + ",".join(unit for _, unit in OUTPUTS)
     if (adapted := spec.training.get("adapted")) is not None:
@@ -114,10 +122,10 @@ def _sections(spec: ModelSpec, tables: evaluator.Tables, force_map: bytes | None
     feats = [tables.feats[evaluator.FEATURE_ROW * i + k] for i in range(n) for k in unpack.FEATURE_KEPT]
     outs = [tables.outs[evaluator.OUTPUT_ROW * j + k] for j in range(outputs) for k in unpack.OUTPUT_KEPT]
     rows = tables.rows.tolist()
+    links = [tables.outs[evaluator.OUTPUT_ROW * j + evaluator.LINK] for j in range(outputs)]
+    numbers = struct.pack(f"<4i2H5B{2 * outputs}B", *(tables.head[k] for k in _NUMBERS), *sizes[0], *sizes[1])
     return {
-        fw.NUMBERS: struct.pack(
-            f"<4i2H5B{2 * outputs}B", *(tables.head[k] for k in _NUMBERS), *sizes[0], *sizes[1]
-        ),
+        fw.NUMBERS: numbers + (bytes(links) if max(links) > 1 else b""),
         fw.IDS: _ids(tables.ids),
         fw.FEATURES: struct.pack(f"<{len(feats)}i", *feats),
         fw.STEPS: bytes(tables.steps),

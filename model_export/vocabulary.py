@@ -25,4 +25,7 @@ OF_THE_COLUMNS = feature_names.NAMES[features.ACROSS : features.COUNT]
 ABSENT = features.ABSENT / 2**24
 """What stands for a feature of the press where there was no press, or too little of one."""
 
+UNTOLD = 1e-3
+"""Ends of an output that a model does not tell: it is 0."""
+
 Term = tuple[int, ...]

@@ -100,14 +100,14 @@ def _terms(fast):
     theirs = _numbers(3 * n)
     steps = bytes((6, 5, 0, 2, 1, 4, 3))
     downs = 74565
-    polynomial.sums(c, d, 5, part, small, steps, 1, 7, 5, downs, mine, 2 * n)
-    fast.sums(c, d, 5, part, small, steps, 1, 7, 5, downs, theirs, 2 * n)
+    polynomial.sums(c, d, 5, part, small, steps, 1, 7, 5, downs, mine, 2 * n, n)
+    fast.sums(c, d, 5, part, small, steps, 1, 7, 5, downs, theirs, 2 * n, n)
     if mine != theirs or fast.dot_high(c, 1, small, 2, 12) != polynomial.dot_high(c, 1, small, 2, 12):
         return False
     own = array("i", (5, -123456789, 98765432, 0, 4711, -77, 31415926))
     for u in (-200000000, 123456789):
-        polynomial.carry(own, 1, u, 2 * n, mine)
-        fast.carry(own, 1, u, 2 * n, theirs)
+        polynomial.carry(own, 1, u, 2 * n, mine, n)
+        fast.carry(own, 1, u, 2 * n, theirs, n)
     return mine == theirs
 
 

@@ -165,8 +165,8 @@ def card(
     if kind in ("lump", "outside"):
         out["reference"] = _REFERENCE.get(estimate.reference, "")
         out["hardness"] = estimate.hardness
-        out["hardness_text"] = words.HARDNESS.get(estimate.hardness, "")
         if (E_inv23 := _span(estimate, "E_inv23")) is not None:
+            out["hardness_text"] = words.HARDNESS.get(estimate.hardness, "")
             out["E_ratio"] = dict(zip(PARTS, stiffness(E_inv23)))
             out["stiffness_text"] = words.stiffness_words(E_inv23, estimate.fat_kPa(fat_kPa))
         out["layer"] = None if told is None else _layer(told.layer)

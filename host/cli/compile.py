@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @click.option("--data", required=True, type=click.Path(path_type=Path, dir_okay=False),
               help="Table (.csv, .parquet) that the model is for: it sets ranges and precision.")  # fmt: skip
 @click.option("--out", required=True, type=click.Path(path_type=Path, dir_okay=False),
-              help="As model.py, model.mpy, model.c or model.h.")  # fmt: skip
+              help="As model.py, model.mpy, model.c, model.h, or model.palp for a probe.")  # fmt: skip
 @click.option(
     "--target", multiple=True, metavar="COLUMN", help="A column that is no feature; may be repeated."
 )
@@ -36,7 +36,10 @@ if TYPE_CHECKING:
     "--arch", default="bytecode", show_default=True, help="Of a .mpy: bytecode, armv6m, armv7em ..."
 )
 @click.option("--key", type=click.Path(path_type=Path, file_okay=False),
-              help="Of a .mpy: sign it by this directory, made by keygen.")  # fmt: skip
+              help="Of a .mpy or .palp: sign it by this directory, made by keygen.")  # fmt: skip
+@click.option("--like", type=click.Path(path_type=Path), metavar="MODEL",
+              help="Of a .palp: the model with whose force map its features were computed, a model.json or a "
+              "name as field; its lump rule and border of hardness hold, too.")  # fmt: skip
 @click.option("--trust", is_flag=True, help="Read a pickle although it may run any code.")
 @json_option
 def command(
@@ -49,6 +52,7 @@ def command(
     unit: tuple[str, ...],
     arch: str,
     key: Path | None,
+    like: Path | None,
     trust: bool,
     as_json: bool,
 ) -> None:
@@ -58,12 +62,18 @@ def command(
     .pkl, which may also hold results of statsmodels. Printed are the proof, and what the integers add to
     float64's errors.
 
+    A .palp is for a probe's slots: of a linear model over the probe's features by name, whose targets have
+    the names of the probe's outputs (d_mm ...), with --calibrate and --key.
+
     \b
     Example:
       palpate compile model.skops --data train.csv --target d_mm --out model.py
       palpate compile model.joblib --trust --data train.csv --out model.c
+      palpate compile model.skops --data strokes.csv --target d_mm --calibrate more.csv --key out/key \\
+        --out model.palp
     """
     from palpate.cli.fitted import read_model, read_table
+    from palpate.cli.real import load_model
 
     write = by_suffix(
         out,
@@ -72,17 +82,25 @@ def command(
             ".mpy": lambda program: program.mpy(arch),
             ".c": lambda program: program.c().encode(),
             ".h": lambda program: program.c().encode(),
+            ".palp": lambda program: program.image(key, like and load_model(like)),
         },
     )
     if calibrate is not None and not target:
         raise UsageError("--calibrate needs --target, the columns that hold what the model should say")
-    if (arch != "bytecode" or key is not None) and out.suffix.lower() != ".mpy":
-        raise UsageError("--arch and --key are of a .mpy; name --out so")
+    kind = out.suffix.lower()
+    if arch != "bytecode" and kind != ".mpy":
+        raise UsageError("--arch is of a .mpy; name --out so")
+    if key is not None and kind not in (".mpy", ".palp"):
+        raise UsageError("--key is of a .mpy or .palp; name --out so")
+    if like is not None and kind != ".palp":
+        raise UsageError("--like is of a .palp; name --out so")
+    if key is None and kind == ".palp":
+        raise UsageError("a probe takes no model that is not signed; give --key, a directory made by keygen")
     check_writable(out)
     fitted, table = read_model(model, trust), read_table(data)
     beside = None if calibrate is None else (read_table(calibrate), calibrate)
     program, source = _compiled(fitted, table, data, target, beside, level, unit, write)
-    if key is not None:
+    if key is not None and kind == ".mpy":
         from palpate.model_export.signing import keys
 
         source = keys.sign_program(key, source)
@@ -124,8 +142,11 @@ def _compiled(
         rows, path = beside
         calibrate = (features(rows, path), rows[list(targets)].to_numpy())
     read = from_statsmodels if is_of_statsmodels(fitted) else from_sklearn
+    words: dict[str, Any] = {"units": units or None, "calibrate": calibrate, "names": names, "level": level}
+    if calibrate is not None:
+        words["output_names"] = targets
     try:
-        program = read(fitted, features(table, data), units or None, calibrate, names=names, level=level)
+        program = read(fitted, features(table, data), **words)
         return program, write(program)
     except CompileError as error:
         raise UsageError(str(error)) from None

@@ -98,9 +98,9 @@ def estimate_lines(estimate: Estimate, fat_kPa: float | None = None, told: Told 
             lines.append(_number("lump depth", "mm", depth, level))
     lines += _across_lines(None if told is None else told.across)
     lines += _layer_lines(layer)
-    factor = stiffness_words(estimate.span("E_inv23"), estimate.fat_kPa(fat_kPa))
-    lines.append(f"  {'stiffness':20} {factor}")
-    lines.append(f"  {HARDNESS[estimate.hardness]}")
+    if "E_inv23" in estimate.outputs:
+        factor = stiffness_words(estimate.span("E_inv23"), estimate.fat_kPa(fat_kPa))
+        lines += [f"  {'stiffness':20} {factor}", f"  {HARDNESS[estimate.hardness]}"]
     if not estimate.calibrated:
         lines.append("  the probe has lost its calibration: do not rely on the numbers")
     if not estimate.in_domain:

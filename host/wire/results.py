@@ -224,12 +224,13 @@ class Estimate(Event):
 
     @cached_property
     def outputs(self) -> dict[str, dict[str, float]]:
-        """`value`, `low`, `high` of every output, in the units of its name."""
+        """`value`, `low`, `high` of every output that the model tells, in the units of its name."""
         values = self.values
+        said = self.valid and self.lump
         return {
             name: {part: values[3 * i + k] / outputs.SCALE for k, part in enumerate(outputs.PARTS)}
             for i, name in enumerate(OUTPUTS)
-            if 3 * i + 2 < len(values)
+            if 3 * i + 2 < len(values) and not (said and values[3 * i + 1] >= -1 and values[3 * i + 2] <= 1)
         }
 
     def span(self, name: str) -> Span:

@@ -42,7 +42,7 @@ def prove_first(first: stage.Stage) -> Proof:
     bits: list[list[Any]] = [[0] * (n + evaluator.OUTPUTS) for _ in range(2)]
     namespace["estimates"](
         x, list(first.ids), list(first.feats), first.steps, list(first.c), list(first.d), list(first.own),
-        list(first.rows), list(first.ends), list(first.head), [0] * n, *bits, [0] * evaluator.WORK,
+        list(first.rows), list(first.ends), list(first.head), [0] * n, *bits, [0] * (3 * first.count),
         first.feature_count, first.count,
     )  # fmt: skip
     return Proof(Interval.largest, Interval.operations)

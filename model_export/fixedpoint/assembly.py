@@ -94,7 +94,7 @@ def build(model: Model, X: Array | None = None, calibration: Calibration | None 
     spreads = [float(s) if s > 1e-9 * m else 0.0 for s, m in zip(told.std(axis=0), np.abs(told).max(axis=0))]
     sizes = [space.size(p) if link != "exp" else 1.0 for p, link in zip(model.polys, model.links)]
     polys = space.without_dust(model.polys, [s or z or 1.0 for s, z in zip(spreads, sizes)])
-    polys = space.merged(model.space, polys)
+    told_polys, polys = polys, space.merged(model.space, polys)
     scales = []
     for k, (poly, name, link) in enumerate(zip(polys, model.names, model.links)):
         most = space.size(poly) + abs(poly.get((), 0.0))
@@ -129,7 +129,7 @@ def build(model: Model, X: Array | None = None, calibration: Calibration | None 
     if model.classes:
         _verdict(code, len(scales), len(outputs))
         outputs.append(Output("verdict", "", 1.0))
-    return assemble(features, outputs, code, model.reference, X, model.classes)
+    return assemble(outputs, code, replace(model, polys=told_polys), X, calibration)
 
 
 def _finite(model: Model) -> None:
@@ -173,7 +173,7 @@ def _outputs(
         outputs.append(Output(scale.name, model.units[j], scale.step))
         if calibration is not None:
             value = var(f"out[{len(outputs) - 1}]")
-            unit = 2.0**-24 if scale.link == "exp" else scale.step
+            unit = writer.link_unit(j)
             width = round(min(calibration.half_widths[j] / unit, 1 << 30))
             if width > WIDEST:
                 raise CompileError(
@@ -265,6 +265,9 @@ class _Forests:
         for k in range(self.first[j], last):
             self.code.let("t", var("t") + ir.tree(k))
         return var("t")
+
+    def link_unit(self, j: int) -> float:
+        return 2.0**-24 if self.scales[j].link == "exp" else self.scales[j].step
 
     def told(self, j: int, t: Node) -> Node:
         if self.scales[j].link == "exp":

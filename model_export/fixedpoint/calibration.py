@@ -27,11 +27,13 @@ class Calibration:
     ends : list of (float, float)
         Least and greatest of each feature.
     X : array (n, features)
+    level : float
     """
 
     half_widths: list[float]
     ends: list[tuple[float, float]]
     X: Array
+    level: float
 
     @staticmethod
     def of(
@@ -83,17 +85,22 @@ class Calibration:
                     )
                 true, said = np.log(true), np.log(said)
             widths.append(float(np.sort(np.abs(true - said))[rank - 1]))
-        return Calibration(widths, list(zip(X.min(axis=0).tolist(), X.max(axis=0).tolist())), X)
+        return Calibration(widths, list(zip(X.min(axis=0).tolist(), X.max(axis=0).tolist())), X, level)
 
-    def coordinates(self, atoms: Sequence[tuple[int, Atom]]) -> list[tuple[Array, float]]:
-        """Rows (coefficients of the first k atoms' z, offset) whose squares add up to 1 at its edge."""
+    def ellipsoid(self, atoms: Sequence[tuple[int, Atom]]) -> tuple[Array, Array, float]:
+        """The middle of the atoms' z, a lower triangle that makes them independent, its edge squared."""
         z = np.stack([(self.X[:, a.feature] - a.centre) / a.radius for _, a in atoms], axis=1)
         middle = z.mean(axis=0)
         covariance = np.atleast_2d(np.cov(z.T)) + 1e-6 * np.eye(len(atoms))
         lower = np.linalg.inv(np.linalg.cholesky(covariance))
         far = np.sort(((z - middle) @ lower.T).__pow__(2).sum(axis=1))
-        edge = far[min(math.ceil(INSIDE * len(far)), len(far) - 1)]
+        edge = float(far[min(math.ceil(INSIDE * len(far)), len(far) - 1)])
         if edge < 1e-9:
             raise CompileError("calibrate has constant features; give data that vary as the device's will")
+        return middle, lower, edge
+
+    def coordinates(self, atoms: Sequence[tuple[int, Atom]]) -> list[tuple[Array, float]]:
+        """Rows (coefficients of the first k atoms' z, offset) whose squares add up to 1 at its edge."""
+        middle, lower, edge = self.ellipsoid(atoms)
         rows = lower / math.sqrt(edge)
         return [(rows[k, : k + 1], float(-rows[k, : k + 1] @ middle[: k + 1])) for k in range(len(atoms))]

@@ -44,10 +44,10 @@ def features(X: Array, names: Sequence[str], box: Box = None, steps: Steps = Non
     found = []
     for i, name in enumerate(names):
         column = X[:, i]
-        given = _given(box, i, name)
-        lo, hi = ends(given, name) if given is not None else _around(column)
-        step = _given(steps, i, name)
-        if given is None and lo == hi:  # constant: it cannot matter, and `used` says so if it does
+        own = given(box, i, name)
+        lo, hi = ends(own, name) if own is not None else _around(column)
+        step = given(steps, i, name)
+        if own is None and lo == hi:  # constant: it cannot matter, and `used` says so if it does
             lo, hi = lo - max(abs(lo), 1.0), hi + max(abs(hi), 1.0)
         found.append(Feature.over(name, lo, hi, bool((column == np.round(column)).all()), step))
     return found
@@ -88,7 +88,8 @@ def _known(of: Any, names: Sequence[str], what: str) -> None:
         raise CompileError(f"{what} has {len(of)} entries for {len(names)} features")
 
 
-def _given(of: Any, i: int, name: str) -> Any:
+def given(of: Any, i: int, name: str) -> Any:
+    """The entry of a list, or of a mapping by name, for feature i; None where there is none."""
     if of is None:
         return None
     return of.get(name) if isinstance(of, Mapping) else of[i]

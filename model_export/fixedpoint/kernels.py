@@ -108,6 +108,10 @@ class KernelSums:
         """As `Polynomials.sums`."""
         return self.code.let("t", self.rows.row(j), f"{self.scales[j].name}: sum of kernels")
 
+    def link_unit(self, j: int) -> float:
+        """As `Polynomials.link_unit`."""
+        return self.scales[j].step
+
     def told(self, j: int, t: Node) -> Node:
         """As `Polynomials.told`."""
         down = 24 - self.exponents[j]

@@ -8,18 +8,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.fixedpoint import ir, nested, pieces, quantise
+from palpate.fixedpoint import ir, nested, pieces, quantise, sums
 from palpate.fixedpoint.errors import CompileError
 from palpate.fixedpoint.form import Form
 from palpate.fixedpoint.intervals import Interval
 from palpate.fixedpoint.ir import Code, Node, var
-from palpate.fixedpoint.nested import Run, Term
 from palpate.fixedpoint.space import Array, Poly, Space, size
 from palpate.fixedpoint.word_pairs import Row, Words
 
 MOST_TERMS = 4096
-_DEPTHS = "tvwrs"
 _WIDEST = 30.0  # units of a row: below the 64 that its Q24 has room for
+_WIDEST_LN = 60.0  # the same of a logarithm, in which it has no more use for a finer unit
+_MOST_UP = 4  # binary places that a logarithm may lose so
+_REACHES = 41 << 23  # of a logarithm of steps: beyond it an integer has no room, or is nothing
 _TOLERATED = 0.3  # of a standard deviation: what quantise's limits, 2.4e-5 at worst, are relative to
 
 
@@ -78,7 +79,6 @@ class Polynomials:
         self.index = {
             tuple(sorted(self.atoms[i] for i in t)): k for k, t in enumerate(nested.order(self.steps))
         }
-        self.branching = {s.branch[-1] for s in self.steps if not isinstance(s, Run)}
         for i in range(len(self.atoms)):
             self._input(i)
         rows = [self._row(p, s) for p, s in zip(polys, scales)]
@@ -93,11 +93,11 @@ class Polynomials:
             none = np.zeros(0, np.int64)
             self.words = [Words(none, none, round(r.intercept * 2**24), 0, 0) for r in rows]
         self._keep_bits()
+        names = [str(i) for i in range(len(self.atoms))]
+        labels = [space.atoms[k].name for k in self.atoms]
+        self.written = sums.Sums(code, self.form, self.words, names, labels, [s.name for s in scales])
 
     # ---- inputs
-
-    def _name(self, i: int) -> str:
-        return self.space.atoms[self.atoms[i]].name
 
     def _input(self, i: int) -> None:
         """The atom as u: z in Q28."""
@@ -116,16 +116,7 @@ class Polynomials:
             if max(-ends.lo, ends.hi) > 1 << 28:  # the ranges of its cubics are wider than they are
                 let(f"u{i}", ir.clip(u, -(1 << 28), 1 << 28))
             return
-        shift, factor = atom.scaling
-        up = -shift
-        v = let("v", held - atom.centre_step)
-        if 0 <= up < 14 and factor << up < 1 << 29:  # the shift up goes into constants
-            most = (1 << 14 - up) - 1
-            low = (v & most) * (factor << up) >> 14
-            let(f"u{i}", (v >> 14 - up) * factor + low)
-        else:
-            v = let("v", v >> shift)
-            let(f"u{i}", (v >> 14) * factor + ((v & 16383) * factor >> 14))
+        sums.standardised(self.code, held, atom.centre_step, *atom.scaling, f"u{i}")
 
     def inputs(self, x: Array) -> Array:
         """The atoms' z as the device has them."""
@@ -134,14 +125,12 @@ class Polynomials:
 
     def _keep_bits(self) -> None:
         """Upper and lower halves of the inputs of branches, and of every input the bits that words meet."""
-        form, let = self.form, self.code.let
+        branching = sums.branching(self.steps)
         for i in range(len(self.atoms)):
             u = var(f"u{i}")
-            if i in self.branching:
-                let(f"a{i}", u >> 14)
-                let(f"b{i}", u & 16383)
-            for letter, bits in (("p", form.part), ("q", form.high)):
-                let(f"{letter}{i}", (u + (1 << 27 - bits)) >> 28 - bits)
+            if i in branching:
+                sums.keep_halves(self.code, u, str(i))
+            sums.keep_bits(self.code, u, str(i), self.form)
 
     # ---- rows
 
@@ -153,12 +142,9 @@ class Polynomials:
             if term:
                 row.coefficients[self.index[term]] += c
         if scale.link == "exp":
-            row.intercept = constant - math.log(scale.step)
-            if abs(row.intercept) + size(poly) > 60:
-                most = abs(row.intercept) + size(poly)
-                raise CompileError(
-                    f"{scale.name} may reach exp({most:.0f}) steps over the box; narrow the box"
-                )
+            unit = 2.0 ** self.exponent(poly, scale)
+            row.coefficients /= unit
+            row.intercept = (constant - math.log(scale.step)) / unit
             return row
         unit = scale.step * 2.0 ** self.exponent(poly, scale)
         row.coefficients /= unit
@@ -167,6 +153,13 @@ class Polynomials:
 
     def exponent(self, poly: Poly, scale: Scale) -> int:
         """e of the row's unit."""
+        if scale.link == "exp":
+            most = abs(poly.get((), 0.0) - math.log(scale.step)) + size(poly)
+            if most > 2**_MOST_UP * _WIDEST_LN:
+                raise CompileError(
+                    f"{scale.name} may reach exp({most:.0f}) steps over the box; narrow the box"
+                )
+            return max(math.ceil(math.log2(most / _WIDEST_LN)), 0)
         return math.ceil(math.log2(max(size(poly) / _WIDEST, 0.02 * scale.spread) / scale.step))
 
     def offset(self, poly: Poly, scale: Scale) -> int:
@@ -176,9 +169,11 @@ class Polynomials:
     def _sizes(self, row: Row, scale: Scale, terms: Array) -> Array:
         """What an error of the row is relative to, at each vector."""
         y = terms[:, :-1] @ row.coefficients + row.intercept
-        if scale.link == "exp":
-            return np.clip(scale.tolerated / (scale.step * np.exp(y)), 0.01, 1.0)
         k = self.scales.index(scale)
+        if scale.link == "exp":
+            unit = 2.0 ** self.exponent(self.polys[k], scale)
+            steps = np.exp(np.clip(y * unit, -700, 700))
+            return np.clip(scale.tolerated / (scale.step * steps), 0.01, 1.0) / unit
         unit = scale.step * 2.0 ** self.exponent(self.polys[k], scale)
         return np.full(len(y), scale.tolerated / unit)
 
@@ -186,73 +181,28 @@ class Polynomials:
 
     def sums(self, j: int) -> Node:
         """Statements of polynomial j: the row in Q24."""
-        code, words, form = self.code, self.words[j], self.form
-        note = f"{self.scales[j].name}: "
-        at = 0
-        begun: set[str] = set()
-        for step in form.steps:
-            target = self._depth(len(step.branch))
-            if isinstance(step, Run):
-                k = slice(at, at + len(step.features))
-                high = ir.dot(words.high[k].tolist(), [f"p{i}" for i in step.features])
-                low = ir.dot(words.low[k].tolist(), [f"q{i}" for i in step.features])
-                if target in begun:
-                    h = self._long("h", high, low, note + self._place(step))
-                    code.let(target, var(target) + (h >> form.downs[j]))
-                else:
-                    self._long(target, high, low, note + self._place(step))
-                    code.let(target, var(target) >> form.downs[j]) if form.downs[j] else None
-                begun.add(target)
-                at = k.stop
-            else:
-                own = form.own(j, words, at)
-                at += 1
-                if target in begun:
-                    code.let(target, var(target) + own, note + self._product(step.branch))
-                else:
-                    code.let(target, own, note + self._product(step.branch))
-                i = step.branch[-1]
-                h, product = ir.mul(target, f"a{i}", f"b{i}")
-                code.let("h", h)
-                outer = self._depth(len(step.branch) - 1)
-                code.let(outer, var(outer) + product if outer in begun else product)
-                begun.discard(target)
-                begun.add(outer)
-        if not form.steps:
+        code, words = self.code, self.words[j]
+        if not self.form.steps:
             return code.let("t", words.intercept)
-        return code.let("t", (var("t") >> words.shift) + words.intercept, note + "sum")
-
-    def _long(self, name: str, high: Node, low: Node, note: str) -> Node:
-        """A run's two sums."""
-        let, down = self.code.let, self.form.low_sum_shift
-        if not low.args[0]:
-            return let(name, high, note)
-        if not high.args[0]:
-            return let(name, low >> down, note)
-        if len(high.args[0]) + len(low.args[0]) > 40:
-            let(name, high, note)
-            g = let("g", low, note)
-            return let(name, var(name) + (g >> down))
-        return let(name, high + (low >> down), note)
-
-    @staticmethod
-    def _depth(n: int) -> str:
-        return _DEPTHS[n] if n < len(_DEPTHS) else f"{_DEPTHS[-1]}{n}"
-
-    def _product(self, branch: Term) -> str:
-        return " * ".join(self._name(i) for i in branch)
-
-    def _place(self, run: Run) -> str:
-        inner = ", ".join(self._name(i) for i in run.features[:8])
-        inner += ", .." if len(run.features) > 8 else ""
-        return f"{self._product(run.branch)} * ({inner})" if run.branch else f"({inner})"
+        t = self.written.raw(j)
+        return code.let("t", (t >> words.shift) + words.intercept, f"{self.scales[j].name}: sum")
 
     # ---- outputs
+
+    def link_unit(self, j: int) -> float:
+        """What 1 of `sums` is, in steps of the output or on the scale of its logarithm."""
+        if self.scales[j].link == "exp":
+            return 2.0 ** (self.exponent(self.polys[j], self.scales[j]) - 24)
+        return self.scales[j].step
 
     def told(self, j: int, t: Node) -> Node:
         """Polynomial j, a row in Q24, as an integer of its steps."""
         scale = self.scales[j]
         if scale.link == "exp":
+            up = self.exponent(self.polys[j], scale)
+            if up:
+                most = _REACHES >> up
+                t = ir.clip(self.code.let("h", t), -most, most) << up
             return ir.exp(t, 24)
         down = 24 - self.exponent(self.polys[j], scale)
         half = (1 << down - 1) if down > 0 else 0

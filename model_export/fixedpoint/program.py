@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +16,10 @@ from palpate.fixedpoint.errors import CompileError
 from palpate.fixedpoint.intervals import LIMIT, Proof
 from palpate.fixedpoint.ir import Code
 from palpate.fixedpoint.space import Array, Feature
+
+if TYPE_CHECKING:
+    from palpate.fixedpoint.assembly import Model
+    from palpate.fixedpoint.calibration import Calibration
 
 TRIED = 5_000
 """Vectors of the box over which errors are told."""
@@ -65,6 +70,11 @@ class Program:
     code : ir.Code
     proof : Proof
         Every intermediate within 31 bits, whatever the features; the narrowest margin, and where it is.
+    model : assembly.Model
+        What was compiled, in float64.
+    sample : array (n, features), or None
+        The data that it is for.
+    calibration : Calibration, or None
     """
 
     features: tuple[Feature, ...]
@@ -72,8 +82,9 @@ class Program:
     classes: tuple[Any, ...]
     code: Code = field(repr=False)
     proof: Proof
-    reference: Callable[[Array], Array] = field(repr=False)
+    model: Model = field(repr=False)
     sample: Array | None = field(repr=False, default=None)
+    calibration: Calibration | None = field(repr=False, default=None)
 
     def quantised(self, X: Any) -> Array:
         """Features (n x features, in their units) as the device is given them: int64."""
@@ -120,7 +131,7 @@ class Program:
         found = []
         for over, X in (("the box", self.box(TRIED)), ("X", self.sample)):
             if X is not None:
-                want, got = np.asarray(self.reference(X), float), self.values(X)
+                want, got = np.asarray(self.model.reference(X), float), self.values(X)
                 for k, o in enumerate(self.outputs[: want.shape[1]]):
                     want[:, k] = np.clip(want[:, k], o.lo * o.step, o.hi * o.step)
                     away = np.abs(got[:, k] - want[:, k])
@@ -185,6 +196,28 @@ class Program:
         body = f"static void {name}(const int32_t *x, int32_t *out)\n{{\n{sources.c_body(self.code)}}}\n"
         return "\n".join(lines) + "\n" + sources.c_helpers(self.code) + body
 
+    def image(self, key: Any, like: Any = None, first: Program | None = None) -> bytes:
+        """Signed, for a probe's slots, where its evaluator can run the program.
+
+        Parameters
+        ----------
+        key : path
+            Directory made by `palpate keygen`.
+        like, first : optional
+            See `palpate.model_export.program_image.image`, which also gives a report.
+
+        Raises
+        ------
+        palpate.PalpateError
+            In one sentence: what the probe's evaluator cannot run, by its name.
+        """
+        try:  # by its name: the compiler does without the rest of Palpate, an image does not
+            probes = import_module("palpate.model_export.program_image")
+        except ModuleNotFoundError:
+            raise CompileError("a probe's image needs the whole of Palpate; install palpate") from None
+        made: bytes = probes.image(self, key, like, first)[0]
+        return made
+
 
 def _listed(values: Sequence[Any]) -> str:
     plain = [v.item() if hasattr(v, "item") else v for v in values]
@@ -192,16 +225,16 @@ def _listed(values: Sequence[Any]) -> str:
 
 
 def assemble(
-    features: Sequence[Feature],
     outputs: Sequence[Output],
     code: Code,
-    reference: Callable[[Array], Array],
+    model: Model,
     sample: Array | None = None,
-    classes: Sequence[Any] = (),
+    calibration: Calibration | None = None,
 ) -> Program:
     """Prove the code for whatever a feature may be, and make a program of it."""
+    features = tuple(model.space.features)
     whole = [(1 - LIMIT, LIMIT - 1)] * len(features)
     code = code.needed()
     proof, ends = code.prove(whole, len(outputs))
     told = tuple(Output(o.name, o.unit, o.step, lo, hi) for o, (lo, hi) in zip(outputs, ends, strict=True))
-    return Program(tuple(features), told, tuple(classes), code, proof, reference, sample)
+    return Program(features, told, tuple(model.classes), code, proof, model, sample, calibration)

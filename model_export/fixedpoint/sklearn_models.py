@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from palpate.fixedpoint import assembly, data, trees
+from palpate.fixedpoint import data, trees
 from palpate.fixedpoint.assembly import Model
-from palpate.fixedpoint.calibration import Calibration
 from palpate.fixedpoint.errors import CompileError
 from palpate.fixedpoint.kernels import Kernels
+from palpate.fixedpoint.options import Options
 from palpate.fixedpoint.program import Program
 from palpate.fixedpoint.refusals import fitted, is_a, refused
 from palpate.fixedpoint.space import Array, Poly, Space, plus
@@ -33,66 +33,28 @@ _WRAPPERS = {"GridSearchCV": "best_estimator_", "RandomizedSearchCV": "best_esti
              "HalvingGridSearchCV": "best_estimator_", "RANSACRegressor": "estimator_"}  # fmt: skip
 
 
-def from_sklearn(
-    model: Any,
-    X: Any,
-    units: Sequence[str] | None = None,
-    calibrate: tuple[Any, Any] | None = None,
-    *,
-    names: Sequence[str] | None = None,
-    output_names: Sequence[str] | None = None,
-    box: data.Box = None,
-    steps: data.Steps = None,
-    level: float = 0.9,
-    within: Sequence[float] | None = None,
-    precise: str = "box",
-) -> Program:
+def from_sklearn(model: Any, X: Any, **options: Any) -> Program:
     """A fitted pipeline, or regressor or classifier, as integers.
 
     Parameters
     ----------
     X : array or DataFrame (n, features)
         What the model takes: features' ranges are taken from it, precision is chosen and errors told over it.
-    units : list of str, optional
-        Of the outputs.
-    calibrate : (X, y), optional
-        Data that the model was not fitted to: adds split-conformal intervals of `level` and a domain flag.
-    names, output_names : list of str, optional
-    box : list of (float, float), or dict by name, optional
-        The features' ends; by default those of X and a tenth more on each side, but not across zero.
-    steps : list of float, or dict by name, optional
-        What an integer of 1 of each feature stands for; by default 1 where X holds whole numbers.
-    within : list of float, optional
-        The worst error wanted of each output, in its unit; by default a hundred thousandth of its standard
-        deviation. A larger one makes a quicker program; `errors` says what came of it.
-    precise : str
-        "box": errors are that small over the whole box; "data": for rows like those of X, in fewer words.
+    options
+        Of `Options`.
 
     Raises
     ------
     CompileError, ProofError
         In one sentence: what cannot be compiled by its name, with the nearest thing that can.
     """
+    wanted = Options(**options)
     table, columns = data.table(X)
     _fits(model, table, columns)
-    words = data.named(names or columns, table.shape[1], "x")
-    space = Space(data.features(table, words, box, steps))
-    reader = _Reader(space)
-    found = reader.read(model, [Raw(i) for i in range(len(words))], columns)
-    n = len(found.polys)
-    found.names = data.named(output_names, n, "y") if not found.classes else found.names
-    found.units = list(units) if units is not None else [""] * n
-    if len(found.units) != n and not found.classes:
-        raise CompileError(f"units has {len(found.units)} entries for {n} outputs")
-    found.units = (found.units + [""] * n)[:n]
+    space = wanted.space(table, columns)
+    found = _Reader(space).read(model, [Raw(i) for i in range(len(space.features))], columns)
     found.reference = _reference(model, found, columns)
-    found.within, found.precise = data.tolerances(within, n, precise), precise
-    calibration = None
-    if calibrate is not None:
-        if found.classes:
-            raise CompileError("intervals are of regressions; leave calibrate out for a classifier")
-        calibration = Calibration.of(calibrate, len(words), columns, found.reference, found.links, level)
-    return assembly.build(found, table, calibration)
+    return wanted.program(found, table, columns)
 
 
 def _fits(model: Any, table: Array, columns: list[str] | None) -> None:

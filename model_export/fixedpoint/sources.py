@@ -123,12 +123,12 @@ def _functions(code: Code) -> set[str]:
 def python_body(code: Code) -> str:
     """The statements of a function of x and out, indented by four."""
     writer = Writer(_choose_python, c=False)
-    lines = []
-    said = ""
-    for let in long_dots(code):
-        if let.note and let.note != said:
-            lines.append(f"    # {let.note}")
-            said = let.note
+    lines = ["    powers = POWERS"] if "exp" in _functions(code) else []
+    for let in _noted(code, lines, "    # {}"):
+        if let.value.op == "exp":
+            what, s = let.value.args
+            lines += [line.format(v=writer.text(what), s=s, name=let.name) for line in _PYTHON_EXP]
+            continue
         text = f"{let.name} = {writer.text(let.value)}"
         if len(text) > _WIDE - 4:
             text = f"{let.name} = ({writer.text(let.value)})"
@@ -136,12 +136,21 @@ def python_body(code: Code) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _noted(code: Code, lines: list[str], comment: str) -> Iterator[Let]:
+    """The statements; where one has a note that the one before had not, it goes into the lines first."""
+    said = ""
+    for let in long_dots(code):
+        if let.note and let.note != said:
+            lines += _wrapped(comment.format(let.note), "", "    # " if "#" in comment else "       ")
+            said = let.note
+        yield let
+
+
 def python_helpers(code: Code) -> str:
     """What stands before it: tables, functions, trees."""
     needed, parts = _functions(code), []
     if "exp" in needed:
-        text = inspect.getsource(scales.exp).replace("def exp(", "def palpate_exp(")
-        parts.append(f"POWERS = (\n{_numbers(scales.POWERS, '    ')}\n)\n\n\n{text}\n\n")
+        parts.append(f"POWERS = (\n{_numbers(scales.POWERS, '    ')}\n)\n\n\n")
     if "lookup" in needed:
         text = inspect.getsource(device.lookup).replace("def lookup(", "def palpate_lookup(")
         parts.append(text.replace("  # type: ignore[no-untyped-def]", "") + "\n\n")
@@ -151,19 +160,9 @@ def python_helpers(code: Code) -> str:
     if code.tables:
         parts.append("\n\n")
     for k, of in enumerate(code.trees):
-        lines = [f"def palpate_tree{k}(x):", *_python_tree(of, 1)]
+        lines = [f"def palpate_tree{k}(x):", *_tree(of, 1, "if x[{}] <= {}:", "return {}")]
         parts.append("\n".join(lines) + "\n\n\n")
     return "".join(parts)
-
-
-def _python_tree(of: Tree, deep: int) -> Iterator[str]:
-    pad = " " * deep
-    while isinstance(of, tuple):
-        feature, threshold, below, above = of
-        yield f"{pad}if x[{feature}] <= {threshold}:"
-        yield from _python_tree(below, deep + 1)
-        of = above
-    yield f"{pad}return {of}"
 
 
 def c_body(code: Code) -> str:
@@ -171,15 +170,18 @@ def c_body(code: Code) -> str:
     writer = Writer(_choose_c, c=True)
     names = sorted({let.name for let in code.lets if not let.name.startswith("out[")})
     lines = _wrapped(f"int32_t {', '.join(names)};", "    ", "    ") if names else []
-    said = ""
-    for let in long_dots(code):
-        if let.note and let.note != said:
-            lines.append(f"    /* {let.note} */")
-            said = let.note
+    for let in _noted(code, lines, "    /* {} */"):
         lines += _wrapped(f"{let.name} = {writer.text(let.value)};", "    ", "    ")
     return "\n".join(lines) + "\n"
 
 
+_PYTHON_EXP = (  # `scales.exp` written out: a call costs more than half of it
+    "    ew = {v}; ek = ew // 181704; ew -= ek * 181704 + (ek * 3 >> 3); em = powers[ek & 63]; eh = ew >> 3",
+    "    ew += eh * eh >> 19; em += (em >> 10) * (ew >> 3) >> 11; ek = {s} - (ek >> 6)",
+    "    {name} = (em + (1 << ek - 1) >> ek if ek < 31 else 0) if ek > 0 else em << -ek if ek > -5 "
+    "else 1073741823",
+)
+_C_TREE = ("if (x[{}] <= {}) {{", "return {};", "}")
 _C_EXP = """static int32_t palpate_exp(int32_t v, int s)
 {
     int32_t k = v / 181704, m, w;
@@ -232,17 +234,19 @@ def c_helpers(code: Code) -> str:
         for name, values in (("FIRST", table.first), ("ROWS", table.rows)):
             parts.append(f"static const int32_t {name}{k}[] = {{\n{_numbers(values, '    ')}\n}};\n")
     for k, of in enumerate(code.trees):
-        lines = [f"static int32_t palpate_tree{k}(const int32_t *x)", "{", *_c_tree(of, 1), "}"]
+        lines = [f"static int32_t palpate_tree{k}(const int32_t *x)", "{", *_tree(of, 1, *_C_TREE), "}"]
         parts.append("\n".join(lines) + "\n\n")
     return "".join(parts)
 
 
-def _c_tree(of: Tree, deep: int) -> Iterator[str]:
+def _tree(of: Tree, deep: int, test: str, leaf: str, end: str = "") -> Iterator[str]:
+    """A tree as nested conditions: how one is written, a leaf, and what ends a condition's block."""
     pad = " " * deep
     while isinstance(of, tuple):
         feature, threshold, below, above = of
-        yield f"{pad}if (x[{feature}] <= {threshold}) {{"
-        yield from _c_tree(below, deep + 1)
-        yield f"{pad}}}"
+        yield pad + test.format(feature, threshold)
+        yield from _tree(below, deep + 1, test, leaf, end)
+        if end:
+            yield pad + end
         of = above
-    yield f"{pad}return {of};"
+    yield pad + leaf.format(of)

@@ -21,6 +21,8 @@ LARGEST = 1 << 29
 """No feature's integer is beyond it."""
 FEWEST = 8
 """Steps of a box, where values are no integers."""
+NEGLIGIBLE = 1e-7
+"""Of a feature's radius: what its centre may be off."""
 FINE = 3e7
 """Steps of a feature over its box, at least, where its values are no integers."""
 
@@ -144,16 +146,23 @@ class Space:
     _of_feature: dict[int, int] = field(default_factory=dict)
 
     def linear(self, feature: int, zero: float | None = None) -> Poly:
-        """The feature itself; its atom's centre is `zero`, if that lies in its box, else the box's middle."""
+        """The feature itself; its atom's centre is `zero`, if that lies in its box, else the box's middle.
+
+        Where the step is fine, what is between `zero` and the centre is passed over: it is less than a
+        rounded feature is off, and every product would have terms of lower degree for it.
+        """
+        of = self.features[feature]
         if feature not in self._of_feature:
-            of = self.features[feature]
             centre = (of.lo + of.hi) // 2
             if zero is not None and of.lo <= round(zero / of.step) <= of.hi:
                 centre = round(zero / of.step)
             self._of_feature[feature] = len(self.atoms)
             self.atoms.append(Atom(feature, of, centre, name=of.name))
         k = self._of_feature[feature]
-        return {(): self.atoms[k].centre, (k,): self.atoms[k].radius}
+        centre = self.atoms[k].centre
+        if zero is not None and abs(zero - centre) <= NEGLIGIBLE * self.atoms[k].radius:
+            centre = zero
+        return {(): centre, (k,): self.atoms[k].radius}
 
     def function(
         self, feature: int, f: Callable[[Array], Array], name: str, kinks: Iterable[float] = ()

@@ -2,38 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from palpate.fixedpoint import assembly, data
+from palpate.fixedpoint import data
 from palpate.fixedpoint.assembly import Model
-from palpate.fixedpoint.calibration import Calibration
 from palpate.fixedpoint.errors import CompileError
+from palpate.fixedpoint.options import Options
 from palpate.fixedpoint.program import Program
-from palpate.fixedpoint.space import Array, Space, plus
+from palpate.fixedpoint.space import Array, plus
 from palpate.fixedpoint.transformers import Columns, Raw
 
 _KNOWN = ("OLS", "WLS", "GLS", "GLSAR", "GLM", "RLM", "QuantReg")
 _CONSTANTS = ("const", "Intercept")
 
 
-def from_statsmodels(
-    results: Any,
-    X: Any,
-    units: Sequence[str] | None = None,
-    calibrate: tuple[Any, Any] | None = None,
-    *,
-    names: Sequence[str] | None = None,
-    output_names: Sequence[str] | None = None,
-    box: data.Box = None,
-    steps: data.Steps = None,
-    level: float = 0.9,
-    within: Sequence[float] | None = None,
-    precise: str = "box",
-) -> Program:
+def from_statsmodels(results: Any, X: Any, **options: Any) -> Program:
     """Fitted results as integers; X holds the columns of the model but the constant (see `from_sklearn`)."""
+    wanted = Options(**options)
     kind = type(getattr(results, "model", results)).__name__
     if not hasattr(results, "params"):
         raise CompileError(f"{kind} was never fitted; give what its fit() returned")
@@ -68,8 +55,7 @@ def from_statsmodels(
         )
     if not np.isfinite(params).all():
         raise CompileError(f"{kind} has a coefficient that is not finite; fit it again")
-    words = data.named(names or columns, table.shape[1], "x")
-    space = Space(data.features(table, words, box, steps))
+    space = wanted.space(table, columns)
     columns_of = Columns(space)
     parts = [(value, columns_of.poly(Raw(i))) for i, (_, value) in zip(places, kept) if value]
     row = np.zeros(table.shape[1])
@@ -80,12 +66,5 @@ def from_statsmodels(
         y = values @ row + constant
         return (np.exp(y) if link == "exp" else y)[:, None]
 
-    model = Model(
-        space, [plus(*parts, (constant, {(): 1.0}))], data.named(output_names, 1, "y"),
-        list(units) if units else [""], [link], reference,
-        within=data.tolerances(within, 1, precise), precise=precise,
-    )  # fmt: skip
-    calibration = None
-    if calibrate is not None:
-        calibration = Calibration.of(calibrate, len(words), columns, reference, [link], level)
-    return assembly.build(model, table, calibration)
+    model = Model(space, [plus(*parts, (constant, {(): 1.0}))], ["y"], [""], [link], reference)
+    return wanted.program(model, table, columns)

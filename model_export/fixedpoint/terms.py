@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from palpate.fixedpoint import assembly, data
+from palpate.fixedpoint import data
 from palpate.fixedpoint.assembly import Model
-from palpate.fixedpoint.calibration import Calibration
 from palpate.fixedpoint.errors import CompileError
+from palpate.fixedpoint.options import Options
 from palpate.fixedpoint.polynomials import not_too_many
 from palpate.fixedpoint.program import Program
 from palpate.fixedpoint.space import Array, Feature, Poly, Space, plus, times
@@ -26,18 +26,11 @@ def compile(
     box: Sequence[tuple[float, float]],
     outputs: int = 1,
     *,
-    names: Sequence[str] | None = None,
-    output_names: Sequence[str] | None = None,
-    units: Sequence[str] | None = None,
     links: Sequence[str] | None = None,
     centre: Sequence[float] | None = None,
     scale: Sequence[float] | None = None,
-    steps: data.Steps = None,
     X: Any = None,
-    calibrate: tuple[Any, Any] | None = None,
-    level: float = 0.9,
-    within: Sequence[float] | None = None,
-    precise: str = "box",
+    **options: Any,
 ) -> Program:
     """Polynomials as integers.
 
@@ -52,25 +45,22 @@ def compile(
         "identity", or "exp" where the polynomial is an output's natural logarithm.
     centre, scale : list of float, optional
         The polynomials are of (x - centre) / scale.
-    steps : list of float, optional
-        What an integer of 1 of each feature stands for; chosen if not given.
     X : array (n, features), optional
         Data over which errors are told, and precision is chosen, beside the box.
-    calibrate : (X, y), optional
-        Data for intervals of `level`, and for the domain.
-    within, precise : optional
-        See `from_sklearn`.
+    options
+        Of `Options`.
 
     Raises
     ------
     CompileError, ProofError
         In one sentence.
     """
+    wanted = Options(**options)
     n = len(box)
     if not n or not len(terms):
         raise CompileError("a polynomial needs a term and a feature at least")
     not_too_many(len(terms))
-    words = data.named(names, n, "x")
+    words = wanted.features(n)
     rows = np.atleast_2d(data.numbers(coefficients, "coefficients"))
     if rows.shape != (outputs, len(terms)):
         raise CompileError(
@@ -102,8 +92,8 @@ def compile(
     if not fits or not (np.isfinite(middle) & np.isfinite(unit) & (unit != 0)).all():
         raise CompileError(f"centre and scale must be {n} finite numbers, no scale of them 0")
     own_data = None if X is None else data.table(X)[0]
-    step_of = [None] * n if steps is None else [data._given(steps, i, name) for i, name in enumerate(words)]
-    features = [Feature.over(w, *data.ends(given, w), False, s) for w, given, s in zip(words, box, step_of)]
+    step_of = [data.given(wanted.steps, i, name) for i, name in enumerate(words)]
+    features = [Feature.over(w, *data.ends(own, w), False, s) for w, own, s in zip(words, box, step_of)]
     space = Space(features)
     z = [
         plus((1 / unit[i], space.linear(i, float(middle[i]))), (-middle[i] / unit[i], {(): 1.0}))
@@ -118,14 +108,8 @@ def compile(
         y = monomials @ rows.T
         return np.where([link == "exp" for link in linked], np.exp(np.minimum(y, 700)), y)
 
-    model = Model(
-        space, polys, data.named(output_names, outputs, "y"), data.named(units, outputs, "") if units else
-        [""] * outputs, linked, reference, within=data.tolerances(within, outputs, precise), precise=precise,
-    )  # fmt: skip
-    calibration = None
-    if calibrate is not None:
-        calibration = Calibration.of(calibrate, n, None, reference, linked, level)
-    return assembly.build(model, own_data, calibration)
+    model = Model(space, polys, [], [], linked, reference)
+    return wanted.program(model, own_data, None)
 
 
 def _said(term: Sequence[int], names: Sequence[str]) -> str:

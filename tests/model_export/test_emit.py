@@ -127,6 +127,6 @@ def test_an_unknown_architecture_is_named(thesis):
 
 def test_the_module_is_readable(field):
     text = emit.emit_py(field)
-    assert "# ln_force * (ln_force, asinh_amp, " in text
+    assert "# F_N_per_m: ln_force * (ln_force, asinh_amp, " in text
     assert '"""Estimate into' in text
     assert max(map(len, text.splitlines())) < 125

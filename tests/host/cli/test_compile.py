@@ -114,7 +114,7 @@ def test_intervals_come_of_rows_that_the_model_has_not_seen(palpate, files, tmp_
         "--target", "d_mm", "--calibrate", files / "more.csv", "--unit", "mm",
     )  # fmt: skip
     outputs = json.loads(out)["outputs"]
-    assert status == 0 and [o["name"] for o in outputs] == ["y", "y_low", "y_high", "inside"]
+    assert status == 0 and [o["name"] for o in outputs] == ["d_mm", "d_mm_low", "d_mm_high", "inside"]
     assert [o["unit"] for o in outputs] == ["mm", "mm", "mm", ""]
 
 
@@ -159,9 +159,9 @@ def test_a_pickle_is_not_read_without_trust(palpate, files, tmp_path):
         (("model.skops", "--data", "{place}/holes.csv"), "no finite a in row 0"),
         (("model.skops", "--data", "{place}/model.joblib"), "use .csv, .parquet"),
         (("model.skops", "--out", "m.exe"), "use .py, .mpy, .c, .h"),
-        (("model.skops", "--out", "m.c", "--arch", "armv6m"), "--arch and --key are of a .mpy"),
+        (("model.skops", "--out", "m.c", "--arch", "armv6m"), "--arch is of a .mpy"),
         (("model.skops", "--out", "{place}/m.mpy", "--arch", "z80"), "no architecture is called 'z80'"),
-        (("model.skops", "--key", "{place}"), "--arch and --key are of a .mpy"),
+        (("model.skops", "--key", "{place}"), "--key is of a .mpy or .palp"),
         (("model.skops", "--calibrate", "{place}/more.csv"), "--calibrate needs --target"),
         (("model.skops", "--unit", "mm", "--unit", "kPa"), "units has 2 entries for 1 outputs"),
         (("model.skops", "--target", "d2_mm", "--calibrate", "{place}/more.csv"), "has no column 'd2_mm'"),
