@@ -85,19 +85,22 @@ def spec_of(program: Program, like: ModelSpec | None = None, first: Program | No
     at = [_names(program).index(name) for name in parts["features"]]
     said = np.asarray(program.model.reference(X), float)
     told_by = {name: k for k, name in enumerate(program.model.names)}
-    found, quantiles, ranges = [], [], []
+    found: list[Output] = []
+    quantiles: list[tuple[float, float]] = []
+    ranges: list[tuple[float | None, float | None]] = []
     for name in outputs.NAMES:
         if name in told_by:
             k = told_by[name]
             output, ends = _output(program, k, parts["terms"], parts["atoms"], said[:, k])
-            quantile, of = calibration.half_widths[k], ends
+            ranges.append(ends)
+            quantile = calibration.half_widths[k]
         else:
             output = Output(name, "identity", -UNTOLD, UNTOLD, (0.0,) * len(parts["terms"]))
             # so that the probe finds an untold stiffness neither hard nor soft
-            quantile, of = 1.5e-6, (None, None)
+            quantile = 1.5e-6
+            ranges.append((None, None))
         found.append(output)
         quantiles.append((quantile, quantile))
-        ranges.append(of)
     n, m = len(at), len(found)
     data = hashlib.sha256(np.ascontiguousarray(X, "<f8").tobytes()).hexdigest()
     hard = HARD_BELOW if like is None else like.hard_below

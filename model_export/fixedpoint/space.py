@@ -159,10 +159,10 @@ class Space:
             self._of_feature[feature] = len(self.atoms)
             self.atoms.append(Atom(feature, of, centre, name=of.name))
         k = self._of_feature[feature]
-        centre = self.atoms[k].centre
-        if zero is not None and abs(zero - centre) <= NEGLIGIBLE * self.atoms[k].radius:
-            centre = zero
-        return {(): centre, (k,): self.atoms[k].radius}
+        middle = self.atoms[k].centre
+        if zero is not None and abs(zero - middle) <= NEGLIGIBLE * self.atoms[k].radius:
+            middle = zero
+        return {(): middle, (k,): self.atoms[k].radius}
 
     def function(
         self, feature: int, f: Callable[[Array], Array], name: str, kinks: Iterable[float] = ()
