@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from palpate.learn.any_tissue.model import PRESS
+from palpate.learn.scopes import PRESS
 from palpate.model_export.schema import Estimate, FirstStage, Joining, ModelSpec
 from tests.model_export import synthetic
 

@@ -34,7 +34,7 @@ if __name__ == "__main__":  # the sweep's worker processes import this file
 
     observed = observe([StrokeField(s) for s in strokes], LEVELS["typical"].without("force"), SEED)
     observed = observed.take(observed.whole)
-    exact = evaluate(spec, observed.columns(spec.features))["value"]
+    exact = evaluate(spec, observed.features(spec.features))["value"]
 
     out = array("i", bytes(4 * evaluator.OUT_SIZE))
     integers = np.zeros_like(exact)

@@ -36,14 +36,15 @@ if __name__ == "__main__":  # the sweep's worker processes import this file
     for name in ("none", "good", "typical", "poor"):
         strokes = observe(lumps, LEVELS[name].at_one_force(), SEED)
         strokes = strokes.take(strokes.whole)
-        said = evaluate(spec, strokes.columns(spec.features))
+        said = evaluate(spec, strokes.features(spec.features))
         said = {part: said[part][:, : len(OUTPUTS)] for part in ("value", "low", "high")}
-        error = np.abs(said["value"] / strokes.Y - 1)
-        inside = (said["low"] <= strokes.Y) & (said["high"] >= strokes.Y)
+        true = strokes.values[:, : len(OUTPUTS)]
+        error = np.abs(said["value"] / true - 1)
+        inside = (said["low"] <= true) & (said["high"] >= true)
         rows.append(
             {"noise": name, "strokes": len(strokes)}
             | {f"{output} %": 100 * np.median(error[:, j]) for j, output in enumerate(OUTPUTS[:4])}
-            | {"E_inv23": np.median(np.abs(said["value"] - strokes.Y)[:, 4])}
+            | {"E_inv23": np.median(np.abs(said["value"] - true)[:, 4])}
             | {"in the interval %": 100 * inside.mean()}
         )
     print("median error of each output (E_inv23: not relative), how often the 90 % intervals hold the truth")

@@ -74,7 +74,7 @@ def command(
       palpate fit out/told --kind field --tissue thesis --out out/told.json
       palpate fit out/told --kind field --tissue thesis --without displacement --out out/pressure.json
     """
-    from palpate.learn.field.data import begun, check_begun
+    from palpate.learn.data import begun, check_begun
     from palpate.learn.fit import check_kind, fit
     from palpate.learn.observed import noise_named
     from palpate.report.measured import Measured, measure
@@ -132,7 +132,7 @@ def command(
 
 def _tissue(pairs: tuple[str, ...]) -> dict[str, float] | None:
     """NAME=VALUE pairs as fields of a case; `UsageError` names what is wrong. None: nothing is told."""
-    from palpate.learn.field.data import check_tissue_names
+    from palpate.learn.data import check_tissue_names
 
     if not pairs:
         return None

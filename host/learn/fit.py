@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from palpate.errors import UsageError
-from palpate.learn.any_tissue.result import TissueFit
-from palpate.learn.field.result import FieldFit
 from palpate.learn.observed import noise_named
+from palpate.learn.result import FieldFit, TissueFit
 from palpate.learn.table import TableError
 from palpate.learn.thesis.fit import ThesisFit
 from palpate.model_export.schema import ModelSpec
@@ -158,13 +157,13 @@ def _field(
     anywhere: bool,
     progress: ProgressCallback | None,
 ) -> Fit:
-    from palpate.learn.balls.lumps import holds_balls
-    from palpate.learn.field.data import LUMPS, check_begun, prepare
-    from palpate.learn.field.fit import fit_field
-    from palpate.learn.field.recipe import FIELD, PRESSURE_ONLY
+    from palpate.learn.data import TOLD_LUMPS, check_begun, prepare
+    from palpate.learn.lumps import holds_solids
+    from palpate.learn.scopes import FIELD, PRESSURE_ONLY
+    from palpate.learn.told import fit_field
 
     check_begun(directory, lumps)
-    if holds_balls(Path(directory)):
+    if holds_solids(Path(directory)):
         if tissue is not None or anywhere:
             what = "lie in tissue of all kinds: leave --tissue out"
             if anywhere:
@@ -173,7 +172,7 @@ def _field(
         return _balls(Path(directory), noise, seed, workers, progress)
     if tissue is None:
         return _any_tissue(Path(directory), noise, seed, lumps, workers, anywhere, progress)
-    strokes = prepare(directory, lumps or LUMPS, workers=workers, tissue=tissue, progress=progress)
+    strokes = prepare(directory, lumps or TOLD_LUMPS, workers=workers, tissue=tissue, progress=progress)
     recipe = FIELD if displacement else PRESSURE_ONLY
     result = fit_field(strokes, noise=noise, seed=seed, recipe=recipe, workers=workers, progress=progress)
     return Fit("field", result.spec, result)
@@ -188,18 +187,18 @@ def _any_tissue(
     anywhere: bool,
     progress: ProgressCallback | None,
 ) -> Fit:
-    from palpate.learn.any_tissue.data import ANYWHERE, LUMPS, ON_BORDER, lie_anywhere, prepare_strokes
-    from palpate.learn.any_tissue.fit import fit_in_any_tissue
-    from palpate.learn.any_tissue.study import TissueStudy
-    from palpate.learn.anywhere.held_out import AnywhereStudy
+    from palpate.learn.any_tissue import fit_in_any_tissue
+    from palpate.learn.anywhere import AnywhereStudy
+    from palpate.learn.data import LUMPS, lie_anywhere, prepare_strokes
+    from palpate.learn.study import Study
     from palpate.sim.tissue.stroke import one_blas_thread
 
     held = lie_anywhere(directory)
     if anywhere and held is False:
         raise TableError(f"{directory} holds lumps on the border of fat and gland: name another directory")
     anywhere = anywhere or bool(held)
-    design, kind = (ANYWHERE, AnywhereStudy) if anywhere else (ON_BORDER, TissueStudy)
-    strokes = prepare_strokes(directory, lumps or LUMPS, workers, progress, design)
+    kind = AnywhereStudy if anywhere else Study
+    strokes = prepare_strokes(directory, lumps or LUMPS, workers, progress, kind.scope)
     with one_blas_thread():
         result = fit_in_any_tissue(strokes, noise, seed, progress=progress, kind=kind)
     return Fit("field", result.spec, result)
@@ -208,17 +207,17 @@ def _any_tissue(
 def _balls(
     directory: Path, noise: str, seed: int, workers: int | None, progress: ProgressCallback | None
 ) -> Fit:
-    from palpate.learn.balls.fit import fit_to_balls
-    from palpate.learn.balls.lumps import read_lumps, read_rim
+    from palpate.learn.lumps import read_solid_rim, read_solids
+    from palpate.learn.solid import fit_to_balls
     from palpate.sim.tissue.stroke import one_blas_thread
 
     with one_blas_thread():
         result = fit_to_balls(
-            read_lumps(directory),
+            read_solids(directory),
             noise,
             seed,
             workers=workers or os.cpu_count() or 1,
             progress=progress,
-            rim=read_rim(directory),
+            rim=read_solid_rim(directory),
         )
     return Fit("field", result.spec, result)

@@ -22,7 +22,6 @@ from palpate.learn.conformal import Widths
 from palpate.learn.domain import DomainCheck
 from palpate.learn.ridge import STRENGTHS, Term, fit_ridge, monomials
 from palpate.model_export.schema import (
-    OUTPUTS,
     Domain,
     Estimate,
     FirstStage,
@@ -32,6 +31,7 @@ from palpate.model_export.schema import (
     ModelSpec,
     Output,
 )
+from palpate.model_export.vocabulary import SYMBOLS
 
 HARD_BELOW = 10.0 ** (-2 / 3)
 LEAST_AMP_SHARE = 0.01
@@ -39,6 +39,11 @@ WIDEST_STDEV_MM = 20.0
 _TAIL, _ROOM = 0.001, 0.1
 _LINK_LN = np.array(outputs.LOGARITHMIC)
 E_INV23 = outputs.E_INV23
+OUTPUTS = tuple(
+    f"ln {symbol}" if logarithmic else {"E_inv23": "E^-2/3"}.get(symbol, symbol)
+    for symbol, logarithmic in zip(SYMBOLS, outputs.LOGARITHMIC)
+)
+"""Names of the outputs on the polynomials' scale: ln F, ln t, ln d, ln h, E^-2/3, ln E_fat."""
 
 
 def to_link(values: Floats) -> Floats:
@@ -191,7 +196,7 @@ def spec_of(
     if fat_kPa is not None and len(model.lo) < len(_LINK_LN):
         model, widths, domain = _told(fat_kPa, model, widths, domain)
     lo, hi = from_link(model.lo[None])[0], from_link(model.hi[None])[0]
-    outputs = tuple(
+    estimated = tuple(
         Output(
             name,
             "ln" if _LINK_LN[j] else "identity",
@@ -199,7 +204,7 @@ def spec_of(
             float(hi[j]),
             tuple(map(float, model.coefficients[:, j])),
         )
-        for j, (name, _) in enumerate(OUTPUTS)
+        for j, name in enumerate(outputs.NAMES)
     )
     names = [*model.names, *(() if first is None else first.features)]
     return ModelSpec(
@@ -212,7 +217,7 @@ def spec_of(
         clip_lo=floats(model.clip_lo),
         clip_hi=floats(model.clip_hi),
         terms=model.terms,
-        outputs=outputs,
+        outputs=estimated,
         interval=Interval(
             widths.level,
             widths.terms,

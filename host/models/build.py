@@ -9,22 +9,20 @@ from typing import Any
 
 import numpy as np
 
+from firmware_py.outputs import E_FAT
 from palpate.features.map_features import Floats
 from palpate.files import json_text, whole_file
-from palpate.learn.any_tissue import data as any_tissue
-from palpate.learn.any_tissue.fit import fit_in_any_tissue
-from palpate.learn.any_tissue.observed import TissueLump, observe_at
-from palpate.learn.any_tissue.result import TissueFit
-from palpate.learn.any_tissue.study import TissueStudy
-from palpate.learn.anywhere.held_out import AnywhereStudy
-from palpate.learn.balls.fit import fit_to_balls
-from palpate.learn.balls.lumps import read_lumps, read_rim
-from palpate.learn.field.data import prepare
-from palpate.learn.field.design import FIELD_SETTINGS, LumpStrokes
-from palpate.learn.field.design import at_forces as at_three_forces
-from palpate.learn.field.fit import fit_field
-from palpate.learn.field.result import FieldFit
-from palpate.learn.observed import observe
+from palpate.learn.any_tissue import fit_in_any_tissue
+from palpate.learn.anywhere import AnywhereStudy
+from palpate.learn.data import prepare, prepare_strokes
+from palpate.learn.design import FIELD_SETTINGS
+from palpate.learn.design import at_forces as at_three_forces
+from palpate.learn.lumps import LumpStrokes, read_solid_rim, read_solids
+from palpate.learn.observed import observe, observe_in_any_fat
+from palpate.learn.result import FieldFit, TissueFit
+from palpate.learn.solid import fit_to_balls
+from palpate.learn.study import Study
+from palpate.learn.told import fit_field
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.model_export.schema import ModelSpec
@@ -72,10 +70,7 @@ SAMPLES: dict[str, Sequence[tuple[Case, float]]] = {
 }
 """Lumps that the models were not fitted to, on each side of their ranges' middle, and the fat's modulus."""
 
-_KINDS: dict[str, tuple[any_tissue.Design, type[TissueStudy]]] = {
-    FIELD: (any_tissue.ON_BORDER, TissueStudy),
-    ANYWHERE: (any_tissue.ANYWHERE, AnywhereStudy),
-}
+_KINDS: dict[str, type[Study]] = {FIELD: Study, ANYWHERE: AnywhereStudy}
 
 SAMPLE_SEED = 7
 
@@ -97,12 +92,12 @@ def build(name: str, directory: Path, progress: Progress | None = None) -> Field
     made = MADE[name]
     fit: FieldFit | TissueFit
     if name in _KINDS:
-        design, kind = _KINDS[name]
-        tissues = any_tissue.prepare_strokes(directory, made["lumps"], progress=progress, design=design)
+        kind = _KINDS[name]
+        tissues = prepare_strokes(directory, made["lumps"], progress=progress, scope=kind.scope)
         fit = fit_in_any_tissue(tissues, made["noise"], made["seed"], progress=progress, kind=kind)
     elif name == BALLS:
         workers = os.cpu_count() or 1
-        lumps, rim = read_lumps(directory), read_rim(directory)
+        lumps, rim = read_solids(directory), read_solid_rim(directory)
         fit = fit_to_balls(lumps, made["noise"], made["seed"], workers=workers, progress=progress, rim=rim)
     else:
         counts = {part: made[part] for part in ("lumps", "rim", "plain", "wide")}
@@ -161,27 +156,27 @@ def sample(name: str, spec: ModelSpec) -> list[dict[str, Any]]:
 
 def _with_press(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
     """The firmware's features of one stroke in that fat, and its truth by `OUTPUTS`."""
-    strokes = LumpStrokes(tuple(simulate(c, STROKES) for c in at_forces([case], FORCE_PARTS)))
+    strokes = tuple(simulate(c, STROKES) for c in at_forces([case], FORCE_PARTS))
     press = tuple(simulate(c, PRESSES) for c in at_forces([case], PRESS_PARTS))
-    return _pressed(TissueLump(strokes, press), fat_kPa, blob, k)
+    return _pressed(LumpStrokes(strokes, press), fat_kPa, blob, k)
 
 
 def _solid(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
     strokes = simulate_solid(case, [case.F_rel * part for part in FORCE_PARTS], ramp=True)
-    return _pressed(TissueLump(LumpStrokes(tuple(strokes)), press_before(strokes)), fat_kPa, blob, k)
+    return _pressed(LumpStrokes(tuple(strokes), press_before(strokes)), fat_kPa, blob, k)
 
 
-def _pressed(lump: TissueLump, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
-    seen = observe_at([lump], [fat_kPa], MADE[FIELD]["noise"], SAMPLE_SEED + k, blob)
-    ln_d, ln_depth, ln_t, E_inv23, _, ln_F, ln_fat = seen.Y[0, :7]
-    return seen.X[0], np.array([*np.exp([ln_F, ln_t, ln_d, ln_depth - ln_d]), E_inv23, np.exp(ln_fat)])
+def _pressed(lump: LumpStrokes, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
+    noise = MADE[FIELD]["noise"]
+    seen = observe_in_any_fat([lump], noise, SAMPLE_SEED + k, blob, fat_kPa=[fat_kPa])
+    return seen.X[0], seen.values[0]
 
 
 def _told(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
     press = [simulate(c, PRESSES) for c in at_forces([case], PRESS_PARTS)]
     strokes = StrokeField(*(simulate(c, FIELD_SETTINGS) for c in at_three_forces(case)), press=press)
     seen = observe([strokes], MADE[TOLD]["noise"], SAMPLE_SEED, force_map=blob or None, first=k)
-    return seen.X[0], np.append(seen.Y[0], fat_kPa)
+    return seen.X[0], np.append(seen.values[0, :E_FAT], fat_kPa)
 
 
 _OBSERVED = {FIELD: _with_press, BALLS: _solid, ANYWHERE: _with_press, TOLD: _told}

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from palpate.learn.any_tissue.model import OUTPUTS, truth
-from palpate.learn.any_tissue.observed import TRUTH
-from palpate.learn.any_tissue.result import TissueFit
 from palpate.learn.conformal import LEVEL
+from palpate.learn.probe_model import OUTPUTS
+from palpate.learn.result import TissueFit
 from palpate.report import style
 from palpate.report.field_figures import frame_of
 from palpate.report.items import Item
@@ -43,13 +42,13 @@ def items(fit: TissueFit) -> list[Item]:
 def figure_estimates(fit: TissueFit) -> Figure:
     """Estimate against truth for every output, and for the depth."""
     study = fit.study
-    true, y, half = truth(study.seen), study.y, study.half
+    true, y, half = study.seen.truth, study.y, study.half
     panels = {}
     for name, words in _SHOWN.items():
         j = OUTPUTS.index(name)
         link = np.exp if name.startswith("ln ") else np.asarray
         panels[words] = [link(v) for v in (true[:, j], y[:, j], y[:, j] - half[:, j], y[:, j] + half[:, j])]
-    depth = np.exp(study.seen.Y[:, TRUTH.index("ln depth")])
+    depth = np.exp(study.seen.of("ln depth"))
     panels["depth, mm"] = [depth, *study.depths_mm().T]
     figure = style.new(9.0, 5.8)
     some = np.arange(0, len(y), 16)

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from palpate.learn.conformal import LEVEL
-from palpate.learn.field.result import FieldFit
-from palpate.learn.field.score import NEAR_THE_BORDER, ordered
+from palpate.learn.result import FieldFit
+from palpate.learn.score import NEAR_THE_BORDER, ordered
 from palpate.learn.table import SHOWN, TARGETS
 from palpate.model_export.vocabulary import SHOWN_UNITS
 from palpate.report import style
@@ -51,8 +51,8 @@ def figure_estimates(fit: FieldFit) -> Figure:
     """Estimate against truth for every output."""
     figure = style.new(9.0, 5.8)
     axes = list(figure.subplots(2, len(TARGETS) // 2 + 1).flat)
-    found = fit.answers.lump
-    truth, value = fit.test.Y[found], fit.answers.value[found]
+    found = fit.answers.found
+    truth, value = fit.test.values[found], fit.answers.value[found]
     low, high = fit.answers.low[found], fit.answers.high[found]
     some = np.arange(0, len(truth), 8)
     for j, (ax, name) in enumerate(zip(axes, TARGETS)):

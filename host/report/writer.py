@@ -14,8 +14,7 @@ from palpate.report import pages, style
 from palpate.report.items import Item, Summary
 
 if TYPE_CHECKING:
-    from palpate.learn.any_tissue.result import TissueFit
-    from palpate.learn.field.result import FieldFit
+    from palpate.learn.result import FieldFit, TissueFit
     from palpate.learn.thesis.fit import ThesisFit
     from palpate.sim.tissue import Stroke
 
@@ -88,7 +87,7 @@ def _items(
     simulate: bool,
     tell: Callable[[str], None],
 ) -> list[Item]:
-    from palpate.learn.any_tissue.result import TissueFit
+    from palpate.learn.result import TissueFit
     from palpate.report import (
         any_tissue_figures,
         field_figures,

@@ -21,10 +21,11 @@ from firmware_py.calib import Calibration
 from palpate import models
 from palpate.console import table
 from palpate.features.map_features import Floats
-from palpate.firmware_twin.replay_core import Replay, compiled
-from palpate.learn.field.data import read_lumps, stroke_fields
-from palpate.learn.field.design import FIELD_SETTINGS, lump_cases
-from palpate.learn.observed import ObservedStrokes
+from palpate.firmware_twin.replay_core import compiled
+from palpate.learn.data import stroke_fields
+from palpate.learn.design import FIELD_SETTINGS, lump_cases
+from palpate.learn.lumps import read_lumps
+from palpate.learn.observed import Observed, of_streams
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.sim.probe.noise import LEVELS
 from palpate.sim.probe.packed_frames import FrameStream
@@ -70,16 +71,9 @@ def strokes(
     return out
 
 
-def observed(made: list[tuple[FrameStream, Calibration]], force_map: bytes | None) -> ObservedStrokes:
+def observed(made: list[tuple[FrameStream, Calibration]], force_map: bytes | None) -> Observed:
     """The strokes through the firmware's pipeline."""
-    replay = Replay(force_map)
-    X, codes, Y = [], [], []
-    for stream, calibration in made:
-        codes.append(replay.stream(stream, calibration))
-        X.append(replay.features())
-        Y.append(list(stream.truth.outputs().values()))
-    each = np.arange(len(made))
-    return ObservedStrokes(np.array(X), np.array(codes), np.array(Y), each >= 0, each)
+    return of_streams(made, range(len(made)), force_map)
 
 
 @contextmanager

@@ -11,7 +11,7 @@ import pytest
 from firmware_py import calib, feature_names, features, reference, stage, status
 from firmware_py import pipeline as pipelines
 from palpate.firmware_twin.replay_core import Replay
-from palpate.learn.any_tissue.reference import features_of
+from palpate.learn.reference import features_of
 from palpate.model_export.fixed_point import compiler
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
 from tests import reference_model

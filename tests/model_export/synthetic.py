@@ -10,7 +10,7 @@ import numpy as np
 
 from firmware_py import features as firmware_features
 from firmware_py import model_image
-from palpate.learn.field.recipe import PILOT_FEATURES
+from palpate.learn.scopes import PILOT_FEATURES
 from palpate.model_export.fixed_point.reference import monomials
 from palpate.model_export.schema import OUTPUTS, Domain, Interval, Limit, ModelSpec, Output
 

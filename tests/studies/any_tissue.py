@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from palpate.learn.any_tissue.observed import TissueLump, joined, observe, read_set
-from palpate.learn.any_tissue.study import DRAWS, SEED, TissueStudy, force_map_of, text_of
-from palpate.learn.field.data import sweep_progress
+from palpate.learn.data import SEED, sweep_progress
+from palpate.learn.lumps import LumpStrokes, read_pressed
+from palpate.learn.model import force_map_of
+from palpate.learn.observed import joined, observe_in_any_fat
+from palpate.learn.study import DRAWS, Study, text_of
 from palpate.progress import ProgressCallback
 from palpate.sim.tissue import sweep
 from palpate.sim.tissue.any_tissue import PRESSES, STROKES, any_tissue_cases, press_cases
@@ -22,18 +24,18 @@ LEVELS = ("typical", "real")
 
 def prepare(
     directory: Path, lumps: int, workers: int | None = None, progress: ProgressCallback | None = None
-) -> list[TissueLump]:
+) -> list[LumpStrokes]:
     """Simulate into `directory` what it lacks of that many lumps (see `any_tissue_cases`), and read them."""
     presses, strokes = directory / "press", directory / "lumps"
     report = sweep_progress("pressing", progress)
     sweep(press_cases(lumps, SEED), PRESSES, presses, workers=workers, progress=report)
     report = sweep_progress("stroking", progress)
     sweep(any_tissue_cases(lumps, SEED), STROKES, strokes, workers=workers, progress=report)
-    return read_set(strokes, presses)
+    return read_pressed(strokes, presses)
 
 
 def table_of(
-    lumps: Sequence[TissueLump],
+    lumps: Sequence[LumpStrokes],
     levels: Sequence[str] = LEVELS,
     draws: int = DRAWS,
     seed: int = 1,
@@ -44,7 +46,7 @@ def table_of(
 
 
 def _rows(
-    lumps: Sequence[TissueLump],
+    lumps: Sequence[LumpStrokes],
     levels: Sequence[str],
     draws: int,
     seed: int,
@@ -52,11 +54,11 @@ def _rows(
 ) -> Iterator[dict[str, object]]:
     blob = force_map_of(lumps)
     for level in levels:
-        seen = joined([observe(lumps, level, 1000 * seed + k, blob) for k in range(draws)])
+        seen = joined([observe_in_any_fat(lumps, level, 1000 * seed + k, blob) for k in range(draws)])
         if step:
             step(f"{level}: seen")
-        yield TissueStudy.held_out(seen, False, step=step).row(f"{level}, the stroke alone")
-        yield TissueStudy.held_out(seen, True, step=step).row(f"{level}, with its press")
+        yield Study.held_out(seen, False, step=step).row(f"{level}, the stroke alone")
+        yield Study.held_out(seen, True, step=step).row(f"{level}, with its press")
 
 
 def tables(asked: Asked) -> list[StudyTable]:

@@ -9,11 +9,14 @@ import numpy as np
 
 from palpate.answer.layers import values
 from palpate.features.map_features import Floats
-from palpate.learn.any_tissue.model import OUTPUTS, TissueModel, fit_tissue_model
-from palpate.learn.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe, read_set
-from palpate.learn.any_tissue.study import TextTable, force_map_of
-from palpate.learn.anywhere.held_out import AnywhereStudy
-from palpate.learn.field.data import sweep_progress
+from palpate.learn.anywhere import AnywhereStudy
+from palpate.learn.data import sweep_progress
+from palpate.learn.lumps import LumpStrokes, read_pressed
+from palpate.learn.model import Model, fit_model, force_map_of
+from palpate.learn.observed import Observed, joined, observe_in_any_fat
+from palpate.learn.probe_model import OUTPUTS
+from palpate.learn.scopes import BORDER
+from palpate.learn.study import TextTable
 from palpate.progress import ProgressCallback
 from palpate.sim.tissue import Case, sweep
 from palpate.sim.tissue.any_tissue import PRESSES, STROKES
@@ -35,7 +38,7 @@ Step = Callable[[str], None]
 
 def prepare(
     directory: Path, lumps: int, workers: int | None = None, progress: ProgressCallback | None = None
-) -> tuple[list[TissueLump], list[TissueLump]]:
+) -> tuple[list[LumpStrokes], list[LumpStrokes]]:
     """Simulate into `directory` what it lacks, and read it: lumps anywhere, and lumps on the border."""
     presses, strokes = directory / "press", directory / "lumps"
     report = sweep_progress("pressing", progress)
@@ -43,12 +46,12 @@ def prepare(
     report = sweep_progress("stroking", progress)
     sweep(anywhere_cases(lumps, SEED), STROKES, strokes, workers=workers, progress=report)
     tied = any_tissue.prepare(directory / "tied", min(lumps, TIED_LUMPS), workers, progress)
-    return read_set(strokes, presses), tied
+    return read_pressed(strokes, presses), tied
 
 
-def seen_by_the_probe(lumps: Sequence[TissueLump], blob: bytes, seed: int, noise: str) -> ObservedInTissue:
+def seen_by_the_probe(lumps: Sequence[LumpStrokes], blob: bytes, seed: int, noise: str) -> Observed:
     """Some strokes over each lump, through the probe's integers."""
-    return joined([observe(lumps, noise, 1000 * seed + k, blob) for k in range(DRAWS)])
+    return joined([observe_in_any_fat(lumps, noise, 1000 * seed + k, blob) for k in range(DRAWS)])
 
 
 def broken_tie(y: Floats) -> Floats:
@@ -58,7 +61,7 @@ def broken_tie(y: Floats) -> Floats:
 
 
 def bounds(
-    lumps: Sequence[TissueLump],
+    lumps: Sequence[LumpStrokes],
     directory: Path,
     noise: str = "typical",
     workers: int | None = None,
@@ -67,7 +70,7 @@ def bounds(
     """What the map tells of the first `BOUNDED` visible lumps, by number; simulated if need be."""
     wanted: dict[int, Case] = {}
     for k, lump in enumerate(lumps):
-        stroke = lump.strokes.strokes[len(lump.strokes.strokes) // 2]
+        stroke = lump.strokes[len(lump.strokes) // 2]
         middle = stroke.images_kPa[:, 7:9].mean(1)
         if middle[-1] / middle[0] - 1 > LEAST_BUMP and len(wanted) < BOUNDED:
             wanted[k] = stroke.case
@@ -89,15 +92,15 @@ def tables(asked: Asked) -> list[StudyTable]:
 
 
 def tables_of(
-    seen: ObservedInTissue,
-    on_border: ObservedInTissue,
+    seen: Observed,
+    on_border: Observed,
     known: dict[int, Bound],
     step: Step | None = None,
 ) -> list[TextTable]:
     """The tables of strokes over lumps anywhere, and over lumps on the border to teach the tie."""
     found = AnywhereStudy.held_out(seen, step=step)
     of_tie = AnywhereStudy.held_out(on_border, step=step)
-    model = fit_tissue_model(on_border)
+    model = fit_model(BORDER, on_border)
     return [*found.further_tables(), _bound(found, known), _of_the_tie(found, of_tie, model)]
 
 
@@ -124,7 +127,7 @@ def _percent(values: Sequence[float] | Floats) -> list[str]:
     return [f"{100 * value:.2g}" for value in values]
 
 
-def _of_the_tie(found: AnywhereStudy, of_tie: AnywhereStudy, model: TissueModel) -> TextTable:
+def _of_the_tie(found: AnywhereStudy, of_tie: AnywhereStudy, model: Model) -> TextTable:
     said, (_, _, true) = model.answer(found.seen), found.told
     limit = np.quantile(broken_tie(of_tie.y), 1 - FALSE_FLAGS)
     flagged = broken_tie(said.y) > limit

@@ -17,15 +17,14 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from palpate.features.map_features import Floats
-from palpate.learn.any_tissue.model import OUTPUTS, STIFFNESS, truth
-from palpate.learn.any_tissue.observed import TRUTH, ObservedInTissue, TissueLump
-from palpate.learn.any_tissue.study import force_map_of
-from palpate.learn.any_tissue.study import text_of as outputs_text
-from palpate.learn.balls.emulator import fit_emulator
-from palpate.learn.balls.fit import held_out_folds
-from palpate.learn.balls.lumps import read_lumps
-from palpate.learn.balls.training import BallStudy, judged, observed, taught, train
-from palpate.learn.probe_model import HARD_BELOW
+from palpate.learn.emulator import fit_emulator
+from palpate.learn.lumps import LumpStrokes, read_solids
+from palpate.learn.model import force_map_of
+from palpate.learn.observed import Observed
+from palpate.learn.probe_model import E_INV23, HARD_BELOW, OUTPUTS
+from palpate.learn.solid import held_out_folds
+from palpate.learn.study import text_of as outputs_text
+from palpate.learn.training import SolidStudy, judged, observed, taught, train
 from tests.studies import bound_emulated
 from tests.studies.table import Asked, StudyTable
 
@@ -37,7 +36,7 @@ PARTS = 3
 
 
 def classes_of(
-    lumps: Sequence[TissueLump],
+    lumps: Sequence[LumpStrokes],
     force_map: bytes,
     noise: str = "typical",
     seed: int = 1,
@@ -51,7 +50,7 @@ def classes_of(
 
 
 def learning_of(
-    lumps: Sequence[TissueLump],
+    lumps: Sequence[LumpStrokes],
     force_map: bytes,
     noise: str = "typical",
     seed: int = 1,
@@ -78,14 +77,14 @@ def learning_of(
     return pd.DataFrame(rows)
 
 
-def table_of(asked: ObservedInTissue, study: BallStudy) -> pd.DataFrame:
+def table_of(asked: Observed, study: SolidStudy) -> pd.DataFrame:
     """Rows by d and h, then hard and soft: the share found, median errors, coverage.
 
     Parameters
     ----------
-    asked : ObservedInTissue
+    asked : Observed
         All strokes, those that found nothing too.
-    study : BallStudy
+    study : SolidStudy
         What was said of those that found a lump.
 
     Returns
@@ -97,10 +96,10 @@ def table_of(asked: ObservedInTissue, study: BallStudy) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-Pick = Callable[[ObservedInTissue], NDArray[np.bool_]]
+Pick = Callable[[Observed], NDArray[np.bool_]]
 
 
-def _classes(asked: ObservedInTissue) -> list[tuple[str, Pick]]:
+def _classes(asked: Observed) -> list[tuple[str, Pick]]:
     """Words of each class, and which strokes are of it."""
     ends = {name: np.quantile(_value(asked, name), np.linspace(0, 1, PARTS + 1)) for name in _BY}
     out: list[tuple[str, Pick]] = [("all", lambda seen: np.ones(len(seen.X), bool))]
@@ -108,8 +107,8 @@ def _classes(asked: ObservedInTissue) -> list[tuple[str, Pick]]:
         (d, d_end), (h, h_end) = (ends[name][k : k + 2] for name, k in zip(_BY, (i, j)))
         words = f"d {d:.0f} to {d_end:.0f} mm, h {h:.1f} to {h_end:.1f}"
         out.append((words, partial(_in_class, ends, (i, j))))
-    out.append(("hard", lambda seen: truth(seen)[:, STIFFNESS] <= HARD_BELOW))
-    out.append(("soft", lambda seen: truth(seen)[:, STIFFNESS] > HARD_BELOW))
+    out.append(("hard", lambda seen: seen.truth[:, E_INV23] <= HARD_BELOW))
+    out.append(("soft", lambda seen: seen.truth[:, E_INV23] > HARD_BELOW))
     out.append(("beside the line", lambda seen: seen.across[:, 1] > 0))
     return out
 
@@ -117,12 +116,12 @@ def _classes(asked: ObservedInTissue) -> list[tuple[str, Pick]]:
 _BY = ("d", "h")
 
 
-def _value(seen: ObservedInTissue, name: str) -> Floats:
-    d, depth = (np.exp(seen.Y[:, TRUTH.index(of)]) for of in ("ln d", "ln depth"))
+def _value(seen: Observed, name: str) -> Floats:
+    d, depth = (np.exp(seen.of(of)) for of in ("ln d", "ln depth"))
     return d if name == "d" else depth / d
 
 
-def _in_class(ends: dict[str, Floats], which: tuple[int, int], seen: ObservedInTissue) -> NDArray[np.bool_]:
+def _in_class(ends: dict[str, Floats], which: tuple[int, int], seen: Observed) -> NDArray[np.bool_]:
     inside = np.ones(len(seen.X), bool)
     for name, k in zip(_BY, which):
         part = np.searchsorted(ends[name][1:-1], _value(seen, name), side="right")
@@ -130,8 +129,8 @@ def _in_class(ends: dict[str, Floats], which: tuple[int, int], seen: ObservedInT
     return inside
 
 
-def _row(words: str, asked: ObservedInTissue, study: BallStudy, rows: NDArray[np.bool_]) -> dict[str, object]:
-    y, Y, half, hard = study.y[rows], truth(study.seen)[rows], study.half[rows], study.hard[rows]
+def _row(words: str, asked: Observed, study: SolidStudy, rows: NDArray[np.bool_]) -> dict[str, object]:
+    y, Y, half, hard = study.y[rows], study.seen.truth[rows], study.half[rows], study.hard[rows]
     error = np.median(np.abs(y - Y), axis=0) if len(y) else np.full(len(OUTPUTS), np.nan)
     d, h, fat = (OUTPUTS.index(name) for name in ("ln d", "ln h", "ln E_fat"))
     deep = np.abs((y - Y)[:, [d, h]].sum(1))
@@ -142,7 +141,7 @@ def _row(words: str, asked: ObservedInTissue, study: BallStudy, rows: NDArray[np
         "d_error": float(np.expm1(error[d])),
         "depth_error": float(np.expm1(np.median(deep))) if len(deep) else float("nan"),
         "E_fat_error": float(np.expm1(error[fat])),
-        "hard_soft": float((hard == (Y[:, STIFFNESS] <= HARD_BELOW)).mean()) if len(y) else np.nan,
+        "hard_soft": float((hard == (Y[:, E_INV23] <= HARD_BELOW)).mean()) if len(y) else np.nan,
         "d_covered": float((np.abs(y - Y) <= half)[:, d].mean()) if len(y) else float("nan"),
     }
 
@@ -164,7 +163,7 @@ def _percent(value: float) -> str:
 
 def tables(asked: Asked) -> list[StudyTable]:
     """Kinds of lumps, what the images allow, and learning from ever more lumps."""
-    lumps, noise, seed = read_lumps(asked.directory), asked.noise or "typical", asked.seed
+    lumps, noise, seed = read_solids(asked.directory), asked.noise or "typical", asked.seed
     force_map = force_map_of(lumps)
     kinds = classes_of(lumps, force_map, noise, seed, os.cpu_count() or 1, asked.tell)
     emulator = fit_emulator(lumps)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate.learn.field.data import sweep_progress
+from palpate.learn.data import sweep_progress
 from palpate.learn.observed import noise_named
 from palpate.progress import ProgressCallback
 from palpate.sim.probe.noise import Noise

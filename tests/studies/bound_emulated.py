@@ -10,8 +10,8 @@ import pandas as pd
 from scipy.interpolate import CubicSpline
 
 from palpate.features.map_features import Floats
-from palpate.learn.any_tissue.observed import TissueLump
-from palpate.learn.balls.emulator import StrokeEmulator, inputs_of
+from palpate.learn.emulator import StrokeEmulator, inputs_of
+from palpate.learn.lumps import LumpStrokes
 from palpate.learn.observed import noise_named
 from palpate.learn.probe_model import HARD_BELOW
 from palpate.sim.probe.noise import Noise
@@ -40,7 +40,7 @@ _MOVES = ((_ALONG,), (_ACROSS,), (_DEPTH,), (_DOWN,), (_E,), (6,), (7,), (8,), (
 class LumpBound:
     """What one stroke with its press tells of one lump, and the share of t that depth and height are."""
 
-    lump: TissueLump
+    lump: LumpStrokes
     bound: Bound
     of_t: dict[str, float]
 
@@ -49,9 +49,9 @@ class LumpBound:
         return self.bound.sd_of(self.of_t if name == "ln t" else {name: 1.0})
 
 
-def emulated_bound(emulator: StrokeEmulator, lump: TissueLump, noise: Noise | str) -> LumpBound:
+def emulated_bound(emulator: StrokeEmulator, lump: LumpStrokes, noise: Noise | str) -> LumpBound:
     """The bound for one stroke with its press over this lump."""
-    x = np.array(inputs_of(lump.strokes.case))
+    x = np.array(inputs_of(lump.case))
     derivatives = {}
     for k, (name, step) in enumerate(zip(NAMES, _STEPS, strict=True)):
         less, more = (_values(emulator, _changed(x, k, sign)) for sign in (-1, 1))
@@ -66,9 +66,9 @@ def emulated_bound(emulator: StrokeEmulator, lump: TissueLump, noise: Noise | st
 
 def table_of(bounds: Sequence[LumpBound]) -> pd.DataFrame:
     """Median of the least median errors: all lumps, hard and soft ones, those clearly over the noise."""
-    hard = np.array([one.lump.strokes.case.E_inv23 <= HARD_BELOW for one in bounds])
-    small = np.array([one.lump.strokes.case.d_mm < 10 for one in bounds])
-    deep_mm = np.array([one.lump.strokes.case.depth_mm for one in bounds])
+    hard = np.array([one.lump.case.E_inv23 <= HARD_BELOW for one in bounds])
+    small = np.array([one.lump.case.d_mm < 10 for one in bounds])
+    deep_mm = np.array([one.lump.case.depth_mm for one in bounds])
     kinds = {
         "all": np.ones(len(bounds), bool),
         "hard": hard,

@@ -10,13 +10,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from palpate.learn.field.bench import Bench
-from palpate.learn.field.data import read_lumps, sweep_progress
-from palpate.learn.field.design import FIELD_SETTINGS, FORCE_STEP, LumpStrokes
-from palpate.learn.field.model import FieldModel, fit_field_model
-from palpate.learn.field.recipe import FIELD
-from palpate.learn.field.score import coverage
-from palpate.learn.observed import ObservedStrokes, join, observe
+from palpate.learn.bench import Bench
+from palpate.learn.data import sweep_progress
+from palpate.learn.design import FIELD_SETTINGS
+from palpate.learn.lumps import FORCE_STEP, LumpStrokes, read_lumps
+from palpate.learn.model import Model, fit_model
+from palpate.learn.observed import Observed, joined, observe
+from palpate.learn.scopes import FIELD, TOLD
+from palpate.learn.score import coverage
 from palpate.learn.table import TARGETS
 from palpate.sim.probe.sensors import StrokeField
 from palpate.sim.tissue import Case, sobol_cases, sweep
@@ -37,10 +38,10 @@ def seen_through(lumps: Sequence[LumpStrokes], every: int) -> list[StrokeField]:
     return [StrokeField(*lump.strokes[::every]) for lump in lumps]
 
 
-def covered_row(words: str, model: FieldModel, observed: ObservedStrokes) -> Row:
+def covered_row(words: str, model: Model, observed: Observed) -> Row:
     """Scores, and the coverage of every output's interval."""
     answers = model.answer(observed)
-    table = coverage(observed, answers, answers.lump)
+    table = coverage(observed, answers, answers.found)
     row = row_of(words, model, observed, answers)
     return row | {f"covered_{t}": float(table[t]["all"]) for t in TARGETS}
 
@@ -52,12 +53,12 @@ def _run(bench: Bench) -> Iterator[Row]:
         sweep(cases(), FIELD_SETTINGS, home, workers=bench.workers, progress=report)
     lumps = [lump for lump in read_lumps(home)[0] if len(lump.strokes) == len(PARTS)]
     train, calibration, test, rim = bench.parts(bench.noise, draws=DRAWS)
-    model = fit_field_model(FIELD, train, calibration, rim)
+    model = fit_model(TOLD.of(FIELD), train, calibration, rim)
     yield covered_row("held-out lumps, as trained", model, test)
     for words, every in (("two forces", 6), ("three forces", 3), ("computed: seven forces", 1)):
         fields = seen_through(lumps, every)
         strokes = [observe(fields, bench.noise, seed, force_map=bench.blob) for seed in _OBSERVED]
-        yield covered_row(words, model, join(strokes))
+        yield covered_row(words, model, joined(strokes))
 
 
 COMPUTED = Study(

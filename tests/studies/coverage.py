@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from palpate import models
 from palpate.features.map_features import Floats
 from palpate.learn.conformal import LEVEL
-from palpate.learn.field.data import read_lumps, stroke_fields, sweep_progress
-from palpate.learn.field.design import FIELD_SETTINGS, lump_cases
-from palpate.learn.observed import ObservedStrokes, observe
+from palpate.learn.data import stroke_fields, sweep_progress
+from palpate.learn.design import FIELD_SETTINGS, lump_cases
+from palpate.learn.lumps import read_lumps
+from palpate.learn.observed import Observed, observe
 from palpate.learn.table import SHOWN, TARGETS
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.fixed_point.reference import evaluate
@@ -63,32 +64,32 @@ def coverage(
     return _shares(spec, seen.take(np.flatnonzero(found))), int((~found).sum())
 
 
-def shows_lump(spec: ModelSpec, seen: ObservedStrokes) -> NDArray[np.bool_]:
+def shows_lump(spec: ModelSpec, seen: Observed) -> NDArray[np.bool_]:
     """The model's own rule."""
     shown = np.ones(len(seen), bool)
     for limit in spec.lump:
-        (values,) = seen.columns([limit.feature]).T
+        (values,) = seen.features([limit.feature]).T
         shown &= (values >= (-np.inf if limit.lo is None else limit.lo)) & (
             values <= (np.inf if limit.hi is None else limit.hi)
         )
     return shown
 
 
-def held(spec: ModelSpec, seen: ObservedStrokes) -> dict[str, NDArray[np.bool_]]:
+def held(spec: ModelSpec, seen: Observed) -> dict[str, NDArray[np.bool_]]:
     """Whether each stroke's intervals hold the truth: of the outputs, of `depth` and of `independent`."""
-    said = evaluate(spec, seen.columns(spec.features))
+    said = evaluate(spec, seen.features(spec.features))
     spans = np.stack([said[part] for part in ("value", "low", "high")], axis=2)
-    inside = {name: _holds(spans[:, j], seen.Y[:, j]) for j, name in enumerate(NAMES)}
-    true = seen.Y[:, T] - seen.Y[:, D] / 2
+    inside = {name: _holds(spans[:, j], seen.values[:, j]) for j, name in enumerate(NAMES)}
+    true = seen.values[:, T] - seen.values[:, D] / 2
     depth = np.array([depth_mm(*map(tuple, stroke[[T, D, H]])) for stroke in spans])
     inside["depth"] = _holds(depth, true)
     inside["independent"] = _holds(_independent(spans), true)
     return inside
 
 
-def _shares(spec: ModelSpec, seen: ObservedStrokes) -> pd.DataFrame:
+def _shares(spec: ModelSpec, seen: Observed) -> pd.DataFrame:
     inside = held(spec, seen)
-    true = seen.Y[:, T] - seen.Y[:, D] / 2
+    true = seen.values[:, T] - seen.values[:, D] / 2
     rows = {}
     for name, group in {"all": np.ones(len(seen), bool), **_quarters(seen, true)}.items():
         rows[name] = {"n": int(group.sum()), **{key: hit[group].mean() for key, hit in inside.items()}}
@@ -107,9 +108,9 @@ def _independent(spans: Floats) -> Floats:
     return np.stack([value, value - width, value + width], axis=1)
 
 
-def _quarters(seen: ObservedStrokes, depth: Floats) -> dict[str, NDArray[np.bool_]]:
+def _quarters(seen: Observed, depth: Floats) -> dict[str, NDArray[np.bool_]]:
     out = {}
-    for name, values in (("depth", depth), ("d", seen.Y[:, D]), ("h", seen.Y[:, H])):
+    for name, values in (("depth", depth), ("d", seen.values[:, D]), ("h", seen.values[:, H])):
         edges = np.quantile(values, [0, 0.25, 0.5, 0.75, 1])
         for k in range(4):
             words = f"{name} {edges[k]:.3g} to {edges[k + 1]:.3g}"

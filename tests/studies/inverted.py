@@ -17,8 +17,8 @@ from palpate.errors import PalpateError
 from palpate.inversion.classes import ANYWHERE
 from palpate.inversion.result import FITS, LEVEL, WIDER
 from palpate.inversion.strokes import invert_stroke
-from palpate.learn.any_tissue.observed import random_scale
 from palpate.learn.conformal import quantile_of_part
+from palpate.learn.observed import random_scale
 from palpate.sim.probe.noise import level_named
 from palpate.sim.tissue import Case
 from palpate.sim.tissue.anywhere import anywhere_lumps

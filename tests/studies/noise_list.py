@@ -21,12 +21,11 @@ from palpate import models
 from palpate.errors import UsageError
 from palpate.features.map_features import Floats
 from palpate.firmware_twin.replay_core import Replay
-from palpate.learn.any_tissue.model import OUTPUTS, depth_mm
-from palpate.learn.any_tissue.observed import TissueLump, random_scale, read_presses, scaled
-from palpate.learn.field.data import sweep_progress
-from palpate.learn.field.design import LumpStrokes
-from palpate.learn.observed import NAMES
-from palpate.learn.probe_model import shows_lump
+from palpate.learn.data import sweep_progress
+from palpate.learn.lumps import LumpStrokes, read_presses, scaled
+from palpate.learn.model import depth_mm
+from palpate.learn.observed import NAMES, random_scale
+from palpate.learn.probe_model import OUTPUTS, shows_lump
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.fixed_point import reference
 from palpate.model_export.schema import ModelSpec
@@ -123,7 +122,7 @@ def prepare(
     lumps: int = LUMPS,
     workers: int | None = None,
     progress: ProgressCallback | None = None,
-) -> tuple[list[TissueLump], list[TissueLump]]:
+) -> tuple[list[LumpStrokes], list[LumpStrokes]]:
     """Simulate into `directory` what it lacks, and read it: lumps, and plain tissue."""
     tissues = {
         "lumps": (random_lumps(lumps, SEED, TissueRanges()), STROKES),
@@ -140,11 +139,11 @@ def prepare(
     return found[0], found[1]
 
 
-def _read(strokes: Path, presses: Path) -> list[TissueLump]:
+def _read(strokes: Path, presses: Path) -> list[LumpStrokes]:
     """What two sweeps have, lump by lump."""
     by_lump = {replace(press[0].case, F_rel=1.0): press for press in read_presses(presses)}
     return [
-        TissueLump(LumpStrokes(rising), by_lump[key])
+        LumpStrokes(rising, by_lump[key])
         for rising in read_presses(strokes)
         if (key := replace(rising[0].case, F_rel=1.0)) in by_lump
     ]
@@ -160,14 +159,14 @@ class Seen:
     cells: np.ndarray
 
 
-def observe(lumps: Sequence[TissueLump], item: Item, spec: ModelSpec, seed: int) -> Seen:
+def observe(lumps: Sequence[LumpStrokes], item: Item, spec: ModelSpec, seed: int) -> Seen:
     """One stroke with its press over each lump, each in a fat and by a probe and a hand of its own."""
     replay = Replay(None if spec.force_map is None else force_maps.blob(spec.force_map))
     codes, X, Y, cells = [], [], [], []
     for k, lump in enumerate(lumps):
         rng = np.random.default_rng([seed, k])
-        s = random_scale(lump.strokes.case, rng)
-        field = StrokeField(*(scaled(stroke, s) for stroke in lump.strokes.strokes))
+        s = random_scale(lump.case, rng)
+        field = StrokeField(*(scaled(stroke, s) for stroke in lump.strokes))
         hand = Hand(field, item.noise, int(rng.integers(1 << 40)))
         hand.rise = item.rise
         pressed = StrokeField(*(scaled(press, s) for press in lump.press))
@@ -176,7 +175,7 @@ def observe(lumps: Sequence[TissueLump], item: Item, spec: ModelSpec, seed: int)
         codes.append(replay.stream(stream, hand.calibration()))
         X.append(replay.features())
         cells.append((int(hand.stuck.sum()), replay.pipeline.stuck))
-        case = lump.strokes.case
+        case = lump.case
         lengths = np.log([case.t_mm, case.d_mm, case.h])
         fat = case.fat_kPa * s * float(hand.stiffness_at(x).mean())
         F = float(hand.force_at(x).mean())
@@ -264,8 +263,8 @@ def joined(parts: Sequence[Seen]) -> Seen:
 
 
 def table_of(
-    lumps: Sequence[TissueLump],
-    plain: Sequence[TissueLump],
+    lumps: Sequence[LumpStrokes],
+    plain: Sequence[LumpStrokes],
     items: Sequence[Item] = ITEMS,
     seed: int = 1,
     step: Step | None = None,

@@ -11,9 +11,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from palpate.features.map_features import Floats
-from palpate.learn.any_tissue.model import fit_tissue_model, tissue_truth
-from palpate.learn.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe
-from palpate.learn.any_tissue.reference import (
+from palpate.learn.data import SEED, sweep_progress
+from palpate.learn.lumps import LumpStrokes
+from palpate.learn.model import fit_model, force_map_of, tissue_truth
+from palpate.learn.observed import Observed, joined, observe_in_any_fat
+from palpate.learn.reference import (
     References,
     Tissue,
     fit_joining,
@@ -23,9 +25,9 @@ from palpate.learn.any_tissue.reference import (
     said_by,
     tissue_of,
 )
-from palpate.learn.any_tissue.study import DRAWS, FOLDS, SEED, TissueStudy, force_map_of
-from palpate.learn.any_tissue.study import text_of as outputs_text
-from palpate.learn.field.data import sweep_progress
+from palpate.learn.scopes import BORDER
+from palpate.learn.study import DRAWS, FOLDS, Study
+from palpate.learn.study import text_of as outputs_text
 from palpate.progress import ProgressCallback
 from palpate.sim.tissue import Stroke, sweep
 from palpate.sim.tissue.any_tissue import PRESSES, elsewhere_cases, reference_cases, thicker
@@ -48,7 +50,7 @@ class Wrong:
 
 def prepare(
     directory: Path, lumps: int, workers: int | None = None, progress: ProgressCallback | None = None
-) -> list[TissueLump]:
+) -> list[LumpStrokes]:
     """As `any_tissue.prepare`, and presses beside these lumps and at other places."""
     report = sweep_progress("pressing beside", progress)
     sweep(reference_cases(lumps, SEED), PRESSES, directory / "reference", workers=workers, progress=report)
@@ -62,12 +64,14 @@ def _elsewhere(directory: Path, share: float) -> Path:
     return directory / f"off{100 * share:.0f}"
 
 
-def read_elsewhere(lumps: Sequence[TissueLump], home: Path, share: float) -> dict[Tissue, tuple[Stroke, ...]]:
+def read_elsewhere(
+    lumps: Sequence[LumpStrokes], home: Path, share: float
+) -> dict[Tissue, tuple[Stroke, ...]]:
     """The presses of `elsewhere_cases`, by the tissue of the lump that they are not beside."""
     found, presses = {}, read_references(home)
     for k, lump in enumerate(lumps):
-        own = tissue_of(lump.strokes.case)
-        there = round(lump.strokes.case.t_mm * thicker(k, share), 6), *own[1:]
+        own = tissue_of(lump.case)
+        there = round(lump.case.t_mm * thicker(k, share), 6), *own[1:]
         if there in presses:
             found[own] = presses[there]
     return found
@@ -75,7 +79,7 @@ def read_elsewhere(lumps: Sequence[TissueLump], home: Path, share: float) -> dic
 
 def table_of(
     directory: Path,
-    lumps: Sequence[TissueLump],
+    lumps: Sequence[LumpStrokes],
     levels: Sequence[str] = ("typical",),
     draws: int = DRAWS,
     seed: int = 1,
@@ -88,7 +92,7 @@ def table_of(
         seen, taken = [], []
         other: dict[float, list[References]] = {share: [] for share in ELSEWHERE}
         for k in range(draws):
-            seen.append(observe(lumps, level, 1000 * seed + k, blob))
+            seen.append(observe_in_any_fat(lumps, level, 1000 * seed + k, blob))
             group = seen[-1].group
             taken.append(observe_references(lumps, found, level, 1000 * seed + k).take(group))
             for share in ELSEWHERE:
@@ -105,7 +109,7 @@ def table_of(
 
 
 def rows_of(
-    seen: ObservedInTissue,
+    seen: Observed,
     references: References,
     elsewhere: Sequence[Wrong] = (),
     level: str = "typical",
@@ -129,28 +133,28 @@ def rows_of(
 
 
 def held_out(
-    seen: ObservedInTissue,
+    seen: Observed,
     references: References,
     wrong: Sequence[Wrong] = (),
     folds: int = FOLDS,
     step: Callable[[str], None] | None = None,
-) -> Mapping[str, tuple[TissueStudy, float]]:
+) -> Mapping[str, tuple[Study, float]]:
     """By setting: answers of models that have not seen the lump, and the share of references left out.
 
     Of references that are wrong the answers are those of strokes where that was not noticed.
     """
     fold = seen.group % folds
-    parts: dict[str, list[tuple[ObservedInTissue, Floats, Floats, NDArray[np.bool_]]]] = {}
+    parts: dict[str, list[tuple[Observed, Floats, Floats, NDArray[np.bool_]]]] = {}
     fits: dict[str, list[NDArray[np.bool_]]] = {}
 
-    def add(words: str, test: ObservedInTissue, tissue: Floats, same: NDArray[np.bool_]) -> None:
+    def add(words: str, test: Observed, tissue: Floats, same: NDArray[np.bool_]) -> None:
         answer = model.answer(test, tissue)
         parts.setdefault(words, []).append((test, answer.y, answer.half, answer.hard))
         fits.setdefault(words, []).append(same)
 
     for k in range(folds):
         train = fold != k
-        model = fit_tissue_model(seen.take(train))
+        model = fit_model(BORDER, seen.take(train))
         pairs = out_of_fold_pairs(seen.take(train), references.take(train), model.press)
         joining = fit_joining(*pairs, tissue_truth(seen.take(train)))
         rows = np.flatnonzero(~train & seen.found)
@@ -172,9 +176,7 @@ def held_out(
     out = {}
     for words, found in parts.items():
         tests, y, half, hard = zip(*found)
-        result = TissueStudy(
-            joined(tests), np.concatenate(y), np.concatenate(half), np.concatenate(hard), lost
-        )
+        result = Study(joined(tests), np.concatenate(y), np.concatenate(half), np.concatenate(hard), lost)
         out[words] = result, 1 - float(np.concatenate(fits[words]).mean())
     return out
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from palpate.learn.bench import Bench
 from palpate.learn.conformal import LEVEL
-from palpate.learn.field.bench import Bench
-from palpate.learn.field.data import pressed, read
-from palpate.learn.field.model import Answers, FieldModel
-from palpate.learn.field.score import hardness, scores
-from palpate.learn.observed import ObservedStrokes, noise_named
+from palpate.learn.data import pressed, read
+from palpate.learn.model import Answers, Model
+from palpate.learn.observed import Observed, noise_named
+from palpate.learn.score import hardness, scores
 from palpate.learn.table import TARGETS
 from tests.studies.table import Asked, StudyTable
 
@@ -58,10 +58,10 @@ class Study:
         return shown(self, result)
 
 
-def row_of(setting: str, model: FieldModel, test: ObservedStrokes, answers: Answers | None = None) -> Row:
+def row_of(setting: str, model: Model, test: Observed, answers: Answers | None = None) -> Row:
     """Scores of one setting, with the median half-width of the intervals and what is not found."""
     answers = model.answer(test) if answers is None else answers
-    found = answers.lump
+    found = answers.found
     half = np.median(answers.half[found], axis=0)
     out: Row = {"setting": setting, **scores(test, answers.value, found, model.border)}
     out |= {f"{t}_half": float(h) for t, h in zip(TARGETS, half)}

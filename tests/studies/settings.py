@@ -7,6 +7,7 @@ same held-out lumps, at the bench's noise but for what is varied.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -14,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py import geometry
-from palpate.learn.field.bench import Bench
-from palpate.learn.field.model import FieldModel, fit_field_model
-from palpate.learn.field.recipe import FIELD, PRESSURE_ONLY, Recipe
-from palpate.learn.observed import NAMES, ObservedStrokes, join
-from palpate.learn.probe_model import from_link, to_link
+from palpate.learn.bench import Bench
+from palpate.learn.model import Model, fit_model
+from palpate.learn.observed import NAMES, Observed, joined
 from palpate.learn.ridge import FOLDS
+from palpate.learn.scopes import FIELD, PRESSURE_ONLY, TOLD, Recipe
 from palpate.learn.table import TARGETS
 from palpate.sim.probe.sensors import Noise
 from tests.studies.retrained import DRAWS, Row, Study, row_of
@@ -29,7 +29,7 @@ PAIR_LN = np.log(1.4)
 
 def _row(bench: Bench, setting: str, noise: Noise, recipe: Recipe = FIELD, **sensor: Any) -> Row:
     train, calibration, test, rim = bench.parts(noise, recipe, DRAWS, **sensor)
-    return row_of(setting, fit_field_model(recipe, train, calibration, rim), test)
+    return row_of(setting, fit_model(TOLD.of(recipe), train, calibration, rim), test)
 
 
 def _varied(**values: Any) -> Callable[[Bench], Iterator[Row]]:
@@ -69,7 +69,7 @@ def _dead(bench: Bench) -> Iterator[Row]:
 
 
 def _force(bench: Bench) -> Iterator[Row]:
-    bare = Recipe("field, no force map", FIELD.features, FIELD.degree, False, FIELD.cubic)
+    bare = replace(FIELD, name="field, no force map", force_map=False, most=None)
     for force in (0.0, 0.05, 0.1, 0.2, 0.3):
         yield _row(bench, f"+-{100 * force:g} %", bench.noise.with_(force=force))
     for force in (0.05, 0.1, 0.2):
@@ -97,7 +97,7 @@ def _learning(bench: Bench) -> Iterator[Row]:
                 continue
             name = "field" if recipe is FIELD else recipe.name
             yield row_of(
-                f"{name}, {min(n, len(lumps))} lumps", fit_field_model(recipe, some, calibration), test
+                f"{name}, {min(n, len(lumps))} lumps", fit_model(TOLD.of(recipe), some, calibration), test
             )
 
 
@@ -108,7 +108,7 @@ def _forces(bench: Bench) -> Iterator[Row]:
     """One stroke; two at one force, averaged; two at forces 18 % apart, averaged, and as one larger model."""
     s = bench.split
 
-    def at(shift: float, first_draw: int) -> tuple[ObservedStrokes, ...]:
+    def at(shift: float, first_draw: int) -> tuple[Observed, ...]:
         parts = []
         for which, draws in zip((s.train, s.calibration, s.test), DRAWS):
             chosen = [bench.lumps[k] for k in which]
@@ -119,42 +119,39 @@ def _forces(bench: Bench) -> Iterator[Row]:
         return tuple(parts)
 
     middle, again, low, high = at(0.5, 0), at(0.5, 500), at(0.25, 1000), at(0.75, 1500)
-    model = fit_field_model(FIELD, middle[0], middle[1])
+    model = fit_model(TOLD.of(FIELD), middle[0], middle[1])
     yield row_of("one stroke", model, middle[2])
     yield _mean_row("two strokes at one force", model, middle[2], again[2])
-    both = fit_field_model(FIELD, join([low[0], high[0]]), join([low[1], high[1]]))
+    both = fit_model(TOLD.of(FIELD), joined([low[0], high[0]]), joined([low[1], high[1]]))
     yield _mean_row("two strokes, forces 18 % apart", both, low[2], high[2])
     yield _joint_row("the same as one model of both", low, high)
 
 
-def _mean_row(setting: str, model: FieldModel, a: ObservedStrokes, b: ObservedStrokes) -> Row:
+def _mean_row(setting: str, model: Model, a: Observed, b: Observed) -> Row:
     first, second = model.answer(a), model.answer(b)
-    both = first.lump & second.lump
+    both = first.found & second.found
     y = (first.y + second.y) / 2
-    truth = ObservedStrokes(a.X, a.status, from_link((to_link(a.Y) + to_link(b.Y)) / 2), a.lump, a.group)
-    mean = model.answer_from((a.columns(FIELD.features) + b.columns(FIELD.features)) / 2, y, both)
-    row = row_of(setting, model, truth, mean)
+    mean = model.answer_from((a.features(FIELD.features) + b.features(FIELD.features)) / 2, y, both)
+    row = row_of(setting, model, replace(a, truth=(a.truth + b.truth) / 2), mean)
     # The model's intervals are those of one stroke; for the mean of two they would be too wide.
     return row | {f"{t}_half": float("nan") for t in TARGETS} | {"decided": float("nan")}
 
 
-def _joint_row(setting: str, low: tuple[ObservedStrokes, ...], high: tuple[ObservedStrokes, ...]) -> Row:
+def _joint_row(setting: str, low: tuple[Observed, ...], high: tuple[Observed, ...]) -> Row:
     """Features averaged, with the changes between the two forces in place of features that go unused."""
     spare = [n for n in NAMES if n not in FIELD.features][: len(_CHANGES)]
 
-    def joined(a: ObservedStrokes, b: ObservedStrokes) -> ObservedStrokes:
+    def joined(a: Observed, b: Observed) -> Observed:
         X = (a.X + b.X) / 2
         for name, change in zip(spare, _CHANGES):
             k = NAMES.index(change)
             X[:, NAMES.index(name)] = b.X[:, k] - a.X[:, k]
-        both = a.whole & b.whole
-        return ObservedStrokes(
-            X, np.where(both, a.status, -1), from_link((to_link(a.Y) + to_link(b.Y)) / 2), a.lump, a.group
-        )
+        truth = (a.truth + b.truth) / 2
+        return replace(a, X=X, truth=truth, whole=a.whole & b.whole, found=a.found & b.found)
 
     recipe = Recipe("two forces", (*FIELD.features, *spare[: 24 - len(FIELD.features)]), 2)
     train, calibration, test = (joined(a, b) for a, b in zip(low, high))
-    return row_of(setting, fit_field_model(recipe, train, calibration), test)
+    return row_of(setting, fit_model(TOLD.of(recipe), train, calibration), test)
 
 
 STUDIES: dict[str, Study] = {

@@ -45,7 +45,7 @@ def test_each_item_is_tried_on_every_lump_and_shares_are_of_all_strokes(few):
 @pytest.mark.parametrize("rise", [-0.2, 0.3])
 def test_a_ramp_begins_and_ends_as_far_from_the_mean(few, rise):
     lumps, _ = few
-    field = noise_list.StrokeField(*lumps[0].strokes.strokes)
+    field = noise_list.StrokeField(*lumps[0].strokes)
     hand = noise_list.Hand(field, LEVELS["none"], 1)
     hand.rise = rise
     first, middle, last = hand.force_at(np.array([-40.0, 0.0, 40.0]))

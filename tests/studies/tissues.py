@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from palpate.learn.field.bench import Bench
-from palpate.learn.field.data import read_lumps, stroke_fields, sweep_progress
-from palpate.learn.field.design import FIELD_SETTINGS, LumpStrokes, lump_cases
-from palpate.learn.field.model import FieldModel, fit_field_model
-from palpate.learn.field.presses import press_cases, with_presses
-from palpate.learn.field.recipe import FIELD
-from palpate.learn.field.score import coverage
-from palpate.learn.field.strange import strange_strokes
-from palpate.learn.observed import ObservedStrokes, join, observe
+from palpate.learn.bench import Bench
+from palpate.learn.data import stroke_fields, sweep_progress
+from palpate.learn.design import FIELD_SETTINGS, lump_cases, press_cases
+from palpate.learn.lumps import LumpStrokes, read_lumps, with_presses
+from palpate.learn.model import Model, fit_model
+from palpate.learn.observed import Observed, joined, observe
+from palpate.learn.other_tissues import strange_strokes
+from palpate.learn.scopes import FIELD, TOLD
+from palpate.learn.score import coverage
 from palpate.learn.table import TARGETS
 from palpate.progress import ProgressCallback
 from palpate.sim.probe.two_lumps import TwoLumps
@@ -62,7 +62,7 @@ def other_tissue(
 def _run(bench: Bench) -> Iterator[Row]:
     train, calibration, test, rim = bench.parts(bench.noise, draws=DRAWS)
     strange = strange_strokes(bench, bench.noise, FIELD)
-    model = fit_field_model(FIELD, train, calibration, rim, checks=strange.checks if strange else None)
+    model = fit_model(TOLD.of(FIELD), train, calibration, rim, checks=strange.checks if strange else None)
     yield tissue_row("as trained", model, test)
     for apart in TWO_APART_MM:
         fields = list(bench.lumps)
@@ -78,24 +78,25 @@ def _run(bench: Bench) -> Iterator[Row]:
         lumps = other_tissue(bench.directory, changes, workers=bench.workers, progress=bench.progress)
         fields = stroke_fields(lumps)
         seen = [observe(fields, bench.noise, seed, force_map=bench.blob) for seed in _OBSERVED]
-        observed = join(seen)
+        observed = joined(seen)
         yield tissue_row(words, model, observed)
 
 
-def tissue_row(words: str, model: FieldModel, observed: ObservedStrokes) -> Row:
+def tissue_row(words: str, model: Model, observed: Observed) -> Row:
     """Scores of a model on strokes over some tissue, with the bias of its estimates and the share flagged.
 
     `silent`: the share whose interval of d misses the truth with no flag to say so.
     """
     answers = model.answer(observed)
     row = row_of(words, model, observed, answers)
-    found = answers.lump
-    ratio = np.median(answers.value[found] / observed.Y[found], axis=0)
+    found = answers.found
+    ratio = np.median(answers.value[found] / observed.values[found, : len(TARGETS)], axis=0)
     row |= {f"{t}_bias": float(r - 1) for t, r in zip(TARGETS, ratio)}
     row["covered_d"] = float(coverage(observed, answers, found)["d"]["all"])
     row["flagged"] = float((~answers.in_domain[found]).mean())
     d = TARGETS.index("d")
-    wrong = (observed.Y[:, d] < answers.low[:, d]) | (observed.Y[:, d] > answers.high[:, d])
+    true = observed.values[:, d]
+    wrong = (true < answers.low[:, d]) | (true > answers.high[:, d])
     row["silent"] = float((wrong & answers.in_domain)[found].mean())
     return row
 

@@ -18,7 +18,7 @@ from scipy.stats import qmc
 from palpate.features.map_features import Floats
 from palpate.learn.conformal import LEVEL, Widths, conformal_quantile, fit_sigma
 from palpate.learn.domain import fit_domain
-from palpate.learn.observed import ObservedStrokes, join, noise_named, observe
+from palpate.learn.observed import Observed, joined, noise_named, observe
 from palpate.learn.probe_model import (
     Polynomial,
     fit_polynomial,
@@ -100,34 +100,39 @@ def fit_thesis_model(
         if progress is not None:
             progress("runs observed through the sensors", k + 1, draws)
         observed_each.append(observe(fields, level, seed + k))
-    observed = join(observed_each)
+    observed = joined(observed_each)
     observed = observed.take(observed.whole)
     model = _inverse(observed, seed)
     widths = _widths(observed, model, seed)
     X, example_Y, _ = _examples(observed, seed)
     domain = fit_domain(X, model.standard(X))
-    estimate = from_link(model.predict(observed.columns(FEATURES)))
+    true = _true(observed)
+    estimate = from_link(model.predict(observed.features(FEATURES)))
     scores = {
-        name: r_squared(observed.Y[:, j], estimate[:, j])
-        for j, (name, _) in enumerate(OUTPUTS[: len(TARGETS)])
+        name: r_squared(true[:, j], estimate[:, j]) for j, (name, _) in enumerate(OUTPUTS[: len(TARGETS)])
     }
     return spec_of(
         "thesis",
         model,
         widths,
         domain,
-        (float(observed.Y[:, 0].min()) * 0.8, float(observed.Y[:, 0].max()) * 1.2),
+        (float(true[:, 0].min()) * 0.8, float(true[:, 0].max()) * 1.2),
         {
-            "hash": training_hash(observed.X, observed.Y),
+            "hash": training_hash(observed.X, observed.truth),
             "n": len(observed),
             "runs": len(runs),
             "noise": Path(noise).name if isinstance(noise, str) else "custom",
             "seed": seed,
-            "features": observed.columns(FEATURES).tolist(),
+            "features": observed.features(FEATURES).tolist(),
         },
         notes={"r2_in_sample": scores, "examples": len(example_Y)},
         fat_kPa=runs[0].case.fat_kPa,
     )
+
+
+def _true(observed: Observed) -> Floats:
+    """Outputs but E_fat, which this model is told, in the units of the wire."""
+    return observed.values[:, : len(TARGETS)]
 
 
 def _z(Y: Floats) -> Floats:
@@ -136,8 +141,8 @@ def _z(Y: Floats) -> Floats:
     )
 
 
-def _forward(observed: ObservedStrokes) -> _Forward:
-    X, A = observed.columns(FEATURES), quadratic(_z(observed.Y))
+def _forward(observed: Observed) -> _Forward:
+    X, A = observed.features(FEATURES), quadratic(_z(_true(observed)))
     scale = X.std(axis=0)
     penalty = np.diag(
         np.r_[np.zeros(5), np.full(A.shape[1] - 5, _RIDGE * len(A) / len(np.unique(observed.group)))]
@@ -146,7 +151,7 @@ def _forward(observed: ObservedStrokes) -> _Forward:
     return _Forward(B, X - A @ B)
 
 
-def _examples(observed: ObservedStrokes, seed: int) -> tuple[Floats, Floats, Floats]:
+def _examples(observed: Observed, seed: int) -> tuple[Floats, Floats, Floats]:
     """Features, outputs on the link scale, and values of lumps, drawn from the forward model."""
     u = qmc.Sobol(4, seed=np.random.default_rng(seed)).random(EXAMPLES)
     E0, E1 = (e ** (-2 / 3) for e in _E)
@@ -161,7 +166,7 @@ def _examples(observed: ObservedStrokes, seed: int) -> tuple[Floats, Floats, Flo
     return X[keep], to_link(Y[keep]), Y[keep]
 
 
-def _inverse(observed: ObservedStrokes, seed: int) -> Polynomial:
+def _inverse(observed: Observed, seed: int) -> Polynomial:
     X, Y, values = _examples(observed, seed)
     lo = [0.8 * _F[0] * FORCE_UNIT_N_PER_M, _T_MM[0], 0.9 * _D_MM[0], 0.9 * _H[0], _E[1] ** (-2 / 3)]
     hi = [1.2 * _F[1] * FORCE_UNIT_N_PER_M, _T_MM[1], 1.1 * _D_MM[1], 1.1 * _H[1], _E[0] ** (-2 / 3)]
@@ -172,7 +177,7 @@ def _inverse(observed: ObservedStrokes, seed: int) -> Polynomial:
     return fit_polynomial(FEATURES, X, Y, np.arange(len(X)), terms, *ends)
 
 
-def _widths(observed: ObservedStrokes, model: Polynomial, seed: int) -> Widths:
+def _widths(observed: Observed, model: Polynomial, seed: int) -> Widths:
     """Widths whose shape comes from the drawn examples and whose size from the runs, each left out once."""
     X, Y, _ = _examples(observed, seed + 1)
     predicted = model.predict(X)
@@ -182,9 +187,10 @@ def _widths(observed: ObservedStrokes, model: Polynomial, seed: int) -> Widths:
     for run in np.unique(observed.group):
         out = observed.group == run
         left = _inverse(observed.take(~out), seed)
-        x = observed.columns(FEATURES)[out]
+        x = observed.features(FEATURES)[out]
         y = left.predict(x)
-        scores.append(np.abs(to_link(observed.Y[out]) - y) / unit.sigma(model.standard(x), model.predict(x)))
+        left_over = np.abs(observed.truth[out, : len(TARGETS)] - y)
+        scores.append(left_over / unit.sigma(model.standard(x), model.predict(x)))
     all_scores = np.concatenate(scores)
     quantiles = np.array([[conformal_quantile(s, LEVEL)] * 2 for s in all_scores.T])
     return Widths(terms, coefficients, quantiles, LEVEL)

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from palpate.learn.field import data, model, recipe
-from palpate.learn.field.bench import Bench
+from palpate.learn import data, model, scopes
+from palpate.learn.bench import Bench
 
 STROKES = Path(__file__).parent / "data"
-SMALL = recipe.Recipe("field", recipe.PILOT_FEATURES, 1)
+SMALL = scopes.TOLD.of(scopes.Recipe("field", scopes.PILOT_FEATURES, 1))
 
 
 @pytest.fixture(scope="session")
@@ -29,4 +29,4 @@ def parts(bench):
 
 @pytest.fixture(scope="session")
 def fitted(parts):
-    return model.fit_field_model(SMALL, parts[0], parts[1])
+    return model.fit_model(SMALL, parts[0], parts[1])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from palpate.learn.field.data import prepare
+from palpate.learn.data import prepare
 from palpate.learn.thesis.runs import features_table
 from palpate.sim.tissue import THESIS_CODES, Case, load_strokes, sweep
 

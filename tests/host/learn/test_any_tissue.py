@@ -7,13 +7,14 @@ import pytest
 from firmware_py import geometry
 from palpate.errors import UsageError
 from palpate.features import press_features
-from palpate.learn.any_tissue import model, observed, study
+from palpate.learn import any_tissue, lumps, model, observed, scopes, strange, study
 from palpate.learn.observed import NAMES
 from palpate.sim.probe.sensors import PRESS_FRAMES, Noise, SensorModel, StrokeField
 from palpate.sim.tissue import Case, Settings, simulate_forces
 from palpate.sim.tissue.any_tissue import PRESSES, any_tissue_cases, press_cases
 from palpate.sim.tissue.design import read_design, settings_of
-from tests.studies import any_tissue
+from tests.host.learn.made_up import made_up, smooth
+from tests.studies import any_tissue as any_tissue_study
 
 CASE = Case(12.0, 0.7, 20.0, 0.5, gland_ratio=4.0, gland_mm=12.0, fat_stiffening=1.0)
 
@@ -21,7 +22,7 @@ CASE = Case(12.0, 0.7, 20.0, 0.5, gland_ratio=4.0, gland_mm=12.0, fat_stiffening
 @pytest.fixture(scope="module")
 def few(tmp_path_factory):
     """Two lumps of the design, simulated."""
-    return any_tissue.prepare(tmp_path_factory.mktemp("any"), 2, workers=1)
+    return any_tissue_study.prepare(tmp_path_factory.mktemp("any"), 2, workers=1)
 
 
 def test_the_design_draws_tissue_and_face_and_a_longer_one_begins_with_the_shorter():
@@ -46,7 +47,7 @@ def test_the_command_line_names_both_designs_and_presses_without_a_stroke():
 
 def test_one_simulation_serves_every_fat():
     (stroke,) = simulate_forces(CASE, [CASE.F_rel], positions_mm=[-28.0, -26.0])
-    other = observed.scaled(stroke, 1.7)
+    other = lumps.scaled(stroke, 1.7)
     (computed,) = simulate_forces(other.case, [other.case.F_rel], positions_mm=[-28.0, -26.0])
     assert computed.displacement_mm == pytest.approx(stroke.displacement_mm, rel=1e-4)
     assert computed.images_kPa == pytest.approx(other.images_kPa, rel=1e-3, abs=1e-3)
@@ -81,61 +82,37 @@ def test_below_the_least_force_that_was_simulated_a_pressed_image_keeps_its_shap
 
 
 def test_strokes_are_seen_with_their_press_each_in_a_fat_of_its_own(few):
-    one, again, other = (observed.observe(few, "typical", seed, None) for seed in (1, 1, 2))
+    one, again, other = (observed.observe_in_any_fat(few, "typical", seed, None) for seed in (1, 1, 2))
     assert np.array_equal(one.X, again.X) and np.array_equal(one.press, again.press)
-    assert not np.array_equal(one.Y[:, 6], other.Y[:, 6])
-    fat, force = np.exp(one.Y[:, 6]), np.exp(one.Y[:, 5])
+    assert not np.array_equal(one.of("ln E_fat"), other.of("ln E_fat"))
+    fat, force = np.exp(one.of("ln E_fat")), np.exp(one.of("ln F"))
     assert ((fat > 4.9) & (fat < 25.1)).all() and ((force > 22) & (force < 170)).all()
-    assert one.Y[:, 4] == pytest.approx(one.Y[:, 5] - one.Y[:, 6])
+    assert one.of("ln F/E_fat") == pytest.approx(one.of("ln F") - one.of("ln E_fat"))
     assert np.isfinite(one.press).all() and one.X[:, NAMES.index("ln_force")] == pytest.approx(
-        one.Y[:, 5], abs=0.08
+        one.of("ln F"), abs=0.08
     )
 
 
 def test_sweeps_of_other_lumps_have_nothing_in_common(few, tmp_path):
     with pytest.raises(UsageError, match="no lump in common"):
-        observed.read_set(*made_apart(few, tmp_path))
+        lumps.read_pressed(*made_apart(few, tmp_path))
 
 
 def made_apart(few, home):
     from palpate.sim.tissue import sweep
 
-    lump = few[0].strokes.strokes[0].case
+    lump = few[0].strokes[0].case
     cases = [Case(lump.d_mm, lump.h, 2.0, f) for f in (0.3, 0.42)]
     sweep(cases, Settings(start_mm=0.0), home / "lumps", workers=1)
     sweep(press_cases(1, 99), PRESSES, home / "press", workers=1)
     return home / "lumps", home / "press"
 
 
-def made_up(groups, draws, rng):
-    """Strokes whose features are smooth in the truth, the tissue's part told by the press alone."""
-    g = np.repeat(np.arange(groups), draws)
-    u = rng.uniform(-1, 1, (groups, 6))[g]
-    ln_F = rng.uniform(np.log(25), np.log(150), len(g))
-    Y = np.column_stack(
-        (
-            *(2.4 + 0.6 * u[:, 0], 2.2 + 0.6 * u[:, 1], 2.6 + 0.5 * u[:, 2], 0.32 + 0.3 * u[:, 3]),
-            *(1.5 + 0.6 * u[:, 4], ln_F, ln_F - 1.5 - 0.6 * u[:, 4], 5 + 3 * u[:, 5], 19 + 10 * u[:, 5]),
-        )
-    )
-    noise = rng.standard_normal
-    X = 0.01 * noise((len(g), len(NAMES)))
-    for k in range(len(NAMES)):
-        mixed = np.random.default_rng(k).standard_normal(5)
-        X[:, k] += u[:, [0, 1, 2, 3]] @ mixed[:4] * (1 + 0.1 * u[:, 0]) + mixed[4] * u[:, 4]
-    X[:, NAMES.index("ln_force")] = ln_F + 0.005 * noise(len(g))
-    X[:, NAMES.index("ln_base")] = ln_F + 0.3 * u[:, 2]
-    press_ = np.column_stack([u[:, 4] + 0.1 * k * u[:, 2] + 0.05 * u[:, 5] for k in range(9)])
-    press_ += 0.005 * noise(press_.shape)
-    found = np.ones(len(g), bool)
-    return observed.ObservedInTissue(X, press_, Y, found, g, np.zeros((len(g), 26)), np.zeros((len(g), 2)))
-
-
 def test_two_stages_learn_from_lumps_and_cover_those_left_out():
-    seen = made_up(120, 2, np.random.default_rng(3))
-    result = study.TissueStudy.held_out(seen, folds=3)
+    seen = smooth(120, 2, np.random.default_rng(3))
+    result = study.Study.held_out(seen, folds=3)
     row = result.row("made up")
-    assert len(result.y) == len(seen.Y) and row["lumps"] == 120
+    assert len(result.y) == len(seen) and row["lumps"] == 120
     assert row["E_fat_r2"] > 0.98 and row["d_r2"] > 0.9
     assert 0.8 < row["d_covered"] < 0.98 and 0.8 < row["E_fat_covered"] < 0.99
     heads, rows = study.text_of(pd.DataFrame([row]))
@@ -143,52 +120,36 @@ def test_two_stages_learn_from_lumps_and_cover_those_left_out():
 
 
 def test_the_tissue_is_known_from_the_press_before_the_stroke():
-    seen = made_up(150, 1, np.random.default_rng(4))
+    seen = smooth(150, 1, np.random.default_rng(4))
     fitted, guessed = model.fit_press(seen)
     true = model.tissue_truth(seen)
     assert np.sqrt(((guessed - true)[:, 0] ** 2).mean()) < 0.02
-    assert fitted.predict(seen.press).shape == (150, 3) and len(fitted.terms) == model.PRESS_TERMS
+    assert model.said_by_press(fitted, seen.press).shape == (150, 3) and len(fitted.terms) == model.PRESS_TERMS
 
 
 def test_no_lump_that_judges_the_flag_was_trained_on(monkeypatch):
     """All of them were in both parts, and no test noticed."""
-    from palpate.learn.any_tissue import fit
-
-    def observe(lumps, *_):
-        n = len(lumps)
-        Y = np.zeros((n, len(observed.TRUTH)))
-        return observed.ObservedInTissue(
-            np.zeros((n, 3)),
-            np.zeros((n, 12)),
-            Y,
-            np.ones(n, bool),
-            np.arange(n),
-            np.zeros((n, 26)),
-            np.zeros((n, 2)),
-        )
-
-    monkeypatch.setattr(fit, "observe", observe)
-    monkeypatch.setattr(fit, "beyond", lambda seen, _scope: np.zeros(len(seen.group)))
-    trained, judging = fit._rim(list(range(30)), "typical", 1, b"", model.ON_BORDER)
+    seen = made_up(30, np.arange(30))
+    monkeypatch.setattr(any_tissue, "beyond", lambda seen, _scope: np.zeros(len(seen)))
+    trained, judging = any_tissue._rim(seen, scopes.BORDER)
     assert not set(trained.group.tolist()) & set(judging.group.tolist())
     assert {*trained.group.tolist(), *judging.group.tolist()} == set(range(30))
     assert len(set(judging.group.tolist())) == 10
 
 
 def test_no_lump_that_judges_the_checks_had_a_part_in_them_or_in_their_model(monkeypatch):
-    from palpate.learn.any_tissue import strange
-
-    seen, pairs = (made_up(20, 2, np.random.default_rng(seed)) for seed in (5, 6))
+    seen, pairs = (smooth(20, 2, np.random.default_rng(seed)) for seed in (5, 6))
     met = set()
 
-    def fitted(train, *_, **__):
+    def fitted(_scope, train, **_):
         met.update(train.group.tolist())
 
     def checks(_model, own, others):
         met.update(own.group.tolist(), *(other.group.tolist() for other in others.values()))
 
-    monkeypatch.setattr(strange, "fit_tissue_model", fitted)
+    monkeypatch.setattr(strange, "fit_model", fitted)
     monkeypatch.setattr(strange, "strange_checks", checks)
-    monkeypatch.setattr(strange, "strange_rows", lambda _model, _check, own, *_, **__: own)
+    monkeypatch.setattr(strange, "replace", lambda model, **_: model)
+    monkeypatch.setattr(strange, "strange_rows", lambda _model, own, *_, **__: own)
     judging = set(strange.strange_table([], [], seen, None, None, {"two_lumps": pairs}).group.tolist())
     assert not met & judging and met | judging == set(range(20)) and len(judging) == 10

@@ -7,11 +7,11 @@ from click.testing import CliRunner
 
 from palpate.cli import fit
 from palpate.errors import UsageError
-from palpate.learn.any_tissue.data import ANYWHERE, prepare_strokes
-from palpate.learn.any_tissue.fit import fit_in_any_tissue
-from palpate.learn.any_tissue.model import ESTIMATES
-from palpate.learn.any_tissue.model import OUTPUTS as OURS
-from palpate.learn.field import data as told
+from palpate.learn import data as told
+from palpate.learn.any_tissue import fit_in_any_tissue
+from palpate.learn.data import prepare_strokes
+from palpate.learn.probe_model import OUTPUTS as OURS
+from palpate.learn.scopes import ANYWHERE, ESTIMATES
 from palpate.learn.table import TableError
 from palpate.model_export import exporter
 from palpate.model_export import image_builder as image
@@ -36,7 +36,7 @@ def directory(tmp_path_factory):
 def anywhere(tmp_path_factory):
     """As few lumps that need not lie on the border."""
     home = tmp_path_factory.mktemp("anywhere")
-    prepare_strokes(home, LUMPS, workers=1, design=ANYWHERE)
+    prepare_strokes(home, LUMPS, workers=1, scope=ANYWHERE)
     return home
 
 

@@ -15,35 +15,20 @@ from palpate.answer.layers import (
     values,
 )
 from palpate.answer.words import place_words, size_words
-from palpate.learn.any_tissue.model import OUTPUTS, truth
-from palpate.learn.any_tissue.observed import ObservedInTissue
-from palpate.learn.anywhere.held_out import TOLD, AnywhereStudy
-from palpate.learn.anywhere.model import SURE, fit_layers, slope_of, true_place, true_values
-from palpate.learn.observed import NAMES
+from palpate.learn.anywhere import SURE, TOLD, AnywhereStudy, fit_layers, slope_of, true_values
+from palpate.learn.probe_model import OUTPUTS
+from palpate.learn.scopes import true_place
 from palpate.model_export.schema import Layers
+from tests.host.learn.made_up import smooth
 
 
-def made_up(lumps, rng):
-    """Strokes, two a lump, whose features are smooth in a truth that the press tells in part."""
-    g = np.repeat(np.arange(lumps), 2)
-    u = rng.uniform(-1, 1, (lumps, 7))[g]
-    ln_F, reach = rng.uniform(3.2, 5, len(g)), 1.5 + 0.6 * u[:, 4]
-    Y = np.column_stack((2.4 + 0.6 * u[:, 0], 1.9 + 0.9 * u[:, 1], 2.4 + 0.9 * u[:, 2], 0.32 + 0.3 * u[:, 3],
-                         reach, ln_F, ln_F - reach, 5 + 3 * u[:, 5], 19 + 10 * u[:, 5]))  # fmt: skip
-    X = 0.01 * rng.standard_normal((len(g), len(NAMES)))
-    for k in range(len(NAMES)):
-        X[:, k] += u[:, :5] @ np.random.default_rng(k).standard_normal(5) * (1 + 0.1 * u[:, 0])
-    X[:, NAMES.index("ln_force")] = ln_F
-    X[:, NAMES.index("ln_base")] = ln_F + 0.3 * u[:, 2]
-    press = np.column_stack([u[:, 4] + 0.1 * k * u[:, 2] + 0.05 * u[:, 5] for k in range(9)])
-    press += 0.005 * rng.standard_normal(press.shape)
-    return ObservedInTissue(
-        X, press, Y, np.ones(len(g), bool), g, np.zeros((len(g), 26)), np.zeros((len(g), 2))
-    )
+def anywhere(lumps, seed):
+    """Two strokes over each of some lumps in any layer."""
+    return smooth(lumps, 2, np.random.default_rng(seed), depth=(1.9, 0.9), t=(2.4, 0.9))
 
 
 def test_lumps_left_out_are_covered_and_their_place_is_told():
-    found = AnywhereStudy.held_out(made_up(130, np.random.default_rng(3)), folds=3)
+    found = AnywhereStudy.held_out(anywhere(130, 3), folds=3)
     true, said = true_place(found.seen), found.said
     told = said != UNSURE
     assert told.mean() > 0.5
@@ -63,8 +48,8 @@ def test_lumps_left_out_are_covered_and_their_place_is_told():
 
 
 def test_the_place_follows_from_how_much_lies_in_the_fat():
-    seen = made_up(40, np.random.default_rng(1))
-    d, depth, t = np.exp(seen.Y[:, :3].T)
+    seen = anywhere(40, 1)
+    d, depth, t = (np.exp(seen.of(name)) for name in ("ln d", "ln depth", "ln t"))
     assert true_values(seen, 0.0)[:, 0] == pytest.approx(np.clip((t - depth) / d, -1, 2))
     assert (true_place(seen)[t > depth + d] == FAT).all()
     assert (true_place(seen)[t < depth] == GLAND).all()
@@ -76,13 +61,13 @@ def test_the_place_follows_from_how_much_lies_in_the_fat():
 
 def test_errors_that_cancel_in_a_combination_are_found_and_it_is_known_better_than_the_size():
     """Soft and large looks like hard and small: the errors of both go together."""
-    seen = made_up(100, np.random.default_rng(2))
+    seen = anywhere(100, 2)
     rng = np.random.default_rng(5)
-    y = truth(seen) + 0.01 * rng.standard_normal((len(seen.Y), len(OUTPUTS)))
+    y = seen.truth + 0.01 * rng.standard_normal((len(seen), len(OUTPUTS)))
     e = 0.1 * rng.standard_normal(len(y))
     y[:, OUTPUTS.index("ln d")] += 0.8 * e
     y[:, OUTPUTS.index("E^-2/3")] += e
-    assert slope_of(y, truth(seen)) == pytest.approx(-0.8, abs=0.02)
+    assert slope_of(y, seen.truth) == pytest.approx(-0.8, abs=0.02)
     z = rng.standard_normal((len(y), 2))
     part = fit_layers(z, y, seen)
     of_size = half_widths(part, z, values(y, part.slope))[:, 2]

@@ -9,17 +9,16 @@ import pytest
 
 from palpate.answer.across import across, places
 from palpate.errors import UsageError
-from palpate.learn.any_tissue import observed
-from palpate.learn.any_tissue.model import OUTPUTS, truth
-from palpate.learn.any_tissue.observed import TissueLump, observe
-from palpate.learn.any_tissue.study import force_map_of
-from palpate.learn.balls import across as across_of_balls
-from palpate.learn.balls import emulator, fit, gaussian_process, lumps, training
-from palpate.learn.field.design import LumpStrokes
+from palpate.learn import across as across_of_balls
+from palpate.learn import emulator, gaussian_process, lumps, solid, training
+from palpate.learn.model import force_map_of
+from palpate.learn.observed import observe_in_any_fat
+from palpate.learn.probe_model import OUTPUTS
 from palpate.sim.tissue import read_design
 from palpate.sim.tissue.solid.design import ball_cases
 from palpate.sim.tissue.solid.kept import read_kept
 from palpate.wire.cells import COLUMN_MM
+from tests.host.learn.made_up import made_up
 from tests.studies import balls
 
 SET = Path(__file__).parents[2] / "sim" / "tissue" / "data"
@@ -28,7 +27,7 @@ SET = Path(__file__).parents[2] / "sim" / "tissue" / "data"
 @pytest.fixture(scope="module")
 def kept():
     """The first lumps of the kept set, a fair sample of it."""
-    return lumps.read_lumps(SET)[:64]
+    return lumps.read_solids(SET)[:64]
 
 
 @pytest.fixture(scope="module")
@@ -63,11 +62,11 @@ def test_columns_that_all_see_as_much_say_so():
 
 
 def test_every_lump_of_the_set_has_three_forces_and_a_press_below_them(kept):
-    assert 3 * len(lumps.read_lumps(SET)) == len(read_kept(SET / "balls.parquet"))
+    assert 3 * len(lumps.read_solids(SET)) == len(read_kept(SET / "balls.parquet"))
     for lump in kept:
         forces = [stroke.F_N_per_m for stroke in lump.press]
         assert len(lump.press) == 5 and forces == sorted(forces)
-        assert forces[2:] == [stroke.F_N_per_m for stroke in lump.strokes.strokes]
+        assert forces[2:] == [stroke.F_N_per_m for stroke in lump.strokes]
         depths = [float(stroke.displacement_mm[0]) for stroke in lump.press]
         assert depths == sorted(depths)
         for stroke in lump.press:
@@ -76,21 +75,15 @@ def test_every_lump_of_the_set_has_three_forces_and_a_press_below_them(kept):
 
 
 def test_a_lump_beside_the_line_is_seen_on_its_side(kept):
-    clear = [k for k in kept if k.strokes.case.offset_mm > 3 and k.strokes.case.depth_mm < 10]
+    clear = [k for k in kept if k.case.offset_mm > 3 and k.case.depth_mm < 10]
     assert clear
-    seen = observe(clear, "none", 1, None)
+    seen = observe_in_any_fat(clear, "none", 1, None)
     on_its_side, _ = places(seen.columns)
     assert (on_its_side > 1.0).all()
-    turned = [
-        TissueLump(
-            LumpStrokes(tuple(lumps.beside(s) for s in k.strokes.strokes)),
-            tuple(lumps.beside(s) for s in k.press),
-        )
-        for k in clear
-    ]
-    other = observe(turned, "none", 1, None)
+    turned = [k.mirrored() for k in clear]
+    other = observe_in_any_fat(turned, "none", 1, None)
     assert places(other.columns)[0] == pytest.approx(-on_its_side, abs=0.1)
-    np.testing.assert_allclose(other.Y, seen.Y)
+    np.testing.assert_allclose(other.truth, seen.truth)
 
 
 def test_a_set_without_whole_lumps_or_without_any_is_refused(tmp_path):
@@ -98,7 +91,7 @@ def test_a_set_without_whole_lumps_or_without_any_is_refused(tmp_path):
     with pytest.raises(UsageError, match="three forces"):
         lumps.solid_lumps(alone)
     with pytest.raises(UsageError, match=r"holds no balls.parquet; palpate sweep --design balls"):
-        lumps.read_lumps(tmp_path)
+        lumps.read_solids(tmp_path)
 
 
 def test_a_process_finds_a_bent_number_of_many_inputs_and_which_of_them_matter():
@@ -119,14 +112,14 @@ def test_a_process_finds_a_bent_number_of_many_inputs_and_which_of_them_matter()
 
 def test_an_emulated_stroke_is_like_the_computed_one_that_it_has_not_seen(kept, emulated):
     left = kept[-8:]
-    made = emulated.lumps([stroke.case for lump in left for stroke in lump.strokes.strokes])
+    made = emulated.lumps([stroke.case for lump in left for stroke in lump.strokes])
     assert len(made) == len(left)
     bumps = []
     for one, other in zip(left, made, strict=True):
         for a, b in zip(one.press, other.press, strict=True):
             assert b.F_N_per_m == pytest.approx(a.F_N_per_m)
             assert b.displacement_mm == pytest.approx(a.displacement_mm, rel=0.08)
-        a, b = one.strokes.strokes[1], other.strokes.strokes[1]
+        a, b = one.strokes[1], other.strokes[1]
         mean = float(a.images_kPa[0].mean())
         assert np.sqrt(((b.images_kPa[0] - a.images_kPa[0]) ** 2).mean()) < 0.15 * mean
         # the hand's force is the same all along
@@ -140,9 +133,7 @@ def test_lumps_on_the_line_are_emulated_alike_on_both_sides_and_mirrored_ones_as
     case = ball_cases(1, 5)[1]
     on = replace(case, offset_mm=0.0)
     left, right = (replace(case, offset_mm=side) for side in (-5.0, 5.0))
-    image, to_left, to_right = (
-        emulated.lumps([c, c, c])[0].strokes.strokes[1].images_kPa for c in (on, left, right)
-    )
+    image, to_left, to_right = (emulated.lumps([c, c, c])[0].strokes[1].images_kPa for c in (on, left, right))
     peak = float(image[-1].max() - image[0].max())
     assert np.abs(image[-1] - image[-1, :, ::-1]).max() < 0.2 * abs(peak) + 0.05
     assert np.abs(to_left[-1] - to_right[-1, :, ::-1]).max() < 0.2 * abs(peak) + 0.05
@@ -151,7 +142,7 @@ def test_lumps_on_the_line_are_emulated_alike_on_both_sides_and_mirrored_ones_as
 @pytest.fixture(scope="module")
 def fitted(kept):
     """A model of few lumps; the last ones stand for lumps outside its ranges."""
-    return fit.fit_to_balls(kept[:40], others=(), count=250, rim=kept[-4:])
+    return solid.fit_to_balls(kept[:40], others=(), count=250, rim=kept[-4:])
 
 
 def test_the_fit_is_judged_on_lumps_that_neither_emulator_nor_model_has_met(fitted):
@@ -195,28 +186,20 @@ def test_what_can_be_seen_is_said_by_size_and_depth(kept, fitted):
     assert all(len(row) == len(heads) for row in rows)
 
 
-def strokes(Y, groups, columns, across):
-    n = len(Y)
-    return observed.ObservedInTissue(
-        np.zeros((n, 40)), np.zeros((n, 9)), Y, np.ones(n, bool), groups, columns, across
-    )
-
-
 def part(seed, too_narrow):
     """Estimates of sixty strokes whose intervals are too narrow by this factor."""
     rng = np.random.default_rng(seed)
     n, outputs = 60, len(OUTPUTS)
-    Y = rng.uniform(1, 2, (n, len(observed.TRUTH)))
-    seen = strokes(Y, np.arange(n) + 100 * seed, np.zeros((n, 26)), np.zeros((n, 2)))
+    seen = made_up(n, np.arange(n) + 100 * seed, truth=rng.uniform(1, 2, (n, outputs)))
     half = np.full((n, outputs), 1.645 * 0.1 / too_narrow)
-    y = truth(seen) + 0.1 * rng.standard_normal((n, outputs))
+    y = seen.truth + 0.1 * rng.standard_normal((n, outputs))
     return training.BallStudy(seen, y, half, rng.random(n) < 0.5, 0.0, np.ones(n, bool))
 
 
 def test_intervals_are_as_wide_as_computed_lumps_ask_for_and_no_fold_sets_its_own():
     parts = [part(seed, 2.0) for seed in range(1, 5)]
     together = training.judged(parts)
-    inside = np.abs(together.y - truth(together.seen)) <= together.half
+    inside = np.abs(together.y - together.seen.truth) <= together.half
     assert inside.mean() == pytest.approx(0.9, abs=0.03)
     others = training.width_factors(parts[1:])
     assert others == pytest.approx(2.0, rel=0.3)
@@ -232,8 +215,8 @@ def shown_nearer_to_the_middle(seed, lumps=60):
     bumps = 400 * np.exp(-((COLUMN_MM - 0.8 * off[:, None]) ** 2) / (2 * 4.0**2))
     columns = bumps + noise[:, None] * rng.standard_normal(bumps.shape)
     groups = 1000 * seed + np.repeat(np.arange(lumps), 3)
-    Y = np.zeros((3 * lumps, len(observed.TRUTH)))
-    return strokes(Y, groups, columns, np.column_stack([np.zeros(3 * lumps), off])), noise
+    across = np.column_stack([np.zeros(3 * lumps), off])
+    return made_up(3 * lumps, groups, columns=columns, across=across), noise
 
 
 def test_a_place_is_told_where_the_lump_is_and_a_faint_bump_s_less_exactly_than_a_clear_one_s():

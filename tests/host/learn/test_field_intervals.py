@@ -8,9 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_py import evaluator
-from palpate.learn import conformal, domain
-from palpate.learn.field import flags, model
-from palpate.learn.probe_model import HARD_BELOW, to_link
+from palpate.learn import conformal, domain, flags, model
+from palpate.learn.probe_model import HARD_BELOW, training_hash
 from palpate.model_export.fixed_point import accuracy, compiler
 
 
@@ -89,14 +88,14 @@ def test_the_margin_lets_through_as_many_inside_strokes_as_it_is_asked_to():
 def test_a_lump_beyond_the_ranges_is_flagged_and_one_well_inside_is_not(parts, fitted):
     """The rim is made of the training lumps themselves: those with d in the outer fifths."""
     train, _, test, _ = parts
-    lo, hi = np.log(np.quantile(train.Y[:, 2], [0.2, 0.8]))
+    lo, hi = np.log(np.quantile(train.values[:, 2], [0.2, 0.8]))
     ends = [np.full(5, -np.inf), np.full(5, np.inf)]
     ends[0][2], ends[1][2] = lo, hi
     said = dataclasses.replace(fitted, domain=dataclasses.replace(
         fitted.domain, range_lo=ends[0], range_hi=ends[1], margin=0.2
     )).answer(test)  # fmt: skip
-    ln_d = np.log(test.Y[:, 2])
-    familiar = fitted.answer(test).in_domain & said.lump
+    ln_d = test.of("ln d")
+    familiar = fitted.answer(test).in_domain & said.found
     far = (ln_d < lo - 0.15) | (ln_d > hi + 0.15)
     within = (ln_d > lo + 0.15) & (ln_d < hi - 0.15)
     assert (familiar & far).sum() >= 8 and (familiar & within).sum() >= 8
@@ -112,13 +111,13 @@ def test_the_flag_by_distance_counts_every_stroke_once_and_says_what_noise_alone
     check = dataclasses.replace(fitted.domain, range_lo=lo, range_hi=hi, margin=0.3)
     narrow = dataclasses.replace(fitted, domain=check)
     observed = parts[2].take(rng.integers(0, len(parts[2]), n))
-    observed.Y[:, 2] = rng.uniform(4.0, 25.0, n)
+    observed.truth[:, 2] = np.log(rng.uniform(4.0, 25.0, n))
     half = np.full((n, 5), 0.04)
-    y = to_link(observed.Y) + half / 1.645 * rng.normal(size=(n, 5))
-    plain = narrow.answer_from(observed.columns(fitted.recipe.features), y, rng.random(n) < 0.9)
-    answers = dataclasses.replace(plain, half=half, in_domain=check.beyond(y, half) <= 0.3)
+    y = observed.truth[:, :5] + half / 1.645 * rng.normal(size=(n, 5))
+    plain = narrow.answer_from(observed.features(fitted.polynomial.names), y, rng.random(n) < 0.9)
+    answers = dataclasses.replace(plain, half=half, familiar=check.beyond(y, half) <= 0.3)
     table = flags.by_distance(narrow, [(observed, answers)])
-    assert table["strokes"].sum() == answers.lump.sum()
+    assert table["strokes"].sum() == answers.found.sum()
     assert table["flagged"].is_monotonic_increasing and table["flagged"].iloc[-1] > 0.99
     assert (table["flagged"] - table["unbiased"]).abs().max() < 0.05
     at_the_margin = table[table["from"] == 0.25].iloc[0]
@@ -133,9 +132,9 @@ def test_the_flag_in_the_integers_is_that_of_the_fitted_model(fitted, parts, ben
         range_hi=np.r_[np.log([90.0, 25.0, 17.0, 1.2]), 0.5],
     )
     narrow = dataclasses.replace(fitted, domain=domain_)
-    spec = narrow.spec({"hash": model.hash_of(*parts[:2]), "n": 1}, bench.force_map.as_dict())
+    spec = narrow.spec({"hash": training_hash(parts[0].X), "n": 1}, bench.force_map.as_dict())
     test = parts[2].take(parts[2].whole)
-    flags = accuracy.run(spec, compiler.compile_model(spec), test.columns(spec.features))[:, evaluator.FLAGS]
+    flags = accuracy.run(spec, compiler.compile_model(spec), test.features(spec.features))[:, evaluator.FLAGS]
     said = narrow.answer(test).in_domain
     assert 0.1 < said.mean() < 0.9
     assert np.mean((flags & evaluator.IN_DOMAIN > 0) == said) > 0.99  # the rest sit on a limit

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from palpate.learn import ridge
-from palpate.learn.field import data, design, fit, model, recipe, score
-from palpate.learn.field.observer import Observer
-from palpate.learn.observed import ObservedStrokes, observe
+from palpate.learn import data, design, lumps, model, ridge, scopes, score, told
+from palpate.learn.observed import observe
+from palpate.learn.observer import Observer
+from palpate.learn.probe_model import training_hash
 from palpate.learn.table import TableError
 from palpate.model_export import exporter
 from palpate.model_export import image_builder as image
@@ -18,6 +18,7 @@ from palpate.model_export.fixed_point.reference import evaluate
 from palpate.model_export.schema import ModelSpec
 from palpate.sim.probe.sensors import LEVELS
 from palpate.sim.tissue import Case
+from tests.host.learn.made_up import made_up
 
 STROKES = Path(__file__).parent / "data"
 
@@ -50,28 +51,28 @@ def test_the_same_seed_gives_the_same_strokes_and_another_seed_others(bench):
 
 def test_a_small_field_model_holds_on_lumps_it_never_saw(fitted, parts):
     answers = fitted.answer(parts[2])
-    found = score.scores(parts[2], answers.value, answers.lump)
+    found = score.scores(parts[2], answers.value, answers.found)
     assert found["t_r2"] > 0.97 and found["d_r2"] > 0.8 and found["h_r2"] > 0.8
     assert found["hard_soft_far"] > 0.75
 
 
 def test_moving_frames_to_the_mean_force_is_what_makes_it_hold(bench, parts, fitted):
     """Without the force map the hand's wandering turns into ripple of the map (FACTS, "The sensor")."""
-    bare = recipe.Recipe("bare", recipe.PILOT_FEATURES, 1, force_map=False)
+    bare = scopes.Recipe("bare", scopes.PILOT_FEATURES, 1, force_map=False)
     train, calibration, test, _ = bench.parts("typical", bare, draws=(2, 2, 2))
-    poor = model.fit_field_model(bare, train, calibration).answer(test)
+    poor = model.fit_model(scopes.TOLD.of(bare), train, calibration).answer(test)
     good = fitted.answer(parts[2])
-    with_map = score.scores(parts[2], good.value, good.lump)["d_error"]
-    assert with_map < 0.7 * score.scores(test, poor.value, poor.lump)["d_error"]
+    with_map = score.scores(parts[2], good.value, good.found)["d_error"]
+    assert with_map < 0.7 * score.scores(test, poor.value, poor.found)["d_error"]
 
 
 def test_the_written_model_says_what_the_fitted_one_says(fitted, parts, bench, tmp_path):
     """ModelSpec through model.json, evaluated as the compiler does it, against the model that was scored."""
-    spec = fitted.spec({"hash": model.hash_of(parts[0], parts[1]), "n": 1}, bench.force_map.as_dict())
+    spec = fitted.spec({"hash": training_hash(parts[0].X, parts[1].X), "n": 1}, bench.force_map.as_dict())
     spec.save(tmp_path / "model.json")
     read = ModelSpec.load(tmp_path / "model.json")
     test = parts[2]
-    answers, said = fitted.answer(test), evaluate(read, test.columns(read.features))
+    answers, said = fitted.answer(test), evaluate(read, test.features(read.features))
     for part in ("value", "low", "high"):
         assert said[part][:, :-1] == pytest.approx(getattr(answers, part))
         assert said[part][:, -1] == pytest.approx(10.0), "it was told the fat"
@@ -81,13 +82,12 @@ def test_the_written_model_says_what_the_fitted_one_says(fitted, parts, bench, t
 
 def test_plain_tissue_is_no_lump(bench, fitted):
     observed = bench.observe(bench.plain, np.arange(len(bench.plain)), "typical", 2, 400)
-    assert not observed.lump.any()
-    assert fitted.lump(observed).mean() < 0.05
+    assert observed.found.mean() < 0.05
 
 
 def test_the_whole_fit_is_one_json_document_that_names_what_it_left_out(strokes):
     said: list[tuple[str, int, int]] = []
-    result = fit.fit_field(strokes, levels=(), recipes=(), progress=lambda *words: said.append(words))
+    result = told.fit_field(strokes, levels=(), recipes=(), progress=lambda *words: said.append(words))
     document = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     left_out = {why: n for why, n in document["excluded"].items() if why.startswith("test")}
     test_strokes = len(result.test)
@@ -108,21 +108,21 @@ def test_the_whole_fit_is_one_json_document_that_names_what_it_left_out(strokes)
 
 def test_lumps_of_another_seed_are_known_as_such(strokes):
     first = dataclasses.replace(strokes.lumps[0].low, case=design.lump_cases(1, data._LUMPS_SEED)[0])
-    own = dataclasses.replace(strokes, lumps=[design.LumpStrokes((first,))])
+    own = dataclasses.replace(strokes, lumps=[lumps.LumpStrokes((first,))])
     assert data.of_the_command(own) and not data.of_the_command(strokes)
 
 
 def test_strokes_without_a_partner_are_counted_not_used(strokes):
     lump = strokes.lumps[0]
-    lumps, alone = design.by_lump([lump.low, strokes.lumps[1].low, lump.high])
-    assert len(lumps) == 1 and alone == [strokes.lumps[1].low.code]
-    assert lumps[0].case.F_rel == pytest.approx(lump.low.case.F_rel * 1.4**0.5)
+    found, alone = lumps.by_lump([lump.low, strokes.lumps[1].low, lump.high])
+    assert len(found) == 1 and alone == [strokes.lumps[1].low.code]
+    assert found[0].case.F_rel == pytest.approx(lump.low.case.F_rel * 1.4**0.5)
 
 
 def test_the_forces_of_a_lump_are_found_again_whatever_their_order(strokes):
     case = strokes.lumps[0].case
     low, middle, high = (dataclasses.replace(strokes.lumps[0].low, case=c) for c in design.at_forces(case))
-    ((lump,), alone) = design.by_lump([high, low, middle])
+    ((lump,), alone) = lumps.by_lump([high, low, middle])
     assert lump.strokes == (low, middle, high) and not alone
     assert lump.case.F_rel == pytest.approx(middle.case.F_rel)
 
@@ -185,7 +185,7 @@ def test_strokes_seen_by_many_processes_are_those_seen_by_one(bench):
 def test_cubic_terms_are_kept_by_what_they_are_worth():
     rng = np.random.default_rng(6)
     z = rng.uniform(-1, 1, (600, 4))
-    small = recipe.Recipe("small", ("a", "b", "c", "d"), 2, cubic=("a", "b", "c", "d"), most_cubic=2)
+    small = scopes.Recipe("small", ("a", "b", "c", "d"), 2, cubic=("a", "b", "c", "d"), most=17)
     Y = z[:, :1] + 0.5 * (z[:, 0] * z[:, 1] * z[:, 2])[:, None] + 0.5 * z[:, 3:] ** 3
     Y = np.hstack([Y + 0.01 * rng.normal(size=Y.shape), z[:, 1:2] ** 2])
     terms = small.terms(z, Y, np.arange(600) // 2)
@@ -194,11 +194,9 @@ def test_cubic_terms_are_kept_by_what_they_are_worth():
 
 
 def test_averaging_strokes_needs_the_lump_in_all_of_them():
-    Y = np.tile([50.0, 10.0, 10.0, 0.5, 0.2], (6, 1))
-    group = np.array([0, 0, 0, 1, 1, 1])
-    observed = ObservedStrokes(np.zeros((6, 28)), np.zeros(6, int), Y, np.ones(6, bool), group)
+    strokes = made_up(6, np.array([0, 0, 0, 1, 1, 1]))
     y = np.arange(30.0).reshape(6, 5)
     found = np.array([1, 1, 1, 1, 0, 1], bool)
-    mean_observed, mean, lost = score.averaged(observed, y, found, strokes=3)
+    mean_observed, mean, lost = score.averaged(strokes, y, found, strokes=3)
     assert lost == 1 and mean_observed.group.tolist() == [0]
     assert mean[0] == pytest.approx(y[:3].mean(0))

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from palpate.learn.field import fit
-from palpate.learn.field.bench import Bench
+from palpate.learn import told
+from palpate.learn.bench import Bench
 from palpate.learn.thesis.polynomial import fit_thesis_model
 from palpate.sim.probe.noise import LEVELS
 from palpate.sim.probe.over_lump import strokes_over
@@ -44,7 +44,7 @@ def test_the_emulated_probe(sensor):
 
 def test_a_field_model_is_trained_for_it(sensor, lumps):
     def fitted(noise):
-        training = fit.fit_field(lumps, noise, levels=(), recipes=(), recipe=SMALL).spec.training
+        training = told.fit_field(lumps, noise, levels=(), recipes=(), recipe=SMALL.recipe).spec.training
         assert training["noise"] == Path(noise).name
         return training["hash"]
 

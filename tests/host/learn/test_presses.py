@@ -4,13 +4,13 @@ import math
 
 import pytest
 
-from palpate.learn.field import data, presses
+from palpate.learn import data, design
 from palpate.sim.tissue.any_tissue import PRESS_PARTS, REFERENCE_PARTS
 
 
 @pytest.fixture(scope="module")
 def directory(tmp_path_factory):
-    """As older releases made it: no presses."""
+    """As older releases made it: no design."""
     home = tmp_path_factory.mktemp("told")
     data.prepare(home, 4, rim=2, plain=0, wide=0, workers=1)
     assert not list(home.glob("*-press")), "too few lumps for checks need none"
@@ -40,13 +40,13 @@ def test_a_directory_of_before_gets_the_presses_that_it_lacks(directory, monkeyp
 
 def test_other_tissues_are_off_in_one_thing_by_what_the_check_is_told():
     usual = {"gland_ratio": 8.0, "probe_radius_mm": 50.0}
-    cases = presses.other_cases(8, usual)
+    cases = design.other_cases(8, usual)
     assert len(cases) == 8 * len(REFERENCE_PARTS)
     assert all(case.gland_ratio == 8.0 and not case.has_lump for case in cases)
     off = [(math.log(c.probe_radius_mm / 50.0), c.fat_stiffening) for c in cases[:: len(REFERENCE_PARTS)]]
-    low, high = map(math.log, presses.RADIUS)
+    low, high = map(math.log, design.RADIUS)
     for radius, b in off:
         assert (radius == 0) != (b == 0)
         assert radius == 0 or (low <= abs(radius) + 1e-4 and abs(radius) <= high + 1e-4)
-        assert b == 0 or presses.STIFFENING[0] <= b <= presses.STIFFENING[1]
+        assert b == 0 or design.STIFFENING[0] <= b <= design.STIFFENING[1]
     assert min(off)[0] < 0 < max(off)[0], "faces larger and smaller"

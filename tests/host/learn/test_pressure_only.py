@@ -7,9 +7,9 @@ from palpate.dataset import table
 from palpate.dataset.strokes import observe_data_set
 from palpate.firmware_twin.replay_core import Replay
 from palpate.importing import declaration, importer
-from palpate.learn.field import fit
-from palpate.learn.field.recipe import PRESSURE_ONLY, Recipe
+from palpate.learn import told
 from palpate.learn.observed import NAMES, OF_THE_DISPLACEMENT
+from palpate.learn.scopes import PRESSURE_ONLY, Recipe
 from palpate.model_export.exporter import export
 from palpate.model_export.fixed_point import force_map
 from palpate.model_export.fixed_point.reference import evaluate
@@ -24,7 +24,7 @@ DECLARED = declaration.Declaration(16, 26, (1.5, 1.5), pressure="kPa", position=
 
 @pytest.fixture(scope="module")
 def spec(strokes):
-    return fit.fit_field(strokes, levels=(), recipes=(), recipe=SMALL).spec
+    return told.fit_field(strokes, levels=(), recipes=(), recipe=SMALL).spec
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from firmware_py import features, outputs
-from palpate.learn.any_tissue import reference
-from palpate.learn.any_tissue.observed import observe
-from palpate.learn.any_tissue.reference import fit_joining
+from palpate.learn import reference
+from palpate.learn.observed import observe_in_any_fat
+from palpate.learn.reference import fit_joining
 from palpate.model_export.fixed_point import compiler
 from palpate.sim.tissue import Case
 from palpate.sim.tissue.any_tissue import elsewhere_cases, press_cases, reference_cases, without_its_lump
@@ -86,9 +86,9 @@ def test_a_reference_is_seen_by_the_strokes_probe_in_the_strokes_fat(few):
     found = reference.read_references(home / "reference")
     taken = reference.observe_references(lumps, found, "typical", 1)
     again = reference.observe_references(lumps, found, "typical", 1)
-    seen = observe(lumps, "typical", 1, None)
+    seen = observe_in_any_fat(lumps, "typical", 1, None)
     assert taken.taken.all() and np.array_equal(taken.press, again.press)
-    assert taken.ln_force == pytest.approx(seen.Y[:, 5], abs=0.25)
+    assert taken.ln_force == pytest.approx(seen.of("ln F"), abs=0.25)
     assert taken.press == pytest.approx(seen.press, abs=0.35)
     none = reference.observe_references(lumps, {}, "typical", 1)
     assert not none.taken.any()

@@ -97,7 +97,7 @@ def test_invalid_arguments_to_fit_are_refused(tmp_path, words, sentence):
 
 def test_strokes_over_another_shape_are_refused_by_name(tmp_path):
     """The shape is a word: the sentence was once written for numbers alone, and failed over it."""
-    from palpate.learn.field import data
+    from palpate.learn import data
     from palpate.sim.tissue import Case
 
     class Pair:

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from palpate.errors import PalpateError, UsageError
-from palpate.learn.field import data
+from palpate.learn import data
 from palpate.learn.observed import observe
 from palpate.sim.tissue.any_tissue import PRESS_PARTS
 from tests.host.learn.conftest import STROKES
@@ -58,7 +58,7 @@ def test_fewer_bits_and_coarser_cells_change_what_the_pipeline_gets(bench):
     fine = observe(some, "typical", 3)
     coarse = observe(some, "typical", 3, alter=lambda counts: counts // 64 * 64 + 32)
     assert not np.array_equal(fine.X, coarse.X)
-    assert coarse.columns(["ln_base"]) == pytest.approx(fine.columns(["ln_base"]), abs=0.05)
+    assert coarse.features(["ln_base"]) == pytest.approx(fine.features(["ln_base"]), abs=0.05)
 
 
 def test_a_study_of_computed_strokes_prints_what_every_interval_covers(fitted, parts, strokes):

@@ -9,9 +9,9 @@ import pytest
 
 from palpate import models
 from palpate.features.press_features import PLACES
-from palpate.learn.any_tissue.observed import scaled
-from palpate.learn.field import data
-from palpate.learn.field.presses import press_cases
+from palpate.learn import data
+from palpate.learn.design import press_cases
+from palpate.learn.lumps import scaled
 from palpate.learn.observed import observe
 from palpate.model_export.fixed_point import force_map
 from palpate.model_export.fixed_point.reference import checks_of, evaluate, inputs

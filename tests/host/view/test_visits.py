@@ -11,7 +11,7 @@ from playwright.sync_api import expect
 
 from palpate import models
 from palpate.importing import declaration, importer
-from palpate.learn.field import data
+from palpate.learn import data
 from palpate.link import emulator_model as emulator
 from palpate.sim.probe.sensors import LEVELS, SensorModel
 from tests.host.learn.conftest import STROKES

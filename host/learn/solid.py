@@ -8,39 +8,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import as_completed
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 
 from palpate import models
-from palpate.learn.any_tissue.flags import facts_of
-from palpate.learn.any_tissue.model import TissueModel, tissue_truth
-from palpate.learn.any_tissue.observed import ObservedInTissue, TissueLump
-from palpate.learn.any_tissue.reference import (
-    Joining,
-    fit_joining,
-    observe_references,
-    out_of_fold_pairs,
-    tissue_of,
-)
-from palpate.learn.any_tissue.result import TissueFit
-from palpate.learn.any_tissue.spec import tissue_spec
-from palpate.learn.any_tissue.strange import (
-    StrangeStrokes,
-    observe_strange,
-    strange_checks,
-    strange_rows,
-)
-from palpate.learn.any_tissue.study import learnt_force_map
-from palpate.learn.balls.across import across_of, fit_place
-from palpate.learn.balls.emulator import fit_emulator
-from palpate.learn.balls.lumps import without_lump
-from palpate.learn.balls.training import (
+from palpate.learn.across import across_of, fit_place
+from palpate.learn.emulator import fit_emulator
+from palpate.learn.lumps import LumpStrokes, without_lump
+from palpate.learn.model import force_map_in_any_fat
+from palpate.learn.observed import Observed
+from palpate.learn.probe_model import E_INV23, to_link
+from palpate.learn.reference import learn_joining, tissue_of
+from palpate.learn.result import TissueFit, tissue_fit
+from palpate.learn.strange import StrangeStrokes, observe_strange, strange_checks, strange_rows
+from palpate.learn.training import (
     EMULATED,
     EMULATED_SEED,
     FOLDS,
-    BallStudy,
     Fold,
+    SolidStudy,
     across_factor,
     emulated_seed,
     held_out_fold,
@@ -51,23 +38,11 @@ from palpate.learn.balls.training import (
     widened,
     width_factors,
 )
-from palpate.learn.probe_model import E_INV23, to_link, training_hash
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.progress import ProgressCallback, Steps
 from palpate.sim.tissue.solid.design import ball_cases
 from palpate.sim.tissue.workers import pool
-
-TARGETS = {
-    "d": 0.08,
-    "width": 0.10,
-    "depth": 0.05,
-    "t": 0.03,
-    "E_fat": 0.02,
-    "hard_soft": 0.85,
-    "worst_quarter": 0.86,
-}
-"""Of one stroke with its press at typical noise: median errors, hard or soft right."""
 
 _REFERRED = 1000
 """Emulated lumps with a reference press beside them, or with a second lump."""
@@ -77,20 +52,20 @@ _PLAIN = 300
 
 
 def fit_to_balls(
-    lumps: Sequence[TissueLump],
+    lumps: Sequence[LumpStrokes],
     noise: str = "typical",
     seed: int = 1,
     others: Sequence[str] = ("real",),
     workers: int = 1,
     progress: ProgressCallback | None = None,
     count: int = EMULATED,
-    rim: Sequence[TissueLump] = (),
+    rim: Sequence[LumpStrokes] = (),
 ) -> TissueFit:
     """Fit the model at one noise level, and the held-out table.
 
     Parameters
     ----------
-    lumps : sequence of TissueLump
+    lumps : sequence of LumpStrokes
         Of `lumps.prepare`.
     noise : str
         Level that the model is for, or a sensor's file.
@@ -104,12 +79,12 @@ def fit_to_balls(
         See `progress.ProgressCallback`.
     count : int
         Emulated lumps.
-    rim : sequence of TissueLump, optional
+    rim : sequence of LumpStrokes, optional
         Lumps outside the ranges (`lumps.read_rim`), to test the flag; nothing is fitted to them.
     """
     levels = (noise, *(other for other in others if other != noise))
     tell = Steps("emulating and fitting", FOLDS + len(levels) + 3, progress)
-    force_map = learnt_force_map(lumps)
+    force_map = force_map_in_any_fat(lumps)
     blob = force_maps.blob(force_map)
     folds = held_out_folds(lumps, levels, seed, blob, workers, count, tell)
     rows: list[dict[str, object]] = []
@@ -130,52 +105,41 @@ def fit_to_balls(
     model = widened(trained.model, width_factors(left_out))
     width, place = trained.width.wider(across_factor(left_out)), fit_place([part.seen for part in left_out])
     some = emulator.lumps(ball_cases(count, EMULATED_SEED)[: 3 * _REFERRED])
-    joining = _joining(some, noise, seed, seen, model)
+    # the press where a stroke begins, well off the lump, stands for one beside it
+    references = {tissue_of(lump.case): lump.press for lump in some}
+    first = seen.take(seen.group < len(some))
+    assert model.press is not None
+    joining = learn_joining(model.press, first, some, references, noise, emulated_seed(seed))
     watch = StrangeStrokes(noise, seed, blob)
-    check = strange_checks(
+    checks = strange_checks(
         model, seen, observe_strange(watch, some, [without_lump(lump) for lump in some[:_PLAIN]])
     )
     tell("model fitted")
     plain = [without_lump(lump) for lump in lumps]
     own = observed(lumps, noise, seed, blob, draws=1)
-    strange = strange_rows(model, check, own, lumps, plain, watch)
+    strange = strange_rows(replace(model, checks=checks), own, lumps, plain, watch)
     tell("strange strokes")
-    spec = tissue_spec(
+    return tissue_fit(
         model,
         joining,
-        {
-            "hash": training_hash(seen.X, seen.Y),
-            "n": int(seen.found.sum()),
-            "lumps": len(lumps),
-            "emulated_lumps": count,
-            "noise": Path(noise).name,
-            "seed": seed,
-            "tissue": "any",
-            "shape": "solid",
-        },
-        force_map.as_dict(),
-        check,
-        None if place is None else across_of(width, place),
-        held_out={k: v for k, v in rows[1].items() if isinstance(v, float)},
-    )
-    outside = observed(rim, noise, seed, blob, len(lumps)) if rim else None
-    even = observed(plain, noise, seed, blob, draws=1)
-    inside = study.in_domain
-    return TissueFit(
-        spec=spec,
-        model=model,
-        noise=noise,
-        rows=rows,
-        study=study,
-        strange=strange,
-        facts=facts_of(model, float("nan") if inside is None else float((~inside).mean()), outside, even),
-        excluded={"no lump found": round(len(study.y) * study.lost / (1 - study.lost))},
-        targets=TARGETS,
+        checks,
+        (seen,),
+        {"lumps": len(lumps), "emulated_lumps": count},
+        noise,
+        seed,
+        study,
+        rows,
+        force_map,
+        strange,
+        observed(rim, noise, seed, blob, len(lumps)) if rim else None,
+        observed(plain, noise, seed, blob, draws=1),
+        {"no lump found": round(len(study.y) * study.lost / (1 - study.lost))},
+        across=None if place is None else across_of(width, place),
     )
 
 
 def held_out_folds(
-    lumps: Sequence[TissueLump],
+    lumps: Sequence[LumpStrokes],
     levels: Sequence[str],
     seed: int,
     force_map: bytes,
@@ -201,24 +165,11 @@ def _plane_map() -> bytes:
     return b"" if spec.force_map is None else force_maps.blob(spec.force_map)
 
 
-def plane_study(seen: ObservedInTissue) -> BallStudy:
+def plane_study(seen: Observed) -> SolidStudy:
     """What the model of endless cylinders that comes with Palpate says of the same lumps."""
     spec, found = models.load(models.FIELD), seen.take(seen.found)
     said = evaluate(spec, inputs(spec, found.X))
     y, low, high = (to_link(said[part]) for part in ("value", "low", "high"))
     hard = np.asarray(said["value"])[:, E_INV23] < spec.hard_below
     lost = float((~seen.found).mean())
-    return BallStudy(found, y, (high - low) / 2, hard, lost, np.asarray(said["in_domain"]))
-
-
-def _joining(
-    lumps: Sequence[TissueLump], noise: str, seed: int, seen: ObservedInTissue, model: TissueModel
-) -> Joining:
-    """How a reference press joins the stroke's own, from the first lumps of `seen`: the press where a stroke
-    begins, well off the lump, stands for one beside it."""
-    first = seen.take(seen.group < len(lumps))
-    references = {tissue_of(lump.strokes.case): lump.press for lump in lumps}
-    found = observe_references(lumps, references, noise, emulated_seed(seed)).take(first.group)
-    some, pressed = first.take(found.taken), found.take(found.taken)
-    own, other = out_of_fold_pairs(some, pressed, model.press)
-    return fit_joining(own, other, tissue_truth(some))
+    return SolidStudy(found, y, (high - low) / 2, hard, lost, np.asarray(said["in_domain"]))

@@ -15,17 +15,15 @@ import numpy as np
 
 from palpate.features.map_features import Floats
 from palpate.features.press_features import OUTER
-from palpate.learn.any_tissue.observed import scaled
-from palpate.learn.checks import fit_checks, joined
-from palpate.learn.field.bench import Bench
-from palpate.learn.field.design import LumpStrokes
-from palpate.learn.field.presses import FEWEST_LUMPS, OtherTissue
-from palpate.learn.field.recipe import Recipe
-from palpate.learn.observed import NAMES, OF_THE_DISPLACEMENT, ObservedStrokes, join
-from palpate.learn.probe_model import shows_lump
+from palpate.learn.bench import Bench
+from palpate.learn.checks import fit_checks
+from palpate.learn.checks import joined as checks_joined
+from palpate.learn.data import FEWEST_LUMPS, OtherTissue
+from palpate.learn.observed import OF_THE_DISPLACEMENT, Observed, joined
+from palpate.learn.scopes import Recipe
 from palpate.model_export.schema import FirstStage
-from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS
-from palpate.sim.probe.sensors import Noise, StrokeField
+from palpate.model_export.vocabulary import OF_THE_PRESS
+from palpate.sim.probe.sensors import Noise
 from palpate.sim.probe.two_lumps import APART_MM, random_pair
 
 FAT = (1.18, 1.65)
@@ -50,10 +48,10 @@ _OTHERS_FROM = 1_000_000
 class Pressed:
     """Strokes in tissues that give way more, or less, than the model's.
 
-    seen : ObservedStrokes; far : (n), how far each is off, in units of `TO_BE_NOTICED`
+    seen : Observed; far : (n), how far each is off, in units of `TO_BE_NOTICED`
     """
 
-    seen: ObservedStrokes
+    seen: Observed
     far: Floats
 
 
@@ -62,7 +60,7 @@ class StrangeStrokes:
     """What a model of this recipe is to notice: two lumps by the stroke, other tissues by the press."""
 
     recipe: Recipe
-    two_lumps: ObservedStrokes
+    two_lumps: Observed
     tissues: Mapping[str, Pressed]
 
     @property
@@ -72,38 +70,33 @@ class StrangeStrokes:
         with_depth = self.recipe.displacement
         return ("ln_force", *(name for name in some if with_depth or name not in OF_THE_DISPLACEMENT))
 
-    def checks(self, own: ObservedStrokes) -> FirstStage:
+    def checks(self, own: Observed) -> FirstStage:
         """Fitted to these and to the model's own strokes, which show a lump."""
         names = tuple(name for name in self.recipe.features if name not in self.press)
-        pairs = {"two_lumps": (self.two_lumps.columns(names), self.two_lumps.group)}
+        pairs = {"two_lumps": (self.two_lumps.features(names), self.two_lumps.group)}
         checks = fit_checks(
             names,
-            own.columns(names),
+            own.features(names),
             own.group,
             pairs,
             most_features=MOST_FEATURES,
             most_terms=MOST_TERMS,
         )
-        own = own.take(pressed(own))
+        own = own.take(own.pressed)
         if not self.tissues or not len(own):
             return checks
-        tissues = {kind: (of.seen.columns(self.press), of.seen.group) for kind, of in self.tissues.items()}
+        tissues = {kind: (of.seen.features(self.press), of.seen.group) for kind, of in self.tissues.items()}
         far = {kind: of.far for kind, of in self.tissues.items()}
         by_press = fit_checks(
             self.press,
-            own.columns(self.press),
+            own.features(self.press),
             own.group,
             tissues,
             FALSE_ALARMS,
             most_terms=MOST_TERMS_OF_PRESS,
             how_far=far,
         )
-        return joined(checks, by_press)
-
-
-def pressed(seen: ObservedStrokes) -> np.ndarray:
-    """Whether the probe saw enough of the press before each stroke, (n), bool."""
-    return np.asarray(seen.X[:, NAMES.index(OF_THE_PRESS[0])] != ABSENT)
+        return checks_joined(checks, by_press)
 
 
 def strange_strokes(bench: Bench, noise: Noise | str, recipe: Recipe) -> StrangeStrokes | None:
@@ -121,25 +114,17 @@ def strange_strokes(bench: Bench, noise: Noise | str, recipe: Recipe) -> Strange
     for k in train:
         pairs[k] = random_pair(lumps[k].strokes, APART_MM, rng, lumps[k].press)
     seen = bench.observe(pairs, train, noise, 1, _FIRST["two_lumps"], recipe)
-    two_lumps = seen.take(seen.whole & shows_lump(seen.X, NAMES))
+    two_lumps = seen.take(seen.found)
     if any(lumps[k].press for k in train):
         others = _others(bench, noise, recipe)
         for kind, way in (("softer", -1), ("stiffer", 1)):
             factors = np.ones(len(lumps))
             factors[train] = np.exp(way * rng.uniform(log(FAT[0]), log(FAT[1]), len(train)))
-            fats = [in_fat(lump, s) for lump, s in zip(lumps, factors)]
+            fats = [lump.scaled(s).field for lump, s in zip(lumps, factors)]
             seen = bench.observe(fats, train, noise, _DRAWS, _FIRST[kind], recipe)
             far = np.abs(np.log(factors[seen.group])) / TO_BE_NOTICED["fat_kPa"]
             tissues[kind] = _pressed_only([Pressed(seen, far), *others.get(kind, ())])
     return StrangeStrokes(recipe, two_lumps, tissues)
-
-
-def in_fat(lump: LumpStrokes, factor: float) -> StrokeField:
-    """The lump and its press in tissue as many times as stiff, under as many times the force."""
-    return StrokeField(
-        *(scaled(stroke, factor) for stroke in lump.strokes),
-        press=[scaled(stroke, factor) for stroke in lump.press],
-    )
 
 
 def _others(bench: Bench, noise: Noise | str, recipe: Recipe) -> dict[str, list[Pressed]]:
@@ -167,6 +152,6 @@ def _stiffer(of: OtherTissue) -> bool:
 
 def _pressed_only(parts: Sequence[Pressed]) -> Pressed:
     """All of them whose press the probe saw enough of."""
-    seen, far = join([part.seen for part in parts]), np.concatenate([part.far for part in parts])
-    enough = seen.whole & pressed(seen)
+    seen, far = joined([part.seen for part in parts]), np.concatenate([part.far for part in parts])
+    enough = seen.whole & seen.pressed
     return Pressed(seen.take(enough), far[enough])

@@ -12,21 +12,25 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.answer.layers import BORDER, FAT, GLAND, PLACES, UNSURE, half_widths, odds, said, values
-from palpate.features.map_features import Floats
-from palpate.learn.any_tissue.model import OUTPUTS, STIFFNESS, Parts, Scope, TissueModel, truth
-from palpate.learn.any_tissue.study import FOLDS, TextTable, TissueStudy
-from palpate.learn.anywhere.model import (
-    ANYWHERE,
-    SURE,
-    fit_layers,
-    places,
-    slope_of,
-    true_place,
-    true_values,
+from palpate.answer.layers import (
+    BORDER,
+    FAT,
+    GLAND,
+    PLACES,
+    UNSURE,
+    half_widths,
+    layer_of,
+    odds,
+    said,
+    values,
 )
-from palpate.learn.conformal import LEVEL
-from palpate.learn.probe_model import HARD_BELOW, standardised
+from palpate.features.map_features import Floats
+from palpate.learn.conformal import LEVEL, fit_sigma, quantile_of_part
+from palpate.learn.model import Model
+from palpate.learn.observed import Observed
+from palpate.learn.probe_model import E_INV23, HARD_BELOW, OUTPUTS, floats, standardised
+from palpate.learn.scopes import ANYWHERE, Parts, Scope, by_place, true_place
+from palpate.learn.study import FOLDS, Study, TextTable
 from palpate.learn.table import r_squared
 from palpate.model_export.schema import Layers
 
@@ -35,21 +39,49 @@ TOLD = ("ln d", "ln depth", "ln t", "E^-2/3", "ln E_fat", "in the fat")
 TARGETS = {"d": 0.116, "d_r2": 0.74, "depth": 0.066, "depth_r2": 0.94}
 """Of the laboratory, which had a reference press as well."""
 
+SURE = 0.8
+"""A place is said where its odds are at least this."""
+
 _IN_FAT, _DEPTH, _SIZE = range(3)
 _D = OUTPUTS.index("ln d")
 
 
+def true_values(seen: Observed, slope: float) -> Floats:
+    """(n, 3), as `palpate.answer.layers.values`."""
+    return values(seen.truth, slope)
+
+
+def slope_of(y: Floats, Y: Floats) -> float:
+    """c of ln d + c E^-2/3 whose errors spread least, from estimates and truth (n, outputs)."""
+    error = (y - Y)[:, [OUTPUTS.index("ln d"), E_INV23]]
+    covariance = np.cov(error.T)
+    return float(-covariance[0, 1] / covariance[1, 1])
+
+
+def fit_layers(z: Floats, y: Floats, seen: Observed) -> Layers:
+    """Learn from estimates y (n, outputs) of lumps left out, at standardised features z (n, features)."""
+    slope = slope_of(y, seen.truth)
+    of = values(y, slope)
+    error = true_values(seen, slope) - of
+    spread = [fit_sigma(z, of[:, [j]], error[:, [j]], seen.group)[1][:, 0] for j in range(of.shape[1])]
+    unit = Layers(LEVEL, slope, tuple(map(floats, spread)), ((1.0,) * 3,) * 3, SURE)
+    score = np.abs(error) / half_widths(unit, z, of)
+    layer = layer_of(of[:, 0])
+    quantiles = [[quantile_of_part(q, layer == k, LEVEL) for k in (FAT, BORDER, GLAND)] for q in score.T]
+    return Layers(LEVEL, slope, unit.spread, tuple((a, b, c) for a, b, c in quantiles), SURE)
+
+
 @dataclass(frozen=True)
-class AnywhereStudy(TissueStudy):
+class AnywhereStudy(Study):
     """Estimates of lumps anywhere by models that have not seen them."""
 
     scope: ClassVar[Scope] = ANYWHERE
     targets: ClassVar[Mapping[str, float]] = MappingProxyType(TARGETS)
     training: ClassVar[Mapping[str, str]] = MappingProxyType({"place": "any"})
 
-    def layers(self, model: TissueModel) -> Layers:
+    def layers(self, model: Model) -> Layers:
         """Learnt from the lumps left out."""
-        return fit_layers(model.stroke.standard(self.inputs), self.y, self.seen)
+        return fit_layers(model.polynomial.standard(self.inputs), self.y, self.seen)
 
     @cached_property
     def _added(self) -> tuple[Floats, Floats, Floats]:
@@ -99,7 +131,7 @@ class AnywhereStudy(TissueStudy):
     def told(self) -> tuple[Floats, Floats, Floats]:
         """Estimates, half-widths and truth of `TOLD`, (n, 6) each."""
         found, half, error = self._added
-        Y, six = truth(self.seen), []
+        Y, six = self.seen.truth, []
         for name in TOLD:
             if name in OUTPUTS:
                 j = OUTPUTS.index(name)
@@ -112,11 +144,11 @@ class AnywhereStudy(TissueStudy):
 
     def groups(self) -> Parts:
         """Those that the tables tell apart."""
-        Y = truth(self.seen)
-        hard, depth = Y[:, STIFFNESS] <= HARD_BELOW, np.exp(true_values(self.seen, 0.0)[:, _DEPTH])
+        Y = self.seen.truth
+        hard, depth = Y[:, E_INV23] <= HARD_BELOW, np.exp(true_values(self.seen, 0.0)[:, _DEPTH])
         return {
             "all": np.ones(len(Y), bool),
-            **places(self.seen),
+            **by_place(self.seen),
             "hard": hard,
             "soft": ~hard,
             "less than 6 mm deep": depth < 6,
@@ -131,7 +163,7 @@ class AnywhereStudy(TissueStudy):
             absolute = name in ("E^-2/3", "in the fat")
             size = f"{np.median(error):.3f}" if absolute else f"{100 * np.expm1(np.median(error)):.1f} %"
             out.append(f"{r_squared(true, y):.2f} / {size} / {100 * (error <= half).mean():.0f}")
-        right = (self.hard == (truth(self.seen)[:, STIFFNESS] <= HARD_BELOW))[of].mean()
+        right = (self.hard == (self.seen.truth[:, E_INV23] <= HARD_BELOW))[of].mean()
         return [words, *out, f"{100 * right:.0f}", str(len(np.unique(self.seen.group[of])))]
 
     def further_tables(self) -> list[TextTable]:
@@ -160,9 +192,9 @@ class AnywhereStudy(TissueStudy):
 
     def combined(self, of: NDArray[np.bool_]) -> tuple[float, float, float]:
         """c, and the median errors of ln d alone and of ln d + c E^-2/3, whose errors have least spread."""
-        y, Y = self.y[of], truth(self.seen)[of]
+        y, Y = self.y[of], self.seen.truth[of]
         c, error = slope_of(y, Y), y - Y
-        both = np.median(np.abs(error[:, _D] + c * error[:, STIFFNESS]))
+        both = np.median(np.abs(error[:, _D] + c * error[:, E_INV23]))
         return c, float(np.median(np.abs(error[:, _D]))), float(both)
 
     def _told_apart(self) -> TextTable:

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.learn.field.data import FieldStrokes, Split, split, stroke_fields
-from palpate.learn.field.model import learn_force_map
-from palpate.learn.field.observer import Observer
-from palpate.learn.field.recipe import FIELD, Recipe
-from palpate.learn.observed import ObservedStrokes, noise_named
+from palpate.learn.data import Split, Strokes, split, stroke_fields
+from palpate.learn.model import learn_force_map
+from palpate.learn.observed import Observed, noise_named
+from palpate.learn.observer import Observer
+from palpate.learn.scopes import FIELD, Recipe
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.progress import ProgressCallback
 from palpate.sim.probe.sensors import Noise, StrokeField
@@ -30,7 +30,7 @@ class Bench:
 
     Parameters
     ----------
-    strokes : FieldStrokes
+    strokes : Strokes
     seed : int
         Of the split and of all noise.
     directory : path
@@ -45,7 +45,7 @@ class Bench:
 
     def __init__(
         self,
-        strokes: FieldStrokes,
+        strokes: Strokes,
         seed: int = 1,
         directory: str | PathLike[str] = ".",
         workers: int | None = None,
@@ -94,7 +94,7 @@ class Bench:
         first_draw: int,
         recipe: Recipe = FIELD,
         **options: Any,
-    ) -> ObservedStrokes:
+    ) -> Observed:
         """`draws` strokes over each of some fields, each by a different probe in a different hand.
 
         The frames are moved by the force map of `recipe`.
@@ -115,7 +115,7 @@ class Bench:
         recipe: Recipe = FIELD,
         draws: tuple[int, int, int] = (TRAIN_DRAWS, CALIBRATION_DRAWS, TEST_DRAWS),
         **options: Any,
-    ) -> tuple[ObservedStrokes, ObservedStrokes, ObservedStrokes, ObservedStrokes | None]:
+    ) -> tuple[Observed, Observed, Observed, Observed | None]:
         """Training, calibration, test and rim strokes over lumps, at one noise level."""
         s = self.split
         rim_draws = min(RIM_DRAWS, draws[0])

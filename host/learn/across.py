@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from palpate.answer.across import places
 from palpate.features.map_features import Floats
-from palpate.learn.any_tissue.observed import ObservedInTissue
 from palpate.learn.conformal import LEVEL, conformal_quantile, fit_sigma, out_of_fold
+from palpate.learn.observed import Observed
 from palpate.learn.probe_model import Polynomial, estimates_of, fit_polynomial, floats, stage_of
 from palpate.model_export.schema import Across
 
@@ -31,7 +31,7 @@ _FAR = 1.5
 _SMALLEST_SHARE = 0.1
 
 
-def across_truth(seen: ObservedInTissue) -> tuple[Floats, Floats]:
+def across_truth(seen: Observed) -> tuple[Floats, Floats]:
     """ln of the width across the stroke, mm, and the distance from its line, mm; (n,) each."""
     return seen.across[:, 0], seen.across[:, 1]
 
@@ -59,7 +59,7 @@ class WidthModel:
         return WidthModel(self.polynomial, np.concatenate([first, self.spread[1:]]))
 
 
-def fit_width(stroke: Polynomial, X: Floats, seen: ObservedInTissue) -> WidthModel:
+def fit_width(stroke: Polynomial, X: Floats, seen: Observed) -> WidthModel:
     """Learn from strokes that found a lump; X (n, features): as `stroke`, the second stage, takes them."""
     Y = across_truth(seen)[0][:, None]
 
@@ -75,7 +75,7 @@ def fit_width(stroke: Polynomial, X: Floats, seen: ObservedInTissue) -> WidthMod
     return WidthModel(polynomial, spread[:, 0])
 
 
-def width_factor(width: Floats, half: Floats, seen: ObservedInTissue) -> float:
+def width_factor(width: Floats, half: Floats, seen: Observed) -> float:
     """By how much intervals (n,) of these estimates (n,) must be wider to hold `LEVEL` of the lumps."""
     score = np.abs(width - across_truth(seen)[0]) / half
     return conformal_quantile(score, level_of(seen.group))
@@ -96,7 +96,7 @@ class PlaceModel:
         return self.stretch * middle, np.exp(self.spread[0] + self.spread[1] * ln_blur)
 
 
-def fit_place(parts: Sequence[ObservedInTissue]) -> PlaceModel | None:
+def fit_place(parts: Sequence[Observed]) -> PlaceModel | None:
     """Learn from parts of computed strokes with no lump in common; None where too few lie beside the line.
 
     The intervals hold `LEVEL` of the lumps beside the line, each asked with stretch and spread of the other

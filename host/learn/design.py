@@ -1,4 +1,4 @@
-"""What the field model is trained and judged on: lumps over the whole range, each at three forces.
+"""What a told model is trained and judged on: lumps over the whole range, each at three forces, and presses.
 
 The hand's force wanders during a stroke. Three strokes of one lump, at F / sqrt(1.4), F and F sqrt(1.4), hold
 what the sensor model needs to interpolate any force between them, so every lump comes with all three. With
@@ -7,52 +7,32 @@ two alone the images between are off by seven times as much.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
-from math import log10, sqrt
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from math import exp, log, log10, sqrt
 from typing import Any
 
 import numpy as np
 from scipy.stats import qmc
 
-from palpate.sim.tissue import Case, Settings, Stroke, sobol_cases
+from palpate.learn.lumps import FORCE_STEP, LumpStrokes
+from palpate.sim.tissue import Case, Settings, any_tissue, sobol_cases
+from palpate.sim.tissue.any_tissue import FORCE_PARTS, PRESS_PARTS, REFERENCE_PARTS
 from palpate.sim.tissue.design import USUAL, Ranges
 
-FORCE_STEP = 1.4
 FIELD_SETTINGS = Settings(far_start_mm=-44.0)
 """The usual steps of 2 mm, and a coarser approach so that a stroke may start 5 mm off."""
 
 NO_LUMP_THICKNESS_MM = (4.0, 40.0)
+RADIUS, STIFFENING = (1.05, 1.09), (1.0, 2.5)
+"""By what factor the face's radius differs on other tissues, either way, and by how much more b the fat
+stiffens."""
+
+_OTHER_SEED = 41
 
 OUTSIDE = Ranges((4.0, 25.0), (0.2, 2.0), (1.3, 1000.0), (0.2, 1.2))
 """Wider in every input than the model's ranges. Lumps in here and not in there, the rim, are trained on
 too, so that an estimate beyond the ranges means a lump beyond them; others test the domain flag."""
-
-
-@dataclass(frozen=True)
-class LumpStrokes:
-    """Strokes over one lump, or plain tissue, at rising forces; the greatest is 1.4 times the smallest.
-
-    press: what is pressed before them, one position at rising forces; empty where nobody has simulated it.
-    """
-
-    strokes: tuple[Stroke, ...]
-    press: tuple[Stroke, ...] = ()
-
-    @property
-    def low(self) -> Stroke:
-        """That of the smallest force."""
-        return self.strokes[0]
-
-    @property
-    def high(self) -> Stroke:
-        """That of the greatest force."""
-        return self.strokes[-1]
-
-    @property
-    def case(self) -> Case:
-        """The lump, with the force midway between the smallest and the greatest (geometrically)."""
-        return replace(self.low.case, F_rel=sqrt(self.low.case.F_rel * self.high.case.F_rel))
 
 
 def at_forces(case: Case) -> tuple[Case, Case, Case]:
@@ -93,20 +73,36 @@ def no_lump_cases(n: int, seed: int = 2, tissue: dict[str, Any] | None = None) -
     return out
 
 
-def by_lump(strokes: Iterable[Stroke]) -> tuple[list[LumpStrokes], list[str]]:
-    """Strokes put together lump by lump; beside them the codes of those whose partners are missing.
+def press_cases(lumps: Sequence[LumpStrokes]) -> list[Case]:
+    """What to simulate, with `PRESSES`, of the presses before these strokes."""
+    return any_tissue.at_forces([_middle(lump) for lump in lumps], PRESS_PARTS)
 
-    Strokes are partners if their cases differ in the force alone. A lump is whole if its greatest force is
-    1.4 times its smallest: two are enough, as older sets have them.
+
+def other_cases(n: int, tissue: Mapping[str, Any] | None = None, seed: int = _OTHER_SEED) -> list[Case]:
+    """What to simulate, with `PRESSES`: `n` tissues at rising forces, each off in one thing.
+
+    Its face's radius, or how its fat stiffens, in turn.
+
+    Parameters
+    ----------
+    n : int
+    tissue : mapping, optional
+        What the model is told, fields of `Case`.
     """
-    found: dict[Case, list[Stroke]] = {}
-    for stroke in strokes:
-        found.setdefault(replace(stroke.case, F_rel=1.0), []).append(stroke)
-    lumps, alone = [], []
-    for partners in found.values():
-        rising = sorted(partners, key=lambda s: s.case.F_rel)
-        if abs(rising[-1].case.F_rel / rising[0].case.F_rel - FORCE_STEP) < 1e-6:
-            lumps.append(LumpStrokes(tuple(rising)))
+    rng = np.random.default_rng(seed)
+    out = []
+    for k, lump in enumerate(sobol_cases(n, seed)):
+        usual = Case.without_lump(lump.t_mm, lump.F_rel, **(tissue or {}))
+        if k % 2:
+            b = usual.fat_stiffening + float(rng.uniform(*STIFFENING))
+            out.append(replace(usual, fat_stiffening=round(b, 3)))
         else:
-            alone += [stroke.code for stroke in rising]
-    return lumps, alone
+            way, low, high = (1 if k % 4 else -1), log(RADIUS[0]), log(RADIUS[1])
+            radius = usual.probe_radius_mm * exp(way * rng.uniform(low, high))
+            out.append(replace(usual, probe_radius_mm=round(radius, 3)))
+    return any_tissue.at_forces(out, REFERENCE_PARTS)
+
+
+def _middle(lump: LumpStrokes) -> Case:
+    """The lump at its middle force; without rounding where that was simulated."""
+    return lump.strokes[1].case if len(lump.strokes) == len(FORCE_PARTS) else lump.case

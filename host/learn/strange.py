@@ -13,17 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from palpate.learn.any_tissue.model import (
-    ON_BORDER,
-    OUTPUTS,
-    Scope,
-    TissueModel,
-    fit_tissue_model,
-    truth,
-)
-from palpate.learn.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe
-from palpate.learn.checks import above_zero, fit_checks
-from palpate.learn.observed import noise_named
+from palpate.learn.checks import fit_checks
+from palpate.learn.lumps import LumpStrokes
+from palpate.learn.model import Model, fit_model
+from palpate.learn.observed import Observed, joined, noise_named, observe_in_any_fat
+from palpate.learn.probe_model import OUTPUTS
+from palpate.learn.scopes import BORDER, Scope
 from palpate.model_export.schema import FirstStage
 from palpate.sim.probe.sensors import Noise
 from palpate.sim.probe.two_lumps import APART_MM
@@ -49,22 +44,20 @@ class StrangeStrokes:
     seed: int
     force_map: bytes
 
-    def pairs(
-        self, lumps: Sequence[TissueLump], apart_mm: tuple[float, float], draw: int = 0
-    ) -> ObservedInTissue:
+    def pairs(self, lumps: Sequence[LumpStrokes], apart_mm: tuple[float, float], draw: int = 0) -> Observed:
         """Two lumps of a kind, so far apart."""
-        return observe(
+        return observe_in_any_fat(
             lumps, self.noise, self._seed(_PAIRS_SEED, draw), self.force_map, two_apart_mm=apart_mm
         )
 
     def uneven(
-        self, lumps: Sequence[TissueLump], undulation: float, draw: int = 0, first: int = _UNEVEN_SEED
-    ) -> ObservedInTissue:
+        self, lumps: Sequence[LumpStrokes], undulation: float, draw: int = 0, first: int = _UNEVEN_SEED
+    ) -> Observed:
         """Tissue whose thickness undulates by this share."""
         noise = noise_named(self.noise).with_(undulation=undulation)
-        return observe(lumps, noise, self._seed(first, draw), self.force_map)
+        return observe_in_any_fat(lumps, noise, self._seed(first, draw), self.force_map)
 
-    def uneven_plain(self, plain: Sequence[TissueLump], undulation: float, draw: int = 0) -> ObservedInTissue:
+    def uneven_plain(self, plain: Sequence[LumpStrokes], undulation: float, draw: int = 0) -> Observed:
         """The same without a lump; their numbers are below 0."""
         seen = self.uneven(plain, undulation, draw, _PLAIN_SEED)
         return replace(seen, group=-1 - seen.group)
@@ -74,22 +67,20 @@ class StrangeStrokes:
 
 
 def observe_strange(
-    watch: StrangeStrokes, lumps: Sequence[TissueLump], plain: Sequence[TissueLump]
-) -> dict[str, ObservedInTissue]:
+    watch: StrangeStrokes, lumps: Sequence[LumpStrokes], plain: Sequence[LumpStrokes]
+) -> dict[str, Observed]:
     """Strokes for checks to be fitted to, by kind."""
     uneven = [watch.uneven(lumps, _LUMPS_UNDULATE)]
     uneven += [watch.uneven_plain(plain, by, k) for k, by in enumerate(_PLAIN_UNDULATES)]
     return {"two_lumps": watch.pairs(lumps, APART_MM), "uneven_tissue": joined(uneven)}
 
 
-def strange_checks(
-    model: TissueModel, seen: ObservedInTissue, strange: dict[str, ObservedInTissue]
-) -> FirstStage:
+def strange_checks(model: Model, seen: Observed, strange: dict[str, Observed]) -> FirstStage:
     """A check for each kind; ln F has no part in them, so that they are the same in every fat."""
     own = seen.take(seen.found)
     others = {kind: other.take(other.found) for kind, other in strange.items()}
     return fit_checks(
-        model.stroke.names[:-1],
+        model.polynomial.names[:-1],
         model.inputs(own)[:, :-1],
         own.group,
         {kind: (model.inputs(other)[:, :-1], other.group) for kind, other in others.items()},
@@ -98,19 +89,14 @@ def strange_checks(
     )
 
 
-def unlike(check: FirstStage, model: TissueModel, seen: ObservedInTissue) -> np.ndarray:
-    """Whether one of the checks is above 0, (n)."""
-    return above_zero(check, model.stroke.names, model.inputs(seen))
-
-
 def strange_table(
-    lumps: Sequence[TissueLump],
-    plain: Sequence[TissueLump],
-    seen: ObservedInTissue,
-    rim: ObservedInTissue,
+    lumps: Sequence[LumpStrokes],
+    plain: Sequence[LumpStrokes],
+    seen: Observed,
+    rim: Observed,
     watch: StrangeStrokes,
-    strange: dict[str, ObservedInTissue],
-    scope: Scope = ON_BORDER,
+    strange: dict[str, Observed],
+    scope: Scope = BORDER,
 ) -> pd.DataFrame:
     """What becomes of strokes that neither model nor checks have met: half of the lumps for each.
 
@@ -126,19 +112,18 @@ def strange_table(
     """
     half = seen.group % 2 == 0
     train, test = seen.take(half), seen.take(~half)
-    model = fit_tissue_model(train, True, rim, scope=scope)
+    model = fit_model(scope, train, rim=rim)
     check = strange_checks(
         model, train, {kind: other.take(other.group % 2 == 0) for kind, other in strange.items()}
     )
-    return strange_rows(model, check, test, lumps, plain, watch, odd=True)
+    return strange_rows(replace(model, checks=check), test, lumps, plain, watch, odd=True)
 
 
 def strange_rows(
-    model: TissueModel,
-    check: FirstStage,
-    own: ObservedInTissue,
-    lumps: Sequence[TissueLump],
-    plain: Sequence[TissueLump],
+    model: Model,
+    own: Observed,
+    lumps: Sequence[LumpStrokes],
+    plain: Sequence[LumpStrokes],
     watch: StrangeStrokes,
     odd: bool = False,
 ) -> pd.DataFrame:
@@ -150,10 +135,10 @@ def strange_rows(
         Columns: strokes that find a lump, share flagged, share whose interval of d holds no lump that is
         there, and of these without a flag, without and with the checks.
     """
-    rows = [_row("one lump", model, check, own)]
+    rows = [_row("one lump", model, own)]
 
-    def add(words: str, seen: ObservedInTissue) -> None:
-        rows.append(_row(words, model, check, seen.take(seen.group % 2 == 1) if odd else seen))
+    def add(words: str, seen: Observed) -> None:
+        rows.append(_row(words, model, seen.take(seen.group % 2 == 1) if odd else seen))
 
     for k, apart in enumerate(DISTANCES_MM):
         add(f"two, {apart:g} mm apart", watch.pairs(lumps, (apart, apart), 1 + k))
@@ -165,19 +150,17 @@ def strange_rows(
     return pd.DataFrame(rows)
 
 
-def _row(words: str, model: TissueModel, check: FirstStage, seen: ObservedInTissue) -> dict[str, object]:
+def _row(words: str, model: Model, seen: Observed) -> dict[str, object]:
     """Of those that find a lump; where there is none to find every one of them is wrong."""
     seen = seen.take(seen.found)
     said, d = model.answer(seen), OUTPUTS.index("ln d")
-    wrong = np.abs(said.y[:, d] - truth(seen)[:, d]) > said.half[:, d]
+    wrong = np.abs(said.y - seen.truth)[:, d] > said.half[:, d]
     wrong |= seen.group < 0
-    flagged = ~model.in_domain(seen)
-    both = flagged | unlike(check, model, seen)
     shares = {
-        "flagged": both,
+        "flagged": ~said.in_domain,
         "d_missed": wrong,
-        "silent_before": wrong & ~flagged,
-        "silent": wrong & ~both,
+        "silent_before": wrong & said.familiar,
+        "silent": wrong & said.in_domain,
     }
     return {
         "strokes": words,

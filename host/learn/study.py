@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -12,35 +12,16 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from palpate.features.map_features import Floats
-from palpate.learn.any_tissue.model import (
-    ON_BORDER,
-    OUTPUTS,
-    STIFFNESS,
-    Parts,
-    Scope,
-    TissueModel,
-    depth_mm,
-    fit_tissue_model,
-    truth,
-)
-from palpate.learn.any_tissue.observed import (
-    TRUTH,
-    ObservedInTissue,
-    TissueLump,
-    joined,
-    random_scale,
-    scaled,
-)
-from palpate.learn.field.design import LumpStrokes
-from palpate.learn.field.model import learn_force_map
-from palpate.learn.probe_model import HARD_BELOW
+from palpate.learn.model import Model, depth_mm, fit_model
+from palpate.learn.observed import Observed, joined
+from palpate.learn.probe_model import E_INV23, HARD_BELOW, OUTPUTS
+from palpate.learn.scopes import BORDER, Parts, Scope
 from palpate.learn.table import r_squared
-from palpate.model_export.fixed_point import force_map as force_maps
 
 if TYPE_CHECKING:
     from palpate.model_export.schema import Layers
 
-SEED, DRAWS, FOLDS = 31, 3, 5
+DRAWS, FOLDS = 3, 5
 TARGETS = {
     "d": 0.055,
     "depth": 0.03,
@@ -61,22 +42,8 @@ _LEAST_MM = 1e-3
 """Of a depth: where t and d contradict each other it would be none."""
 
 
-def learnt_force_map(lumps: Sequence[TissueLump]) -> force_maps.ForceMap:
-    """The map that moves frames to another force, learnt over every fat at once; of solid lumps too."""
-    over_any_fat = []
-    for k, lump in enumerate(lumps):
-        s = random_scale(lump.strokes.case, np.random.default_rng(k))
-        over_any_fat.append(LumpStrokes(tuple(scaled(stroke, s) for stroke in lump.strokes.strokes)))
-    return learn_force_map(over_any_fat)
-
-
-def force_map_of(lumps: Sequence[TissueLump]) -> bytes:
-    """The same as the probe carries it."""
-    return force_maps.blob(learnt_force_map(lumps))
-
-
 @dataclass(frozen=True)
-class TissueStudy:
+class Study:
     """Estimates of lumps by models that have not seen them.
 
     seen: the strokes that found a lump; y, half : (n, outputs), by `model.OUTPUTS`; hard : (n), bool;
@@ -84,12 +51,12 @@ class TissueStudy:
     what the second stage had, where it was kept.
     """
 
-    scope: ClassVar[Scope] = ON_BORDER
+    scope: ClassVar[Scope] = BORDER
     targets: ClassVar[Mapping[str, float]] = MappingProxyType(TARGETS)
     training: ClassVar[Mapping[str, str]] = MappingProxyType({})
     """What the document says of the lumps."""
 
-    seen: ObservedInTissue
+    seen: Observed
     y: Floats
     half: Floats
     hard: NDArray[np.bool_]
@@ -102,7 +69,7 @@ class TissueStudy:
         """Those that are judged apart."""
         return self.scope.parts(self.seen)
 
-    def layers(self, model: TissueModel) -> Layers | None:
+    def layers(self, model: Model) -> Layers | None:
         """The document's part on the layer that a lump lies in, where lumps lie in several."""
         return None
 
@@ -113,11 +80,11 @@ class TissueStudy:
     @classmethod
     def held_out(
         cls,
-        seen: ObservedInTissue,
+        seen: Observed,
         with_press: bool = True,
         folds: int = FOLDS,
         step: Callable[[str], None] | None = None,
-        rim: ObservedInTissue | None = None,
+        rim: Observed | None = None,
     ) -> Self:
         """Every lump predicted by models fitted, both stages and the intervals, without it.
 
@@ -126,14 +93,13 @@ class TissueStudy:
         The force map alone has seen every lump: it knows nothing of what lies below.
         """
         fold = seen.group % folds
-        parts, answers, inside, inputs = [], [], [], []
+        scope = cls.scope if with_press else cls.scope.stroke_alone
+        parts, answers, inputs = [], [], []
         for k in range(folds):
-            model = fit_tissue_model(seen.take(fold != k), with_press, rim, scope=cls.scope)
-            test = seen.take((fold == k) & seen.found)
-            parts.append(test)
-            answers.append(model.answer(test))
-            inside.append(model.in_domain(test))
-            inputs.append(model.inputs(test))
+            model = fit_model(scope, seen.take(fold != k), rim=rim)
+            parts.append(seen.take((fold == k) & seen.found))
+            answers.append(model.answer(parts[-1]))
+            inputs.append(model.inputs(parts[-1]))
             if step:
                 step(f"fold {k + 1} of {folds}")
         return cls(
@@ -142,28 +108,32 @@ class TissueStudy:
             np.concatenate([a.half for a in answers]),
             np.concatenate([a.hard for a in answers]),
             float((~seen.found).mean()),
-            np.concatenate(inside),
+            np.concatenate([a.in_domain for a in answers]),
             inputs=np.concatenate(inputs),
         )
 
     def row(self, words: str) -> dict[str, object]:
         """R2, median errors and coverage; lengths, forces and moduli relative, E^-2/3 absolute."""
-        Y = truth(self.seen)
+        Y = self.seen.truth
         inside = np.abs(self.y - Y) <= self.half
         out: dict[str, object] = {"setting": words, "n": len(Y), "lumps": len(np.unique(self.seen.group))}
         for j, name in enumerate(OUTPUTS):
             error = np.abs(self.y[:, j] - Y[:, j])
             short = _short(name)
             out[f"{short}_r2"] = r_squared(Y[:, j], self.y[:, j])
-            out[f"{short}_error"] = float(np.median(error if j == STIFFNESS else np.expm1(error)))
+            out[f"{short}_error"] = float(np.median(error if j == E_INV23 else np.expm1(error)))
             out[f"{short}_covered"] = float(inside[:, j].mean())
             out[f"{short}_half"] = float(np.median(self.half[:, j]))
         out |= self._depth()
-        out["hard_soft"] = float((self.hard == (Y[:, STIFFNESS] <= HARD_BELOW)).mean())
+        out["hard_soft"] = float((self.hard == (Y[:, E_INV23] <= HARD_BELOW)).mean())
         worst = [inside[rows].mean(0) for rows in self.parts.values() if rows.any()]
         out["worst_quarter"] = float(np.min(worst))
-        flagged = float("nan") if self.in_domain is None else float((~self.in_domain).mean())
-        return out | {"not_found": self.lost, "flagged": flagged}
+        return out | {"not_found": self.lost, "flagged": self.flagged}
+
+    @property
+    def flagged(self) -> float:
+        """Share out of the domain; NaN where it was not asked."""
+        return float("nan") if self.in_domain is None else float((~self.in_domain).mean())
 
     def depths_mm(self) -> Floats:
         """Fat over the lump, value, low and high (n, 3), from t, d and h (`palpate.spans`)."""
@@ -171,7 +141,7 @@ class TissueStudy:
 
     def _depth(self) -> dict[str, float]:
         value, low, high = self.depths_mm().T
-        true = np.exp(self.seen.Y[:, TRUTH.index("ln depth")])
+        true = np.exp(self.seen.of("ln depth"))
         return {
             "depth_r2": r_squared(np.log(true), np.log(value)),
             "depth_error": float(np.median(np.abs(value / true - 1))),

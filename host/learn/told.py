@@ -9,13 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from palpate.features.map_features import Floats
-from palpate.learn.field.bench import Bench
-from palpate.learn.field.data import FieldStrokes
-from palpate.learn.field.flags import flags
-from palpate.learn.field.model import FieldModel, fit_field_model, hash_of
-from palpate.learn.field.recipe import FIELD, RECIPES, Recipe
-from palpate.learn.field.result import FieldFit
-from palpate.learn.field.score import (
+from palpate.learn.bench import Bench
+from palpate.learn.data import Strokes
+from palpate.learn.flags import beyond, by_distance, facts_of
+from palpate.learn.model import Model, fit_model
+from palpate.learn.observed import Observed, noise_named
+from palpate.learn.other_tissues import strange_strokes
+from palpate.learn.probe_model import from_link, training_hash
+from palpate.learn.result import FieldFit
+from palpate.learn.scopes import FIELD, RECIPES, TOLD, Recipe
+from palpate.learn.score import (
     HeldOutRow,
     averaged,
     bounds,
@@ -26,19 +29,20 @@ from palpate.learn.field.score import (
     scores,
     visits,
 )
-from palpate.learn.field.strange import strange_strokes
-from palpate.learn.observed import ObservedStrokes, noise_named
-from palpate.learn.probe_model import from_link
 from palpate.progress import ProgressCallback
 from palpate.sim.probe import sensors
+from palpate.sim.probe.sensors import StrokeField
 
 LEVELS = tuple(sensors.LEVELS)
 
-Parts = tuple[ObservedStrokes, ObservedStrokes, ObservedStrokes, ObservedStrokes | None]
+DRAWS_OUTSIDE, DRAWS_PLAIN = 4, 4
+_FIRST_OUTSIDE, _FIRST_PLAIN = 300, 400
+
+Parts = tuple[Observed, Observed, Observed, Observed | None]
 
 
 def fit_field(
-    strokes: FieldStrokes,
+    strokes: Strokes,
     noise: str = "typical",
     seed: int = 1,
     levels: Sequence[str] = LEVELS,
@@ -51,7 +55,7 @@ def fit_field(
 
     Parameters
     ----------
-    strokes : FieldStrokes
+    strokes : Strokes
         Of `data.prepare` or `data.read`.
     noise : str
         Level that the model is for; it is among `levels` or added to them.
@@ -81,7 +85,7 @@ def fit_field(
                 kept_one = level == noise and tried == recipe
                 strange = strange_strokes(bench, level, tried) if kept_one else None
                 checks = strange.checks if strange else None
-                model = fit_field_model(tried, train, calibration, rim, step=count, checks=checks)
+                model = fit_model(TOLD.of(tried), train, calibration, rim, checks, count)
                 rows += held_out(level, model, test, averages=tried == recipe)
                 count("models scored")
                 if kept_one:
@@ -102,33 +106,35 @@ class _Counter:
             self.progress(what, self.done[what], self.models)
 
 
-def _result(bench: Bench, model: FieldModel, parts: Parts, noise: str, rows: list[HeldOutRow]) -> FieldFit:
+def _result(bench: Bench, model: Model, parts: Parts, noise: str, rows: list[HeldOutRow]) -> FieldFit:
     """The model for use, with everything that the test strokes show about it."""
     train, calibration, test, rim = parts
     answers = model.answer(test)
-    answered = answers.lump
-    facts = hardness(test, answers, answered) | bounds(answers, answered)
-    shares, by_distance = flags(bench, model, noise, test, answers)
+    answered, recipe = test.found, model.scope.recipe
     excluded = dict(bench.strokes.excluded)
     for name, part in (("training", train), ("rim", rim), ("calibration", calibration), ("test", test)):
-        for why, left_out in ({} if part is None else _left_out(model, part)).items():
+        for why, left_out in ({} if part is None else _left_out(part)).items():
             excluded[f"{name}: {why}"] = left_out
-    force_map = bench.force_map_of(model.recipe)
-    main = next(r for r in rows if (r.noise, r.recipe, r.strokes) == (noise, model.recipe.name, 1))
-    told = bench.strokes.lumps[0].case.fat_kPa
-    spec = replace(model, fat_kPa=told).spec(
+    force_map = bench.force_map_of(recipe)
+    main = next(r for r in rows if (r.noise, r.recipe, r.strokes) == (noise, recipe.name, 1))
+    fitted_to = [train, calibration, *(() if rim is None else (rim,))]
+    spec = replace(model, fat_kPa=bench.strokes.lumps[0].case.fat_kPa).spec(
         {
-            "hash": hash_of(train, calibration, *(() if rim is None else (rim,))),
-            "n": int(model.lump(train).sum()) + (0 if rim is None else int(model.lump(rim).sum())),
+            "hash": training_hash(*(array for part in fitted_to for array in (part.X, part.truth))),
+            "n": sum(int(part.found.sum()) for part in fitted_to) - int(calibration.found.sum()),
             "lumps": len(bench.split.train),
             "rim_lumps": len(bench.rim),
             "noise": Path(noise).name,  # of a sensor's file only the name: where it lay means nothing
             "seed": bench.seed,
-            "features": _some(train.columns(model.polynomial.names)[model.lump(train)]),
+            "features": _some(train.features(recipe.features)[train.found]),
         },
         None if force_map is None else force_map.as_dict(),
         held_out=flat(main.scores),
     )
+    outside, plain = _outside(bench, noise, model)
+    within = answered & (beyond(test, model.scope) <= 0)
+    flagged = float((~answers.in_domain[within]).mean())
+    judged = [(test, answers)] + ([(outside, model.answer(outside))] if outside else [])
     return FieldFit(
         spec=spec,
         model=model,
@@ -136,8 +142,10 @@ def _result(bench: Bench, model: FieldModel, parts: Parts, noise: str, rows: lis
         rows=rows,
         coverage=coverage(test, answers, answered),
         excluded=excluded,
-        facts=facts | shares,
-        flagged=by_distance,
+        facts=hardness(test, answers, answered)
+        | bounds(answers, answered)
+        | facts_of(model, flagged, outside, plain),
+        flagged=by_distance(model, judged),
         found=found_by(test, answered),
         visits=visits(test, answers.y, answered),
         test=test,
@@ -145,15 +153,27 @@ def _result(bench: Bench, model: FieldModel, parts: Parts, noise: str, rows: lis
     )
 
 
-def held_out(level: str, model: FieldModel, test: ObservedStrokes, averages: bool) -> list[HeldOutRow]:
+def _outside(bench: Bench, noise: str, model: Model) -> tuple[Observed | None, Observed | None]:
+    """Strokes over lumps outside the ranges, as each one's force has it, and over plain tissue."""
+
+    def observed(fields: Sequence[StrokeField], draws: int, first: int) -> Observed | None:
+        every = np.arange(len(fields))
+        return bench.observe(fields, every, noise, draws, first, model.scope.recipe) if fields else None
+
+    wide = observed(bench.wide, DRAWS_OUTSIDE, _FIRST_OUTSIDE)
+    outside = None if wide is None else wide.take(beyond(wide, model.scope) > 0)
+    return outside, observed(bench.plain, DRAWS_PLAIN, _FIRST_PLAIN)
+
+
+def held_out(level: str, model: Model, test: Observed, averages: bool) -> list[HeldOutRow]:
     """The lines of one model: one stroke, and if `averages` says so four strokes averaged."""
     answers = model.answer(test)
     terms = len(model.polynomial.terms)
-    name = model.recipe.name
-    missed = int((~answers.lump).sum())
-    out = [HeldOutRow(level, name, 1, terms, scores(test, answers.value, answers.lump, model.border), missed)]
+    name = model.scope.recipe.name
+    missed = int((~test.found).sum())
+    out = [HeldOutRow(level, name, 1, terms, scores(test, answers.value, test.found, model.border), missed)]
     if averages and level != "none":
-        mean, y, lost = averaged(test, answers.y, answers.lump)
+        mean, y, lost = averaged(test, answers.y, test.found)
         if len(mean) > 1:
             found = scores(mean, from_link(y), np.ones(len(mean), bool), model.border)
             out.append(HeldOutRow(level, name, 4, terms, found, lost))
@@ -165,8 +185,8 @@ def _some(rows: Floats, most: int = 500) -> list[list[float]]:
     return [list(map(float, row)) for row in rows[:: max(1, -(-len(rows) // most))]]
 
 
-def _left_out(model: FieldModel, part: ObservedStrokes) -> dict[str, int]:
+def _left_out(part: Observed) -> dict[str, int]:
     short = int((~part.whole).sum())
     out = {"the stroke does not cover the lump": short} if short else {}
-    unseen = int((part.whole & ~model.lump(part)).sum())
+    unseen = int((part.whole & ~part.found).sum())
     return out | ({"no lump found (Amp under 1 % of Base, or Stdev over 20 mm)": unseen} if unseen else {})

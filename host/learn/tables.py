@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from rich.table import Table
 
-from palpate.learn.field.score import HeldOutRow, ordered
+from palpate.learn.score import HeldOutRow, ordered
 from palpate.learn.table import SHOWN, TARGETS
 
 

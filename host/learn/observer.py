@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import Any
 
-from palpate.learn.observed import ObservedStrokes, join, observe
+from palpate.learn.observed import Observed, joined, observe
 from palpate.progress import ProgressCallback
 from palpate.sim.probe.sensors import Noise, StrokeField
 from palpate.sim.tissue.workers import QuietPool
@@ -57,7 +57,7 @@ class Observer:
         groups: Sequence[int],
         mean_forces_N_per_m: Sequence[float] | None = None,
         **options: Any,
-    ) -> ObservedStrokes:
+    ) -> Observed:
         """Every field once for each seed, as `observed.observe` does; `options` are further options of it."""
         pieces = []
         for seed in seeds:
@@ -72,16 +72,16 @@ class Observer:
             for arguments, more in pieces:
                 observed.append(observe(*arguments, **more))
                 self._tell(sum(map(len, observed)), total)
-            return join(observed)
+            return joined(observed)
         if self._pool is None:
             spawn = multiprocessing.get_context("spawn")
             self._pool = QuietPool(self.workers, mp_context=spawn)
         jobs = [self._pool.submit(observe, *arguments, **more) for arguments, more in pieces]
-        pending: set[Future[ObservedStrokes]] = set(jobs)
+        pending: set[Future[Observed]] = set(jobs)
         while pending:
             _, pending = wait(pending, return_when=FIRST_COMPLETED)
             self._tell(sum(len(job.result()) for job in jobs if job.done()), total)
-        return join([job.result() for job in jobs])
+        return joined([job.result() for job in jobs])
 
     def _tell(self, done: int, total: int) -> None:
         if self.progress is not None:

@@ -1,36 +1,30 @@
 """A model of solid lumps, learnt from emulated strokes and computed ones, and held to others.
 
 The emulator (`emulator.py`) knows the computed lumps and gives as many others as a model of two stages needs
-(`any_tissue.model`); the computed ones are learnt from beside them, since they have none of its error. How
+(`model`); the computed ones are learnt from beside them, since they have none of its error. How
 wide its intervals must be is then counted on computed lumps that emulator and model have not seen: the
 emulator's own error is in it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 
-from palpate.features import press_features
 from palpate.features.map_features import Floats
-from palpate.learn.any_tissue.model import ON_BORDER, TissueModel, fit_tissue_model, truth
-from palpate.learn.any_tissue.observed import ObservedInTissue, TissueLump, joined, observe
-from palpate.learn.any_tissue.study import TissueStudy
-from palpate.learn.balls.across import (
-    WidthModel,
-    across_truth,
-    fit_place,
-    fit_width,
-    level_of,
-    width_factor,
-)
-from palpate.learn.balls.emulator import StrokeEmulator, fit_emulator
+from palpate.learn.across import WidthModel, across_truth, fit_place, fit_width, level_of, width_factor
 from palpate.learn.conformal import quantile_of_part
-from palpate.learn.field.recipe import FIELD_FEATURES
+from palpate.learn.emulator import StrokeEmulator, fit_emulator
+from palpate.learn.lumps import LumpStrokes
+from palpate.learn.model import Model, fit_model
+from palpate.learn.observed import Observed, joined, observe_in_any_fat
+from palpate.learn.scopes import SOLID, Scope
+from palpate.learn.study import Study
 from palpate.learn.table import r_squared
-from palpate.model_export.vocabulary import OF_THE_COLUMNS
 from palpate.sim.tissue.solid.design import ball_cases
 
 EMULATED, DRAWS, FOLDS = 4000, 3, 4
@@ -39,14 +33,16 @@ OWN_DRAWS = 6
 EMULATED_SEED = 77
 """Of the emulated lumps; computed ones are of another."""
 
-_LEFT_OUT = ("ln_force", "ln_base", "ln_d_far", "tilt_6_9", "dip_12_16")
-SCOPE = replace(
-    ON_BORDER,
-    features=(*(n for n in FIELD_FEATURES if n not in _LEFT_OUT), "base_share", *OF_THE_COLUMNS),
-)
-"""Lumps on the border; the features of the told model, but for what grows with moduli and force, and in place
-of the three worth least how the bump is spread across. Those of its shape along the stroke bring nothing
-here: the noise is in the narrow image of a ball, not in how it is put together."""
+TARGETS = {
+    "d": 0.08,
+    "width": 0.10,
+    "depth": 0.05,
+    "t": 0.03,
+    "E_fat": 0.02,
+    "hard_soft": 0.85,
+    "worst_quarter": 0.86,
+}
+"""Of one stroke with its press at typical noise: median errors, hard or soft right."""
 
 Step = Callable[[str], None]
 
@@ -59,24 +55,27 @@ class Trained:
     stays on the host.
     """
 
-    model: TissueModel
-    alone: TissueModel
+    model: Model
+    alone: Model
     width: WidthModel
 
-    def study(self, seen: ObservedInTissue, with_press: bool) -> BallStudy:
+    def study(self, seen: Observed, with_press: bool) -> SolidStudy:
         """What it says of computed lumps; those of `seen` that show none are only counted."""
         model, found = self.model if with_press else self.alone, seen.take(seen.found)
         said = model.answer(found)
-        width, half = self.width.answer(self.model.inputs(found)) if with_press else (None, None)
+        width, half = self.width.answer(model.inputs(found)) if with_press else (None, None)
         lost = float((~seen.found).mean())
-        inside = model.in_domain(found)
-        return BallStudy(found, said.y, said.half, said.hard, lost, inside, width, half)
+        return SolidStudy(found, said.y, said.half, said.hard, lost, said.in_domain, width, half)
 
 
 @dataclass(frozen=True)
-class BallStudy(TissueStudy):
+class SolidStudy(Study):
     """`width` and `place`, (n,), if they are there: ln of the width across, mm, and place across, mm; half of
     their intervals."""
+
+    scope: ClassVar[Scope] = SOLID
+    targets: ClassVar[Mapping[str, float]] = MappingProxyType(TARGETS)
+    training: ClassVar[Mapping[str, str]] = MappingProxyType({"shape": "solid"})
 
     width: Floats | None = None
     width_half: Floats | None = None
@@ -109,21 +108,23 @@ PLACE_MM = 2.0
 
 
 def observed(
-    lumps: Sequence[TissueLump], noise: str, seed: int, force_map: bytes, first: int = 0, draws: int = DRAWS
-) -> ObservedInTissue:
+    lumps: Sequence[LumpStrokes], noise: str, seed: int, force_map: bytes, first: int = 0, draws: int = DRAWS
+) -> Observed:
     """Some strokes with their press over each lump, each in a fat and by a probe and a hand of its own."""
-    return joined([observe(lumps, noise, 1000 * seed + k, force_map, first=first) for k in range(draws)])
+    return joined(
+        [observe_in_any_fat(lumps, noise, 1000 * seed + k, force_map, first=first) for k in range(draws)]
+    )
 
 
 def emulated(
     emulator: StrokeEmulator, noise: str, seed: int, force_map: bytes, lumps: int = EMULATED
-) -> ObservedInTissue:
+) -> Observed:
     """One stroke over each of so many emulated lumps."""
     cases = ball_cases(lumps, EMULATED_SEED)
     parts = [emulator.lumps(cases[k : k + _AT_ONCE]) for k in range(0, len(cases), _AT_ONCE)]
     return joined(
         [
-            observe(part, noise, emulated_seed(seed), force_map, first=k * _AT_ONCE // 3)
+            observe_in_any_fat(part, noise, emulated_seed(seed), force_map, first=k * _AT_ONCE // 3)
             for k, part in enumerate(parts)
         ]
     )
@@ -131,12 +132,12 @@ def emulated(
 
 def taught(
     emulator: StrokeEmulator,
-    lumps: Sequence[TissueLump],
+    lumps: Sequence[LumpStrokes],
     noise: str,
     seed: int,
     force_map: bytes,
     count: int = EMULATED,
-) -> ObservedInTissue:
+) -> Observed:
     """What a model learns from: emulated strokes, and those over the lumps behind the emulator."""
     others = emulated(emulator, noise, seed, force_map, count)
     return joined([others, observed(lumps, noise, seed, force_map, first=count, draws=OWN_DRAWS)])
@@ -151,23 +152,23 @@ def emulated_seed(seed: int) -> int:
     return 1000 * seed + 900
 
 
-def train(seen: ObservedInTissue) -> Trained:
+def train(seen: Observed) -> Trained:
     """Fit to strokes of `taught`."""
-    model = fit_tissue_model(seen, True, press_names=press_features.NAMES, scope=SCOPE)
+    model = fit_model(SOLID, seen)
     found = seen.take(seen.found)
-    width = fit_width(model.stroke, model.inputs(found), found)
-    return Trained(model, fit_tissue_model(seen, False, scope=SCOPE), width)
+    width = fit_width(model.polynomial, model.inputs(found), found)
+    return Trained(model, fit_model(SOLID.stroke_alone, seen), width)
 
 
 @dataclass(frozen=True)
 class Fold:
     """What models say of the lumps that they were fitted without: by noise level, with and without press."""
 
-    studies: dict[tuple[str, bool], BallStudy]
+    studies: dict[tuple[str, bool], SolidStudy]
 
 
 def held_out_fold(
-    lumps: Sequence[TissueLump],
+    lumps: Sequence[LumpStrokes],
     fold: int,
     levels: Sequence[str],
     seed: int,
@@ -188,7 +189,7 @@ def held_out_fold(
     return Fold(studies)
 
 
-def judged(parts: Sequence[BallStudy]) -> BallStudy:
+def judged(parts: Sequence[SolidStudy]) -> SolidStudy:
     """The folds as one; each with intervals as wide as the others' lumps ask for."""
     wide, halves, found = [], [], []
     for k, part in enumerate(parts):
@@ -204,7 +205,7 @@ def judged(parts: Sequence[BallStudy]) -> BallStudy:
     shown = np.array([len(part.seen.found) for part in parts])
     lost = np.array([part.lost for part in parts])
     asked = shown / (1 - lost)
-    return BallStudy(
+    return SolidStudy(
         joined([part.seen for part in parts]),
         np.concatenate([part.y for part in parts]),
         np.concatenate(wide),
@@ -218,7 +219,7 @@ def judged(parts: Sequence[BallStudy]) -> BallStudy:
     )
 
 
-def across_factor(parts: Sequence[BallStudy]) -> float:
+def across_factor(parts: Sequence[SolidStudy]) -> float:
     """By how much the width across must have wider intervals to hold `conformal.LEVEL` of computed lumps; of
     parts that tell it."""
     told = [(p.width, p.width_half) for p in parts if p.width is not None and p.width_half is not None]
@@ -226,17 +227,17 @@ def across_factor(parts: Sequence[BallStudy]) -> float:
     return width_factor(width, half, joined([part.seen for part in parts]))
 
 
-def width_factors(parts: Sequence[BallStudy]) -> Floats:
+def width_factors(parts: Sequence[SolidStudy]) -> Floats:
     """By how much intervals must be wider to hold `conformal.LEVEL` of computed lumps.
 
     (outputs, 2), soft and hard."""
-    score = np.concatenate([np.abs(part.y - truth(part.seen)) / part.half for part in parts])
+    score = np.concatenate([np.abs(part.y - part.seen.truth) / part.half for part in parts])
     hard = np.concatenate([part.hard for part in parts])
     level = level_of(np.concatenate([part.seen.group for part in parts]))
     sides = (False, True)
     return np.array([[quantile_of_part(of, hard == side, level) for side in sides] for of in score.T])
 
 
-def widened(model: TissueModel, factors: Floats) -> TissueModel:
+def widened(model: Model, factors: Floats) -> Model:
     """The model with intervals wider by these factors, (outputs, 2)."""
     return replace(model, widths=replace(model.widths, quantiles=model.widths.quantiles * factors))

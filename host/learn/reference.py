@@ -19,21 +19,15 @@ from firmware_py import settings, status, stroke_state
 from palpate.features import press_features
 from palpate.features.map_features import Floats
 from palpate.firmware_twin.replay_core import Replay
-from palpate.learn.any_tissue.model import FOLDS, tissue_truth
-from palpate.learn.any_tissue.observed import (
-    ObservedInTissue,
-    TissueLump,
-    random_scale,
-    read_presses,
-    scaled,
-)
-from palpate.learn.field.data import TISSUE_FIELDS
-from palpate.learn.observed import NAMES, noise_named
-from palpate.learn.probe_model import Polynomial
+from palpate.learn.lumps import TISSUE_FIELDS, LumpStrokes, read_presses, scaled
+from palpate.learn.model import said_by_press, tissue_truth
+from palpate.learn.observed import NAMES, Observed, noise_named, probe_over
+from palpate.learn.probe_model import Polynomial, fit_polynomial
+from palpate.learn.scopes import BORDER
 from palpate.model_export.schema import Joining as JoiningData
 from palpate.model_export.vocabulary import ABSENT
 from palpate.sim.probe.packed_frames import FrameStream
-from palpate.sim.probe.sensors import Noise, SensorModel, StrokeField
+from palpate.sim.probe.sensors import Noise, StrokeField
 from palpate.sim.tissue import Case, Stroke
 
 BESIDE_MM = (30.0, 40.0)
@@ -111,34 +105,28 @@ def features_of(stream: FrameStream, replay: Replay) -> tuple[int, Floats]:
 
 
 def observe_references(
-    lumps: Sequence[TissueLump],
+    lumps: Sequence[LumpStrokes],
     references: Mapping[Tissue, tuple[Stroke, ...]],
     noise: Noise | str,
     seed: int,
     first: int = 0,
 ) -> References:
-    """A reference beside each lump: the probe, the hand and the fat of `observed.observe` with this seed.
+    """A reference beside each lump: the probe, the hand and the fat of `observe_in_any_fat` with this seed.
 
     None is taken where `references` has none of the lump's tissue.
     """
     level, replay = noise_named(noise), Replay()
     press, ln_force = np.full((len(lumps), len(press_features.NAMES)), ABSENT), np.zeros(len(lumps))
     for k, lump in enumerate(lumps):
-        pressed = references.get(tissue_of(lump.strokes.case))
+        pressed = references.get(tissue_of(lump.case))
         if pressed is None:
             continue
-        rng = np.random.default_rng([seed, first + k])
-        s = random_scale(lump.strokes.case, rng)
-        sensors = SensorModel(
-            StrokeField(*(scaled(stroke, s) for stroke in lump.strokes.strokes)),
-            level,
-            int(rng.integers(1 << 40)),
-        )
-        force = sensors.mean_force_N_per_m * np.exp(rng.uniform(*np.log(FORCE_PARTS)))
-        place = rng.choice([-1.0, 1.0]) * rng.uniform(*BESIDE_MM)
-        field = StrokeField(*(scaled(stroke, s) for stroke in pressed))
-        replay.pipeline.calibration = sensors.calibration()
-        code, x = features_of(sensors.reference(field, float(force), place_mm=float(place)), replay)
+        probe = probe_over(lump, level, seed, first + k)
+        force = probe.sensors.mean_force_N_per_m * np.exp(probe.rng.uniform(*np.log(FORCE_PARTS)))
+        place = probe.rng.choice([-1.0, 1.0]) * probe.rng.uniform(*BESIDE_MM)
+        field = StrokeField(*(scaled(stroke, probe.scale) for stroke in pressed))
+        replay.pipeline.calibration = probe.sensors.calibration()
+        code, x = features_of(probe.sensors.reference(field, float(force), place_mm=float(place)), replay)
         if code == status.OK:
             press[k], ln_force[k] = x[press_features.PLACES], x[_LN_FORCE]
     return References(press, ln_force)
@@ -182,9 +170,9 @@ class Joining:
         return JoiningData(tuple(self.weights.tolist()), rows, self.limit)
 
 
-def said_by(press: Polynomial, references: References, seen: ObservedInTissue) -> Floats:
+def said_by(press: Polynomial, references: References, seen: Observed) -> Floats:
     """(n, 3): what the references say of the strokes' tissue, at the strokes' forces."""
-    out = press.predict(press_features.named(references.press, press.names))
+    out = said_by_press(press, references.press)
     out[:, 0] += seen.X[:, _LN_FORCE] - references.ln_force
     return out
 
@@ -204,16 +192,12 @@ def _without_tails(values: Floats) -> Floats:
     return np.clip(values, *np.quantile(values, [0.01, 0.99], axis=0))
 
 
-def out_of_fold_pairs(
-    train: ObservedInTissue, references: References, terms_of: Polynomial
-) -> tuple[Floats, Floats]:
+def out_of_fold_pairs(train: Observed, references: References, terms_of: Polynomial) -> tuple[Floats, Floats]:
     """What press and reference say of each tissue by a stage that has not seen it, (n, 3) each."""
-    from palpate.learn.probe_model import fit_polynomial
-
     T, X = tissue_truth(train), press_features.named(train.press, terms_of.names)
-    fold = train.group % FOLDS
+    fold = train.group % BORDER.folds
     own, other = np.zeros_like(T), np.zeros_like(T)
-    for k in range(FOLDS):
+    for k in range(BORDER.folds):
         fit, test = fold != k, fold == k
         stage_ = fit_polynomial(
             terms_of.names, X[fit], T[fit], train.group[fit], terms_of.terms, T.min(0), T.max(0)
@@ -221,3 +205,21 @@ def out_of_fold_pairs(
         own[test] = stage_.predict(X[test])
         other[test] = said_by(stage_, references.take(test), train.take(test))
     return own, other
+
+
+def learn_joining(
+    press: Polynomial,
+    seen: Observed,
+    lumps: Sequence[LumpStrokes],
+    references: Mapping[Tissue, tuple[Stroke, ...]],
+    noise: str,
+    seed: int,
+) -> Joining:
+    """How a reference joins the press before one stroke over each lump, from tissues new to the stage.
+
+    seen : strokes of `observe_in_any_fat` with this seed.
+    """
+    found = observe_references(lumps, references, noise, seed).take(seen.group)
+    some, pressed = seen.take(found.taken), found.take(found.taken)
+    own, other = out_of_fold_pairs(some, pressed, press)
+    return fit_joining(own, other, tissue_truth(some))

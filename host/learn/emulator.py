@@ -17,10 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from palpate.features.map_features import Floats
-from palpate.learn.any_tissue.observed import TissueLump
-from palpate.learn.balls.gaussian_process import GaussianProcess, fit_process
-from palpate.learn.balls.lumps import beside
-from palpate.learn.field.design import LumpStrokes
+from palpate.learn.gaussian_process import GaussianProcess, fit_process
+from palpate.learn.lumps import LumpStrokes
 from palpate.sim.tissue import Case
 from palpate.sim.tissue.solid.press import felt
 from palpate.sim.tissue.solid.stroke import RAMP
@@ -68,7 +66,7 @@ class StrokeEmulator:
     ln_dip: GaussianProcess
     dip: _Parts
 
-    def lumps(self, cases: Sequence[Case]) -> list[TissueLump]:
+    def lumps(self, cases: Sequence[Case]) -> list[LumpStrokes]:
         """The lumps of a design such as `ball_cases`: three cases each, at rising forces."""
         ramp = [replace(first, F_rel=part * first.F_rel) for first in cases[:: len(_FORCES)] for part in RAMP]
         x = np.array([inputs_of(case) for case in cases])
@@ -88,7 +86,7 @@ class StrokeEmulator:
             own = strokes[len(_FORCES) * k : len(_FORCES) * (k + 1)]
             press = presses[len(RAMP) * k : len(RAMP) * (k + 1)]
             press += [felt(s.case, at, s.displacement_mm[:1], s.images_kPa[:1]) for s in own]
-            out.append(TissueLump(LumpStrokes(tuple(own)), tuple(press)))
+            out.append(LumpStrokes(tuple(own), tuple(press)))
         return out
 
     def pressed(self, x: Floats) -> tuple[Floats, Floats]:
@@ -117,11 +115,11 @@ _FORCES = (0, 1, 2)
 """Of each lump."""
 
 
-def fit_emulator(lumps: Sequence[TissueLump]) -> StrokeEmulator:
+def fit_emulator(lumps: Sequence[LumpStrokes]) -> StrokeEmulator:
     """Learn from computed strokes; those of lumps beside the line also stand for their mirror images."""
-    both = [*lumps, *(_mirrored(lump) for lump in lumps if lump.strokes.case.offset_mm)]
+    both = [*lumps, *(lump.mirrored() for lump in lumps if lump.case.offset_mm)]
     presses = [stroke for lump in both for stroke in lump.press]
-    strokes = [stroke for lump in both for stroke in lump.strokes.strokes]
+    strokes = [stroke for lump in both for stroke in lump.strokes]
     x = np.array([inputs_of(stroke.case) for stroke in presses])
     images = np.array([stroke.images_kPa[0].ravel() for stroke in presses])
     depth = np.array([stroke.displacement_mm[0] for stroke in presses])
@@ -164,11 +162,6 @@ def _fit_parts(x: Floats, rows: Floats, most: int, share: float) -> _Parts:
     parts = parts[: min(most, int(np.searchsorted(explained, share)) + 1)]
     scores = (rows - mean) @ parts.T
     return _Parts(mean, parts, tuple(fit_process(x, score) for score in scores.T))
-
-
-def _mirrored(lump: TissueLump) -> TissueLump:
-    strokes = LumpStrokes(tuple(beside(stroke) for stroke in lump.strokes.strokes))
-    return TissueLump(strokes, tuple(beside(stroke) for stroke in lump.press))
 
 
 def _unsigned(x: Floats) -> Floats:

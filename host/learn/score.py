@@ -12,9 +12,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from palpate.features.map_features import Floats
-from palpate.learn.field.model import Answers
-from palpate.learn.observed import ObservedStrokes
-from palpate.learn.probe_model import E_INV23, HARD_BELOW, to_link
+from palpate.learn.model import Answers
+from palpate.learn.observed import Observed
+from palpate.learn.probe_model import E_INV23, HARD_BELOW
 from palpate.learn.table import TARGETS, r_squared
 
 NEAR_THE_BORDER = (7.0, 15.0)
@@ -40,19 +40,17 @@ class HeldOutRow:
         return {**head, "not_found": self.not_found, **flat(self.scores)}
 
 
-def is_hard(observed: ObservedStrokes) -> Mask:
+def is_hard(observed: Observed) -> Mask:
     """Lumps of E >= 10."""
-    return observed.Y[:, E_INV23] <= HARD_BELOW + 1e-12
+    return observed.truth[:, E_INV23] <= HARD_BELOW + 1e-12
 
 
-def scores(
-    observed: ObservedStrokes, value: Floats, answered: Mask, border: float = HARD_BELOW
-) -> dict[str, float]:
+def scores(observed: Observed, value: Floats, answered: Mask, border: float = HARD_BELOW) -> dict[str, float]:
     """R2 and median relative error of every output, hard or soft right, over the strokes answered.
 
     A lump whose estimate of E^-2/3 is under `border` is called hard.
     """
-    Y, v = observed.Y[answered], value[answered]
+    Y, v = observed.values[answered], value[answered]
     out: dict[str, float] = {"n": float(len(Y))}
     for j, name in enumerate(TARGETS):
         out[f"{name}_r2"] = r_squared(Y[:, j], v[:, j])
@@ -66,11 +64,11 @@ def scores(
     return out
 
 
-def quarters(observed: ObservedStrokes) -> dict[str, Mask]:
+def quarters(observed: Observed) -> dict[str, Mask]:
     """Each quarter of d, h, E^-2/3 and F, by name."""
     out: dict[str, Mask] = {}
     for name in ("d", "h", "E_inv23", "F"):
-        values = observed.Y[:, TARGETS.index(name)]
+        values = observed.values[:, TARGETS.index(name)]
         edges = np.quantile(values, [0, 0.25, 0.5, 0.75, 1])
         for k in range(4):
             last = values <= edges[k + 1] if k == 3 else values < edges[k + 1]
@@ -78,7 +76,7 @@ def quarters(observed: ObservedStrokes) -> dict[str, Mask]:
     return out
 
 
-def coverage(observed: ObservedStrokes, answers: Answers, answered: Mask) -> pd.DataFrame:
+def coverage(observed: Observed, answers: Answers, answered: Mask) -> pd.DataFrame:
     """Share of true values inside their intervals: overall, hard and soft, and in each quarter.
 
     Returns
@@ -87,7 +85,8 @@ def coverage(observed: ObservedStrokes, answers: Answers, answered: Mask) -> pd.
         Rows: groups; columns: n, the five outputs' coverage, and the median half-widths (relative for
         F, t, d and h, absolute for E^-2/3).
     """
-    inside = (answers.low - 1e-12 <= observed.Y) & (answers.high + 1e-12 >= observed.Y)
+    true = observed.values[:, : len(TARGETS)]
+    inside = (answers.low - 1e-12 <= true) & (answers.high + 1e-12 >= true)
     part = observed.take(answered)
     hard = is_hard(part)
     groups = {"all": np.ones(len(part), bool), "soft": ~hard, "hard": hard, **quarters(part)}
@@ -101,7 +100,7 @@ def coverage(observed: ObservedStrokes, answers: Answers, answered: Mask) -> pd.
     return pd.DataFrame.from_dict(rows, orient="index")
 
 
-def hardness(observed: ObservedStrokes, answers: Answers, answered: Mask) -> dict[str, float]:
+def hardness(observed: Observed, answers: Answers, answered: Mask) -> dict[str, float]:
     """How often the answer is hard or soft rather than unsure, and how often that is right."""
     said, hard = answers.hardness[answered], is_hard(observed)[answered]
     decided = said != "unsure"
@@ -125,7 +124,7 @@ def bounds(answers: Answers, answered: Mask) -> dict[str, float]:
     }
 
 
-def found_by(observed: ObservedStrokes, lump: Mask) -> pd.DataFrame:
+def found_by(observed: Observed, lump: Mask) -> pd.DataFrame:
     """Detectability map: share of strokes over lumps in which one is found, by d, h and E.
 
     Returns
@@ -133,7 +132,8 @@ def found_by(observed: ObservedStrokes, lump: Mask) -> pd.DataFrame:
     DataFrame
         Columns d_mm, h, E (each a range), n, found.
     """
-    d, h, E = observed.Y[:, 2], observed.Y[:, 3], observed.Y[:, E_INV23] ** -1.5
+    _, _, d, h, E_inv23 = observed.values[:, : len(TARGETS)].T
+    E = E_inv23**-1.5
     d_edges, h_edges, E_edges = (5, 10, 15, 20.001), (0.3, 0.7, 1.1, 1.501), (2, 4, 10, 1000.1)
     rows = []
     for d0, d1 in itertools.pairwise(d_edges):
@@ -158,16 +158,17 @@ def ordered(ranges: Iterable[str]) -> list[str]:
     return sorted(set(ranges), key=lambda text: float(text.split()[0]))
 
 
-def visits(observed: ObservedStrokes, y: Floats, answered: Mask, strokes: int = 1) -> pd.DataFrame:
+def visits(observed: Observed, y: Floats, answered: Mask, strokes: int = 1) -> pd.DataFrame:
     """The smallest change of diameter that two visits can tell apart, in percent, at 95 %.
 
     What is the same at both visits cancels: the spread of repeated estimates of one lump decides. Two
     visits of `strokes` strokes each differ by 1.96 sqrt(2 / strokes) standard deviations at most.
     """
     rows = []
-    table = pd.DataFrame(
-        {"group": observed.group, "ln_d": y[:, 2], "d": observed.Y[:, 2], "h": observed.Y[:, 3]}
-    )[answered]
+    true = observed.values
+    table = pd.DataFrame({"group": observed.group, "ln_d": y[:, 2], "d": true[:, 2], "h": true[:, 3]})[
+        answered
+    ]
     spread = table.groupby("group").agg(
         n=("ln_d", "size"), variance=("ln_d", "var"), d=("d", "first"), h=("h", "first")
     )
@@ -182,9 +183,7 @@ def visits(observed: ObservedStrokes, y: Floats, answered: Mask, strokes: int = 
     return pd.DataFrame(rows)
 
 
-def averaged(
-    observed: ObservedStrokes, y: Floats, answered: Mask, strokes: int = 4
-) -> tuple[ObservedStrokes, Floats, int]:
+def averaged(observed: Observed, y: Floats, answered: Mask, strokes: int = 4) -> tuple[Observed, Floats, int]:
     """Several strokes of each lump as one: their mean truth, their mean prediction (link scale).
 
     Returns
@@ -193,25 +192,18 @@ def averaged(
     lost : int
         Lumps left out because they were found in some strokes only, or in none.
     """
-    keep, means, truth = [], [], []
-    link = to_link(observed.Y)
+    keep, means, forces = [], [], []
     lumps = np.unique(observed.group)
     for lump in lumps:
         rows = np.flatnonzero(observed.group == lump)[:strokes]
         if len(rows) == strokes and answered[rows].all():
             keep.append(rows[0])
             means.append(y[rows].mean(axis=0))
-            truth.append(link[rows].mean(axis=0))
-    rows = np.array(keep, int)
-    part = observed.take(rows)
-    Y = np.array(part.Y)
-    if len(rows):
-        Y[:, 0] = np.exp(np.array(truth)[:, 0])
-    return (
-        ObservedStrokes(part.X, part.status, Y, part.lump, part.group),
-        np.array(means),
-        len(lumps) - len(rows),
-    )
+            forces.append(observed.truth[rows, 0].mean())
+    part = observed.take(np.array(keep, int))
+    if keep:
+        part.truth[:, 0] = forces
+    return part, np.array(means), len(lumps) - len(keep)
 
 
 def flat(rows: Mapping[str, Any]) -> dict[str, Any]:

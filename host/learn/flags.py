@@ -1,0 +1,91 @@
+"""How a model treats strokes outside its domain: lumps outside its ranges, plain tissue."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from statistics import NormalDist
+
+import numpy as np
+import pandas as pd
+
+from palpate.features.map_features import Floats
+from palpate.learn.model import Answers, Model
+from palpate.learn.observed import Observed
+from palpate.learn.probe_model import E_INV23, OUTPUTS
+from palpate.learn.scopes import Scope
+
+WELL_OUTSIDE, NEAR = np.log(1.05), np.log(1.13)
+"""By 5 % of an end; lumps further out would cost those within the ranges more than they bring."""
+
+DISTANCES = (-np.inf, -2.0, -1.0, -0.5, 0.0, 0.25, 0.5, 1.0, 2.0, 4.0, np.inf)
+"""Half-widths beyond the nearest end of the ranges, negative inside."""
+
+
+def facts_of(
+    model: Model, flagged_inside: float, outside: Observed | None, plain: Observed | None
+) -> dict[str, float]:
+    """Shares flagged inside and outside the ranges; false alarms on plain tissue.
+
+    Neither `outside`, over lumps outside the ranges, nor `plain` was fitted to.
+    """
+    out = {"flagged_inside": flagged_inside, "flag_margin_half_widths": model.domain.margin}
+    if outside is not None:
+        found, flagged = outside.found, ~model.answer(outside).in_domain
+        well = found & (beyond(outside, model.scope) > WELL_OUTSIDE)
+        out |= {
+            "outside_strokes": float(len(outside)),
+            "outside_found": float(found.sum()),
+            "outside_no_lump": float((~found).mean()),
+            "flagged_outside": float(flagged[found].mean()),
+            "flagged_or_not_found_outside": float((flagged | ~found).mean()),
+            "flagged_well_outside": float(flagged[well].mean()) if well.any() else float("nan"),
+        }
+    if plain is not None:
+        out |= {
+            "plain_strokes": float(len(plain)),
+            "false_alarms": float(plain.found.mean()),
+            "false_alarms_not_flagged": float((plain.found & model.answer(plain).in_domain).mean()),
+        }
+    return out
+
+
+def beyond(seen: Observed, scope: Scope) -> Floats:
+    """How far the truth lies beyond the ranges, (n), on a logarithmic scale; negative inside."""
+    out = np.full(len(seen), -np.inf)
+    for name in scope.ranges:
+        (low, high), y = scope.limits(name), seen.of(name)
+        if name == OUTPUTS[E_INV23]:
+            low, high, y = -np.inf, float(np.log(high)), np.log(y)
+        out = np.maximum(out, np.maximum(low - y, y - high))
+    return out
+
+
+def by_distance(model: Model, judged: Sequence[tuple[Observed, Answers]]) -> pd.DataFrame:
+    """Share flagged against how far the truth lies beyond the ranges, of the strokes that found a lump.
+
+    A distance is counted in half-widths of the estimate's own interval, from the end that is passed
+    furthest, or is nearest.
+
+    Returns
+    -------
+    DataFrame
+        Columns from, to (half-widths), strokes, flagged, and unbiased: the share that the same margin would
+        flag if the estimates' errors were normal, without bias, and just as wide as the intervals say.
+    """
+    distance, flagged = [], []
+    for observed, answers in judged:
+        true = observed.truth[:, : model.scope.estimated]
+        distance.append(model.domain.beyond(true[answers.found], answers.half[answers.found]))
+        flagged.append(~answers.in_domain[answers.found])
+    t, caught = np.concatenate(distance), np.concatenate(flagged)
+    normal = NormalDist()
+    errors_a_half = normal.inv_cdf((1 + model.widths.level) / 2)
+    rows = []
+    for low, high in itertools.pairwise(DISTANCES):
+        cell = (t > low) & (t <= high)
+        if cell.any():
+            ideal = [normal.cdf(errors_a_half * (float(x) - model.domain.margin)) for x in t[cell]]
+            row = {"from": low, "to": high, "strokes": int(cell.sum()), "flagged": float(caught[cell].mean())}
+            rows.append(row | {"unbiased": float(np.mean(ideal))})
+    return pd.DataFrame(rows, columns=["from", "to", "strokes", "flagged", "unbiased"])
