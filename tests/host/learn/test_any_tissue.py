@@ -124,7 +124,8 @@ def test_the_tissue_is_known_from_the_press_before_the_stroke():
     fitted, guessed = model.fit_press(seen)
     true = model.tissue_truth(seen)
     assert np.sqrt(((guessed - true)[:, 0] ** 2).mean()) < 0.02
-    assert model.said_by_press(fitted, seen.press).shape == (150, 3) and len(fitted.terms) == model.PRESS_TERMS
+    assert model.said_by_press(fitted, seen.press).shape == (150, 3)
+    assert len(fitted.terms) == model.PRESS_TERMS
 
 
 def test_no_lump_that_judges_the_flag_was_trained_on(monkeypatch):
