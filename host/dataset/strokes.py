@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from firmware_py import calib, messages, status
+from firmware_py import calib, status
 from palpate.dataset.checks import fault
 from palpate.dataset.table import DataSet
 from palpate.errors import PalpateError, RecordingError
@@ -21,9 +21,8 @@ from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.schema import ModelSpec
 from palpate.recording.channels import CALIBRATION, IMPORT_NOTE
 from palpate.recording.playback import open_recording
-from palpate.stroke.presses import Presses
-from palpate.stroke.replay import FRAMES_KEPT
-from palpate.wire.events import Estimate, Frame, StrokeState
+from palpate.stroke.session_frames import SessionFrames
+from palpate.wire.events import Estimate, Frame
 
 
 @dataclass(frozen=True)
@@ -59,10 +58,9 @@ def read_strokes(path: str | Path) -> dict[int, RecordedStroke]:
     ------
     NoSuchFile, NotARecording, RecordingError
     """
-    frames: dict[int, Frame] = {}
+    frames = SessionFrames()
     found: dict[int, RecordedStroke] = {}
     own = calib.Calibration()
-    presses = Presses()
     with open_recording(path) as session:
         blob = session.recording.attachment(CALIBRATION)
         if blob and own.load(blob) != status.OK:
@@ -70,18 +68,9 @@ def read_strokes(path: str | Path) -> dict[int, RecordedStroke]:
         said = session.recording.metadata().get(IMPORT_NOTE, {}).get("missing", "")
         missing = frozenset(said.split())
         for event in session.events():
-            if isinstance(event, StrokeState):
-                presses.take(event)
-            elif isinstance(event, Frame):
-                frames[event.seq] = event
-                if len(frames) > FRAMES_KEPT:
-                    del frames[next(iter(frames))]
-            elif isinstance(event, Estimate):
-                numbers = [(event.first_seq + k) % messages.WRAP for k in range(event.frames)]
-                whole = [frames[k] for k in numbers if k in frames]
-                if len(whole) == event.frames:
-                    press = presses.of(event.stream, event.stroke, frames) or []
-                    found[event.stroke] = _stroke(event.stroke, whole, press, own, missing)
+            frames.take(event)
+            if isinstance(event, Estimate) and not (of := frames.of(event)).missing:
+                found[event.stroke] = _stroke(event.stroke, of.stroke, of.press or [], own, missing)
     return found
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py import calib, messages
+from firmware_py import calib
 from palpate import models
 from palpate.errors import RecordingError
 from palpate.inversion.felt import FeltStroke, NotInvertible, felt_press, felt_stroke
@@ -18,12 +18,11 @@ from palpate.link.face import Face, face_at
 from palpate.link.schemes import address_of
 from palpate.recording.channels import CALIBRATION
 from palpate.recording.playback import open_recording
-from palpate.stroke.presses import Presses
+from palpate.stroke.session_frames import SessionFrames, StrokeFrames
 from palpate.wire.events import Estimate, Event, Frame, StrokeState
 
 Floats = NDArray[np.float64]
 
-_KEPT = 1 << 16
 _CURVE_KPA = 0.05
 """Of a cell's curve through three points, as the emulated FlexiTac's have it: 0.02 to 0.08 kPa."""
 
@@ -87,7 +86,7 @@ class Strokes:
         address = address_of(port)
         self._foreign = address is not None
         self._face = face or face_at(address)
-        self._presses, self._frames = Presses(), dict[int, Frame]()
+        self._frames = SessionFrames()
         self._contact: int | None = None
         self._newest, self._pressed = 0, 0
         self.was_press = False
@@ -101,25 +100,21 @@ class Strokes:
             What the probe keeps of its own; b"" where it has none.
         """
         self._calibration = calibration
+        self._frames.take(event)
         if isinstance(event, StrokeState):
-            self._presses.take(event)
             if event.state == "lifted":
                 return self.end()
             if event.state in ("contact", "started"):
                 self._contact = event.frame_seq if event.state == "contact" else None
         elif isinstance(event, Frame):
-            self._frames[event.seq] = event
             self._newest = event.seq
-            if len(self._frames) > _KEPT:
-                del self._frames[next(iter(self._frames))]
         elif isinstance(event, Estimate):
             self.was_press = False
             own = calib.Calibration()
             own.load(calibration)
-            press = self._presses.of(event.stream, event.stroke, self._frames)
             if (problem := self._problem()) is not None:
                 return problem, replace(MIDDLE, stroke=event.stroke)
-            return _of(event, self._frames, press or [], own, self._face)
+            return _of(event, self._frames.of(event), own, self._face)
         return None
 
     def end(self) -> Felt | None:
@@ -131,10 +126,8 @@ class Strokes:
         nothing = replace(MIDDLE, stroke=self._pressed)
         if (problem := self._problem()) is not None:
             return problem, nothing
-        numbers = [(first + k) % messages.WRAP for k in range((self._newest - first) % messages.WRAP + 1)]
-        frames = [self._frames[seq] for seq in numbers if seq in self._frames]
         try:
-            felt = felt_press(*_read(frames), self._pressed, self._face)
+            felt = felt_press(*_read(self._frames.between(first, self._newest)), self._pressed, self._face)
         except NotInvertible as error:
             return error, nothing
         felt = replace(felt, curve_kPa=_CURVE_KPA * self._foreign)
@@ -155,15 +148,11 @@ class Strokes:
         return None
 
 
-def _of(
-    said: Estimate, frames: dict[int, Frame], press: list[Frame], own: calib.Calibration, face: Face | None
-) -> Felt:
-    numbers = [(said.first_seq + k) % messages.WRAP for k in range(said.frames)]
+def _of(said: Estimate, frames: StrokeFrames, own: calib.Calibration, face: Face | None) -> Felt:
     nothing = replace(MIDDLE, stroke=said.stroke)
-    stroke = [frames[seq] for seq in numbers if seq in frames]
-    if len(stroke) < len(numbers):
-        missing = len(numbers) - len(stroke)
-        problem = f"{missing} of the {len(numbers)} frames of stroke {said.stroke} are missing"
+    stroke, press = frames.stroke, frames.press or []
+    if frames.missing:
+        problem = f"{frames.missing} of the {said.frames} frames of stroke {said.stroke} are missing"
         return NotInvertible(problem), nothing
     if not stroke:
         return NotInvertible(f"stroke {said.stroke} has no frames"), nothing

@@ -6,16 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 from firmware_py import calib, forcemap, messages, pipeline, status
 from palpate.stroke.documents import Documents, ReadBack
-from palpate.stroke.presses import Presses
 from palpate.stroke.push import push
-from palpate.wire.events import OUTPUTS, Estimate, Event, Features, Frame, Gap, StrokeState
+from palpate.stroke.session_frames import SessionFrames
+from palpate.wire.events import OUTPUTS, Estimate, Event, Features, Gap
 
 if TYPE_CHECKING:
     from palpate.answer.told import Told
     from palpate.model_export.schema import ModelSpec
 
-FRAMES_KEPT = 1 << 14
-"""Minutes of frames, far more than a stroke has; 10 MB."""
 _STROKES_KEPT = 16
 
 
@@ -33,9 +31,8 @@ class Follower:
     def __init__(self, documents: Documents, calibration: bytes = b"") -> None:
         self.documents = documents
         self.calibration = calibration
-        self._frames: dict[int, Frame] = {}
+        self._frames = SessionFrames()
         self._features: dict[tuple[int, int], tuple[int, ...]] = {}
-        self._presses = Presses()
 
     def meet(self, probe: ReadBack) -> None:
         """Ask a probe for its model and its calibration."""
@@ -44,18 +41,14 @@ class Follower:
 
     def take(self, event: Event) -> None:
         """The next event."""
-        if isinstance(event, Frame):
-            self._frames[event.seq] = event
-            if len(self._frames) > FRAMES_KEPT:
-                del self._frames[next(iter(self._frames))]
-        elif isinstance(event, StrokeState):
-            self._presses.take(event)
-        elif isinstance(event, Features):
+        self._frames.take(event)
+        if isinstance(event, Features):
             self._features[event.stream, event.stroke] = event.values
             while len(self._features) > _STROKES_KEPT:
                 del self._features[next(iter(self._features))]
         elif isinstance(event, Gap) and event.restarted:
-            self._forget()
+            self._frames.forget()
+            self._features.clear()
 
     def of(self, said: Estimate) -> Told | None:
         """What the model of this estimate tells, or why it is not for this stroke; None where there
@@ -83,22 +76,16 @@ class Follower:
 
     def _pushed(self, spec: ModelSpec, said: Estimate) -> _Pipeline | None:
         """The firmware's pipeline with this stroke pushed through; None if some of its frames are missing."""
-        numbers = [(said.first_seq + k) % messages.WRAP for k in range(said.frames)]
-        frames = [self._frames[seq] for seq in numbers if seq in self._frames]
-        press = self._presses.of(said.stream, said.stroke, self._frames)
-        if not frames or len(frames) < said.frames:
+        found = self._frames.of(said)
+        if not found.stroke or found.missing:
             return None
         calibration = calib.Calibration()
         if self.calibration and calibration.load(self.calibration) != status.OK:
             return None
         p = _Pipeline(calibration)
-        p.press_is_whole = press is not None
-        code = push(p, frames, _force_map(spec), press)
+        p.press_is_whole = found.press is not None
+        code = push(p, found.stroke, _force_map(spec), found.press)
         return p if code == status.OK else None
-
-    def _forget(self) -> None:
-        self._frames.clear()
-        self._features.clear()
 
 
 def _force_map(spec: ModelSpec) -> Any:

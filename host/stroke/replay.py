@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from firmware_py import calib, evaluator, feature_names, features, messages, outputs, pipeline, status
+from firmware_py import calib, evaluator, feature_names, features, outputs, pipeline, status
 from firmware_py.estimator import answer
 from palpate.answer import NOTHING_TOLD, probe_dict
 from palpate.errors import RecordingError
@@ -22,15 +22,12 @@ from palpate.recording.playback import open_recording
 from palpate.recording.reader import Recording
 from palpate.stroke.documents import Documents
 from palpate.stroke.follower import Follower
-from palpate.stroke.presses import Presses
 from palpate.stroke.push import push
-from palpate.wire.events import Estimate, Features, Frame, StrokeState
+from palpate.stroke.session_frames import SessionFrames, StrokeFrames
+from palpate.wire.events import Estimate, Features, Frame
 
 if TYPE_CHECKING:
     from palpate.answer.told import Told
-
-FRAMES_KEPT = 1 << 16
-"""Frames kept for a stroke's estimate, at most; 41 MB."""
 
 
 @dataclass(frozen=True)
@@ -190,31 +187,23 @@ def replay(
         documents = Documents()
         documents.learn(image or b"")
     follower = Follower(documents, recording.attachment(CALIBRATION) or b"")
-    frames: dict[int, Frame] = {}
+    frames = SessionFrames()
     told: dict[int, tuple[int, ...]] = {}
-    presses = Presses()
     with open_recording(path) as session:
         for event in session.events():
             follower.take(event)
-            if isinstance(event, StrokeState):
-                presses.take(event)
-            elif isinstance(event, Frame):
-                frames[event.seq] = event
-                if len(frames) > FRAMES_KEPT:
-                    del frames[next(iter(frames))]
-            elif isinstance(event, Features):
+            frames.take(event)
+            if isinstance(event, Features):
                 told[event.stroke] = event.values
             elif isinstance(event, Estimate):
-                press = presses.of(event.stream, event.stroke, frames)
                 known = told.pop(event.stroke, None)
-                found = _compare(event, frames, press, known, replayer, session.kept_reference)
+                found = _compare(event, frames.of(event), known, replayer, session.kept_reference)
                 yield replace(found, told=follower.of(event))
 
 
 def _compare(
     said: Estimate,
-    frames: dict[int, Frame],
-    press: list[Frame] | None,
+    frames: StrokeFrames,
     told: tuple[int, ...] | None,
     replayer: Replayer | None,
     reference: tuple[int, int, int] | None,
@@ -222,25 +211,21 @@ def _compare(
     if replayer is None:
         why = "the recording holds no model image; give one with --model"
         return ReplayedStroke(said, None, None, why)
-    numbers = [(said.first_seq + k) % messages.WRAP for k in range(said.frames)]
-    own = [frames[seq] for seq in numbers if seq in frames]
-    if len(own) < said.frames:
-        why = f"{said.frames - len(own)} of the stroke's {said.frames} frames are missing"
+    if frames.missing:
+        why = f"{frames.missing} of the stroke's {said.frames} frames are missing"
         return ReplayedStroke(said, None, None, why)
     if replayer.model.model_id != said.model_id:
         held, used = replayer.model.model_id.hex(), said.model_id.hex()
         why = f"the probe used model {used}, and this image is {held}"
         return ReplayedStroke(said, None, None, why)
-    if press is None and replayer.needs_press:
+    if frames.press is None and replayer.needs_press:
         why = "frames of the press before the stroke are missing, and the model needs it"
         return ReplayedStroke(said, None, None, why)
     if reference is None and _met_reference(said):
         why = "the recording does not hold the reference press that the probe kept"
         return ReplayedStroke(said, None, None, why)
-    estimate, values = replayer.estimate(said, own, press, reference)
-    equal = None if told is None else _same(told, values, press is not None)
-    for seq in numbers:
-        del frames[seq]
+    estimate, values = replayer.estimate(said, frames.stroke, frames.press, reference)
+    equal = None if told is None else _same(told, values, frames.press is not None)
     return ReplayedStroke(said, estimate, equal)
 
 

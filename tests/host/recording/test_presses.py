@@ -114,7 +114,7 @@ def test_a_recording_of_a_probe_that_did_not_look_at_the_press_is_read_and_its_m
 
 def test_where_the_models_press_is_missing_the_replay_says_so(stream, tmp_path, monkeypatch):
     path = recorded(tmp_path / "a.mcap", stream)
-    monkeypatch.setattr("palpate.stroke.replay.Presses.of", lambda *_: None)
+    monkeypatch.setattr("palpate.stroke.session_frames._Presses.of", lambda *_: None)
     (stroke,) = replay(path)
     assert "press" in stroke.missing and not stroke.identical, "its checks look at it"
     spec = dataclasses.replace(models.load(models.TOLD), checks=None)
