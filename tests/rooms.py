@@ -1,6 +1,7 @@
 """The rooms of the sources, floor by floor, and the arrows between them: python -m tests.rooms
 
-Writes docs/pictures/rooms.svg and prints how many rooms, floors and arrows there are.
+Writes docs/pictures/rooms.svg and prints how many rooms, floors and arrows there are, and lines of Python and
+page outside tests and in them.
 """
 
 import ast
@@ -126,6 +127,18 @@ def needed(found: set[tuple[str, str]]) -> set[tuple[str, str]]:
     return {(a, b) for a, b in found if not any(c == a and d != b and reaches(d, b) for c, d in found)}
 
 
+def lines() -> tuple[int, int]:
+    """Lines of Python and of the page (js, css, html) outside tests, and of tests."""
+    pages = [
+        p for suffix in ("js", "css", "html") for p in (ROOT / "host" / "view" / "page").rglob(f"*.{suffix}")
+    ]
+    tests = (ROOT / "tests").rglob("*.py")
+    outside, inside = (
+        sum(len(path.read_bytes().splitlines()) for path in paths) for paths in ([*sources(), *pages], tests)
+    )
+    return outside, inside
+
+
 WIDTH, HEIGHT, BOX = 980, 84, (128, 34)
 
 
@@ -167,3 +180,5 @@ if __name__ == "__main__":
     found = arrows()
     upward = sum(FLOOR[b] >= FLOOR[a] for a, b in found)
     print(f"{len(FLOOR)} rooms on {len(FLOORS)} floors, {len(found)} arrows, {upward} of them upward")
+    outside, inside = lines()
+    print(f"{outside:,} lines of Python and page outside tests, {inside:,} in tests")
