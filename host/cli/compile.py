@@ -69,8 +69,7 @@ def command(
     Example:
       palpate compile model.skops --data train.csv --target d_mm --out model.py
       palpate compile model.joblib --trust --data train.csv --out model.c
-      palpate compile model.skops --data strokes.csv --target d_mm --calibrate more.csv --key out/key \\
-        --out model.palp
+      palpate compile model.skops --data a.csv --target d_mm --calibrate b.csv --key out/key --out model.palp
     """
     from palpate.cli.fitted import read_model, read_table
     from palpate.cli.real import load_model
