@@ -26,8 +26,8 @@ _LISTS = (
     "iterations",
 )
 _SOLID_LISTS = ("peak_across_mm", "ramp_N", "ramp_displacement_mm", "ramp_images_kPa")
-_DEEPER_FIELDS = tuple(name for layer in DEEPER for name in fields_of(layer))
-_UNSAID = ("law", *_DEEPER_FIELDS)
+_UNSAID_NUMBERS = ("padding_mm_per_kPa", *(name for layer in DEEPER for name in fields_of(layer)))
+_UNSAID = ("law", *_UNSAID_NUMBERS)
 """What a case without it leaves out of its row."""
 _PLANE_FIELDS = tuple(f.name for f in fields(Case) if f.name not in (*SOLID_FIELDS, *_UNSAID))
 SCHEMA = pa.schema(
@@ -41,7 +41,7 @@ SCHEMA = pa.schema(
         ("nodes", pa.int32()),
         ("law", pa.string()),
     ]
-    + [(name, pa.float64()) for name in _DEEPER_FIELDS]
+    + [(name, pa.float64()) for name in _UNSAID_NUMBERS]
 )
 SOLID_SCHEMA = pa.schema(
     list(SCHEMA)

@@ -99,8 +99,10 @@ def test_fields_name_the_muscle():
     assert set(fields.material[~deep]) == {0, 1, 2}
 
 
-def test_a_sweep_keeps_the_muscle(tmp_path):
-    cases = [Case.from_code(code) for code in ("d10h08e10f10_m10_M20", "d10h08e10f10")]
+@pytest.mark.parametrize("more", ["_m10_M20", "_p0.01", "_sf4_ogden"])
+def test_a_sweep_keeps_what_other_cases_do_not_say(tmp_path, more):
+    """A table whose cases had no padding could not be read when padding came."""
+    cases = [Case.from_code("d10h08e10f10" + option) for option in (more, "")]
     sweep(cases, replace(QUICK, start_mm=0.0), tmp_path, workers=1)
     assert [stroke.case for stroke in load_strokes(tmp_path)] == cases
 
