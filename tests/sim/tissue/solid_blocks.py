@@ -27,7 +27,7 @@ def block(x, y, z, shake=0.0, seed=0) -> SolidMesh:
     """A cuboid on a grid, fixed below and on rollers at its sides; what is inside is moved by up to `shake`
     mm."""
     x, y, z = (np.asarray(v, float) for v in (x, y, z))
-    mesh = build_mesh(SolidGrid(x, y, z, None, (1.0, 1.0, 1.0), 0.0, -math.inf, 0.0, 0, 0, False))
+    mesh = build_mesh(SolidGrid(x, y, z, None, (1.0, 1.0, 1.0), 0.0, (-math.inf,), 0.0, 0, 0, False))
     if not shake:
         return mesh
     nodes = mesh.nodes_mm.copy()
