@@ -24,6 +24,10 @@ CODE = "d10h08e10f07_ball"
 VARIANTS: dict[str, tuple[dict[str, Any], Settings]] = {
     "as it is": ({}, Settings()),
     "columns 1 mm": ({}, Settings(hx_mm=1.0)),
+    "finer layers under the face's edge": (
+        {"_FACE_LINES_MM": (12.5, 17.0, 18.5, 20.0, 21.5), "_LEAST_GAP_MM": 1.4},
+        Settings(),
+    ),
     "layers halved": ({"_WIDEST_LAYER_MM": 2.6, "_LEAST_GAP_MM": 1.0}, Settings()),
     "rows halved": ({"_SKIN_MM": 0.75, "_ROW_GROWTH": 1.8, "_ROW_MM": 4.0}, Settings()),
     "two shells in the lump": ({"inner": 2}, Settings()),
@@ -31,7 +35,10 @@ VARIANTS: dict[str, tuple[dict[str, Any], Settings]] = {
     "tighter tolerance": ({}, Settings(tolerance=1e-7)),
 }
 WHOLE = {"everything halved": ({}, Settings(refine=2))}
-COLUMNS = ("Base, kPa", "Amp, kPa", "Amp/Base", "Stdev, mm", "Curvature", "D28, mm", "D0, mm", "dip")
+COLUMNS = (
+    "Base, kPa", "Amp, kPa", "Amp/Base", "Stdev, mm", "Curvature", "D28, mm", "D0, mm", "dip", "edge, kPa",
+)  # fmt: skip
+MIDDLE_ROWS = slice(6, 10)
 WANTED_PERCENT = {
     "Base, kPa": 0.4,
     "Amp/Base": 2.0,
@@ -61,10 +68,17 @@ def sizes(values: dict[str, Any]) -> Iterator[None]:
 
 
 def features(s: Stroke) -> list[float]:
-    """What the columns over the lump make of a stroke, in the order of COLUMNS."""
+    """In the order of COLUMNS: of the columns over the lump, and what the outermost reads before it."""
     found = stroke_features(over_the_lump(s)[0])
     bump = [found.base_kPa, found.amp_kPa, found.amp_kPa / found.base_kPa, found.stdev_mm]
-    return [*bump, found.curvature, found.D28_mm, found.D0_mm, 1 - found.D0_mm / found.D28_mm]
+    return [
+        *bump,
+        found.curvature,
+        found.D28_mm,
+        found.D0_mm,
+        1 - found.D0_mm / found.D28_mm,
+        float(s.images_kPa[0, MIDDLE_ROWS, -1].mean()),
+    ]
 
 
 def line(words: str, cells: list[str], nodes: object = "", cpu_s: str = "") -> None:

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import cvxopt
 import numpy as np
+from cvxopt import cholmod
 from felupe import FieldContainer, SolidBodyNearlyIncompressible
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import coo_matrix, csr_matrix, tril
 
 PENALTY = 600.0
 """Of the contact, kPa/mm: the probe sinks in by .2 % of the displacement. Half or twice as
@@ -96,8 +98,6 @@ class Sliding:
         Held degrees of freedom of all points but the probe's.
     force : float
         On the probe.
-    solve : callable
-        Solves a sparse symmetric system for one right-hand side.
     """
 
     def __init__(
@@ -107,9 +107,8 @@ class Sliding:
         contact: PenaltyContact,
         held: NDArray,
         force: float,
-        solve: Callable[[csr_matrix, NDArray], NDArray],
     ) -> None:
-        self.field, self.body, self.contact, self.force, self._solve = field, body, contact, force, solve
+        self.field, self.body, self.contact, self.force = field, body, contact, force
         self.values = field[0].values
         free = np.zeros(self.values.shape, bool)
         free[:-1], free[-1, 1] = ~held, True
@@ -142,10 +141,10 @@ class Sliding:
             step = np.zeros(self.values.size)
             try:
                 whole = K + contact.matrix(pull, normals, curvatures)
-                step[free] = self._solve(whole[free][:, free], -r[free])
+                step[free] = _solve(whole[free][:, free], -r[free])
             except ArithmeticError:  # far from balance the face's curvature can destroy definiteness
                 flat = K + contact.matrix(pull, normals, 0.0 * curvatures)
-                step[free] = self._solve(flat[free][:, free], -r[free])
+                step[free] = _solve(flat[free][:, free], -r[free])
             step = step.reshape(self.values.shape)
             linear = gap + (normals * step[contact.nodes]).sum(1) - step[-1, 1]
             self.values += step
@@ -177,3 +176,26 @@ class Sliding:
             self.values[:], self.contact.active = values, active
             self.move(here, (here + there) / 2)
             self.move((here + there) / 2, there)
+
+
+def _solve(K: csr_matrix, b: NDArray) -> NDArray:
+    """CHOLMOD (cvxopt), supernodal: made for what is symmetric and dense in parts.
+
+    Raises
+    ------
+    ArithmeticError
+        The matrix is not positive definite.
+    """
+    cholmod.options["supernodal"] = 2
+    lower = tril(K).tocoo()
+    A = cvxopt.spmatrix(
+        cvxopt.matrix(lower.data),
+        cvxopt.matrix(lower.row.astype(np.int64)),
+        cvxopt.matrix(lower.col.astype(np.int64)),
+        lower.shape,
+    )
+    factor = cholmod.symbolic(A, uplo="L")
+    cholmod.numeric(A, factor)
+    x = cvxopt.matrix(b)
+    cholmod.solve(factor, x)
+    return np.array(x).ravel()

@@ -8,12 +8,9 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
-import cvxopt
 import felupe
 import numpy as np
-from cvxopt import cholmod
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, tril
 
 from palpate.sim.tissue import Case, Settings
 from palpate.sim.tissue.face_sensors import ACROSS, SENSORS_MM, places_mm
@@ -62,7 +59,7 @@ def run(case: Case, settings: Settings, positions_mm: Sequence[float]) -> Peer:
         field[0].values,
         lambda places: face.height(places[:, 0], places[:, 1]),
     )
-    stroke = Sliding(field, body, contact, mesh.fixed, 500.0 * case.F_N, solve)  # half of the force
+    stroke = Sliding(field, body, contact, mesh.fixed, 500.0 * case.F_N)  # half of the force
     stroke.press(positions_mm[0], _LOWERED_MM)
     displacement, images = [], []
     for here, position in zip([positions_mm[0], *positions_mm], positions_mm):
@@ -78,29 +75,6 @@ def run(case: Case, settings: Settings, positions_mm: Sequence[float]) -> Peer:
     return Peer(
         "felupe Q1P0", len(points), spent, np.array(displacement), np.array(images), stroke.iterations
     )
-
-
-def solve(K: csr_matrix, b: NDArray) -> NDArray:
-    """CHOLMOD (cvxopt), supernodal: made for what is symmetric and dense in parts.
-
-    Raises
-    ------
-    ArithmeticError
-        The matrix is not positive definite.
-    """
-    cholmod.options["supernodal"] = 2
-    lower = tril(K).tocoo()
-    A = cvxopt.spmatrix(
-        cvxopt.matrix(lower.data),
-        cvxopt.matrix(lower.row.astype(np.int64)),
-        cvxopt.matrix(lower.col.astype(np.int64)),
-        lower.shape,
-    )
-    factor = cholmod.symbolic(A, uplo="L")
-    cholmod.numeric(A, factor)
-    x = cvxopt.matrix(b)
-    cholmod.solve(factor, x)
-    return np.array(x).ravel()
 
 
 def _areas(x: NDArray, z: NDArray) -> NDArray:

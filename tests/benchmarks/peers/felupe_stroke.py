@@ -7,8 +7,6 @@ import time
 import felupe
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
-from scipy.sparse.linalg import splu
 
 from palpate.sim.tissue import Case, Settings
 from palpate.sim.tissue.contact import read_sensors
@@ -46,7 +44,7 @@ def run(case: Case, settings: Settings) -> Peer:
     lengths = np.gradient(skin[:, 0])
     lengths[[0, -1]] /= 2
     contact = PenaltyContact(mesh.surface, skin, lengths, field[0].values, face)
-    stroke = Sliding(field, body, contact, mesh.fixed, case.F_N_per_m, solve)
+    stroke = Sliding(field, body, contact, mesh.fixed, case.F_N_per_m)
     stroke.press(positions[0], _LOWERED_MM)
     displacement, images = [], []
     for here, position in zip([positions[0], *positions], positions):
@@ -60,10 +58,3 @@ def run(case: Case, settings: Settings) -> Peer:
     return Peer(
         "felupe Q1P0", len(points), spent, np.array(displacement), np.array(images), stroke.iterations
     )
-
-
-def solve(K: csr_matrix, b: NDArray) -> NDArray:
-    """SuperLU with the order for symmetric matrices: its own choice takes four times as long."""
-    options = {"SymmetricMode": True}
-    lu = splu(K.tocsc(), permc_spec="MMD_AT_PLUS_A", options=options, diag_pivot_thresh=0.0)
-    return np.asarray(lu.solve(b))

@@ -1,0 +1,131 @@
+"""The bundled models where people are: at the ends of their ranges and beyond, on lumps nobody has seen.
+
+Every stroke is felt by a probe of that noise after its press, and the model answers as its image does. Each
+row has lumps of its own; what it simulates is kept nowhere, since it takes minutes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from palpate import models
+from palpate.learn.any_tissue.observed import TissueLump, observe_at
+from palpate.learn.balls.lumps import holds_balls, read_rim
+from palpate.learn.field.design import LumpStrokes
+from palpate.model_export.fixed_point import force_map
+from palpate.model_export.fixed_point.reference import evaluate, inputs
+from palpate.sim.tissue import Case, simulate
+from palpate.sim.tissue.any_tissue import (
+    FORCE_PARTS,
+    PRESS_PARTS,
+    PRESSES,
+    STROKES,
+    TissueRanges,
+    at_forces,
+    random_lumps,
+    rim_lumps,
+)
+from palpate.sim.tissue.anywhere import anywhere_lumps, anywhere_rim
+from palpate.wire.events import OUTPUTS
+from tests.studies.table import Asked, StudyTable, of_text
+
+LUMPS, SEED = 40, 5100
+ONE_MATERIAL_MM = 35.0
+"""Thickness of the phantom of one material of Egorov and Sarvazyan's."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """Lumps and the moduli of their fat, kPa, for one model."""
+
+    words: str
+    model: str
+    lumps: Callable[[int], list[Case]]
+    fat_kPa: tuple[float, float] = (5.0, 25.0)
+
+
+def _of_ratio(ratio: float) -> Callable[[int], list[Case]]:
+    ranges = replace(TissueRanges(), gland_ratio=(ratio, ratio))
+    return lambda n: random_lumps(n, SEED, ranges)
+
+
+def _hard_pressed(n: int) -> list[Case]:
+    """The thesis' own tissue, pressed as hard as the thesis does and harder."""
+    ranges = replace(TissueRanges(), reach_mm=(9.0, 12.0), gland_ratio=(6.0, 6.0), linear=1.0)
+    return random_lumps(n, SEED, ranges)
+
+
+def _one_material(n: int) -> list[Case]:
+    """No gland: what lies under the lump is fat too."""
+    return [
+        replace(case, gland_ratio=1.0, gland_stiffening=case.fat_stiffening, gland_mm=ONE_MATERIAL_MM - t)
+        for case in anywhere_lumps(4 * n, SEED)
+        if (t := case.t_mm) < ONE_MATERIAL_MM - 8.0 and case.depth_mm + case.d_mm < ONE_MATERIAL_MM - 1.0
+    ][:n]
+
+
+ROWS = (
+    Row("inside the ranges", models.FIELD, lambda n: random_lumps(n, SEED, TissueRanges())),
+    Row("gland as stiff as fat", models.FIELD, _of_ratio(1.0)),
+    Row("gland 1.3 times as stiff", models.FIELD, _of_ratio(1.3)),
+    Row("fat of 3 kPa", models.FIELD, lambda n: random_lumps(n, SEED + 1, TissueRanges()), (3.0, 3.0)),
+    Row("fat of 35 kPa", models.FIELD, lambda n: random_lumps(n, SEED + 1, TissueRanges()), (35.0, 35.0)),
+    Row("the thesis' tissue, F/E_fat 9 to 12 mm", models.FIELD, _hard_pressed, (10.0, 10.0)),
+    Row("lumps outside the ranges", models.FIELD, lambda n: rim_lumps(n, SEED)),
+    Row("inside the ranges", models.ANYWHERE, lambda n: anywhere_lumps(n, SEED)),
+    Row(f"one material, {ONE_MATERIAL_MM:g} mm thick", models.ANYWHERE, _one_material),
+    Row("lumps outside the ranges", models.ANYWHERE, lambda n: anywhere_rim(n, SEED)),
+)
+HEADS = ["model", "lumps", "strokes", "found", "flagged", "d %", "depth %", "t %", "E_fat %", "held, %"]
+
+
+def tables(asked: Asked) -> list[StudyTable]:
+    """One row for each of `ROWS`, and for kept solid lumps outside the ranges where DIRECTORY has them."""
+    n, noise = asked.lumps or LUMPS, asked.noise or "typical"
+    found = []
+    for k, row in enumerate(ROWS):
+        lumps = [_stroked(case) for case in row.lumps(n)]
+        found.append([row.model, row.words, *_judged(row.model, lumps, row.fat_kPa, noise, asked.seed + k)])
+        asked.tell(" | ".join(found[-1]))
+    if holds_balls(asked.directory):
+        rim = read_rim(asked.directory)
+        cells = _judged(models.BALLS, rim, (5.0, 25.0), noise, asked.seed)
+        found.append([models.BALLS, "lumps outside the ranges", *cells])
+    return [of_text("Models at the ends of their ranges and beyond", HEADS, found)]
+
+
+def _stroked(case: Case) -> TissueLump:
+    strokes = LumpStrokes(tuple(simulate(c, STROKES) for c in at_forces([case], FORCE_PARTS)))
+    return TissueLump(strokes, tuple(simulate(c, PRESSES) for c in at_forces([case], PRESS_PARTS)))
+
+
+def _judged(
+    model: str, lumps: Sequence[TissueLump], fat_kPa: tuple[float, float], noise: str, seed: int
+) -> list[str]:
+    """Cells of a row: strokes, found, flagged; of what is found median errors, and the share held by 90 %
+    intervals in d, depth, t and E_fat."""
+    spec = models.load(model)
+    blob = b"" if spec.force_map is None else force_map.blob(spec.force_map)
+    low, high = np.log(fat_kPa)
+    fats = np.exp(np.random.default_rng(seed).uniform(low, high, len(lumps)))
+    seen = observe_at(lumps, fats.tolist(), noise, seed, blob)
+    strokes, shown = len(seen.found), float(seen.found.mean())
+    seen = seen.take(seen.found)
+    said = evaluate(spec, inputs(spec, seen.X))
+    ln_d, ln_depth, ln_t, ln_fat = (seen.Y[:, k] for k in (0, 1, 2, 6))
+    cells = [str(strokes), f"{shown:.0%}", f"{(~np.asarray(said['in_domain'])).mean():.0%}"]
+    held = []
+    d, h, t, fat = (OUTPUTS.index(name) for name in ("d_mm", "h", "t_mm", "E_fat_kPa"))
+    for j, truth in ((d, ln_d), (h, ln_depth - ln_d), (t, ln_t), (fat, ln_fat)):
+        value, below, above = (np.asarray(said[part])[:, j] for part in ("value", "low", "high"))
+        if j == h:  # told as depth over width; what is meant is the depth
+            value, true = value * np.asarray(said["value"])[:, d], np.exp(ln_depth)
+            held.append(((below <= np.exp(truth)) & (np.exp(truth) <= above)).mean())
+        else:
+            true = np.exp(truth)
+            held.append(((below <= true) & (true <= above)).mean())
+        cells.append(f"{100 * np.median(np.abs(value / true - 1)):.1f}")
+    return [*cells, " ".join(f"{100 * share:.0f}" for share in held)]
