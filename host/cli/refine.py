@@ -14,6 +14,7 @@ from palpate.first_time import announce
 
 if TYPE_CHECKING:
     from palpate.inversion import Inverted, Value
+    from palpate.sim.probe.noise import Noise
 
 KINDS = ("auto", "anywhere", "border", "none")
 
@@ -27,6 +28,8 @@ KINDS = ("auto", "anywhere", "border", "none")
               help="Of sensors and hand: a level, or sensor.toml of `palpate characterise`.")  # fmt: skip
 @click.option("--face", "face_words", metavar="WORDS",
               help="Of somebody's array: radius=flat, or radius=40mm&padding=2mm&modulus=80kPa.")  # fmt: skip
+@click.option("--together", is_flag=True,
+              help="All strokes of all recordings go over one lump: one answer for them all.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Processes.")
 @click.option("--scheduler", help="A Dask cluster instead: its address, as tcp://10.0.0.5:8786.")
 @json_option
@@ -35,6 +38,7 @@ def command(
     kind: str,
     noise: str,
     face_words: str | None,
+    together: bool,
     workers: int,
     scheduler: str | None,
     as_json: bool,
@@ -42,9 +46,9 @@ def command(
     """Fit the finite-element model to recorded strokes: size, depth, stiffness, and whether it fits.
 
     The probe's own answer is a regression. This takes seconds to a minute a stroke and works in any tissue
-    that the solver knows; it says "does not fit" where no class of tissue and lump explains the stroke. Lumps
-    are endless cylinders. A recording without a stroke has its presses fitted: they tell less, and the
-    intervals say how much.
+    that the solver knows; it says "does not fit" where no class of tissue and lump explains the stroke, or
+    where two lumps, undulating tissue or friction would do so better. Lumps are endless cylinders.
+    A recording without a stroke has its presses fitted: they tell less, and the intervals say how much.
 
     \b
     Example:
@@ -54,7 +58,6 @@ def command(
     from palpate.cli.sweep import executor_of
     from palpate.inversion.recorded import felt_strokes
     from palpate.inversion.result import Inverted
-    from palpate.inversion.strokes import invert_stroke
     from palpate.link.face import face_in_words
     from palpate.sim.probe.noise import level_named
     from palpate.sim.tissue.workers import pool
@@ -63,7 +66,17 @@ def command(
         raise UsageError("--workers is for this machine and --scheduler for a cluster; give one of them")
     level = level_named(noise)
     face = None if face_words is None else face_in_words(face_words)
-    jobs = [(path, stroke, start) for path in recordings for stroke, start in felt_strokes(path, face)]
+    jobs: list[tuple[Path, Inverted | list[Any]]] = []
+    joint: list[Any] = []
+    for path, stroke, start in ((p, *pair) for p in recordings for pair in felt_strokes(p, face)):
+        if isinstance(stroke, PalpateError):
+            jobs.append((path, Inverted(start.stroke, problem=str(stroke))))
+        elif together and not stroke.alone and joint:
+            joint.append((stroke, start))
+        else:
+            job = [(stroke, start)]
+            jobs.append((path, job))
+            joint = joint if stroke.alone else job
     announce()
     found: list[tuple[Path, Inverted]] = []
     with ExitStack() as stack:
@@ -72,17 +85,16 @@ def command(
             executor = stack.enter_context(pool(workers, "palpate.inversion.strokes"))
         bar = stack.enter_context(progress("strokes"))
         task = bar.add_task("refining", total=len(jobs))
-        work: list[Any] = []
-        for path, stroke, start in jobs:
-            if isinstance(stroke, PalpateError):
-                work.append((path, Inverted(start.stroke, problem=str(stroke))))
-            elif executor is None:
-                work.append((path, (stroke, start)))
-            else:
-                work.append((path, executor.submit(invert_stroke, stroke, start, level, kind)))
+        work: list[Any] = [
+            (
+                path,
+                executor.submit(_inverted, job, level, kind) if executor and isinstance(job, list) else job,
+            )
+            for path, job in jobs
+        ]
         for path, item in work:
-            if isinstance(item, tuple):
-                item = invert_stroke(item[0], item[1], level, kind)
+            if isinstance(item, list):
+                item = _inverted(item, level, kind)
             elif not isinstance(item, Inverted):
                 item = item.result()
             found.append((path, item))
@@ -98,14 +110,26 @@ def command(
             note(one.problem)
 
 
+def _inverted(job: list[Any], level: Noise, kind: str) -> Inverted:
+    """One press, or strokes over one lump."""
+    from palpate.inversion.strokes import invert_stroke, invert_together
+
+    return (
+        invert_together(job, level, kind)
+        if len(job) > 1
+        else invert_stroke(job[0][0], job[0][1], level, kind)
+    )
+
+
 def lines_of(one: Inverted, path: Path | None = None) -> list[str]:
     """One stroke in words."""
     what = f"{'press' if one.press else 'stroke'} {one.stroke}"
     head = what if path is None else f"{path}, {what}"
+    if one.together > 1:
+        head = f"{one.together} strokes together"
     if one.problem:
         return [f"{head}: not refined: {one.problem}"]
-    odds = ", ".join(f"{name} {share:.0%}" for name, share in one.classes.items())
-    fit = "fits" if one.fits else f"DOES NOT FIT, worst in {one.worst}"
+    fit = "fits" if one.fits else f"DOES NOT FIT: {one.why}; worst in {one.worst}"
     rest = "" if one.settled else "; the search had not come to rest"
     lines = [f"{head}: {_KIND[one.kind]}; {fit} (misfit {one.chi2:.2f}{rest})"]
     for name, words, unit, digits in _SHOWN:
@@ -114,7 +138,13 @@ def lines_of(one: Inverted, path: Path | None = None) -> list[str]:
             lines.append(f"  {words:<22}{_span(value, digits)} {unit}".rstrip() + vague)
     if one.lump:
         lines.append(f"  {'hard or soft':<22}{one.hardness}")
-    return [*lines, f"  {'classes':<22}{odds}"]
+    if one.layers:
+        lines.append(f"  {'layer':<22}{_odds(one.layers)}")
+    return [*lines, f"  {'classes':<22}{_odds(one.classes)}"]
+
+
+def _odds(shares: dict[str, float]) -> str:
+    return ", ".join(f"{name} {share:.0%}" for name, share in shares.items())
 
 
 _KIND = {"anywhere": "a lump", "border": "a lump on the border of fat and gland", "none": "no lump"}

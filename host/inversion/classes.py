@@ -83,14 +83,21 @@ class Class:
     case: Callable[[Floats], Case]
     fields: tuple[str, ...]
 
+    @property
+    def lump(self) -> bool:
+        """Whether there is one."""
+        return self.unknowns[0] is _D
+
+    def values(self, theta: Floats) -> Floats:
+        """The case's `fields`."""
+        case = self.case(theta)
+        return np.array([getattr(case, name) for name in self.fields])
+
     def chain(self, theta: Floats) -> Floats:
         """Derivatives of `fields` by the unknowns, (fields, k)."""
-        ends = []
-        for sign in (-1, 1):
-            moved = [self.case(theta + sign * _STEP * unit) for unit in np.eye(len(theta))]
-            ends.append([[getattr(case, name) for case in moved] for name in self.fields])
-        out: Floats = (np.array(ends[1]) - np.array(ends[0])) / (2 * _STEP)
-        return out
+        steps = _STEP * np.eye(len(theta))
+        apart = [self.values(theta + step) - self.values(theta - step) for step in steps]
+        return np.array(apart).T / (2 * _STEP)
 
     def column(self, name: str) -> Floats:
         """One attribute of all unknowns, (k,)."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from palpate.inversion.classes import FAT_KPA, PADDING, Class
 from palpate.inversion.felt import FeltStroke
-from palpate.inversion.forward import Computed
+from palpate.inversion.forward import Computed, Slopes
 from palpate.sim.probe.creep import LAG_MM
 from palpate.sim.probe.noise import Noise
 from palpate.wire.cells import FULL_SCALE_KPA, PITCH_MM
@@ -28,7 +28,7 @@ from palpate.wire.cells import FULL_SCALE_KPA, PITCH_MM
 Floats = NDArray[np.float64]
 
 _COUNTS = 4095
-_START_SD_MM = 3.0
+_START_SD_MM = 15.0
 _PRESS_SD_MM = 6.0
 """So far from the middle of the face may lie what a press alone is over."""
 _PADDING_SD = 0.25
@@ -40,6 +40,9 @@ _MESH_ERROR = {2.0: (0.05, 0.004), 1.0: (0.015, 0.001)}
 """By column width, what the mesh gets wrong: of the step from row to row, and of the pressure itself."""
 _DEPTH_ERROR_MM = 0.002
 _LEAST_SD = 1e-5
+_SHIFTED_MM, _NEAR_MM = 20.0, 1.5
+_LIKE, _LIKE_MM = 0.02, 0.03
+"""How unlike pressures, of the largest, and displacements are where a lump is looked for along the stroke."""
 
 SINGLE = ("ln_E", "ln_F", "start", "scale", "creep", "zero", "drift", "depth_zero", "depth_drift")
 
@@ -120,7 +123,8 @@ class Posterior:
         z = self.mean.copy()
         z[self.at["tissue"]] = np.clip(theta, self.of.column("low"), self.of.column("high"))
         z[self.at["ln_E"]], z[self.at["start"]] = np.log(E_kPa), lump_mm
-        self.mean[self.at["start"]] = lump_mm
+        middle = lump_mm if self.stroke.alone else self.stroke.place_mm[self.stroke.press :].mean()
+        self.mean[self.at["start"]] = middle
         force = np.log(np.maximum(self.stroke.rows_kPa.sum(1) * PITCH_MM, 1.0) / E_kPa)
         z[self.at["force"]] = force
         z[self.at["ln_F"]] = force.max() if self.stroke.alone else force[self.stroke.press :].mean()
@@ -160,12 +164,39 @@ class Posterior:
         depth = found.depth + self.one(z, "depth_zero") + self.one(z, "depth_drift") * (2 * share[:, 0] - 1)
         return np.column_stack([rows, depth])
 
+    def seen(self, z: Floats, change: Floats) -> Floats:
+        """What a change of computed images and depth, (n, rows + 1), does to the weighted residuals."""
+        rows = self._lagged(z) @ (np.exp(self.one(z, "ln_E")) / FAT_KPA * change[:, :-1])
+        return np.column_stack([rows * (1 + z[self.at["gain"]]), change[:, -1]]) * self._weight
+
     def _pressure(self, z: Floats, found: Computed) -> Floats:
         return np.exp(self.one(z, "ln_E")) / FAT_KPA * found.images
 
     def _lagged(self, z: Floats) -> Floats:
         creep = 2 * self.one(z, "creep")
         return (1 - creep) * np.eye(len(self._lag)) + creep * self._lag
+
+    def moved(self, z: Floats, found: Computed) -> Floats:
+        """The guess with the lump where the computed frames, shifted along, are most like the felt ones."""
+        p, place = self.stroke.press, found.places_mm[self.stroke.press :]
+        order = np.argsort(place)
+        force = found.forces_N_per_m[p:, None]
+        known = np.column_stack([found.images[p:] / force, found.depth[p:]])[order]
+        felt = np.column_stack([
+            self.stroke.rows_kPa[p:] / (np.exp(self.one(z, "ln_E")) / FAT_KPA * force),
+            self.stroke.displacement_mm[p:],
+        ])  # fmt: skip
+        scale = np.append(np.full(known.shape[1] - 1, _LIKE * known[:, :-1].max()), _LIKE_MM)
+        shifts = np.arange(-_SHIFTED_MM, _SHIFTED_MM + 0.1, 0.5)
+        apart = []
+        for shift in shifts:
+            there = np.column_stack([np.interp(place - shift, place[order], column) for column in known.T])
+            other = (felt - there) / scale
+            apart.append(((other - other.mean(0)) ** 2).sum())
+        out = z.copy()
+        shift = shifts[int(np.argmin(apart))]
+        out[self.at["start"]] += shift if abs(shift) > _NEAR_MM else 0.0
+        return out
 
     def misfit(self, z: Floats, found: Computed) -> Misfit:
         """Of a guess and its computed frames."""
@@ -185,11 +216,9 @@ class Posterior:
         told = np.log(self.stroke.face.yields_mm_per_kPa / FAT_KPA) + self.one(z, "ln_E")
         return float((z[names.index(PADDING)] - told) / _PADDING_SD)
 
-    def jacobian(self, z: Floats, found: Computed, images: Floats, depth: Floats) -> tuple[Floats, Floats]:
-        """Of the misfit's data (n (rows + 1), size) and prior (size + frames of the stroke + 1, size).
-
-        images (n, rows, k + 2), depth (n, k + 2): derivatives by tissue and lump, place and ln force.
-        """
+    def jacobian(self, z: Floats, found: Computed, slopes: Slopes) -> tuple[Floats, Floats]:
+        """Of the misfit's data (n (rows + 1), size) and prior (size + frames of the stroke + 1, size)."""
+        images, depth = slopes.images, slopes.depth
         n, p, at, rows = len(depth), self.stroke.press, self.at, self.stroke.rows_kPa.shape[1]
         E, share, frame = np.exp(self.one(z, "ln_E")) / FAT_KPA, self.stroke.share, np.arange(n)
         P, D = np.zeros((n, rows, self.size)), np.zeros((n, self.size))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.inversion.departures import DEPARTURES, FRICTION, TWO_LUMPS, UNDULATING
 from palpate.inversion.posterior import Posterior
 from palpate.inversion.search import Mode
 
@@ -15,12 +16,19 @@ Floats = NDArray[np.float64]
 
 LEVEL = 0.9
 _NORMAL = 1.645
-WIDER = {"ln d": 2.4, "ln depth": 2.0, "ln t": 2.2, "E^-2/3": 2.9, "ln_E": 2.0}
+WIDER = {"ln d": 2.4, "ln depth": 2.0, "ln t": 2.4, "E^-2/3": 1.9, "ln_E": 2.1}
 """How much wider than Laplace's an interval must be to hold 90 %: docs/inversion.md says how it is known."""
 
 FITS = 1.3
 """A misfit below this, for each degree of freedom, fits: computed strokes have 0.6 to 1.1."""
 _HARD = 10.0 ** (-2 / 3)
+_SURE = 0.9
+_SAMPLES = 4000
+_DEPARTED = {
+    TWO_LUMPS: "a second lump beside the first",
+    UNDULATING: "tissue that undulates along the stroke",
+    FRICTION: "friction between face and skin",
+}
 
 
 @dataclass(frozen=True)
@@ -60,6 +68,12 @@ class Inverted:
         Where the misfit is greatest, in words.
     centre_mm : float or None
         Where the lump lies along the stroke.
+    why : str
+        Why it does not fit, in words.
+    layers : dict
+        How likely the lump lies in the "fat" alone, across its "border", in the "gland" alone.
+    together : int
+        How many strokes this is the answer to.
     problem : str
         Why there is no inversion; then all else is empty.
     press : bool
@@ -75,6 +89,9 @@ class Inverted:
     settled: bool = False
     worst: str = ""
     centre_mm: float | None = None
+    why: str = ""
+    layers: dict[str, float] = field(default_factory=dict)
+    together: int = 1
     problem: str = ""
     press: bool = False
 
@@ -107,12 +124,17 @@ class Inverted:
             "chi2": self.chi2,
             "settled": self.settled,
             "worst": self.worst,
+            "why": self.why,
+            "layers": self.layers,
+            "together": self.together,
             "level": LEVEL,
         }
 
 
-def told(posterior: Posterior, mode: Mode, odds: dict[str, float]) -> Inverted:
-    """The values and intervals of a mode."""
+def told(
+    posterior: Posterior, mode: Mode, odds: dict[str, float], places_mm: Floats | None = None
+) -> Inverted:
+    """The values and intervals of a mode; places_mm (n,) of the misfit's frames, if of more than its own."""
     names = [unknown.name for unknown in posterior.of.unknowns]
     z, C = mode.z, mode.covariance
     case = posterior.of.case(z[: len(names)])
@@ -156,10 +178,29 @@ def told(posterior: Posterior, mode: Mode, odds: dict[str, float]) -> Inverted:
             "E_kPa": Value(*(None if v is None else v * E for v in (ratio.value, ratio.low, ratio.high))),  # type: ignore[arg-type]
         }
         centre = posterior.one(z, "start")
+    other = max(DEPARTURES, key=lambda name: odds.get(name, 0.0))
+    why = ""
+    if odds.get(other, 0.0) > _SURE:
+        why = f"{_DEPARTED[other]} would explain it better (odds {odds[other]:.0%})"
+    elif mode.chi2 >= FITS:
+        why = "no class of tissue and lump explains it"
+    layers = _layers(names, z, C) if "ln d" in names else {}
+    worst = worst_part(mode.misfit.data, posterior.places(z) if places_mm is None else places_mm)
     return Inverted(
-        posterior.stroke.stroke, values, posterior.of.name, odds, mode.chi2, mode.chi2 < FITS, mode.settled,
-        worst_part(mode.misfit.data, posterior.places(z)), centre, press=posterior.stroke.alone,
+        posterior.stroke.stroke, values, posterior.of.name, odds, mode.chi2, not why, mode.settled, worst,
+        centre, why, layers, press=posterior.stroke.alone,
     )  # fmt: skip
+
+
+def _layers(names: list[str], z: Floats, C: Floats) -> dict[str, float]:
+    """How likely the lump lies in the fat alone, across its border, in the gland alone, by samples."""
+    k = [names.index(name) for name in ("ln d", "ln depth", "ln t") if name in names]
+    if len(k) < 3:
+        return {}
+    some = np.random.default_rng(0).multivariate_normal(z[k], C[np.ix_(k, k)], _SAMPLES)
+    d, depth, t = np.exp(some).T
+    fat, gland = float((depth + d <= t).mean()), float((depth >= t).mean())
+    return {"fat": fat, "border": 1 - fat - gland, "gland": gland}
 
 
 def worst_part(data: Floats, places_mm: Floats) -> str:

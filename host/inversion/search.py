@@ -1,7 +1,9 @@
 """The posterior's mode by Levenberg-Marquardt.
 
 Steps solve (H + D) dz = -g with the Gauss-Newton matrix H = A^T A of all weighted residuals, g = A^T r, and D
-on the tissue's and the lump's own numbers only (Marquardt 1963): all others enter almost linearly.
+on the tissue's and the lump's own numbers only (Marquardt 1963): all others enter almost linearly. After a
+small step that kept its promise Broyden's update brings the derivatives up to date, frame by frame; after
+all others they are computed anew.
 """
 
 from __future__ import annotations
@@ -11,15 +13,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.inversion.forward import Computed, Forward
+from palpate.inversion.forward import Computed, Forward, Slopes
+from palpate.inversion.joint import Together
 from palpate.inversion.posterior import Misfit, Posterior
 from palpate.sim.tissue import CaseError, StrokeError
 
 Floats = NDArray[np.float64]
 
-_TRIES = 5
+_TRIES = 4
+_FLAT = 5.0
+"""No step gains although this much is promised: the contact's nodes make the misfit ripple by so much."""
 _SOFTER, _HARDER = 0.2, 10.0
 _LITTLE = 1e-3
+_KEEPS = 0.5
+_NEAR = 400.0
+"""Derivatives stay, but for Broyden's update, while steps keep so much of a promise that is no larger."""
 
 
 @dataclass
@@ -36,9 +44,13 @@ class Mode:
     dof : float
         Data less what the unknowns have taken up of them.
     settled : bool
-        Whether no step promised more.
+        Whether an undamped step would promise nothing that counts.
     log_evidence : float
         Laplace's approximation, but for a constant that all classes share.
+    found, slopes : Computed, Slopes
+        The frames there and their derivatives.
+    jacobian : ndarray (n (rows + 1), size)
+        Of the weighted residuals of the data.
     """
 
     z: Floats
@@ -48,6 +60,9 @@ class Mode:
     settled: bool
     steps: int
     log_evidence: float
+    found: Computed
+    slopes: Slopes
+    jacobian: Floats
 
     @property
     def chi2(self) -> float:
@@ -56,7 +71,7 @@ class Mode:
 
 
 def search(
-    posterior: Posterior,
+    posterior: Posterior | Together,
     forward: Forward,
     z: Floats,
     most: int,
@@ -64,7 +79,7 @@ def search(
     damping: float = 0.02,
     hopeless: float = np.inf,
 ) -> Mode:
-    """Go down from z in `most` steps, until the next one promises less than `enough` of the misfit.
+    """Go down from z in `most` steps, until an undamped one promises less than `enough` of the misfit.
 
     hopeless : float
         A misfit that is over this after four steps is not followed further.
@@ -75,20 +90,19 @@ def search(
         The first guess cannot be computed.
     """
     found = _computed(posterior, forward, z)
-    misfit, settled, steps = posterior.misfit(z, found), False, 0
+    misfit, slopes, exact, settled, steps = posterior.misfit(z, found), forward.slopes(found), True, False, 0
     while True:
-        A, B = posterior.jacobian(z, found, *forward.differentiated(found))
+        A, B = posterior.jacobian(z, found, slopes)
         H = A.T @ A + B.T @ B
         g = A.T @ misfit.data.ravel() + B.T @ misfit.prior
+        undamped = _promise(_step(posterior, z, H, g, 0.0), H, g)
+        settled = undamped < enough
         if settled or steps >= most or (steps >= 4 and misfit.total > hopeless):
             break
-        taken = False
-        for _ in range(_TRIES):
+        before, taken, good, promised = found, False, False, np.inf
+        for _ in range(_TRIES if exact else 2):
             step = _step(posterior, z, H, g, damping)
-            promised = -(2 * g @ step + step @ H @ step)
-            if promised < enough:
-                settled = True
-                break
+            promised = _promise(step, H, g)
             try:
                 other = _computed(posterior, forward, z + step)
             except (CaseError, StrokeError):
@@ -97,26 +111,36 @@ def search(
             there = posterior.misfit(z + step, other)
             gained = misfit.total - there.total
             if gained > 0:
-                damping *= _SOFTER if gained > 0.3 * promised else 2.0
+                good = gained > _KEEPS * promised
+                damping *= _SOFTER if good else 2.0
                 z, found, misfit, taken = z + step, other, there, True
-                settled = gained < enough
                 break
             damping = max(damping, _LITTLE) * _HARDER
-        if not taken:
+        if taken and good and promised < _NEAR and found.topology is before.topology:
+            slopes, exact = slopes.secant(before, found, forward.scale), False
+        elif taken or not exact:
+            slopes, exact = forward.slopes(found), True
+        else:
+            settled = undamped < _FLAT
             break
-        steps += 1
+        steps += taken
     covariance: Floats = np.linalg.inv(H).astype(np.float64)
     dof = posterior.measured - float(np.trace(covariance @ (A.T @ A)))
     known = np.isfinite(posterior.sd)
     evidence = -0.5 * (misfit.total + np.linalg.slogdet(H)[1]) - float(np.log(posterior.sd[known]).sum())
-    return Mode(z, covariance, misfit, dof, settled, steps, evidence)
+    return Mode(z, covariance, misfit, dof, settled, steps, evidence, found, slopes, A)
 
 
-def _computed(posterior: Posterior, forward: Forward, z: Floats) -> Computed:
+def _computed(posterior: Posterior | Together, forward: Forward, z: Floats) -> Computed:
     return forward(z[posterior.at["tissue"]], posterior.places(z), posterior.forces(z))
 
 
-def _step(posterior: Posterior, z: Floats, H: Floats, g: Floats, damping: float) -> Floats:
+def _promise(step: Floats, H: Floats, g: Floats) -> float:
+    """How much of the misfit a step would take if all were linear."""
+    return -float(2 * g @ step + step @ H @ step)
+
+
+def _step(posterior: Posterior | Together, z: Floats, H: Floats, g: Floats, damping: float) -> Floats:
     """A damped step; what would leave its range stays at its end, and a long step is shortened."""
     of = posterior.of
     k = len(of.unknowns)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import UsageError
-from palpate.inversion.classes import ANYWHERE, BORDER, CLASSES, NONE, Class
+from palpate.inversion.classes import ANYWHERE, BORDER, CLASSES, Class
+from palpate.inversion.departures import odds_of_departures
 from palpate.inversion.felt import FeltStroke, NotInvertible
-from palpate.inversion.forward import COARSE, FINE
+from palpate.inversion.forward import COARSE, FINE, Forward
+from palpate.inversion.joint import Together
 from palpate.inversion.posterior import SINGLE, Posterior
 from palpate.inversion.press import invert_press
 from palpate.inversion.recorded import felt_strokes
@@ -27,29 +30,38 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 KINDS = (AUTO, *CLASSES)
-_NEAR_MM = 18.0
-"""Farther from the lump every third or fourth frame will do."""
+_NEAR_MM = 16.0
+"""Farther from the lump every fourth frame will do."""
 _ILL = 1.3
-_COARSE_STEPS, _FINE_STEPS = 10, 4
+_COARSE_STEPS, _FINE_STEPS = 10, 7
+_COARSE_ENOUGH, _FINE_ENOUGH = 4.0, 2.0
+"""The coarse mesh need not be followed to the bottom: the fine one's lies elsewhere."""
 _HOPELESS = 6.0
 """A class whose misfit is so many times the data's number after some steps is not followed further."""
 
 
 def invert(
-    recording: str | Path, kind: str = AUTO, noise: Noise | str = "typical", face: Face | None = None
+    recording: str | Path | Sequence[str | Path],
+    kind: str = AUTO,
+    noise: Noise | str = "typical",
+    face: Face | None = None,
+    *,
+    together: bool = False,
 ) -> Iterator[Inverted]:
-    """Invert every stroke of a recording, or every press where it has no stroke, one after the other.
+    """Invert every stroke of recordings, or every press where there is no stroke, one after the other.
 
     Parameters
     ----------
-    recording : str or Path
-        An .mcap file of `palpate stream --record`.
+    recording : str, Path, or sequence of them
+        .mcap files of `palpate stream --record`.
     kind : str
         One of `KINDS`: the class of tissue and lump, or `auto` for the one with the best odds.
     noise : Noise or str
         Of the sensors and the hand: a level's name, or a file sensor.toml of `palpate characterise`.
     face : palpate.link.face.Face, optional
         Of somebody's array, where the port that was recorded does not describe it.
+    together : bool
+        All strokes go over one lump: one answer for them all.
 
     Yields
     ------
@@ -64,84 +76,142 @@ def invert(
     if kind not in KINDS:
         raise UsageError(f"there is no class {kind!r}; there are {', '.join(KINDS)}")
     level = level_named(noise) if isinstance(noise, str) else noise
-    for stroke, start in felt_strokes(recording, face):
+    paths = [recording] if isinstance(recording, (str, Path)) else list(recording)
+    whole: list[Felt] = []
+    for stroke, start in (pair for path in paths for pair in felt_strokes(path, face)):
         if isinstance(stroke, NotInvertible):
             yield Inverted(start.stroke, problem=str(stroke))
+        elif together and not stroke.alone:
+            whole.append((stroke, start))
         else:
             yield invert_stroke(stroke, start, level, kind)
+    if whole:
+        yield invert_together(whole, level, kind)
+
+
+Felt = tuple[FeltStroke, Start]
+"""A stroke and a first estimate of what lies under it."""
 
 
 def invert_stroke(stroke: FeltStroke, start: Start, noise: Noise, kind: str = AUTO) -> Inverted:
     """Invert one stroke from a first estimate, or one press; as `invert`."""
-    if stroke.alone:
-        return invert_press(stroke, noise, kind)
-    some, kept = _thinned(stroke, start.lump_mm, press=4, near=2, far=4)
-    tried: dict[str, tuple[Posterior, Mode]] = {}
-    for of in classes_over(stroke, kind):
-        found = _coarse(of, some, start, noise, tried)
+    return (
+        invert_press(stroke, noise, kind) if stroke.alone else invert_together([(stroke, start)], noise, kind)
+    )
+
+
+def invert_together(strokes: Sequence[Felt], noise: Noise, kind: str = AUTO) -> Inverted:
+    """Invert strokes over one lump: they share it and the tissue; places, forces and gains are their own."""
+    tried: dict[str, _Found] = {}
+    for of in classes_over(strokes[0][0], kind):
+        found = _coarse(of, strokes, noise, tried)
         if found is not None:
             tried[of.name] = found
+    number = strokes[0][0].stroke
     if not tried:
-        return Inverted(
-            stroke.stroke, problem=f"stroke {stroke.stroke}: no class of tissue and lump could be computed"
-        )
-    odds = odds_of({name: mode.log_evidence for name, (_, mode) in tried.items()})
+        return Inverted(number, problem=f"stroke {number}: no class of tissue and lump could be computed")
+    odds = odds_of({name: found.mode.log_evidence for name, found in tried.items()})
     best = max(odds, key=lambda name: odds[name])
     if best == BORDER.name and ANYWHERE.name in tried:
-        best = (
-            ANYWHERE.name
-        )  # which holds it: a tie that is only nearly there would make intervals too narrow
-    posterior, mode = tried[best]
-    if mode.chi2 < _HOPELESS:  # what the coarse mesh does not explain at all needs no finer one
-        posterior, mode = _fine(stroke, start, noise, posterior, mode, kept)
-    return told(posterior, mode, odds)
+        # which holds it: a tie that is only nearly there would make intervals too narrow
+        best = ANYWHERE.name
+    found = tried[best]
+    if found.mode.chi2 < _HOPELESS:  # what the coarse mesh does not explain at all needs no finer one
+        found = _fine(strokes, noise, found)
+    others = odds_of_departures(found.posterior, found.mode, found.forward)
+    sum_of_all = 1 + sum(others.values())
+    odds = {name: share / sum_of_all for name, share in {**odds, **others}.items()}
+    index = found.posterior.index[0]
+    own = replace(found.mode, z=found.mode.z[index], covariance=found.mode.covariance[np.ix_(index, index)])
+    said = told(found.posterior.parts[0], own, odds, found.posterior.places(found.mode.z))
+    return said if len(strokes) == 1 else replace(said, together=len(strokes), centre_mm=None)
 
 
-def _coarse(
-    of: Class, some: FeltStroke, start: Start, noise: Noise, tried: dict[str, tuple[Posterior, Mode]]
-) -> tuple[Posterior, Mode] | None:
+@dataclass(frozen=True)
+class _Found:
+    """A class's best mode on one mesh."""
+
+    posterior: Together
+    forward: Forward
+    mode: Mode
+    kept: list[Ints]
+    """The frames of each stroke that were used."""
+
+
+def _coarse(of: Class, strokes: Sequence[Felt], noise: Noise, tried: dict[str, _Found]) -> _Found | None:
     """The best mode of a class from several starts; None where no start can be computed."""
-    best: tuple[Posterior, Mode] | None = None
+    best: _Found | None = None
     hopeless = np.inf
     if tried:
-        hopeless = 3 * min(mode.misfit.total for _, mode in tried.values()) + 200
-    for theta in start.thetas(of):
-        posterior = Posterior(of, some, noise, COARSE.hx_mm)
+        hopeless = 3 * min(found.mode.misfit.total for found in tried.values()) + 200
+    taken = [_thinned(stroke, start.lump_mm, press=6, near=3, far=4) for stroke, start in strokes]
+    for theta in _starts(of, strokes[0][1], tried):
+        posterior = Together([Posterior(of, some, noise, COARSE.hx_mm) for some, _ in taken])
+        forward = forward_of(of, COARSE, taken[0][0])
+        E_kPa = float(np.median([start.E_kPa for _, start in strokes]))
         try:
-            z = posterior.start(theta, start.E_kPa, start.lump_mm)
-            mode = search(
-                posterior, forward_of(of, COARSE, some), z, _COARSE_STEPS, enough=2.0, hopeless=hopeless
-            )
+            z = posterior.joined([
+                part.start(theta, E_kPa, start.lump_mm) for part, (_, start) in zip(posterior.parts, strokes)
+            ])  # fmt: skip
+            if of.lump:
+                z = posterior.moved(
+                    z, forward(z[posterior.at["tissue"]], posterior.places(z), posterior.forces(z))
+                )
+            mode = search(posterior, forward, z, _COARSE_STEPS, enough=_COARSE_ENOUGH, hopeless=hopeless)
         except (CaseError, StrokeError):
             continue
-        if best is None or mode.misfit.total < best[1].misfit.total:
-            best = posterior, mode
-        if best[1].chi2 < _ILL or of.name == NONE.name or (tried and best[1].misfit.total > hopeless):
+        if best is None or mode.misfit.total < best.mode.misfit.total:
+            best = _Found(posterior, forward, mode, [kept for _, kept in taken])
+        if best.mode.chi2 < _ILL or not of.lump or (tried and best.mode.misfit.total > hopeless):
             break
     return best
 
 
-def _fine(
-    stroke: FeltStroke, start: Start, noise: Noise, posterior: Posterior, mode: Mode, kept: Ints
-) -> tuple[Posterior, Mode]:
+def _starts(of: Class, start: Start, tried: dict[str, _Found]) -> Iterator[Floats]:
+    """First guesses: what a class that fits has found, else the regression's, softer and harder ones."""
+    if of.name != ANYWHERE.name and ANYWHERE.name in tried:
+        mode = tried[ANYWHERE.name].mode
+        known = dict(zip((u.name for u in tried[ANYWHERE.name].posterior.of.unknowns), mode.z))
+        if mode.chi2 < _ILL:
+            yield np.array([known[unknown.name] for unknown in of.unknowns])
+            return
+    yield from start.thetas(of)
+
+
+def _fine(strokes: Sequence[Felt], noise: Noise, found: _Found) -> _Found:
     """Go on from the coarse mesh's mode with more frames on the fine one; as before where that fails."""
-    more, now = _thinned(stroke, start.lump_mm, press=3, near=1, far=3)
-    of = posterior.of
-    other = Posterior(of, more, noise, FINE.hx_mm)
-    z = other.start(
-        mode.z[posterior.at["tissue"]], float(np.exp(posterior.one(mode.z, "ln_E"))), start.lump_mm
-    )
-    for name in ("tissue", *SINGLE, "gain", "offset"):
-        z[other.at[name]] = mode.z[posterior.at[name]]
-    force = np.log(np.maximum(posterior.stroke.rows_kPa.sum(1), 1.0))
-    found = mode.z[posterior.at["force"]] - force
-    z[other.at["force"]] = np.log(np.maximum(more.rows_kPa.sum(1), 1.0)) + np.interp(now, kept, found)
-    known = dict(zip(kept[posterior.stroke.press :].tolist(), mode.z[posterior.at["place"]]))
-    z[other.at["place"]] = [known.get(k, 0.0) for k in now[more.press :].tolist()]
+    of, parts, zs, kept = found.posterior.of, [], [], []
+    for (stroke, _), part, index, before in zip(
+        strokes, found.posterior.parts, found.posterior.index, found.kept
+    ):
+        own = found.mode.z[index]
+        more, now = _thinned(stroke, part.one(own, "start"), press=6, near=1, far=4)
+        parts.append(Posterior(of, more, noise, FINE.hx_mm))
+        zs.append(_carried(part, own, before, parts[-1], now))
+        kept.append(now)
+    posterior, forward = Together(parts), forward_of(of, FINE, parts[0].stroke)
     try:
-        return other, search(other, forward_of(of, FINE, more), z, _FINE_STEPS, enough=1.0, damping=1e-4)
+        mode = search(
+            posterior, forward, posterior.joined(zs), _FINE_STEPS, enough=_FINE_ENOUGH, damping=1e-3
+        )
     except (CaseError, StrokeError):
-        return posterior, mode
+        return found
+    return _Found(posterior, forward, mode, kept)
+
+
+def _carried(part: Posterior, z: Floats, before: Ints, other: Posterior, now: Ints) -> Floats:
+    """A guess for other frames of the same stroke."""
+    out = other.start(z[part.at["tissue"]], float(np.exp(part.one(z, "ln_E"))), part.one(z, "start"))
+    for name in (*SINGLE, "gain", "offset"):
+        out[other.at[name]] = z[part.at[name]]
+    force = np.log(np.maximum(part.stroke.rows_kPa.sum(1), 1.0))
+    apart = z[part.at["force"]] - force
+    out[other.at["force"]] = np.log(np.maximum(other.stroke.rows_kPa.sum(1), 1.0)) + np.interp(
+        now, before, apart
+    )
+    known = dict(zip(before[part.stroke.press :].tolist(), z[part.at["place"]]))
+    out[other.at["place"]] = [known.get(k, 0.0) for k in now[other.stroke.press :].tolist()]
+    return out
 
 
 def _thinned(stroke: FeltStroke, lump_mm: float, press: int, near: int, far: int) -> tuple[FeltStroke, Ints]:

@@ -31,7 +31,7 @@ _LONGEST_STEP_MM = 3.0
 _PRESS_ANEW_MM = 9.0
 """Over a longer way pressing again costs less than sliding there."""
 _HALVINGS = 5
-_GUESSED_STEPS = 8
+_GUESSED_STEPS = 5
 
 
 @dataclass

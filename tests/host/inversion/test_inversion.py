@@ -9,6 +9,7 @@ import pytest
 from palpate.inversion.classes import ANYWHERE, BORDER, CLASSES, NONE
 from palpate.inversion.felt import FeltStroke, NotInvertible, felt_stroke
 from palpate.inversion.forward import COARSE, Forward
+from palpate.inversion.joint import Together
 from palpate.inversion.posterior import Posterior
 from palpate.inversion.result import worst_part
 from palpate.sim.probe.emulated import EmulatedProbe
@@ -49,14 +50,50 @@ def test_the_posterior_s_jacobian_is_its_derivative(of):
         return forward(z[posterior.at["tissue"]], posterior.places(z), posterior.forces(z))
 
     found = computed(z)
-    A, B = posterior.jacobian(z, found, *forward.differentiated(found))
+    A, B = posterior.jacobian(z, found, forward.slopes(found))
     for _ in range(3):
-        step = 2e-4 * posterior.sd * rng.standard_normal(len(z))
+        step = 2e-4 * np.minimum(posterior.sd, 3.0) * rng.standard_normal(len(z))
         step[posterior.at["force"]] = 2e-4 * rng.standard_normal(len(found.depth))
         ends = [posterior.misfit(z + sign * step, computed(z + sign * step)) for sign in (-1, 1)]
         difference = (ends[1].data - ends[0].data).ravel() / 2
         assert np.abs(A @ step - difference).max() < 0.02 * np.abs(difference).max()
         assert np.allclose(B @ step, (ends[1].prior - ends[0].prior) / 2)
+
+
+def test_strokes_together_share_their_tissue_and_nothing_else():
+    """The joint Jacobian is the joint misfit's derivative; what is known of the tissue counts once."""
+    rng = np.random.default_rng(5)
+    parts, own = zip(*(a_few_frames(ANYWHERE, rng) for _ in range(2)))
+    both, forward = Together(parts), Forward(ANYWHERE, COARSE)
+    z = both.joined(own)
+    assert both.size == 2 * parts[0].size - len(ANYWHERE.unknowns) - 1
+
+    def computed(z):
+        return forward(z[both.at["tissue"]], both.places(z), both.forces(z))
+
+    found = computed(z)
+    A, B = both.jacobian(z, found, forward.slopes(found))
+    step = 2e-4 * np.minimum(both.sd, 3.0) * rng.standard_normal(both.size)
+    forces = ~np.isfinite(both.sd)
+    step[forces] = 2e-4 * rng.standard_normal(forces.sum())
+    ends = [both.misfit(z + sign * step, computed(z + sign * step)) for sign in (-1, 1)]
+    difference = (ends[1].data - ends[0].data).ravel() / 2
+    assert np.abs(A @ step - difference).max() < 0.02 * np.abs(difference).max()
+    assert np.allclose(B @ step, (ends[1].prior - ends[0].prior) / 2)
+
+
+def test_broyden_s_update_leads_from_one_guess_to_the_next():
+    rng = np.random.default_rng(6)
+    posterior, z = a_few_frames(ANYWHERE, rng)
+    forward = Forward(ANYWHERE, COARSE)
+    ends = []
+    for theta in (z[posterior.at["tissue"]], z[posterior.at["tissue"]] + 0.02):
+        ends.append(forward(theta, posterior.places(z), posterior.forces(z)))
+    slopes = forward.slopes(ends[0]).secant(*ends, forward.scale)
+    step = ends[1].own - ends[0].own
+    led = ends[0].images + np.einsum("nik,nk->ni", slopes.images, step)
+    assert np.allclose(led, ends[1].images)
+    assert np.allclose(ends[0].depth + (slopes.depth * step).sum(1), ends[1].depth)
 
 
 def test_a_class_s_chain_leads_from_its_unknowns_to_the_case_s_fields():

@@ -1,0 +1,119 @@
+"""Several strokes over one lump: one tissue and lump, and each stroke's own places, forces, zeros and gains.
+
+Units: mm, kPa, N/m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.inversion.forward import Computed, Slopes
+from palpate.inversion.posterior import Misfit, Posterior
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_SHARED = ("tissue", "ln_E")
+
+
+class Together:
+    """The posterior of several strokes; a guess z has what they share, then each stroke's own numbers.
+
+    Parameters
+    ----------
+    parts : sequence of Posterior
+        Of one class, each with a stroke of its own.
+    """
+
+    def __init__(self, parts: Sequence[Posterior]) -> None:
+        self.parts = tuple(parts)
+        first = self.parts[0]
+        self.of = first.of
+        self._common = np.concatenate([np.r_[first.at[name]] for name in _SHARED])
+        self._known = np.append(self._common, -1)  # and what the padding's owner says
+        self.index: list[Ints] = []
+        size = len(self._common)
+        for part in self.parts:
+            index = np.full(part.size, -1)
+            index[self._common] = np.arange(len(self._common))
+            own = np.flatnonzero(index < 0)
+            index[own] = size + np.arange(len(own))
+            size += len(own)
+            self.index.append(index)
+        self.size, self.at = size, {"tissue": first.at["tissue"]}
+        self.sd = self.joined([part.sd for part in self.parts])
+        ends = np.cumsum([0, *(len(part.stroke.displacement_mm) for part in self.parts)])
+        self._frames = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+    @property
+    def measured(self) -> int:
+        """How many numbers were."""
+        return sum(part.measured for part in self.parts)
+
+    def joined(self, own: Sequence[Floats]) -> Floats:
+        """One guess of the strokes' own; what they share is the first one's."""
+        z = np.empty(self.size)
+        for values, index in reversed(list(zip(own, self.index))):
+            z[index] = values
+        return z
+
+    def places(self, z: Floats) -> Floats:
+        """Of all frames of all strokes, from the lump, mm."""
+        return np.concatenate([part.places(z[index]) for part, index in zip(self.parts, self.index)])
+
+    def forces(self, z: Floats) -> Floats:
+        """Of all frames of all strokes in fat of 10 kPa, N/m."""
+        return np.concatenate([part.forces(z[index]) for part, index in zip(self.parts, self.index)])
+
+    def moved(self, z: Floats, found: Computed) -> Floats:
+        """As `Posterior.moved`, each stroke by itself."""
+        return self.joined([
+            part.moved(z[index], _some(found, frames))
+            for part, index, frames in zip(self.parts, self.index, self._frames)
+        ])  # fmt: skip
+
+    def misfit(self, z: Floats, found: Computed) -> Misfit:
+        """Of all strokes; what is known of their tissue counts once."""
+        each = [
+            part.misfit(z[index], _some(found, frames))
+            for part, index, frames in zip(self.parts, self.index, self._frames)
+        ]
+        prior = [one.prior if i == 0 else np.delete(one.prior, self._known) for i, one in enumerate(each)]
+        return Misfit(np.concatenate([one.data for one in each]), np.concatenate(prior))
+
+    def jacobian(self, z: Floats, found: Computed, slopes: Slopes) -> tuple[Floats, Floats]:
+        """Of the misfit's data and prior, as `Posterior.jacobian`."""
+        data: list[Floats] = []
+        prior: list[Floats] = []
+        for i, (part, index, frames) in enumerate(zip(self.parts, self.index, self._frames)):
+            own = Slopes(slopes.images[frames], slopes.depth[frames])
+            A, B = part.jacobian(z[index], _some(found, frames), own)
+            B = B if i == 0 else np.delete(B, self._known, 0)
+            for block, blocks in ((A, data), (B, prior)):
+                wide = np.zeros((len(block), self.size))
+                wide[:, index] = block
+                blocks.append(wide)
+        return np.vstack(data), np.vstack(prior)
+
+    def seen(self, z: Floats, change: Floats) -> Floats:
+        """As `Posterior.seen`, of all strokes."""
+        return np.concatenate([
+            part.seen(z[index], change[frames])
+            for part, index, frames in zip(self.parts, self.index, self._frames)
+        ])  # fmt: skip
+
+
+def _some(found: Computed, frames: slice) -> Computed:
+    """One stroke's frames of all."""
+    images, depth = found.images[frames], found.depth[frames]
+    return replace(
+        found,
+        places_mm=found.places_mm[frames],
+        forces_N_per_m=found.forces_N_per_m[frames],
+        frames=replace(found.frames, images_kPa=images, displacement_mm=depth),
+    )
