@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from palpate.inversion.classes import ANYWHERE, BORDER, CLASSES, NONE
+from palpate.inversion.departures import DEPARTURES
 from palpate.inversion.felt import FeltStroke, NotInvertible, felt_stroke
 from palpate.inversion.forward import COARSE, Forward
 from palpate.inversion.joint import Together
@@ -183,7 +184,8 @@ def test_a_stroke_of_another_mesh_is_refined_by_the_command_line(tmp_path):
     (stroke,) = json.loads(done.stdout)["strokes"]
     assert set(stroke) == fields_in_the_page("refine")
     assert stroke["fits"], stroke
-    assert stroke["class"] == "border" and stroke["classes"] == {"border": 1.0}
+    assert stroke["class"] == "border" and stroke["classes"]["border"] > 0.9
+    assert set(stroke["classes"]) - {"border"} <= set(DEPARTURES)
     for name, true, within in (("d_mm", 11.0, 0.12), ("depth_mm", 6.6, 0.12), ("t_mm", 12.1, 0.1)):
         said = stroke[name]
         assert abs(np.log(said["value"] / true)) < within, stroke
