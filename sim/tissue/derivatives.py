@@ -188,7 +188,8 @@ class _Columns:
         case = self._run.case
         value = getattr(case, name)
         if value is None:
-            raise CaseError(f"{case.code} has no {name} to differentiate by")
+            what = "its fat has no thickness" if name == "fat_mm" else f"it has no {name}"
+            raise CaseError(f"{case.code}: {what} of its own to differentiate by")
         for sign in (1.0, -1.0):  # at the end of what the topology or the case allows, the other way
             step = sign * _LENGTH_STEP * value
             try:

@@ -61,7 +61,7 @@ def learning_of(
     Returns
     -------
     DataFrame
-        Rows of `training.BallStudy.row`, and `computed`, how many lumps the emulator knew.
+        Rows of `training.SolidStudy.row`, and `computed`, how many lumps the emulator knew.
     """
     known = 3 * len(lumps) // 4
     asked = observed(lumps[known:], noise, seed, force_map, known)

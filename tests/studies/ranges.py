@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from palpate import models
-from palpate.learn.any_tissue.observed import TissueLump, observe_at
-from palpate.learn.balls.lumps import holds_balls, read_rim
-from palpate.learn.field.design import LumpStrokes
+from palpate.learn.lumps import LumpStrokes, holds_solids, read_solid_rim
+from palpate.learn.observed import observe_in_any_fat
 from palpate.model_export.fixed_point import force_map
 from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.sim.tissue import Case, simulate
@@ -90,20 +89,20 @@ def tables(asked: Asked) -> list[StudyTable]:
         lumps = [_stroked(case) for case in row.lumps(n)]
         found.append([row.model, row.words, *_judged(row.model, lumps, row.fat_kPa, noise, asked.seed + k)])
         asked.tell(" | ".join(found[-1]))
-    if holds_balls(asked.directory):
-        rim = read_rim(asked.directory)
+    if holds_solids(asked.directory):
+        rim = read_solid_rim(asked.directory)
         cells = _judged(models.BALLS, rim, (5.0, 25.0), noise, asked.seed)
         found.append([models.BALLS, "lumps outside the ranges", *cells])
     return [of_text("Models at the ends of their ranges and beyond", HEADS, found)]
 
 
-def _stroked(case: Case) -> TissueLump:
-    strokes = LumpStrokes(tuple(simulate(c, STROKES) for c in at_forces([case], FORCE_PARTS)))
-    return TissueLump(strokes, tuple(simulate(c, PRESSES) for c in at_forces([case], PRESS_PARTS)))
+def _stroked(case: Case) -> LumpStrokes:
+    strokes = tuple(simulate(c, STROKES) for c in at_forces([case], FORCE_PARTS))
+    return LumpStrokes(strokes, tuple(simulate(c, PRESSES) for c in at_forces([case], PRESS_PARTS)))
 
 
 def _judged(
-    model: str, lumps: Sequence[TissueLump], fat_kPa: tuple[float, float], noise: str, seed: int
+    model: str, lumps: Sequence[LumpStrokes], fat_kPa: tuple[float, float], noise: str, seed: int
 ) -> list[str]:
     """Cells of a row: strokes, found, flagged; of what is found median errors, and the share held by 90 %
     intervals in d, depth, t and E_fat."""
@@ -111,21 +110,18 @@ def _judged(
     blob = b"" if spec.force_map is None else force_map.blob(spec.force_map)
     low, high = np.log(fat_kPa)
     fats = np.exp(np.random.default_rng(seed).uniform(low, high, len(lumps)))
-    seen = observe_at(lumps, fats.tolist(), noise, seed, blob)
+    seen = observe_in_any_fat(lumps, noise, seed, blob, fat_kPa=fats.tolist())
     strokes, shown = len(seen.found), float(seen.found.mean())
     seen = seen.take(seen.found)
     said = evaluate(spec, inputs(spec, seen.X))
-    ln_d, ln_depth, ln_t, ln_fat = (seen.Y[:, k] for k in (0, 1, 2, 6))
     cells = [str(strokes), f"{shown:.0%}", f"{(~np.asarray(said['in_domain'])).mean():.0%}"]
     held = []
     d, h, t, fat = (OUTPUTS.index(name) for name in ("d_mm", "h", "t_mm", "E_fat_kPa"))
-    for j, truth in ((d, ln_d), (h, ln_depth - ln_d), (t, ln_t), (fat, ln_fat)):
+    for j in (d, h, t, fat):
+        true = seen.values[:, j]
         value, below, above = (np.asarray(said[part])[:, j] for part in ("value", "low", "high"))
+        held.append(((below <= true) & (true <= above)).mean())
         if j == h:  # told as depth over width; what is meant is the depth
-            value, true = value * np.asarray(said["value"])[:, d], np.exp(ln_depth)
-            held.append(((below <= np.exp(truth)) & (np.exp(truth) <= above)).mean())
-        else:
-            true = np.exp(truth)
-            held.append(((below <= true) & (true <= above)).mean())
+            value, true = value * np.asarray(said["value"])[:, d], np.exp(seen.of("ln depth"))
         cells.append(f"{100 * np.median(np.abs(value / true - 1)):.1f}")
     return [*cells, " ".join(f"{100 * share:.0f}" for share in held)]

@@ -73,7 +73,7 @@ def test_width_and_place_of_the_demo_s_ball_lie_in_their_intervals(palpate, emul
 
 
 def test_a_lump_beside_the_line_is_told_on_its_side_live_and_replayed(palpate, visit, beside):
-    case = beside[0].strokes.case
+    case = beside[0].case
     strokes, file = visit
     for stroke, side in zip(strokes, (1, -1), strict=True):
         assert holds(stroke["across"]["place_mm"], side * case.offset_mm)

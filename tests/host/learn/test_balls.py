@@ -193,7 +193,7 @@ def part(seed, too_narrow):
     seen = made_up(n, np.arange(n) + 100 * seed, truth=rng.uniform(1, 2, (n, outputs)))
     half = np.full((n, outputs), 1.645 * 0.1 / too_narrow)
     y = seen.truth + 0.1 * rng.standard_normal((n, outputs))
-    return training.BallStudy(seen, y, half, rng.random(n) < 0.5, 0.0, np.ones(n, bool))
+    return training.SolidStudy(seen, y, half, rng.random(n) < 0.5, 0.0, np.ones(n, bool))
 
 
 def test_intervals_are_as_wide_as_computed_lumps_ask_for_and_no_fold_sets_its_own():

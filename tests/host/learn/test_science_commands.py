@@ -103,7 +103,7 @@ def test_strokes_over_another_shape_are_refused_by_name(tmp_path):
     class Pair:
         case = Case(10.0, 0.8, 10.0, shape="ball")
 
-    strokes = data.FieldStrokes([Pair()], [], [], [], {})
+    strokes = data.Strokes([Pair()], [], [], {})
     with pytest.raises(PalpateError, match="holds strokes with shape ball, not cylinder"):
         data._check_tissue(strokes, {}, tmp_path)
 

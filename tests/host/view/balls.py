@@ -18,7 +18,7 @@ SEED = 5
 @cache
 def _shallow() -> list[LumpStrokes]:
     """Those that are stiff, not deep, and stroked as hard as a model wants it."""
-    return [k for k in read_solids(KEPT) if _is_clear(k.strokes.case)]
+    return [k for k in read_solids(KEPT) if _is_clear(k.case)]
 
 
 def _is_clear(case: Case) -> bool:
@@ -27,13 +27,13 @@ def _is_clear(case: Case) -> bool:
 
 def clear_beside() -> LumpStrokes:
     """The clear lump farthest beside the line."""
-    return max(_shallow(), key=lambda k: k.strokes.case.offset_mm)
+    return max(_shallow(), key=lambda k: k.case.offset_mm)
 
 
 def clear_on_line() -> LumpStrokes:
     """The stiffest clear lump under the line."""
-    under = [k for k in _shallow() if k.strokes.case.offset_mm == 0]
-    return min(under, key=lambda k: k.strokes.case.E_inv23)
+    under = [k for k in _shallow() if k.case.offset_mm == 0]
+    return min(under, key=lambda k: k.case.E_inv23)
 
 
 def felt(lump: LumpStrokes, frames: int, *, turned: bool = False, noise: str = "typical") -> FrameStream:

@@ -62,7 +62,7 @@ def _lanes(browser: Browser, key: bytes, image: bytes) -> None:
     aside, beyond = balls.clear_beside(), balls.clear_on_line()
     strokes = [balls.felt(aside, FRAMES), balls.felt(aside, FRAMES, turned=True), balls.felt(beyond, FRAMES)]
     calibration = balls.calibration()
-    step_mm = round(2 * aside.strokes.case.offset_mm)
+    step_mm = round(2 * aside.case.offset_mm)
     with (
         tempfile.TemporaryDirectory() as folder,
         EmulatedProbe(

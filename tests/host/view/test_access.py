@@ -89,7 +89,9 @@ def test_on_a_phone_a_report_s_stroke_is_as_wide_as_the_window(browser, tmp_path
     for path, size in ((wide, (11.5, 5.9)), (narrow, (3.7, 13.5))):
         Figure(figsize=size).savefig(path)
     rows = [("diameter d, mm", "11.9", "11.6 to 12.3", "12")]
-    summary = Summary("A lump of 11.9 mm", "One stroke.", "What it says", rows, wide, narrow, "90 % interval")
+    summary = Summary(
+        "A lump of 11.9 mm", "One stroke.", "The stroke", "probe", rows, wide, narrow, "90 % interval"
+    )
     report = write_report(tmp_path / "report", simulate=False, summary=summary)
     page = browser.new_page(viewport={"width": 360, "height": 740})
     page.set_default_timeout(1000 * PATIENCE_S)

@@ -423,7 +423,7 @@ def probe(solid, emulated):
 def test_a_solid_lump_beside_the_line_is_drawn_beside_the_line_and_a_cylinder_all_across(
     probe, solid, viewer, open_page
 ):
-    case = solid[0].strokes.case
+    case = solid[0].case
     page = open_page(viewer(LiveSource(probe.port)))
     expect(page.locator("#stroke-3")).to_be_visible()
     shapes = []
