@@ -8,7 +8,7 @@ displacement_mm = 0.0            # optional: where the probe was held
 [[recording]]
 file = "cuff-1.mcap"
 kind = "cuff"                    # the same known pressure on all cells
-kPa = [[0, 0], [0.5, 0], [0.5, 18], [2, 18], [4, 0]]    # time in s since the first frame, pressure in kPa
+kPa = [[0, 0], [0.5, 0], [0.5, 18], [2, 18], [4, 0]]    # time in s, pressure in kPa
 
 [[recording]]
 file = "plain-1.mcap"
@@ -21,7 +21,7 @@ from __future__ import annotations
 import itertools
 import math
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,8 +39,35 @@ from palpate.wire.events import Estimate, Frame
 Floats = NDArray[np.float64]
 
 KINDS = ("air", "cuff", "plain")
+EARLIEST_S, STEP_S = 5.0, 0.02
+"""How far from the first frame a cuff's course may begin, and how finely that is looked for at first."""
 FEWEST = 16
 """Frames of a recording, or of a stroke, that says anything."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """A cuff's pressure in time.
+
+    Attributes
+    ----------
+    time_s, kPa : (k,)
+        Straight between these points.
+    begins_s : float
+        When it began, from the first frame: nobody pumps on the frame, so it is found in what the cells read.
+    """
+
+    time_s: Floats
+    kPa: Floats
+    begins_s: float = 0.0
+
+    def at(self, time_s: Floats) -> Floats:
+        """The pressure at times from the first frame, (n,)."""
+        return np.interp(time_s - self.begins_s, self.time_s, self.kPa)
+
+    def beginning(self, begins_s: float) -> Course:
+        """The same course, begun then."""
+        return replace(self, begins_s=begins_s)
 
 
 @dataclass(frozen=True)
@@ -58,8 +85,8 @@ class Measured:
     position_mm, displacement_mm, time_s : (n,)
     strokes : list of slices
         The frames of each stroke.
-    known_kPa : (n,) or None
-        The cuff's pressure at each frame.
+    course : Course or None
+        The cuff's.
     known_displacement_mm, travel_mm : float
         NaN where it is not said.
     """
@@ -72,7 +99,7 @@ class Measured:
     displacement_mm: Floats
     time_s: Floats
     strokes: list[slice]
-    known_kPa: Floats | None
+    course: Course | None
     known_displacement_mm: float
     travel_mm: float
 
@@ -116,9 +143,9 @@ def _measured(path: Path, number: int, entry: dict[str, Any]) -> Measured:
     counts, kPa, places, strokes = _frames(file)
     if len(counts) < FEWEST:
         raise RecordingError(f"{where}: {file.name} holds {len(counts)} frames; {FEWEST} say something")
-    known = None
+    course = None
     if kind == "cuff":
-        known = np.interp(places[:, 2], *_schedule(entry.get("kPa"), where))
+        course = _begun(_course(entry.get("kPa"), where), kPa, places[:, 2])
     if kind == "plain" and not strokes:
         raise RecordingError(f"{where}: {file.name} holds no stroke")
     return Measured(
@@ -130,7 +157,7 @@ def _measured(path: Path, number: int, entry: dict[str, Any]) -> Measured:
         places[:, 1],
         places[:, 2],
         strokes,
-        known,
+        course,
         _known(entry, "displacement_mm", where),
         _known(entry, "travel_mm", where),
     )
@@ -143,8 +170,8 @@ def _known(entry: dict[str, Any], name: str, where: str) -> float:
     return float(value)
 
 
-def _schedule(value: Any, where: str) -> tuple[Floats, Floats]:
-    """Times and pressures; a step is two points at one time, which lie a microsecond apart here."""
+def _course(value: Any, where: str) -> Course:
+    """A step is two points at one time, which lie a microsecond apart here."""
     pairs = [[0, value]] if isinstance(value, int | float) else value
     good = isinstance(pairs, list) and all(
         isinstance(p, list) and len(p) == 2 and all(isinstance(v, int | float) for v in p) for p in pairs
@@ -152,7 +179,23 @@ def _schedule(value: Any, where: str) -> tuple[Floats, Floats]:
     if not good or not pairs or any(b[0] < a[0] for a, b in itertools.pairwise(pairs)):
         raise UsageError(f"{where}: kPa is a number, or [time in s, kPa] pairs in the order of time")
     table = np.array(pairs, float)
-    return table[:, 0] + 1e-6 * np.arange(len(table)), table[:, 1]
+    return Course(table[:, 0] + 1e-6 * np.arange(len(table)), table[:, 1])
+
+
+def _begun(course: Course, kPa: Floats, time_s: Floats) -> Course:
+    """The course begun where the middle cell's readings follow it best, to `STEP_S`."""
+    seen = np.median(kPa.reshape(len(kPa), -1), axis=1)
+    seen -= seen.mean()
+
+    def likeness(begins_s: float) -> float:
+        p = course.beginning(begins_s).at(time_s)
+        p -= p.mean()
+        size = float(np.sqrt((p**2).sum()))
+        return float(p @ seen) / size if size > 1e-9 else 0.0
+
+    steps = np.arange(-EARLIEST_S, EARLIEST_S + STEP_S / 2, STEP_S)
+    steps = steps[np.argsort(np.abs(steps), kind="stable")]  # of equals the one nearest to the first frame
+    return course.beginning(float(steps[np.argmax([likeness(step) for step in steps])]))
 
 
 def _frames(file: Path) -> tuple[Floats, Floats, Floats, list[slice]]:

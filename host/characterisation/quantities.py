@@ -14,7 +14,7 @@ from scipy import stats
 from scipy.optimize import least_squares
 
 from firmware_py import geometry
-from palpate.characterisation.campaign import Floats, Measured
+from palpate.characterisation.campaign import STEP_S, Course, Floats, Measured
 from palpate.sim.probe.noise import Noise
 from palpate.sim.probe.sensors import SensorModel
 from palpate.wire.cells import FULL_SCALE_KPA
@@ -80,16 +80,11 @@ def cells_of(found: list[Measured]) -> Cells:
     still = np.ptp(np.concatenate(steady), axis=0) == 0
     rail = still & np.isin(steady[0][0], (0, geometry.FULL_COUNT))
     deaf = np.zeros(still.shape, bool)
-    pressed = [m for m in found if m.kind == "cuff" and m.known_kPa is not None]
+    pressed = [(m, m.course.at(m.time_s)) for m in found if m.course is not None]
     if pressed:
-        rise = np.mean([np.tensordot(_centred(m.known_kPa), m.counts, (0, 0)) for m in pressed], axis=0)
+        rise = np.mean([np.tensordot(p - p.mean(), m.counts, (0, 0)) for m, p in pressed], axis=0)
         deaf = rise < DEAD_RESPONSE * np.median(rise)
     return Cells(rail | (deaf & ~still), still & ~rail)
-
-
-def _centred(values: Floats | None) -> Floats:
-    assert values is not None
-    return values - values.mean()
 
 
 def in_air(found: list[Measured], live: NDArray[np.bool_]) -> dict[str, Quantity]:
@@ -130,19 +125,20 @@ def in_air(found: list[Measured], live: NDArray[np.bool_]) -> dict[str, Quantity
 
 def under_a_cuff(found: list[Measured], live: NDArray[np.bool_], white: float) -> dict[str, Quantity]:
     """Common gain's error, gain spread of cells and rows, hysteresis, creep, from recordings under a cuff."""
-    cuff = [m for m in found if m.kind == "cuff" and m.known_kPa is not None]
+    cuff = [(m, m.course) for m in found if m.course is not None]
     if not cuff:
         return {}
-    fits = np.array([_sensor(m, live) for m in cuff])
+    fits = [_sensor(m, course, live) for m, course in cuff]
     of = f"{len(cuff)} recordings under a cuff"
+    gain, creep, hysteresis = np.array([fit.x[:3] for fit in fits]).T
     out = {
-        "common_gain": mean(fits[:, 0] - 1, of),
-        "creep": mean(fits[:, 1], of),
-        "hysteresis": mean(fits[:, 2], of),
+        "common_gain": mean(gain - 1, of),
+        "creep": mean(creep, of),
+        "hysteresis": mean(hysteresis, of),
     }
     gains, noise = [], []
-    for m, (_, creep, hysteresis, _, _) in zip(cuff, fits):
-        A = np.column_stack([_read(m, creep, hysteresis), np.ones(len(m.time_s)), m.time_s])
+    for (m, _), fit in zip(cuff, fits):
+        A = np.column_stack([fit.read, np.ones(len(m.time_s)), m.time_s])
         inverse = np.linalg.inv(A.T @ A)
         gains.append((inverse @ A.T @ m.kPa.reshape(len(A), -1))[0].reshape(live.shape))
         noise.append(white * FULL_SCALE_KPA * np.sqrt(inverse[0, 0]))
@@ -159,25 +155,41 @@ def under_a_cuff(found: list[Measured], live: NDArray[np.bool_], white: float) -
     return out
 
 
-def _sensor(m: Measured, live: NDArray[np.bool_]) -> Floats:
-    """Gain, creep, hysteresis, zero and drift (kPa) of the mean cell in one recording."""
+@dataclass(frozen=True)
+class _Fit:
+    """The mean cell under a cuff: gain, creep, hysteresis, zero and drift in kPa; and a cell of gain 1."""
+
+    x: Floats
+    read: Floats
+    misfit: float
+
+
+def _sensor(m: Measured, course: Course, live: NDArray[np.bool_]) -> _Fit:
+    """The sensor model on one recording, its course begun where the model fits best."""
     seen = m.kPa[:, live].mean(axis=1)
     span = np.linspace(0, 1, len(seen))
 
-    def off(x: Floats) -> Floats:
-        gain, creep, hysteresis, zero, drift = x
-        return gain * _read(m, creep, hysteresis) + zero + drift * span - seen
+    def fit(begins_s: float) -> _Fit:
+        p = course.beginning(begins_s).at(m.time_s)
 
-    return np.asarray(least_squares(off, [1.0, 0.01, 0.01, 0.0, 0.0]).x, float)
+        def off(x: Floats) -> Floats:
+            gain, creep, hysteresis, zero, drift = x
+            return gain * _read(p, m.time_s, creep, hysteresis) + zero + drift * span - seen
+
+        found = least_squares(off, [1.0, 0.01, 0.01, 0.0, 0.0])
+        return _Fit(np.asarray(found.x, float), _read(p, m.time_s, *found.x[1:3]), float(found.cost))
+
+    if np.ptp(course.kPa) == 0:
+        return fit(course.begins_s)
+    begins_s = [course.begins_s + step for step in np.linspace(-STEP_S, STEP_S, 9)]
+    return min((fit(begin) for begin in begins_s), key=lambda one: one.misfit)
 
 
-def _read(m: Measured, creep: float, hysteresis: float) -> Floats:
-    """What a cell of gain 1 reads of the cuff's pressure, as the sensor model has it (`SensorModel.felt`)."""
-    p = m.known_kPa
-    assert p is not None
+def _read(p: Floats, time_s: Floats, creep: float, hysteresis: float) -> Floats:
+    """What a cell of gain 1 reads of the pressure p, kPa, as the sensor model has it (`SensorModel.felt`)."""
     lag = np.empty_like(p)
     lag[0] = p[0]
-    decay = np.exp(-np.diff(m.time_s) / LAG_S)
+    decay = np.exp(-np.diff(time_s) / LAG_S)
     for k in range(1, len(p)):
         lag[k] = decay[k - 1] * lag[k - 1] + (1 - decay[k - 1]) * p[k]
     p = p + 2 * creep * (lag - p)
