@@ -114,7 +114,8 @@ class Strokes:
             own.load(calibration)
             if (problem := self._problem()) is not None:
                 return problem, replace(MIDDLE, stroke=event.stroke)
-            return _of(event, self._frames.of(event), own, self._face)
+            found, start = _of(event, self._frames.of(event), own, self._face)
+            return self._curved(found), start
         return None
 
     def end(self) -> Felt | None:
@@ -130,8 +131,13 @@ class Strokes:
             felt = felt_press(*_read(self._frames.between(first, self._newest)), self._pressed, self._face)
         except NotInvertible as error:
             return error, nothing
-        felt = replace(felt, curve_kPa=_CURVE_KPA * self._foreign)
-        return felt, first_guess(felt)
+        return self._curved(felt), first_guess(felt)
+
+    def _curved(self, felt: FeltStroke | NotInvertible) -> FeltStroke | NotInvertible:
+        """With what the curves of somebody's array miss."""
+        if isinstance(felt, NotInvertible) or not self._foreign:
+            return felt
+        return replace(felt, curve_kPa=_CURVE_KPA)
 
     def _problem(self) -> NotInvertible | None:
         """Why nothing of somebody's array can be inverted."""

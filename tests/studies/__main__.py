@@ -27,6 +27,7 @@ MODULES = {
     "noise-list": "noise_list",
     "balls": "balls",
     "inverted": "inverted",
+    "pressed": "pressed",
     "ranges": "ranges",
 }
 """Name of a study -> its module, with `tables(Asked)`, or `STUDIES` of the told model by name."""
@@ -70,6 +71,7 @@ def command(
       coverage    the intervals of the bundled told model, the depth's among them
       balls       which solid lumps are found, and how well; of DIRECTORY/balls.parquet
       inverted    strokes fitted by the forward model: errors and intervals (half a minute each)
+      pressed     presses alone, fitted by the forward model (minutes each)
       ranges      the bundled models at the ends of their ranges and beyond (minutes)
     """
     if name not in MODULES:

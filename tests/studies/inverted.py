@@ -7,7 +7,6 @@ DIRECTORY/inverted.jsonl; a study that was ended goes on where it stopped.
 
 from __future__ import annotations
 
-import json
 import time
 from typing import Any
 
@@ -23,7 +22,7 @@ from palpate.sim.probe.noise import level_named
 from palpate.sim.tissue import Case
 from palpate.sim.tissue.anywhere import anywhere_lumps
 from tests.host.inversion.world import felt_of, in_fat_of
-from tests.studies.table import Asked, StudyTable, of_text
+from tests.studies.table import Asked, StudyTable, kept_rows, of_text
 
 LUMPS = 300
 WORDS = {"d_mm": "ln d", "depth_mm": "ln depth", "t_mm": "ln t", "E_inv23": "E^-2/3", "E_fat_kPa": "ln_E"}
@@ -41,19 +40,12 @@ def lumps(n: int, seed: int) -> list[Case]:
 
 def tables(asked: Asked) -> list[StudyTable]:
     """Invert what is not yet there; then accuracy, and factors from one half for the other."""
-    n, noise = asked.lumps or LUMPS, asked.noise or "typical"
-    kept = asked.directory / "inverted.jsonl"
-    asked.directory.mkdir(parents=True, exist_ok=True)
-    lines = kept.read_text().splitlines() if kept.exists() else []
-    done = {(row["seed"], row["lump"]): row for row in map(json.loads, lines)}
-    for k, case in enumerate(lumps(n, asked.seed)):
-        if (asked.seed, k) not in done:
-            row = {"seed": asked.seed, "lump": k, **inverted(case, 1000 * asked.seed + k, noise)}
-            with kept.open("a") as out:
-                out.write(json.dumps(row) + "\n")
-            done[asked.seed, k] = row
-            asked.tell(f"{k + 1} of {n}: {row['code']}")
-    return judged([row for row in done.values() if row["seed"] == asked.seed])
+    cases = lumps(asked.lumps or LUMPS, asked.seed)
+
+    def invert(k: int) -> dict[str, Any]:
+        return inverted(cases[k], 1000 * asked.seed + k, asked.noise or "typical")
+
+    return judged(kept_rows(asked, "inverted.jsonl", len(cases), invert))
 
 
 def inverted(case: Case, seed: int, noise: str) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,6 +41,24 @@ class StudyTable:
         """For JSON: rows without what is not known."""
         known = [{str(k): v for k, v in row.items() if v == v} for row in self.numbers.to_dict("records")]
         return {"title": self.title, "rows": known}
+
+
+def kept_rows(
+    asked: Asked, name: str, count: int, row_of: Callable[[int], dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """A row for each lump, worked out where DIRECTORY/`name` (JSON, a line each) does not hold it yet."""
+    kept = asked.directory / name
+    asked.directory.mkdir(parents=True, exist_ok=True)
+    lines = kept.read_text().splitlines() if kept.exists() else []
+    done = {(row["seed"], row["lump"]): row for row in map(json.loads, lines)}
+    for k in range(count):
+        if (asked.seed, k) not in done:
+            row = {"seed": asked.seed, "lump": k, **row_of(k)}
+            with kept.open("a") as out:
+                out.write(json.dumps(row) + "\n")
+            done[asked.seed, k] = row
+            asked.tell(f"{k + 1} of {count}: {row['code']}")
+    return [row for (seed, _), row in done.items() if seed == asked.seed]
 
 
 def of_text(title: str, heads: list[str], rows: list[list[str]]) -> StudyTable:
