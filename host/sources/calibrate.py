@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from palpate.errors import PortError
+from palpate.errors import PortError, UsageError
 from palpate.link.schemes import Address
 from palpate.sources.bridge import reading_of
 from palpate.sources.kept import CURVED, drift, place
+
+STILL = 0.02
+"""In the air the mean reading stands still to this share of full scale; noise of cells averages out."""
 
 
 def take(address: Address, source: Any, pressure_kPa: float | None, frames: int) -> dict[str, Any]:
@@ -19,12 +22,23 @@ def take(address: Address, source: Any, pressure_kPa: float | None, frames: int)
     Returns
     -------
     dict: frames, noise (raw), dead_cells, points, misfit_kPa, file; `said` is the sentence
+
+    Raises
+    ------
+    UsageError
+        A zero is asked for while something moves on the array; nothing is kept.
     """
     line = source.line(address)
     with reading_of(line) as reading:
         kept, path = reading.kept, place(address)
         images = reading.take(frames)
     if pressure_kPa is None:
+        moved = float(images.mean(axis=(1, 2)).std())
+        if moved > STILL * line.source.FULL_RAW:
+            raise UsageError(
+                f"this is no zero: the mean reading wanders by {moved:.2g} of {line.source.FULL_RAW:g}; "
+                "hold the array in the air and ask again"
+            )
         kept.zero(images)
     else:
         kept.add(pressure_kPa, images)

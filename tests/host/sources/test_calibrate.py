@@ -52,6 +52,14 @@ def pressed(speaker, port, kPa):
     raise AssertionError("the stream ended")
 
 
+def test_a_zero_under_a_moving_hand_is_refused(tmp_path, capsys):
+    with Speaker(PtyEndpoint(), cells, [AIR, uniform(4.0)] * 5, rate_Hz=200) as speaker:
+        kept = tmp_path / "mine.json"
+        assert main(["calibrate", "zero", "--port", port_of(speaker, keep=kept)]) == 2
+    assert "this is no zero: the mean reading wanders by" in capsys.readouterr().err
+    assert not kept.exists()
+
+
 def test_three_pressures_give_each_cell_its_curve(tmp_path, capsys):
     with Speaker(PtyEndpoint(), cells, [AIR], rate_Hz=200) as speaker:
         port = port_of(speaker, keep=tmp_path / "mine.json")
