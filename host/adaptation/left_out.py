@@ -50,9 +50,8 @@ class Compared:
         for name in SHOWN:
             if (name, "after") in self.numbers:
                 pair = [self.numbers[name, side] for side in ("before", "after")]
-                rows.append(
-                    [name, *(f"{100 * side[k]:.{0 if k == 2 else 1}f} %" for k in range(3) for side in pair)]
-                )
+                shares = [(side[k], 0 if k == 2 else 1) for k in range(3) for side in pair]
+                rows.append([name, *(f"{100 * share:z.{digits}f} %" for share, digits in shares)])
         return heads, rows, f"{self.lumps} lumps, each left out once"
 
 

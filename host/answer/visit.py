@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from palpate.wire.events import Estimate
 
 HOW = (
-    "Strokes pooled by random effects (Paule and Mandel; statsmodels): their scatter (Hartung and Knapp) "
-    "averages out, what is left of their intervals, half of the variance at least, is common to all strokes "
-    "over a lump, and does not."
+    "Strokes pooled by random effects (Paule and Mandel, Hartung and Knapp; statsmodels). What differs from "
+    "stroke to stroke averages out. What the strokes share stays in the interval: at least half of the "
+    "variance of one."
 )
 """Said wherever a pooled estimate is."""
 LEAST_COMMON = 0.5

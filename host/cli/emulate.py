@@ -164,7 +164,7 @@ def command(
                     if path is not None:
                         path.unlink(missing_ok=True)
                     path = emulated.leave(emulated.Note(port, os.getpid(), code, runtime, probe.times_slower))
-                    _announce(port, code, runtime, as_json)
+                    _announce(port, code, runtime, as_json, bare=bool(key and store is None))
                 time.sleep(POLL_S)
         finally:
             if path is not None:
@@ -226,12 +226,13 @@ def check_arguments(code: str, noise: str, listen: str) -> None:
         raise UsageError(f"cannot listen on {listen!r}: {why}; use pty or tcp:HOST:PORT") from error
 
 
-def _announce(port: str, code: str, runtime: str, as_json: bool) -> None:
+def _announce(port: str, code: str, runtime: str, as_json: bool, bare: bool) -> None:
     if as_json:
         print_json({"port": port, "pid": os.getpid(), "code": code, "runtime": runtime})
     else:
         say(port)
-        note(f"{code} on {runtime}; try `palpate stream --port {port} --strokes 1`; Ctrl-C ends it")
+        try_it = f"flash --port {port} MODEL.palp" if bare else f"stream --port {port} --strokes 1"
+        note(f"{code} on {runtime}; try `palpate {try_it}`; Ctrl-C ends it")
 
 
 def public_key(directory: Path | None) -> bytes | None:

@@ -49,9 +49,9 @@ def verdict(found: Agreement, level: float) -> Verdict:
 
 
 def percent(error: float, absolute: bool) -> str:
-    """An error as people read it: +4 %, or +.04 where it is a difference."""
+    """An error as people read it: +4 %, or +0.040 where it is a difference."""
     if absolute:
-        return f"{error:+.3f}".replace("0.", ".")
+        return f"{error:+.3f}"
     return f"{100 * math.expm1(error):+.1f} %"
 
 

@@ -205,7 +205,7 @@ export class TactileImage {
     const broken = this.outlined.flatMap((line) => (wide(line) > right - left ? line.split(/(?<=,) /) : [line]));
     const [below, above] = [bottom - Math.max(lump.bottom, top), Math.min(lump.top, bottom) - top];
     const room = Math.floor(Math.max(below, above) / step);
-    const lines = broken.slice(0, room).map((line, n) => (n + 1 === room ? line.replace(/, $/, "") : line));
+    const lines = broken.slice(0, room).map((line, n) => (n + 1 === room ? line.replace(/,$/, "") : line));
     this.canvas.dataset.said = lines.join("; ");
     if (!lines.length) return;
     const foot = below >= above ? bottom : top + step * lines.length;

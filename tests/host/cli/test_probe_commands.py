@@ -180,6 +180,17 @@ def test_a_full_disk_ends_the_stream_at_once_with_a_sentence(emulated, tmp_path)
     assert Recording(path).check() == ""
 
 
+def test_a_probe_without_a_model_asks_to_be_flashed(key_dir):
+    """With a key of one's own it said "try `palpate stream`", of a probe that could tell nothing."""
+    words = ("emulate", LUMP, "--runtime", "cpython", "--frames", "30", "--strokes", "1")
+    with start_palpate(*words, "--listen", "tcp:127.0.0.1:0", "--key", key_dir) as run:
+        port = run.stdout.readline().strip()
+        said = next(line for line in run.stderr if "Ctrl-C" in line)
+        run.send_signal(signal.SIGINT)
+        run.communicate(timeout=PATIENCE_S)
+    assert f"palpate flash --port {port} MODEL.palp" in said and "stream" not in said
+
+
 def test_emulate_is_found_streams_and_leaves_no_note(palpate):
     words = (
         "emulate",

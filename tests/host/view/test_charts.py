@@ -54,6 +54,11 @@ def test_on_a_phone_the_map_and_a_picked_stroke_come_into_sight_and_notices_cove
     expect(page.locator("#scrub")).to_be_visible()
     settled(page)
     assert 0 < top("#image") < 844 / 2
+    page.set_viewport_size({"width": 360, "height": 740})
+    settled(page)
+    said = page.locator("#image").get_attribute("data-said")
+    assert "width not known" in said and not said.endswith(",")  # what had no room left its comma behind
+    page.set_viewport_size({"width": 390, "height": 844})
     page.evaluate("scrollTo(0, document.body.scrollHeight)")
     page.locator("#visit-map-button").click()
     settled(page)
