@@ -29,7 +29,8 @@ def command(
     """Replay a recording: the same bytes through the same parser and the same integer code.
 
     Says "replay: identical" where every integer of every estimate equals what the probe had sent; exits with
-    status 1 where one differs, or where nothing could be compared.
+    status 1 where one differs, or where nothing could be compared. A probe without a model, as other people's
+    arrays are, gets its estimates here: give the --model.
 
     \b
     Example:
@@ -54,20 +55,25 @@ def command(
     for stroke in replay(recording, image, documents):
         strokes.append(stroke)
         if not as_json:
-            say("\n".join(estimate_lines(stroke.probe, fat_kPa, stroke.told)))
-            say(f"  replay: {stroke.missing or ('identical' if stroke.identical else 'DIFFERENT')}")
-    together = visit_answer([(stroke.probe, stroke.told) for stroke in strokes])
+            say("\n".join(estimate_lines(stroke.answer, fat_kPa, stroke.told)))
+            if stroke.alone:
+                say(f"  by model {stroke.answer.model_id.hex()}, here: the probe had none")
+            else:
+                say(f"  replay: {stroke.missing or ('identical' if stroke.identical else 'DIFFERENT')}")
+    together = visit_answer([(stroke.answer, stroke.told) for stroke in strokes])
     if not as_json and together is not None:
         say("\n".join(visit_lines(together, fat_kPa)))
-    compared = [stroke for stroke in strokes if stroke.host is not None]
+    alone = sum(stroke.alone for stroke in strokes)
+    compared = [stroke for stroke in strokes if stroke.host is not None and not stroke.alone]
     image = image or opened.attachment(MODEL)
-    adapted = inspect(image).adapted if image and compared else ""
+    adapted = inspect(image).adapted if image and (compared or alone) else ""
     summary: dict[str, Any] = {
         "recording": recording,
         "adapted": adapted,
         "finished": opened.finished,
         "identical": bool(compared) and all(stroke.identical for stroke in compared),
         "compared": len(compared),
+        "alone": alone,
         "strokes": [stroke.as_dict() for stroke in strokes],
         "together": None if together is None else together.as_dict(),
     }
@@ -79,10 +85,10 @@ def command(
         note(f"{recording} has no end (its writer was stopped); it was read up to its last complete frame")
     if any(not stroke.identical for stroke in compared):
         raise ReplayDiffers(f"the replay of {recording} differs from what the probe sent; report it")
-    if not compared:
+    if not compared and not alone:
         why = strokes[0].missing if strokes else "it holds no estimate"
         raise RecordingError(f"nothing in {recording} can be compared: {why}")
-    if not as_json:
-        if adapted:
-            say(f"the model was {adapted}")
+    if not as_json and adapted:
+        say(f"the model was {adapted}")
+    if not as_json and compared:
         say(f"replay: identical ({len(compared)} of {len(strokes)} strokes compared)")

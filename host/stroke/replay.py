@@ -56,9 +56,19 @@ class ReplayedStroke:
     told: Told | None = None
 
     @property
+    def alone(self) -> bool:
+        """Whether the probe had no model: the estimate worked out here is the only one."""
+        return self.host is not None and not any(self.probe.model_id)
+
+    @property
+    def answer(self) -> Estimate:
+        """The probe's estimate; the one worked out here where it had no model."""
+        return self.host if self.host is not None and self.alone else self.probe
+
+    @property
     def identical(self) -> bool:
         """True where every integer of the estimate (and of the features) is the same."""
-        if self.host is None or self.features_equal is False:
+        if self.host is None or self.alone or self.features_equal is False:
             return False
         return self.host.numbers == self.probe.numbers
 
@@ -214,7 +224,7 @@ def _compare(
     if frames.missing:
         why = f"{frames.missing} of the stroke's {said.frames} frames are missing"
         return ReplayedStroke(said, None, None, why)
-    if replayer.model.model_id != said.model_id:
+    if any(said.model_id) and replayer.model.model_id != said.model_id:
         held, used = replayer.model.model_id.hex(), said.model_id.hex()
         why = f"the probe used model {used}, and this image is {held}"
         return ReplayedStroke(said, None, None, why)

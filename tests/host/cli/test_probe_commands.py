@@ -61,6 +61,20 @@ def test_flash_stream_replay_and_convert_through_the_command_line(flashed, palpa
     assert status == 0 and json.loads(out)["estimates"] == 2
 
 
+def test_strokes_of_a_probe_without_a_model_are_estimated_on_the_host(emulated, images, palpate, tmp_path):
+    """As other people's arrays are: the replay had nothing to compare, and gave no number."""
+    device, image, path = emulated("cpython"), tmp_path / "model.palp", tmp_path / "visit.mcap"
+    image.write_bytes(images[0])
+    words = ("--port", device.port, "--strokes", 1, "--record", path)
+    assert palpate("stream", *words)[0] == 0
+    assert "holds no model image" in palpate("replay", path)[2]
+    status, out, _ = palpate("replay", path, "--model", image)
+    assert status == 0 and "lump diameter d" in out and "here: the probe had none" in out
+    told = json.loads(palpate("replay", path, "--model", image, "--json")[1])
+    assert (told["alone"], told["compared"], told["identical"]) == (1, 0, False)
+    assert told["strokes"][0]["replayed"]["valid"]
+
+
 def test_settings_and_calibration_are_kept_on_the_probe(flashed, palpate):
     status, out, _ = palpate("settings", "frame_rate", 80000, "--json")
     (setting,) = json.loads(out)
