@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.adaptation.adapt import FEWEST_LUMPS, adapt_to
 from palpate.dataset.agreement import errors_of
-from palpate.dataset.answers import OUTPUTS, Answers, answers
+from palpate.dataset.answers import OUTPUTS, JudgedAnswers, answers
 from palpate.dataset.strokes import ObservedDataSet
 from palpate.model_export.schema import ModelSpec
 
@@ -83,7 +83,7 @@ def before_and_after(
 
 
 def _numbers(
-    said: Answers, value: np.ndarray, low: np.ndarray, high: np.ndarray, used: np.ndarray, j: int
+    said: JudgedAnswers, value: np.ndarray, low: np.ndarray, high: np.ndarray, used: np.ndarray, j: int
 ) -> tuple[float, float, float]:
     truth = said.truth[used, j]
     error = errors_of(OUTPUTS[j], value[used, j], truth)

@@ -20,7 +20,7 @@ _CLEAREST = 0.003
 
 
 @dataclass(frozen=True)
-class Across:
+class AcrossFit:
     """A Gaussian on a ground through the columns' responses.
 
     Attributes
@@ -44,7 +44,7 @@ class Across:
         return math.log(self.blur + _CLEAREST)
 
 
-def across(responses: NDArray[np.int64] | Floats) -> Across:
+def across(responses: NDArray[np.int64] | Floats) -> AcrossFit:
     """Fit the responses (columns,) of `firmware_py.columns`.
 
     Place, width and share are means over all Gaussians of the grid, each by its likelihood, so that they
@@ -63,7 +63,7 @@ def across(responses: NDArray[np.int64] | Floats) -> Across:
     ground = r.mean() - height * _MEANS
     share = np.clip(r.mean() / np.maximum(ground + height, 1e-9), 0.0, 1.5)
     blur = max(float(misfit.min()), 0.0) / all_of_it if all_of_it > 0 else 1.0
-    return Across(float(place), float(np.exp(ln_width)), float(weight @ share), min(blur, 1.0))
+    return AcrossFit(float(place), float(np.exp(ln_width)), float(weight @ share), min(blur, 1.0))
 
 
 def places(responses: Floats) -> tuple[Floats, Floats]:

@@ -53,13 +53,13 @@ def _span(said: Estimate, name: str) -> Span | None:
     return said.span(name) if name in said.outputs else None
 
 
-def _output(name: str, label: str = "", of_a_lump: bool = True) -> Row:
+def _output(name: str, label: str = "", of_a_lump: bool = True) -> CardRow:
     label = label or WORDS[name][:1].upper() + WORDS[name][1:]
-    return Row(name, label, SHOWN_UNITS[name], lambda said, told: _span(said, name), of_a_lump)
+    return CardRow(name, label, SHOWN_UNITS[name], lambda said, told: _span(said, name), of_a_lump)
 
 
-def _across(key: str, label: str) -> Row:
-    return Row(key, label, "mm", lambda said, told: getattr(told and told.across, key, None))
+def _across(key: str, label: str) -> CardRow:
+    return CardRow(key, label, "mm", lambda said, told: getattr(told and told.across, key, None))
 
 
 def _depth(said: Estimate, told: Told | None) -> Span | None:
@@ -67,7 +67,7 @@ def _depth(said: Estimate, told: Told | None) -> Span | None:
     return said.depth_mm if layer is None else layer.depth_mm
 
 
-class Row(NamedTuple):
+class CardRow(NamedTuple):
     """A number on the card: its key, label and unit, and where it comes from; None leaves it out.
 
     `of_a_lump`: whether it means nothing without one.
@@ -84,7 +84,7 @@ _TOLD_OTHERWISE = {"d_mm", "t_mm", "F_N_per_m", "h", "E_inv23"}
 ROWS = (
     _output("d_mm", "Diameter"),
     _across("width_mm", "Width across"),
-    Row("depth_mm", "Depth", "mm", _depth),
+    CardRow("depth_mm", "Depth", "mm", _depth),
     _across("place_mm", "Place across"),
     _output("t_mm", "Tissue thickness"),
     *(_output(name) for name in NAMES if name not in _TOLD_OTHERWISE),

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from palpate.cli import logs
-from palpate.cli.runner import Commands, run
+from palpate.cli.runner import CommandGroup, run
 
 
 def _use_array(_context: click.Context, _option: click.Parameter, path: Path | None) -> None:
@@ -17,7 +17,9 @@ def _use_array(_context: click.Context, _option: click.Parameter, path: Path | N
         array.use(path)
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.group(
+    cls=CommandGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110}
+)
 @click.version_option(package_name="palpate", message="palpate %(version)s")
 @click.option(
     "--array",

@@ -77,7 +77,7 @@ def command(
     from palpate.learn.data import begun, check_begun
     from palpate.learn.fit import check_kind, fit
     from palpate.learn.observed import noise_named
-    from palpate.report.measured import Measured, measure
+    from palpate.report.measured import MeasuredMap, measure
     from palpate.sim.tissue import check_finished
 
     # Read before the work: what is wrong with arguments and files is said at once.
@@ -92,7 +92,7 @@ def command(
             )
     else:
         check_finished(directory)
-    measured = measure(recording, weights, thickness) if recording or weights else Measured()
+    measured = measure(recording, weights, thickness) if recording or weights else MeasuredMap()
     announce(solver=kind == "field", firmware=True)
     with showing_progress() as progress:
         fitted = fit(

@@ -7,7 +7,7 @@ from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 
 from palpate.inversion.felt import NotInvertible
-from palpate.inversion.recorded import Strokes
+from palpate.inversion.recorded import FeltStrokes
 from palpate.inversion.result import Inverted
 from palpate.inversion.strokes import invert_stroke
 from palpate.link.schemes import address_of
@@ -20,7 +20,7 @@ class Refining:
     """One process that refines strokes in the order in which they came."""
 
     def __init__(self, executor: Executor, port: str) -> None:
-        self._executor, self._strokes, self._noise = executor, Strokes(port), level_named("typical")
+        self._executor, self._strokes, self._noise = executor, FeltStrokes(port), level_named("typical")
         self._presses_too = address_of(port) is not None
         self._work: list[Future[Inverted]] = []
 

@@ -68,7 +68,7 @@ class ReaderGone(Exception):
     """The reader of our output (head, less) has closed it."""
 
 
-class Commands(click.Group):
+class CommandGroup(click.Group):
     """The command group; a command's module is imported only when that command is called."""
 
     def invoke(self, ctx: click.Context) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from palpate.dataset.answers import OUTPUTS, Answers, answers
+from palpate.dataset.answers import OUTPUTS, JudgedAnswers, answers
 from palpate.dataset.columns import DataSetError
 from palpate.dataset.strokes import ObservedDataSet, observe_data_set, read_strokes
 from palpate.dataset.table import DataSet
@@ -83,7 +83,7 @@ def components(y: Floats, lump: NDArray[np.int64], visit: NDArray[np.int64]) -> 
 
 
 @dataclass(frozen=True)
-class Visits:
+class VisitPair:
     """Two recordings, quantity by quantity.
 
     Attributes
@@ -102,7 +102,7 @@ class Visits:
 
 def compare_recordings(
     spec: ModelSpec, first: Path, second: Path, between: dict[str, Between] | None = None
-) -> Visits:
+) -> VisitPair:
     """Compare the strokes of two recordings over one lump, by a model.
 
     Raises
@@ -119,10 +119,10 @@ def compare_recordings(
         if found is not None:
             changes[name] = found
     before, after = (int((s.lump & ~s.usable).sum()) for s in said)
-    return Visits(changes, between, (before, after))
+    return VisitPair(changes, between, (before, after))
 
 
-def _answers(spec: ModelSpec, path: Path) -> Answers:
+def _answers(spec: ModelSpec, path: Path) -> JudgedAnswers:
     numbers = list(read_strokes(path))
     table = pd.DataFrame({"row": 1, "recording": [path] * len(numbers), "stroke": numbers, "lump": "here"})
     said = answers(spec, observe_data_set(DataSet(path, table), spec))

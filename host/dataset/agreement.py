@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from statsmodels.stats.proportion import proportion_confint
 
-from palpate.dataset.answers import OUTPUTS, Answers
+from palpate.dataset.answers import OUTPUTS, JudgedAnswers
 from palpate.features.map_features import Floats
 
 RESAMPLES = 999
@@ -90,12 +90,12 @@ def errors_of(name: str, value: Floats, truth: Floats) -> Floats:
     return np.log(np.maximum(value, 1e-9) / truth)
 
 
-def agreement(answers: Answers, name: str, seed: int = 1) -> Agreement | None:
+def agreement(answers: JudgedAnswers, name: str, seed: int = 1) -> Agreement | None:
     """One output's agreement with the truth, over the strokes in which a lump was found.
 
     Parameters
     ----------
-    answers : Answers
+    answers : JudgedAnswers
     name : str
         Of `dataset.answers.OUTPUTS`.
     seed : int

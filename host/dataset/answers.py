@@ -26,7 +26,7 @@ TRUTH_COLUMN = {"E_inv23": "E_ratio"}
 
 
 @dataclass(frozen=True)
-class Answers:
+class JudgedAnswers:
     """A model's answers for n strokes beside the truth; columns by `OUTPUTS`.
 
     Attributes
@@ -91,12 +91,12 @@ def truth_of(seen: ObservedDataSet) -> Floats:
     return out
 
 
-def answers(spec: ModelSpec, seen: ObservedDataSet) -> Answers:
+def answers(spec: ModelSpec, seen: ObservedDataSet) -> JudgedAnswers:
     """The model's answers, in float64 as the probe's integers give them to a part in a thousand or better."""
     said = evaluate(spec, inputs(spec, seen.X))
     value, low, high = (with_depth(said, part) for part in ("value", "low", "high"))
     truth = truth_of(seen)
-    return Answers(
+    return JudgedAnswers(
         value,
         low,
         high,

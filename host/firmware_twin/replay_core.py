@@ -74,7 +74,7 @@ def _forget_old(folder: Path) -> None:
             shutil.rmtree(other, ignore_errors=True)
 
 
-class StrokeFrames(Protocol):
+class TwinFrames(Protocol):
     """A stroke as a simulated probe sends it; `press` counts the first frames, before it moves."""
 
     @property
@@ -141,7 +141,7 @@ class Replay:
             p.add_frame(frame, int(x), int(d))
         return int(p.finish(self.force_map))
 
-    def stream(self, frames: StrokeFrames, calibration: calib.Calibration | None = None) -> int:
+    def stream(self, frames: TwinFrames, calibration: calib.Calibration | None = None) -> int:
         """The same for a stroke of palpate.sim.probe.sensors, with the press before it if it has one.
 
         Of the press the probe sees what comes after it has noticed the contact.

@@ -55,7 +55,7 @@ class _Board(VirtualBoard):
         return self.depth
 
 
-class Session:
+class ImportedSession:
     """One recording in the making.
 
     Parameters

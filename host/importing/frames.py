@@ -36,7 +36,7 @@ class ImportFailed(UsageError):
 
 
 @dataclass(frozen=True)
-class Frames:
+class GivenFrames:
     """Frames of any array.
 
     Attributes
@@ -69,7 +69,7 @@ class _Source(Protocol):
     def get(self, name: str) -> NDArray[Any]: ...
 
 
-def read(path: str | Path, said: Declaration) -> Frames:
+def read(path: str | Path, said: Declaration) -> GivenFrames:
     """Read a file as its declaration says.
 
     Raises
@@ -87,7 +87,7 @@ def read(path: str | Path, said: Declaration) -> Frames:
     return assemble(source, said, path.name)
 
 
-def assemble(source: _Source, said: Declaration, name: str) -> Frames:
+def assemble(source: _Source, said: Declaration, name: str) -> GivenFrames:
     """Frames from named arrays; `name` is the file's, for sentences."""
     raw = _pressure(source, said, name)
     n = len(raw)
@@ -127,7 +127,7 @@ def assemble(source: _Source, said: Declaration, name: str) -> Frames:
     else:
         depth = np.zeros(n)
         missing.append("displacement")
-    return Frames(pressure, position, depth, time, stroke.astype(np.int64), tuple(missing))
+    return GivenFrames(pressure, position, depth, time, stroke.astype(np.int64), tuple(missing))
 
 
 def _within(values: Floats, most: float, unit: str, where: str) -> None:

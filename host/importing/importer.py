@@ -15,8 +15,8 @@ from palpate.files import whole_file
 from palpate.importing import frames as sources
 from palpate.importing import ours, places, published, resample
 from palpate.importing.declaration import Declaration
-from palpate.importing.firmware import Session
-from palpate.importing.frames import Frames, ImportFailed
+from palpate.importing.firmware import ImportedSession
+from palpate.importing.frames import GivenFrames, ImportFailed
 from palpate.model_export.image_builder import inspect
 from palpate.recording import channels
 from palpate.recording.channels import IMPORT_NOTE
@@ -132,7 +132,7 @@ def import_file(
                 writer.attach(channels.CALIBRATION, "application/octet-stream", nominal)
             if model is not None:
                 writer.attach(channels.MODEL, "application/octet-stream", model)
-            strokes = _play(Session(writer, info, began_ns), found, counts, said.lift)
+            strokes = _play(ImportedSession(writer, info, began_ns), found, counts, said.lift)
         writer.check()
     declared = len(np.unique(found.stroke))
     if not strokes and len(found.position_mm) and np.ptp(found.position_mm) == 0:
@@ -162,7 +162,7 @@ def _sha256(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def _counts(found: Frames, said: Declaration, remarks: list[str]) -> np.ndarray:
+def _counts(found: GivenFrames, said: Declaration, remarks: list[str]) -> np.ndarray:
     pressure = np.clip(found.pressure_kPa, -WIDEST_KPA, WIDEST_KPA)
     if not resample.suits(said.rows, said.columns, said.pitch_mm):
         pressure = resample.onto_this_array(pressure, said.pitch_mm)
@@ -177,7 +177,7 @@ def _counts(found: Frames, said: Declaration, remarks: list[str]) -> np.ndarray:
     return np.clip(counts, 0, geometry.FULL_COUNT).astype(np.uint16).reshape(len(counts), -1)
 
 
-def _about(found: Frames, said: Declaration) -> list[str]:
+def _about(found: GivenFrames, said: Declaration) -> list[str]:
     out = []
     if "displacement" in found.missing:
         out.append("no displacement: features of the pressure only can be used")
@@ -197,7 +197,7 @@ def _about(found: Frames, said: Declaration) -> list[str]:
     return out
 
 
-def _play(session: Session, found: Frames, counts: np.ndarray, lift: bool) -> int:
+def _play(session: ImportedSession, found: GivenFrames, counts: np.ndarray, lift: bool) -> int:
     """All strokes through the firmware, with `lift` in the air between; how many estimates came."""
     clock, estimates = 0, 0
     for number in np.unique(found.stroke):

@@ -11,14 +11,14 @@ import numpy as np
 from mcap.records import Message
 
 from palpate.importing.declaration import Declaration
-from palpate.importing.frames import FARTHEST_MM, Frames, ImportFailed
+from palpate.importing.frames import FARTHEST_MM, GivenFrames, ImportFailed
 from palpate.recording import channels
 from palpate.recording.reader import Recording
 
 LEAST_PITCH_MM = 0.01
 
 
-def read(path: Path, said: Declaration | None, whole: bool = False) -> tuple[Frames, Declaration]:
+def read(path: Path, said: Declaration | None, whole: bool = False) -> tuple[GivenFrames, Declaration]:
     """Frames of a recording, and what they are; the pitch is the recording's own, or that of `said`.
 
     whole : bool
@@ -62,7 +62,7 @@ def read(path: Path, said: Declaration | None, whole: bool = False) -> tuple[Fra
         kept[:], numbers, own = True, [0] * len(numbers), replace(own, lift=False)
     if not kept.any():
         raise ImportFailed(f"{path} holds no stroke")
-    frames = Frames(
+    frames = GivenFrames(
         np.array(images)[kept],
         motion[kept, 0],
         motion[kept, 1],

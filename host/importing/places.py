@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.csv_dialect import dialect_of
 from palpate.errors import NoSuchFile
-from palpate.importing.frames import FARTHEST_MM, Frames, ImportFailed
+from palpate.importing.frames import FARTHEST_MM, GivenFrames, ImportFailed
 
 Floats = NDArray[np.float64]
 TIME, PLACE, DEPTH = "time_s", "position_mm", "displacement_mm"
@@ -21,12 +21,12 @@ _GAP = 5.0
 _LEAST_GAP_S = 0.2
 
 
-def join(frames: Frames, began_s: float, path: Path) -> tuple[Frames, list[str]]:
+def join(frames: GivenFrames, began_s: float, path: Path) -> tuple[GivenFrames, list[str]]:
     """The frames with a table's places, and what is to be said of it.
 
     Parameters
     ----------
-    frames : Frames
+    frames : GivenFrames
         Their times count from the first.
     began_s : float
         Unix time of the first.

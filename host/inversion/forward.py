@@ -14,7 +14,7 @@ from palpate.inversion.classes import Class
 from palpate.sim.tissue import Settings
 from palpate.sim.tissue.contact import OWN_PLACES
 from palpate.sim.tissue.derivatives import Derivatives, differentiate
-from palpate.sim.tissue.frames import Frames, solve_frames
+from palpate.sim.tissue.frames import SolvedFrames, solve_frames
 from palpate.sim.tissue.state import State
 from palpate.sim.tissue.topology import OutsideTopology, Topology
 
@@ -36,7 +36,7 @@ class Computed:
     theta: Floats
     places_mm: Floats
     forces_N_per_m: Floats
-    frames: Frames
+    frames: SolvedFrames
     topology: Topology
 
     @property

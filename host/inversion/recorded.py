@@ -48,7 +48,7 @@ def felt_strokes(path: str | Path, face: Face | None = None) -> Iterator[Felt]:
     count = 0
     with open_recording(path) as session:
         port = session.recording.metadata().get("session", {}).get("port", "")
-        strokes = Strokes(port, face)
+        strokes = FeltStrokes(port, face)
         calibration = session.recording.attachment(CALIBRATION) or b""
         for event in session.events():
             if (found := strokes.take(event, calibration)) is None:
@@ -66,7 +66,7 @@ def felt_strokes(path: str | Path, face: Face | None = None) -> Iterator[Felt]:
         raise RecordingError(f"{path} holds no whole stroke, and no press")
 
 
-class Strokes:
+class FeltStrokes:
     """Watches the events of a session go by, and gives each stroke and each press alone when it is over.
 
     Parameters

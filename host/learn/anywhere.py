@@ -26,7 +26,7 @@ from palpate.answer.layers import (
 )
 from palpate.features.map_features import Floats
 from palpate.learn.conformal import LEVEL, fit_sigma, quantile_of_part
-from palpate.learn.model import Model
+from palpate.learn.model import FittedModel
 from palpate.learn.observed import Observed
 from palpate.learn.probe_model import E_INV23, HARD_BELOW, OUTPUTS, floats, standardised
 from palpate.learn.scopes import ANYWHERE, Parts, Scope, by_place, true_place
@@ -79,7 +79,7 @@ class AnywhereStudy(Study):
     targets: ClassVar[Mapping[str, float]] = MappingProxyType(TARGETS)
     training: ClassVar[Mapping[str, str]] = MappingProxyType({"place": "any"})
 
-    def layers(self, model: Model) -> Layers:
+    def layers(self, model: FittedModel) -> Layers:
         """Learnt from the lumps left out."""
         return fit_layers(model.polynomial.standard(self.inputs), self.y, self.seen)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from palpate.features.map_features import Floats
-from palpate.learn.model import Answers, Model
+from palpate.learn.model import Answers, FittedModel
 from palpate.learn.observed import Observed
 from palpate.learn.probe_model import E_INV23, OUTPUTS
 from palpate.learn.scopes import Scope
@@ -23,7 +23,7 @@ DISTANCES = (-np.inf, -2.0, -1.0, -0.5, 0.0, 0.25, 0.5, 1.0, 2.0, 4.0, np.inf)
 
 
 def facts_of(
-    model: Model, flagged_inside: float, outside: Observed | None, plain: Observed | None
+    model: FittedModel, flagged_inside: float, outside: Observed | None, plain: Observed | None
 ) -> dict[str, float]:
     """Shares flagged inside and outside the ranges; false alarms on plain tissue.
 
@@ -61,7 +61,7 @@ def beyond(seen: Observed, scope: Scope) -> Floats:
     return out
 
 
-def by_distance(model: Model, judged: Sequence[tuple[Observed, Answers]]) -> pd.DataFrame:
+def by_distance(model: FittedModel, judged: Sequence[tuple[Observed, Answers]]) -> pd.DataFrame:
     """Share flagged against how far the truth lies beyond the ranges, of the strokes that found a lump.
 
     A distance is counted in half-widths of the estimate's own interval, from the end that is passed

@@ -107,7 +107,7 @@ class Answers:
 
 
 @dataclass(frozen=True)
-class Model:
+class FittedModel:
     """A fitted model; `border` is the estimate of E^-2/3 below which a lump counts as hard.
 
     `press` estimates `scopes.ESTIMATES`, and `polynomial` takes these three too; None: it has the stroke
@@ -266,7 +266,7 @@ def fit_model(
     rim: Observed | None = None,
     checks: FitChecks | None = None,
     step: Callable[[str], None] | None = None,
-) -> Model:
+) -> FittedModel:
     """Fit the model of a scope; strokes that show no lump are left out of its last stage.
 
     Parameters
@@ -331,7 +331,7 @@ def fit_model(
         FLAGGED_INSIDE if fitted is None else WITH_CHECKS,
     )
     step("models fitted")
-    return Model(scope, press, polynomial, widths, domain, border, fitted)
+    return FittedModel(scope, press, polynomial, widths, domain, border, fitted)
 
 
 def familiar_unseen(model: Polynomial, X: Floats, groups: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -45,7 +45,7 @@ _OTHERS_FROM = 1_000_000
 
 
 @dataclass(frozen=True)
-class Pressed:
+class PressedStrokes:
     """Strokes in tissues that give way more, or less, than the model's.
 
     seen : Observed; far : (n), how far each is off, in units of `TO_BE_NOTICED`
@@ -56,12 +56,12 @@ class Pressed:
 
 
 @dataclass(frozen=True)
-class StrangeStrokes:
+class StrangeToTold:
     """What a model of this recipe is to notice: two lumps by the stroke, other tissues by the press."""
 
     recipe: Recipe
     two_lumps: Observed
-    tissues: Mapping[str, Pressed]
+    tissues: Mapping[str, PressedStrokes]
 
     @property
     def press(self) -> tuple[str, ...]:
@@ -99,7 +99,7 @@ class StrangeStrokes:
         return checks_joined(checks, by_press)
 
 
-def strange_strokes(bench: Bench, noise: Noise | str, recipe: Recipe) -> StrangeStrokes | None:
+def strange_strokes(bench: Bench, noise: Noise | str, recipe: Recipe) -> StrangeToTold | None:
     """Such strokes, over training lumps; None where they are too few.
 
     Calibration and test lumps are in none. Moduli and the force times s leave the displacement as it is, so
@@ -123,14 +123,14 @@ def strange_strokes(bench: Bench, noise: Noise | str, recipe: Recipe) -> Strange
             fats = [lump.scaled(s).field for lump, s in zip(lumps, factors)]
             seen = bench.observe(fats, train, noise, _DRAWS, _FIRST[kind], recipe)
             far = np.abs(np.log(factors[seen.group])) / TO_BE_NOTICED["fat_kPa"]
-            tissues[kind] = _pressed_only([Pressed(seen, far), *others.get(kind, ())])
-    return StrangeStrokes(recipe, two_lumps, tissues)
+            tissues[kind] = _pressed_only([PressedStrokes(seen, far), *others.get(kind, ())])
+    return StrangeToTold(recipe, two_lumps, tissues)
 
 
-def _others(bench: Bench, noise: Noise | str, recipe: Recipe) -> dict[str, list[Pressed]]:
+def _others(bench: Bench, noise: Noise | str, recipe: Recipe) -> dict[str, list[PressedStrokes]]:
     """The other tissues by the check that is to notice them: a larger face sinks in less, as into softer fat
     that is thin, a smaller one more."""
-    out: dict[str, list[Pressed]] = {}
+    out: dict[str, list[PressedStrokes]] = {}
     others = bench.strokes.others
     if not others:
         return out
@@ -142,7 +142,7 @@ def _others(bench: Bench, noise: Noise | str, recipe: Recipe) -> dict[str, list[
         rows = some[seen.group]
         part = seen.take(rows)
         far = np.abs(off[part.group])
-        out[kind] = [Pressed(replace(part, group=part.group + _OTHERS_FROM), far)]
+        out[kind] = [PressedStrokes(replace(part, group=part.group + _OTHERS_FROM), far)]
     return out
 
 
@@ -150,8 +150,8 @@ def _stiffer(of: OtherTissue) -> bool:
     return of.kind == "fat_stiffening" or of.off < 0
 
 
-def _pressed_only(parts: Sequence[Pressed]) -> Pressed:
+def _pressed_only(parts: Sequence[PressedStrokes]) -> PressedStrokes:
     """All of them whose press the probe saw enough of."""
     seen, far = joined([part.seen for part in parts]), np.concatenate([part.far for part in parts])
     enough = seen.whole & seen.pressed
-    return Pressed(seen.take(enough), far[enough])
+    return PressedStrokes(seen.take(enough), far[enough])

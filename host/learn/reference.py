@@ -133,7 +133,7 @@ def observe_references(
 
 
 @dataclass(frozen=True)
-class Joining:
+class JoiningFit:
     """How a reference joins a stroke's own press (`firmware_py.stage.join`).
 
     Attributes
@@ -177,14 +177,16 @@ def said_by(press: Polynomial, references: References, seen: Observed) -> Floats
     return out
 
 
-def fit_joining(own: Floats, reference: Floats, truth: Floats, false_alarms: float = FALSE_ALARMS) -> Joining:
+def fit_joining(
+    own: Floats, reference: Floats, truth: Floats, false_alarms: float = FALSE_ALARMS
+) -> JoiningFit:
     """Weights and distance from what presses and references say, (n, 3), of tissues new to the stage."""
     error, difference = own - truth, reference - own
     # that share of the difference which takes most of the error away
     weights = np.clip(-(error * difference).mean(0) / (difference**2).mean(0), 0.0, 1.0)
     spread = np.cov(_without_tails(difference), rowvar=False)
     triangle = np.linalg.inv(np.linalg.cholesky(spread))
-    joining = Joining(weights, triangle, 1.0)
+    joining = JoiningFit(weights, triangle, 1.0)
     return replace(joining, limit=float(np.quantile(joining.distance(own, reference), 1 - false_alarms)))
 
 
@@ -214,7 +216,7 @@ def learn_joining(
     references: Mapping[Tissue, tuple[Stroke, ...]],
     noise: str,
     seed: int,
-) -> Joining:
+) -> JoiningFit:
     """How a reference joins the press before one stroke over each lump, from tissues new to the stage.
 
     seen : strokes of `observe_in_any_fat` with this seed.

@@ -14,10 +14,10 @@ from rich.table import Table
 from palpate.learn import tables
 from palpate.learn.conformal import LEVEL
 from palpate.learn.flags import facts_of
-from palpate.learn.model import Answers, Model
+from palpate.learn.model import Answers, FittedModel
 from palpate.learn.observed import Observed
 from palpate.learn.probe_model import OUTPUTS, training_hash
-from palpate.learn.reference import Joining
+from palpate.learn.reference import JoiningFit
 from palpate.learn.scopes import FIELD
 from palpate.learn.score import HeldOutRow, flat
 from palpate.learn.study import TARGETS, Study, TextTable, text_of
@@ -51,7 +51,7 @@ class FieldFit:
     ----------
     spec : ModelSpec
         What `palpate fit` writes; trained at `noise`.
-    model : Model
+    model : FittedModel
     rows : list of HeldOutRow
     coverage : DataFrame
         Of the intervals, by group (`score.coverage`).
@@ -68,7 +68,7 @@ class FieldFit:
     """
 
     spec: ModelSpec
-    model: Model
+    model: FittedModel
     noise: str
     rows: list[HeldOutRow]
     coverage: pd.DataFrame
@@ -148,7 +148,7 @@ class TissueFit:
     ----------
     spec : ModelSpec
         What `palpate fit` writes; trained at `noise`.
-    model : Model
+    model : FittedModel
     rows : list of dict
         Of the held-out table (`study.Study.row`).
     study : Study
@@ -164,7 +164,7 @@ class TissueFit:
     """
 
     spec: ModelSpec
-    model: Model
+    model: FittedModel
     noise: str
     rows: list[dict[str, object]]
     study: Study = field(repr=False)
@@ -260,8 +260,8 @@ def _table(title: str, heads: list[str], rows: list[list[str]]) -> Table:
 
 
 def tissue_fit(
-    model: Model,
-    joining: Joining,
+    model: FittedModel,
+    joining: JoiningFit,
     checks: FirstStage,
     fitted_to: Sequence[Observed],
     counts: Mapping[str, int],

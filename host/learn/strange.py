@@ -15,7 +15,7 @@ import pandas as pd
 
 from palpate.learn.checks import fit_checks
 from palpate.learn.lumps import LumpStrokes
-from palpate.learn.model import Model, fit_model
+from palpate.learn.model import FittedModel, fit_model
 from palpate.learn.observed import Observed, joined, noise_named, observe_in_any_fat
 from palpate.learn.probe_model import OUTPUTS
 from palpate.learn.scopes import BORDER, Scope
@@ -75,7 +75,7 @@ def observe_strange(
     return {"two_lumps": watch.pairs(lumps, APART_MM), "uneven_tissue": joined(uneven)}
 
 
-def strange_checks(model: Model, seen: Observed, strange: dict[str, Observed]) -> FirstStage:
+def strange_checks(model: FittedModel, seen: Observed, strange: dict[str, Observed]) -> FirstStage:
     """A check for each kind; ln F has no part in them, so that they are the same in every fat."""
     own = seen.take(seen.found)
     others = {kind: other.take(other.found) for kind, other in strange.items()}
@@ -120,7 +120,7 @@ def strange_table(
 
 
 def strange_rows(
-    model: Model,
+    model: FittedModel,
     own: Observed,
     lumps: Sequence[LumpStrokes],
     plain: Sequence[LumpStrokes],
@@ -150,7 +150,7 @@ def strange_rows(
     return pd.DataFrame(rows)
 
 
-def _row(words: str, model: Model, seen: Observed) -> dict[str, object]:
+def _row(words: str, model: FittedModel, seen: Observed) -> dict[str, object]:
     """Of those that find a lump; where there is none to find every one of them is wrong."""
     seen = seen.take(seen.found)
     said, d = model.answer(seen), OUTPUTS.index("ln d")

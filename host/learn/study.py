@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from palpate.features.map_features import Floats
-from palpate.learn.model import Model, depth_mm, fit_model
+from palpate.learn.model import FittedModel, depth_mm, fit_model
 from palpate.learn.observed import Observed, joined
 from palpate.learn.probe_model import E_INV23, HARD_BELOW, OUTPUTS
 from palpate.learn.scopes import BORDER, Parts, Scope
@@ -69,7 +69,7 @@ class Study:
         """Those that are judged apart."""
         return self.scope.parts(self.seen)
 
-    def layers(self, model: Model) -> Layers | None:
+    def layers(self, model: FittedModel) -> Layers | None:
         """The document's part on the layer that a lump lies in, where lumps lie in several."""
         return None
 

@@ -12,7 +12,7 @@ from palpate.features.map_features import Floats
 from palpate.learn.bench import Bench
 from palpate.learn.data import Strokes
 from palpate.learn.flags import beyond, by_distance, facts_of
-from palpate.learn.model import Model, fit_model
+from palpate.learn.model import FittedModel, fit_model
 from palpate.learn.observed import Observed, noise_named
 from palpate.learn.other_tissues import strange_strokes
 from palpate.learn.probe_model import from_link, training_hash
@@ -106,7 +106,7 @@ class _Counter:
             self.progress(what, self.done[what], self.models)
 
 
-def _result(bench: Bench, model: Model, parts: Parts, noise: str, rows: list[HeldOutRow]) -> FieldFit:
+def _result(bench: Bench, model: FittedModel, parts: Parts, noise: str, rows: list[HeldOutRow]) -> FieldFit:
     """The model for use, with everything that the test strokes show about it."""
     train, calibration, test, rim = parts
     answers = model.answer(test)
@@ -153,7 +153,7 @@ def _result(bench: Bench, model: Model, parts: Parts, noise: str, rows: list[Hel
     )
 
 
-def _outside(bench: Bench, noise: str, model: Model) -> tuple[Observed | None, Observed | None]:
+def _outside(bench: Bench, noise: str, model: FittedModel) -> tuple[Observed | None, Observed | None]:
     """Strokes over lumps outside the ranges, as each one's force has it, and over plain tissue."""
 
     def observed(fields: Sequence[StrokeField], draws: int, first: int) -> Observed | None:
@@ -165,7 +165,7 @@ def _outside(bench: Bench, noise: str, model: Model) -> tuple[Observed | None, O
     return outside, observed(bench.plain, DRAWS_PLAIN, _FIRST_PLAIN)
 
 
-def held_out(level: str, model: Model, test: Observed, averages: bool) -> list[HeldOutRow]:
+def held_out(level: str, model: FittedModel, test: Observed, averages: bool) -> list[HeldOutRow]:
     """The lines of one model: one stroke, and if `averages` says so four strokes averaged."""
     answers = model.answer(test)
     terms = len(model.polynomial.terms)

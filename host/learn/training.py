@@ -20,7 +20,7 @@ from palpate.learn.across import WidthModel, across_truth, fit_place, fit_width,
 from palpate.learn.conformal import quantile_of_part
 from palpate.learn.emulator import StrokeEmulator, fit_emulator
 from palpate.learn.lumps import LumpStrokes
-from palpate.learn.model import Model, fit_model
+from palpate.learn.model import FittedModel, fit_model
 from palpate.learn.observed import Observed, joined, observe_in_any_fat
 from palpate.learn.scopes import SOLID, Scope
 from palpate.learn.study import Study
@@ -55,8 +55,8 @@ class Trained:
     stays on the host.
     """
 
-    model: Model
-    alone: Model
+    model: FittedModel
+    alone: FittedModel
     width: WidthModel
 
     def study(self, seen: Observed, with_press: bool) -> SolidStudy:
@@ -238,6 +238,6 @@ def width_factors(parts: Sequence[SolidStudy]) -> Floats:
     return np.array([[quantile_of_part(of, hard == side, level) for side in sides] for of in score.T])
 
 
-def widened(model: Model, factors: Floats) -> Model:
+def widened(model: FittedModel, factors: Floats) -> FittedModel:
     """The model with intervals wider by these factors, (outputs, 2)."""
     return replace(model, widths=replace(model.widths, quantiles=model.widths.quantiles * factors))

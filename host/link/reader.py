@@ -18,7 +18,7 @@ from palpate.link.recorder import Recorder
 from palpate.link.transport import Transport
 from palpate.wire.delivery import HAVE, Again, Earlier
 from palpate.wire.events import Answer, Estimate, Event, Features, TactileMap
-from palpate.wire.parser import LiveParser, Noise
+from palpate.wire.parser import LineNoise, LiveParser
 
 POLL_S = 0.05
 EARLIER_KEPT = 256
@@ -118,7 +118,7 @@ class LineReader:
             self.recorder.received(tail, None, self.clock.now_ns())
 
     def _dispatch(self, event: Event) -> None:
-        if isinstance(event, Noise):
+        if isinstance(event, LineNoise):
             return
         if isinstance(event, Answer):
             if not self._pending.deliver(event):

@@ -15,7 +15,7 @@ from palpate.recording.reader import Recording
 from palpate.wire.delivery import Again, Earlier
 from palpate.wire.events import Answer, Event, Gap, Log
 from palpate.wire.identity import Identity
-from palpate.wire.parser import LiveParser, Noise
+from palpate.wire.parser import LineNoise, LiveParser
 from palpate.wire.source import EventSource
 
 _LONGEST_GAP_S = 1e9
@@ -76,7 +76,7 @@ class RecordedSession(EventSource):
                 continue
             elif topic == channels.WIRE_IN:
                 for event in parser.feed(record.data, record.log_time):
-                    if not isinstance(event, Answer | Again | Earlier | Noise):
+                    if not isinstance(event, Answer | Again | Earlier | LineNoise):
                         yield event
             elif topic == channels.WIRE_OUT:
                 parser.commanded(record.data)

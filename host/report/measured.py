@@ -22,7 +22,7 @@ from palpate.sim.tissue import LIKE_FAT, Case, load_curve
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from palpate.stroke.stroke import Stroke
+    from palpate.stroke.stroke import FollowedStroke
 
 FORCES = (0.2, 0.4, 0.6, 0.8, 1.0)
 REFERENCE = Case.from_code("d10h08e10f10")
@@ -30,7 +30,7 @@ STIFFNESSES = (1.0, 2.0, 5.0, 10.0, 50.0, 1000.0)
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredMap:
     """A measured map with its Gaussian, force curves placed among the simulated ones, or both."""
 
     map: RealMap | None = None
@@ -74,7 +74,7 @@ class Measured:
 
 def measure(
     recording: Path | None = None, weights: Sequence[Path] = (), thickness_mm: float = 30.0
-) -> Measured:
+) -> MeasuredMap:
     """Read and fit what was measured.
 
     Parameters
@@ -93,7 +93,7 @@ def measure(
     """
     found = None if recording is None else recorded_map(recording)
     curves = [real_strain_force(path, thickness_mm) for path in weights]
-    return Measured(found, placed_curves(curves) if curves else [])
+    return MeasuredMap(found, placed_curves(curves) if curves else [])
 
 
 def recorded_map(path: Path) -> RealMap:
@@ -101,7 +101,7 @@ def recorded_map(path: Path) -> RealMap:
     return real_map(path) if path.suffix != ".mcap" else most_gaussian(path)[1]
 
 
-def most_gaussian(path: Path) -> tuple[Stroke, RealMap]:
+def most_gaussian(path: Path) -> tuple[FollowedStroke, RealMap]:
     """The stroke of a recording whose map is most like a Gaussian, and that map.
 
     Raises

@@ -19,7 +19,7 @@ from palpate.link.schemes import Address, number
 
 if TYPE_CHECKING:
     from palpate.link.transport import Transport
-    from palpate.sources.encoder import Encoder
+    from palpate.sources.encoder import PlaceSource
 
 Image = NDArray[np.float64]
 COMMON = ("full", "baud", "name", "keep", "position", "position_baud", *face.OPTIONS)
@@ -85,22 +85,22 @@ class ArrayLine(ABC):
         return Bridge(cls.line(address))
 
     @classmethod
-    def line(cls, address: Address) -> Line:
+    def line(cls, address: Address) -> OpenArray:
         """The array itself, its port open."""
         from palpate.link.transport import open_transport
 
         source, told = cls(address), address.options
         transport = open_transport(address.where, int(number(told, "baud", float(cls.BAUD))))
         if "position" not in told:
-            return Line(source, transport)
-        from palpate.sources.encoder import Encoder
+            return OpenArray(source, transport)
+        from palpate.sources.encoder import PlaceSource
 
         try:
             second = open_transport(told["position"], int(number(told, "position_baud", 115_200.0)))
         except BaseException:
             transport.close()
             raise
-        return Line(source, transport, Encoder(told["position"], second))
+        return OpenArray(source, transport, PlaceSource(told["position"], second))
 
     @abstractmethod
     def feed(self, data: bytes) -> list[Image]:
@@ -116,10 +116,10 @@ class ArrayLine(ABC):
         return "no image comes: is this its port, and its baud rate?"
 
 
-class Line:
+class OpenArray:
     """A source on its open port: `read` gives images as they come; beside it what gives their places."""
 
-    def __init__(self, source: ArrayLine, transport: Transport, encoder: Encoder | None = None) -> None:
+    def __init__(self, source: ArrayLine, transport: Transport, encoder: PlaceSource | None = None) -> None:
         self.source, self.encoder, self._transport = source, encoder, transport
 
     def read(self, timeout_s: float) -> list[Image]:

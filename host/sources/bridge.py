@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from firmware_py import acquire, estimator, geometry, messages, probe, settings, status, store
 from palpate.array import words_of
 from palpate.errors import LinkError, LinkGone, PortError, UsageError
-from palpate.sources.array_line import Image, Line
-from palpate.sources.encoder import GAP_US, Encoder
+from palpate.sources.array_line import Image, OpenArray
+from palpate.sources.encoder import GAP_US, PlaceSource
 from palpate.sources.kept import Kept, drift, place
 from palpate.sources.steady import SETTLED, Steady
 from palpate.wire.packing import pack
@@ -49,7 +49,7 @@ class Reading:
         Palpate works with another array in this process, or the calibration kept is another array's.
     """
 
-    def __init__(self, line: Line) -> None:
+    def __init__(self, line: OpenArray) -> None:
         self.line = line
         rows, columns, pitch_mm, self._full_kPa = line.source.shape_
         wanted = rows, columns, round(1000 * pitch_mm)
@@ -225,11 +225,11 @@ class Bridge:
 
     Parameters
     ----------
-    line : Line
+    line : OpenArray
         Open; the bridge closes it.
     """
 
-    def __init__(self, line: Line) -> None:
+    def __init__(self, line: OpenArray) -> None:
         self.name = line.source.address.text
         self._line = line
         self._failure: LinkError | None = None
@@ -313,7 +313,7 @@ class _Gaps:
         self._without, self._odd, self._first = 0, 0, 0
         self._ends_us = 0.0
 
-    def look(self, encoder: Encoder) -> str:
+    def look(self, encoder: PlaceSource) -> str:
         """What is to be told now; "" mostly."""
         now_us = time.monotonic_ns() / 1000
         if encoder.without > self._without:
@@ -365,7 +365,7 @@ class _Watch:
 
 
 @contextmanager
-def reading_of(line: Line) -> Iterator[Reading]:
+def reading_of(line: OpenArray) -> Iterator[Reading]:
     """A line's reading, and its end."""
     try:
         yield Reading(line)

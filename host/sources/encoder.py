@@ -20,7 +20,7 @@ _LONGEST = 200
 _FARTHEST_MM = 10_000.0
 
 
-class Encoder:
+class PlaceSource:
     """Reads an open port.
 
     Parameters

@@ -24,7 +24,7 @@ class Answered(Event):
     told: Told | None = None
 
 
-class Answers:
+class AnsweredEvents:
     """A probe's events in, the same out, but for estimates: each comes behind its map, as `Answered`.
 
     Parameters

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from palpate.stroke.answered import Answered
 from palpate.stroke.lanes import lane_of
 from palpate.stroke.phase import Phase, PhaseWatch
-from palpate.stroke.stroke import Stroke
+from palpate.stroke.stroke import FollowedStroke
 from palpate.wire.events import Event, Frame, Gap, Log, StrokeState, TactileMap
 
 PRE_ROLL = 64
@@ -26,12 +26,12 @@ class Assembler:
         Makes a stroke that starts at a device time, s.
     """
 
-    def __init__(self, new_stroke: Callable[[float], Stroke]) -> None:
+    def __init__(self, new_stroke: Callable[[float], FollowedStroke]) -> None:
         self._new_stroke = new_stroke
-        self.running: Stroke | None = None
-        self.waiting: Stroke | None = None
+        self.running: FollowedStroke | None = None
+        self.waiting: FollowedStroke | None = None
         """The stroke is over, its answer has not come."""
-        self._begun: deque[Stroke] = deque(maxlen=4)
+        self._begun: deque[FollowedStroke] = deque(maxlen=4)
         self._before: deque[Frame] = deque(maxlen=PRE_ROLL)
         self._watch = PhaseWatch()
 
@@ -40,7 +40,7 @@ class Assembler:
         """What the stroke is at."""
         return self._watch.now
 
-    def feed(self, event: Event) -> Stroke | None:
+    def feed(self, event: Event) -> FollowedStroke | None:
         """Take one event of `Answers`; returns the stroke that it finishes, if it finishes one."""
         if isinstance(event, Frame):
             self._watch.tick(event.time_us * 1e-6)
@@ -66,14 +66,14 @@ class Assembler:
             return self.give_up()
         return None
 
-    def give_up(self) -> Stroke | None:
+    def give_up(self) -> FollowedStroke | None:
         """The link broke, or the file ended: no more of this stroke will come; returns one that was over."""
         stroke, self.waiting, self.running = self.waiting, None, None
         self._watch.reset()
         self._before.clear()
         return stroke
 
-    def _begin(self, started_s: float) -> Stroke:
+    def _begin(self, started_s: float) -> FollowedStroke:
         stroke = self._new_stroke(started_s)
         self._begun.append(stroke)
         return stroke
@@ -87,7 +87,7 @@ class Assembler:
             if abs(stroke.started_s - started_s) < _SAME_S:
                 stroke.lane_mm = lane_mm
 
-    def _change(self, event: StrokeState) -> Stroke | None:
+    def _change(self, event: StrokeState) -> FollowedStroke | None:
         finished = None
         touched = self.phase.contact
         self._watch.change(event)

@@ -9,11 +9,11 @@ from palpate.model_export.schema import ModelSpec
 from palpate.recording.channels import CALIBRATION, MODEL
 from palpate.recording.playback import RecordedSession, open_recording
 from palpate.recording.reader import Recording
-from palpate.stroke.answered import Answers
+from palpate.stroke.answered import AnsweredEvents
 from palpate.stroke.assemble import Assembler
 from palpate.stroke.documents import Documents
 from palpate.stroke.follower import Follower
-from palpate.stroke.stroke import Stroke
+from palpate.stroke.stroke import FollowedStroke
 from palpate.wire.events import Event
 
 
@@ -24,7 +24,7 @@ def follower_of(recording: Recording, document: ModelSpec | None = None) -> Foll
     return Follower(documents, recording.attachment(CALIBRATION) or b"")
 
 
-def load_strokes(path: Path, document: ModelSpec | None = None) -> list[Stroke]:
+def load_strokes(path: Path, document: ModelSpec | None = None) -> list[FollowedStroke]:
     """All strokes of a recording.
 
     Raises
@@ -41,7 +41,7 @@ def strokes_of(
     follower: Follower,
     seen: Callable[[Event], None] = lambda event: None,
     stopped: Callable[[], bool] = lambda: False,
-) -> Iterator[Stroke]:
+) -> Iterator[FollowedStroke]:
     """The strokes of an open recording as they end.
 
     Parameters
@@ -54,7 +54,10 @@ def strokes_of(
     stopped : callable, optional
         Asked before each event whether somebody wants no more.
     """
-    answers, assembler = Answers(follower), Assembler(lambda t: Stroke(number=0, visit=0, started_s=t))
+    answers, assembler = (
+        AnsweredEvents(follower),
+        Assembler(lambda t: FollowedStroke(number=0, visit=0, started_s=t)),
+    )
     for event in session.events():
         if stopped():
             return

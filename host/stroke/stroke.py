@@ -33,7 +33,7 @@ def _rounded(values: Any, digits: int) -> list[float]:
 
 
 @dataclass
-class Stroke:
+class FollowedStroke:
     """What is kept of one stroke: at most `MAX_IMAGES` images and `MAX_FRAMES` points of the traces (a
     probe left in contact for hours must not fill the memory); beyond that, every second one is dropped.
 

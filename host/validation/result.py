@@ -11,7 +11,7 @@ import pandas as pd
 from statsmodels.stats.proportion import proportion_confint
 
 from palpate.dataset.agreement import Agreement, Estimated, agreement
-from palpate.dataset.answers import OUTPUTS, Answers, answers
+from palpate.dataset.answers import OUTPUTS, JudgedAnswers, answers
 from palpate.dataset.strokes import ObservedDataSet, observe_data_set
 from palpate.dataset.table import DataSet
 from palpate.learn.probe_model import E_INV23
@@ -37,7 +37,7 @@ class Validation:
 
     Attributes
     ----------
-    answers : Answers
+    answers : JudgedAnswers
     agreements : dict of Agreement
         By output; those without a truth are missing.
     verdicts : dict of Verdict
@@ -52,7 +52,7 @@ class Validation:
         The data set's.
     """
 
-    answers: Answers
+    answers: JudgedAnswers
     agreements: dict[str, Agreement]
     verdicts: dict[str, Verdict]
     confusion: pd.DataFrame
@@ -142,7 +142,7 @@ def share(hits: np.ndarray) -> Estimated:
     return Estimated(k / n, float(low), float(high))
 
 
-def _hardness(said: Answers) -> tuple[pd.DataFrame, Estimated | None]:
+def _hardness(said: JudgedAnswers) -> tuple[pd.DataFrame, Estimated | None]:
     judged = said.lump & ~np.isnan(said.truth[:, E_INV23])
     truth = np.where(said.hard[judged], "hard", "soft")
     words = said.hardness[judged]

@@ -18,7 +18,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
 from palpate.view import exports
-from palpate.view.commands import Commands
+from palpate.view.commands import PageCommands
 from palpate.view.guard import Guard
 from palpate.view.page_connection import PageConnection
 from palpate.view.session import Session
@@ -61,7 +61,7 @@ def color_maps() -> dict[str, str]:
 
 def make_app(
     session: Session,
-    commands: Commands,
+    commands: PageCommands,
     *,
     token: str = "",
     loopback: bool = True,

@@ -18,11 +18,11 @@ from typing import Any
 
 from palpate.errors import PalpateError, RecordingError, UsageError
 from palpate.stroke.lanes import mark_of
-from palpate.stroke.stroke import Stroke
+from palpate.stroke.stroke import FollowedStroke
 from palpate.view.session import Session
 from palpate.view.source import Flashable, Playable, Recordable, Referable, Source
 
-LoadStrokes = Callable[[Path], Sequence[Stroke]]
+LoadStrokes = Callable[[Path], Sequence[FollowedStroke]]
 SPEEDS = (0.1, 100.0)
 
 
@@ -30,7 +30,7 @@ class CommandError(UsageError):
     """The page asked for something that cannot be done; the text is for the user."""
 
 
-class Commands:
+class PageCommands:
     """The page's commands, on one session and its source.
 
     Parameters

@@ -16,12 +16,12 @@ from palpate.model_export.check_image import check_image
 from palpate.model_export.schema import ModelSpec
 from palpate.recording.channels import CALIBRATION, MODEL
 from palpate.recording.writer import RecordingWriter
-from palpate.stroke.answered import Answers
+from palpate.stroke.answered import AnsweredEvents
 from palpate.stroke.documents import Documents
 from palpate.stroke.follower import Follower
 from palpate.view.latency import Latency
 from palpate.view.live_recorder import LiveRecorder
-from palpate.view.notices import Device, Health, LinkChanged, LinkState, RecordingStopped
+from palpate.view.notices import Health, LinkChanged, LinkState, OtherEnd, RecordingStopped
 from palpate.view.source import Emit
 from palpate.wire.events import MARK_PREFIX, Frame, Gap, Log
 from palpate.wire.reference import Reference
@@ -168,7 +168,7 @@ class LiveSource:
             stop.wait(RETRY_S)
 
     def _follow(self, probe: Probe, emit: Emit, stop: threading.Event) -> None:
-        answers = Answers(follower := Follower(self._documents))
+        answers = AnsweredEvents(follower := Follower(self._documents))
         follower.meet(probe)
         probe.reference()  # it may have been taken before this page was opened
         device = self._describe(probe)
@@ -211,7 +211,7 @@ class LiveSource:
         if probe.connected:
             probe.stop_stream()
 
-    def _describe(self, probe: Probe) -> Device:
+    def _describe(self, probe: Probe) -> OtherEnd:
         return describe(probe, self._documents)
 
     def _elsewhere(self) -> bool:
@@ -242,10 +242,10 @@ class LiveSource:
         )
 
 
-def describe(source: EventSource, documents: Documents) -> Device:
+def describe(source: EventSource, documents: Documents) -> OtherEnd:
     """Who answers, for the page's head."""
     identity = source.identity
-    return Device(
+    return OtherEnd(
         name="Probe" if source.live else Path(source.name).name,
         serial=readable(identity.serial),
         firmware=identity.firmware,

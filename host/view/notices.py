@@ -16,7 +16,7 @@ class LinkState(Enum):
 
 
 @dataclass(frozen=True)
-class Device:
+class OtherEnd:
     """Who is at the other end: a probe, or the file that stands for it."""
 
     name: str
@@ -39,7 +39,7 @@ class LinkChanged:
 
     state: LinkState
     text: str
-    device: Device | None = None
+    device: OtherEnd | None = None
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import Any
 from starlette.concurrency import run_in_threadpool
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
-from palpate.view.commands import Commands
+from palpate.view.commands import PageCommands
 from palpate.view.mailbox import Mailbox, Message
 from palpate.view.session import Session
 
@@ -34,7 +34,7 @@ class PageConnection:
     """One open page: a task that sends what is newest, one that reads what the page says, and two that do
     its commands in turn, quick and slow ones (a long one must hold up neither frames nor a recording)."""
 
-    def __init__(self, session: Session, commands: Commands, ws: WebSocket) -> None:
+    def __init__(self, session: Session, commands: PageCommands, ws: WebSocket) -> None:
         self._session = session
         self._commands = commands
         self._ws = ws

@@ -15,12 +15,12 @@ from pathlib import Path
 from palpate.model_export.schema import ModelSpec
 from palpate.recording.playback import RecordedSession, open_recording
 from palpate.recording.reader import Recording
-from palpate.stroke.answered import Answers
+from palpate.stroke.answered import AnsweredEvents
 from palpate.stroke.follower import Follower
 from palpate.stroke.lanes import lane_of
 from palpate.stroke.read import follower_of, strokes_of
 from palpate.view.live import describe
-from palpate.view.notices import Device, Health, Jumped, LinkChanged, LinkState, Mark, Playback
+from palpate.view.notices import Health, Jumped, LinkChanged, LinkState, Mark, OtherEnd, Playback
 from palpate.view.source import Emit
 from palpate.wire.events import Event, Frame, Gap, Log
 
@@ -160,8 +160,8 @@ class ReplaySource:
             with self._lock:
                 self._marks.append(Mark(max(at_s, 0.0), text))
 
-    def _play(self, device: Device, emit: Emit, stop: threading.Event) -> None:
-        answers = Answers()
+    def _play(self, device: OtherEnd, emit: Emit, stop: threading.Event) -> None:
+        answers = AnsweredEvents()
         before, told = time.monotonic(), 0.0
         ended = False
         while not stop.wait(TICK_S):

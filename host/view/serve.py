@@ -17,7 +17,7 @@ import uvicorn
 from palpate.answer.visit import POOLS_WITH
 from palpate.stroke.change import Between
 from palpate.view.app import make_app
-from palpate.view.commands import Commands, LoadStrokes
+from palpate.view.commands import LoadStrokes, PageCommands
 from palpate.view.guard import is_loopback
 from palpate.view.notices import LinkChanged, LinkState
 from palpate.view.session import Session
@@ -64,7 +64,7 @@ class Viewer:
         self.source = source
         self.session = Session(mode=mode, name=source.name, fat_kPa=fat_kPa)
         self.session.visits.between = between or {}
-        self.commands = Commands(self.session, source, recordings, load_strokes)
+        self.commands = PageCommands(self.session, source, recordings, load_strokes)
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self._socket = socket.socket(family, socket.SOCK_STREAM)
         try:

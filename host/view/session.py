@@ -20,16 +20,16 @@ from palpate.stroke.answered import Answered
 from palpate.stroke.assemble import Assembler
 from palpate.stroke.lanes import lane_of
 from palpate.stroke.phase import Phase
-from palpate.stroke.stroke import Stroke
+from palpate.stroke.stroke import FollowedStroke
 from palpate.stroke.tactile_map import force_N_per_m, peak_kPa
 from palpate.view.mailbox import Mailbox
 from palpate.view.notices import (
-    Device,
     Health,
     Jumped,
     LinkChanged,
     LinkState,
     Notice,
+    OtherEnd,
     Playback,
     RecordingStopped,
 )
@@ -76,7 +76,7 @@ class Session:
         self.visits = Visits("This visit" if mode == "live" else name, fat_kPa)
         self.lock = threading.RLock()
         self.link = LinkChanged(LinkState.CONNECTING, "Looking for the probe.")
-        self.device: Device | None = None
+        self.device: OtherEnd | None = None
         self.health = Health()
         self.phase = Phase(0.0)
         """As the pages know it."""
@@ -137,9 +137,9 @@ class Session:
             self.recording = recording
             self.tell({"type": "recording", "recording": recording})
 
-    def _new_stroke(self, started_s: float) -> Stroke:
+    def _new_stroke(self, started_s: float) -> FollowedStroke:
         if self.mode == "replay" and (known := self.visits.at(started_s)) is not None:
-            return Stroke(number=known.number, visit=known.visit, started_s=started_s)
+            return FollowedStroke(number=known.number, visit=known.visit, started_s=started_s)
         stroke = self.visits.new_stroke(started_s)
         self.tell_slot("lanes", {"type": "lanes", "lanes": self.visits.lanes.as_dict()})
         if stroke.lane_mm is not None and self.on_lane is not None:
@@ -154,7 +154,7 @@ class Session:
             self.tell_slot("lanes", {"type": "lanes", "lanes": lanes})
             return lanes
 
-    def _give_up(self) -> Stroke | None:
+    def _give_up(self) -> FollowedStroke | None:
         """No more of the running stroke will come; returns one that was over."""
         if self._assembler.running is not None:
             self.visits.lanes.again()
@@ -163,7 +163,7 @@ class Session:
 
     # ---- events from the source
 
-    def on_event(self, event: Event | Notice | Stroke) -> None:
+    def on_event(self, event: Event | Notice | FollowedStroke) -> None:
         """Take one event, or a stroke that a source has read ahead; called in the source's thread."""
         with self.lock:
             match event:
@@ -180,7 +180,7 @@ class Session:
                     self._assembler.feed(event)
                     if (text := event.mark) is not None and lane_of(text) is None:
                         self.tell({"type": "mark", "time_s": event.time_us * 1e-6, "text": text})
-                case Stroke():
+                case FollowedStroke():
                     self._read_ahead(event)
                 case Health():
                     self.health = event
@@ -230,12 +230,12 @@ class Session:
             self.phase = phase
             self.tell_slot("state", {"type": "state", "state": asdict(phase)})
 
-    def _tell_progress(self, stroke: Stroke) -> None:
+    def _tell_progress(self, stroke: FollowedStroke) -> None:
         if self._mailboxes:
             self.tell_slot("progress", stroke.progress())
         self._progress_at = time.monotonic()
 
-    def _finish(self, stroke: Stroke) -> None:
+    def _finish(self, stroke: FollowedStroke) -> None:
         """A stroke is over: live, it goes into the history; replayed, it is there already."""
         if self.mode == "replay":
             known = self.visits.same(stroke)
@@ -247,7 +247,7 @@ class Session:
             self.tell_slot("visits", {"type": "visits", **self.visits.snapshot()})
         self.tell({**stroke.detail(images=False), "fresh": True})
 
-    def _read_ahead(self, stroke: Stroke) -> None:
+    def _read_ahead(self, stroke: FollowedStroke) -> None:
         self.visits.adopt(stroke)
         self.tell_slot("visits", {"type": "visits", **self.visits.snapshot()})
 

@@ -12,11 +12,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from palpate.stroke.stroke import Stroke
+from palpate.stroke.stroke import FollowedStroke
 from palpate.view.notices import Notice
 from palpate.wire.events import Event
 
-Emit = Callable[[Event | Notice | Stroke], None]
+Emit = Callable[[Event | Notice | FollowedStroke], None]
 """Takes an event (answers as `stroke.answered` tells them), a notice, or a stroke that was read ahead."""
 
 

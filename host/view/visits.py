@@ -11,7 +11,7 @@ from palpate.answer.visit import visit_answer
 from palpate.stroke.change import ASSUMES, ASSUMES_BETWEEN, QUANTITIES, Between, compare, spread
 from palpate.stroke.found_lump import FoundLump
 from palpate.stroke.lanes import Lanes
-from palpate.stroke.stroke import Stroke
+from palpate.stroke.stroke import FollowedStroke
 
 MAX_STROKES = 1000
 STROKES_WITH_IMAGES = 100
@@ -42,17 +42,17 @@ class Visits:
         """What visits differ by themselves, by quantity, where a data set has told it."""
         self._visits = [Visit(1, first)]
         self._current = self._visits[0]
-        self._strokes: list[Stroke] = []
+        self._strokes: list[FollowedStroke] = []
         self._next_stroke = 1
         self.lanes = Lanes()
 
-    def new_stroke(self, started_s: float) -> Stroke:
+    def new_stroke(self, started_s: float) -> FollowedStroke:
         """A stroke that has just begun; `add` it when it is over (one that breaks off leaves no number
         out)."""
         number, visit = self._next_stroke, self._current.number
-        return Stroke(number=number, visit=visit, started_s=started_s, lane_mm=self.lanes.begin())
+        return FollowedStroke(number=number, visit=visit, started_s=started_s, lane_mm=self.lanes.begin())
 
-    def add(self, stroke: Stroke) -> None:
+    def add(self, stroke: FollowedStroke) -> None:
         """Number and keep a finished stroke; the oldest give way beyond a thousand."""
         stroke.number, stroke.fat_kPa = self._next_stroke, self._fat_kPa
         self._next_stroke += 1
@@ -61,17 +61,17 @@ class Visits:
             self._strokes[-STROKES_WITH_IMAGES - 1].drop_images()
         del self._strokes[:-MAX_STROKES]
 
-    def adopt(self, stroke: Stroke) -> None:
+    def adopt(self, stroke: FollowedStroke) -> None:
         """Keep a stroke that was put together elsewhere, in the current visit."""
         stroke.visit = self._current.number
         self.add(stroke)
 
-    def at(self, started_s: float) -> Stroke | None:
+    def at(self, started_s: float) -> FollowedStroke | None:
         """The stroke of the current visit that started at this time of the probe (to a tenth of a second)."""
         visit = self.strokes(self._current.number)
         return next((s for s in visit if abs(s.started_s - started_s) < 0.1), None)
 
-    def same(self, stroke: Stroke) -> Stroke | None:
+    def same(self, stroke: FollowedStroke) -> FollowedStroke | None:
         """The kept stroke that this one is (it may have been seen in part only): the same estimate, or
         start."""
         if stroke.estimate is None:
@@ -80,11 +80,11 @@ class Visits:
         visit = self.strokes(self._current.number)
         return next((s for s in visit if s.estimate is not None and s.estimate.time_us == told.time_us), None)
 
-    def get(self, number: int) -> Stroke | None:
+    def get(self, number: int) -> FollowedStroke | None:
         """The stroke with this number."""
         return next((s for s in self._strokes if s.number == number), None)
 
-    def strokes(self, visit: int | None = None) -> list[Stroke]:
+    def strokes(self, visit: int | None = None) -> list[FollowedStroke]:
         """All strokes, or those of one visit, oldest first."""
         return [s for s in self._strokes if visit is None or s.visit == visit]
 
@@ -94,7 +94,7 @@ class Visits:
         self.lanes.restart()
         return self._current
 
-    def add_earlier(self, name: str, strokes: Sequence[Stroke]) -> Visit:
+    def add_earlier(self, name: str, strokes: Sequence[FollowedStroke]) -> Visit:
         """A visit from an earlier recording, to compare with."""
         visit = self._append(name)
         visit.earlier = True
@@ -156,7 +156,7 @@ class Visits:
         return visit
 
 
-def same_lump(strokes: Sequence[Stroke]) -> list[Stroke]:
+def same_lump(strokes: Sequence[FollowedStroke]) -> list[FollowedStroke]:
     """The strokes whose lump lies where the last one's does, within half a diameter along and across."""
     found = [(s, lump) for s in strokes if s.lane_mm is not None and (lump := s.lump()) and lump.sure]
     if not found:
@@ -164,7 +164,7 @@ def same_lump(strokes: Sequence[Stroke]) -> list[Stroke]:
     last, there = found[-1]
     near_mm = there.d_mm[0] / 2
 
-    def across_mm(stroke: Stroke, lump: FoundLump) -> float:
+    def across_mm(stroke: FollowedStroke, lump: FoundLump) -> float:
         return (stroke.lane_mm or 0.0) + (lump.across_mm[0] if lump.across_mm else 0.0)
 
     return [

@@ -11,7 +11,7 @@ WINDOW = 256
 
 
 @dataclass
-class Counts:
+class StreamCounts:
     """What the host counted of one stream.
 
     Parameters
@@ -93,7 +93,7 @@ class Sequence:
     """Counts one stream by its sequence numbers modulo 2^30; needs 32 bytes however long it runs."""
 
     def __init__(self) -> None:
-        self.counts = Counts()
+        self.counts = StreamCounts()
         self._newest: int | None = None
         self._seen = 0  # bit k: newest - k has come
         self.every = 1
@@ -158,7 +158,7 @@ class Sequence:
         self.counts.received += 1
 
 
-class Strokes:
+class StrokesTold:
     """Which strokes of each stream have brought their estimate: they are numbered without gaps."""
 
     KEPT = 8

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from firmware_py import geometry, messages, wire
-from palpate.wire.accounting import Counts, LinkCounts, Sequence, Strokes
+from palpate.wire.accounting import LinkCounts, Sequence, StreamCounts, StrokesTold
 from palpate.wire.clock import Unwrapper
 from palpate.wire.delivery import Again, Earlier
 from palpate.wire.events import (
@@ -67,7 +67,7 @@ class Interpreter:
         """The reference press that the probe keeps, as far as this wire told (`palpate.wire.reference`)."""
         self.streams: dict[int, None] = {}
         """The streams begun, or renewed, on this wire: what belongs to another is no result of ours."""
-        self.strokes = Strokes()
+        self.strokes = StrokesTold()
         self.streaming = False
         """Between the answers to stream_start and stream_stop."""
         self._pieces = CalibrationPieces()
@@ -83,7 +83,7 @@ class Interpreter:
         self._ends_before: int | None = None
 
     @property
-    def frame_counts(self) -> Counts:
+    def frame_counts(self) -> StreamCounts:
         """Received, lost, duplicate, late frames."""
         return self.frames.counts
 

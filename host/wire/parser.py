@@ -15,11 +15,11 @@ from palpate.wire.interpreter import Interpreter
 LONGEST_BODY = 2048
 """Longest body accepted, bytes; a frame of 16 x 26 cells has 641. Longer ones are counted as oversize."""
 NOISE_KEPT = 4096
-"""Bytes without an event that are gathered before they are handed out as `Noise`; the longest packet has
+"""Bytes without an event that are gathered before they are handed out as `LineNoise`; the longest packet has
 fewer."""
 
 
-class Noise(Event):
+class LineNoise(Event):
     """Bytes that no event came of: noise, damaged packets, messages that are not known here."""
 
 
@@ -28,7 +28,7 @@ class LiveParser(Interpreter):
 
     Use: `for event in parser.feed(data, host_ns)`: events in the wire's order; duplicates are dropped and
     counted. With each event `parser.raw` holds the wire's bytes since the one before (its own packet last).
-    Of bytes that make no event not more than `NOISE_KEPT` are gathered: `Noise` then hands them out.
+    Of bytes that make no event not more than `NOISE_KEPT` are gathered: `LineNoise` then hands them out.
 
     Parameters
     ----------
@@ -89,10 +89,10 @@ class LiveParser(Interpreter):
         self._tail += data[start:end]
         return end
 
-    def _noise(self, host_ns: int) -> Noise:
+    def _noise(self, host_ns: int) -> LineNoise:
         """The bytes gathered so far, as `raw`: they wait no longer for an event to go with."""
         self.raw = self.take_tail()
-        return Noise(host_ns)
+        return LineNoise(host_ns)
 
     def take_tail(self) -> bytes:
         """The bytes after the last good packet; they are then forgotten (the link is closing)."""

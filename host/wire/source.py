@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from typing import ClassVar, Self
 
-from palpate.wire.accounting import Counts, LinkCounts
+from palpate.wire.accounting import LinkCounts, StreamCounts
 from palpate.wire.events import Event
 from palpate.wire.identity import Identity
 from palpate.wire.parser import LiveParser
@@ -48,7 +48,7 @@ class EventSource(ABC):
         return self._parser.counts
 
     @property
-    def frame_counts(self) -> Counts:
+    def frame_counts(self) -> StreamCounts:
         """Frames received, lost, duplicate, late."""
         return self._parser.frames.counts
 

@@ -71,7 +71,7 @@ class EmulatedProbe:
     def __init__(
         self,
         runtime: str = "micropython",
-        strokes: Iterable[source.Frames] = (),
+        strokes: Iterable[source.FramedStroke] = (),
         listen: str = "pty",
         store: Path | None = None,
         repeat: bool = False,
@@ -235,7 +235,7 @@ class EmulatedProbe:
         if self._orders is not None:
             os.write(self._orders, text.encode() + b"\n")
 
-    def set_strokes(self, strokes: Iterable[source.Frames], lifted: int = source.LIFTED) -> None:
+    def set_strokes(self, strokes: Iterable[source.FramedStroke], lifted: int = source.LIFTED) -> None:
         """What the sensors read from the next stream on; `lifted` frames in the air around each stroke."""
         self._source = source.write_source(self._dir / f"source-{self._sources}", strokes, lifted)
         self._sources += 1

@@ -19,7 +19,7 @@ LIFTED_AS_BY_HAND = 24
 half a second, it looks at no frames, and would miss the beginning of the next one."""
 
 
-class Frames(Protocol):
+class FramedStroke(Protocol):
     """A stroke as frames: `palpate.sim.probe.sensors.FrameStream` is one."""
 
     @property
@@ -42,7 +42,7 @@ def lifted_record(position_um: int = 0) -> bytes:
     return struct.pack("<ii", position_um, 0) + pair.to_bytes(3, "little") * (geometry.CELLS // 2)
 
 
-def records(frames: Frames) -> bytes:
+def records(frames: FramedStroke) -> bytes:
     """A stroke's frames in the source file's form."""
     out = bytearray()
     for packed, position, displacement in zip(
@@ -53,7 +53,7 @@ def records(frames: Frames) -> bytes:
     return bytes(out)
 
 
-def write_source(path: Path, strokes: Iterable[Frames], lifted: int = LIFTED) -> Path:
+def write_source(path: Path, strokes: Iterable[FramedStroke], lifted: int = LIFTED) -> Path:
     """Write strokes one after the other, the probe `lifted` frames in the air before and after each."""
     air = lifted_record() * lifted
     data = air + b"".join(records(stroke) + air for stroke in strokes)

@@ -12,7 +12,7 @@ from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.face_sensors import SENSORS_MM
 from palpate.sim.tissue.geometry import geometry_of
 from palpate.sim.tissue.mesh import TissueMesh
-from palpate.sim.tissue.run import Run
+from palpate.sim.tissue.run import StrokeRun
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.stroke import checked_positions, one_blas_thread
 
@@ -64,7 +64,7 @@ def deformation(
     out = []
     with one_blas_thread():
         geometry = geometry_of(case, settings, float(wanted[0]), float(wanted[-1]))
-        run = Run(case, settings, geometry)
+        run = StrokeRun(case, settings, geometry)
         for at in map(float, wanted):
             state = run.press(at, None)
             felt = run.read(state, at)

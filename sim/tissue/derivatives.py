@@ -23,11 +23,11 @@ from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.contact import ContactState, differentiate_sensors
 from palpate.sim.tissue.element import integrate
 from palpate.sim.tissue.errors import CaseError
-from palpate.sim.tissue.frames import Frames, solve_frames
+from palpate.sim.tissue.frames import SolvedFrames, solve_frames
 from palpate.sim.tissue.layers import DEEPER, UNDER_FAT, fields_of
 from palpate.sim.tissue.material import Tissue, elasticity
 from palpate.sim.tissue.newton import Newton
-from palpate.sim.tissue.run import Run
+from palpate.sim.tissue.run import StrokeRun
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.state import State
 from palpate.sim.tissue.stroke import one_blas_thread
@@ -75,7 +75,7 @@ class Derivatives:
     displacement: Floats
     steps: list[tuple[NDArray[np.float32], Floats, Floats]]
 
-    def carried(self, frames: Frames, changes: Floats) -> list[State]:
+    def carried(self, frames: SolvedFrames, changes: Floats) -> list[State]:
         """The frames' states after changes (n, k) of the parameters, to first order."""
         out = []
         for state, (du, dlam, dY), change in zip(frames.states, self.steps, changes):
@@ -93,7 +93,7 @@ def stroke_with_derivatives(
     forces_N_per_m: Sequence[float] | Floats,
     by: Sequence[str] | None = None,
     settings: Settings | None = None,
-) -> tuple[Frames, Derivatives]:
+) -> tuple[SolvedFrames, Derivatives]:
     """What n frames feel, each at its own place and under its own force, and how that changes with the case.
 
     Parameters
@@ -133,7 +133,7 @@ def differentiable(case: Case) -> tuple[str, ...]:
     return tuple(name for name in FIELDS if name not in without)
 
 
-def differentiate(frames: Frames, topology: Topology, by: Sequence[str] | None = None) -> Derivatives:
+def differentiate(frames: SolvedFrames, topology: Topology, by: Sequence[str] | None = None) -> Derivatives:
     """Derivatives at frames that were solved on a geometry of this topology; otherwise as above."""
     run = frames.run
     by = differentiable(run.case) if by is None else by
@@ -165,7 +165,7 @@ class _Moved:
 class _Columns:
     """Right-hand sides by `by`, then place and force."""
 
-    def __init__(self, run: Run, topology: Topology, by: tuple[str, ...], sensors: Floats) -> None:
+    def __init__(self, run: StrokeRun, topology: Topology, by: tuple[str, ...], sensors: Floats) -> None:
         assert isinstance(run.newton, Newton)
         self._run, self._by, self._newton, self._sensors = run, by, run.newton, sensors
         self._held = np.nonzero(run.mesh.fixed.ravel())[0]

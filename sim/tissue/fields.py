@@ -25,7 +25,7 @@ from palpate.sim.tissue.state import State
 from palpate.sim.tissue.stroke import simulate
 
 if TYPE_CHECKING:
-    from palpate.sim.tissue.run import Run
+    from palpate.sim.tissue.run import StrokeRun
 
 Floats = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ def simulate_fields(
         from palpate.sim.tissue.solid.fields import simulate_fields as solid_fields
 
         return solid_fields(case, settings, positions_mm)
-    seen: list[tuple[Run, float, State]] = []
+    seen: list[tuple[StrokeRun, float, State]] = []
     stroke = simulate(case, settings, positions_mm, lambda *what: seen.append(what))
     projector = _Projector(seen[0][0])
     return stroke, [projector(run, position, state) for run, position, state in seen]
@@ -81,7 +81,7 @@ def simulate_fields(
 class _Projector:
     """Projects on one mesh; the projections' matrices are factored once."""
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: StrokeRun) -> None:
         mesh = run.mesh
         self._weak = WeakForm(mesh, run.tissue.constants)
         self._cells = mesh.quads.dofs.element_dofs
@@ -95,7 +95,7 @@ class _Projector:
             [n + np.searchsorted(p.nodes, self._cells[:, p.elements]).T for n, p in zip(starts, self._parts)]
         )
 
-    def __call__(self, run: Run, position: float, state: State) -> Fields:
+    def __call__(self, run: StrokeRun, position: float, state: State) -> Fields:
         mesh, weak = run.mesh, self._weak
         displacement = state.u.reshape(-1, 2)[self._nodes]
         _, contact, _ = run.contact.pressure(state.u, state.multiplier, position)

@@ -142,7 +142,7 @@ def tangent(du: Any, dq: Any, v: Any, p: Any, w: Any) -> Floats:
 # --- the contact ------------------------------------------------------------------------------------------
 
 
-class Face(Protocol):
+class FaceCurve(Protocol):
     """The probe's face: `face(s)` at places `s` (dim, ...) from its middle, mm."""
 
     def __call__(self, s: Floats) -> tuple[Floats, Floats, Floats]:
@@ -161,7 +161,7 @@ def surface_quadrature(dim: int) -> tuple[Floats, Floats]:
 
 
 def face_fields(
-    x: Any, u: Any, multiplier: Any, height: float, place: float, face: Face, friction: float
+    x: Any, u: Any, multiplier: Any, height: float, place: float, face: FaceCurve, friction: float
 ) -> dict[str, Any]:
     """Parameters of the contact's forms.
 

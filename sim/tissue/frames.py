@@ -18,7 +18,7 @@ from palpate.sim.tissue.contact import OWN_PLACES, read_sensors
 from palpate.sim.tissue.errors import StrokeError
 from palpate.sim.tissue.geometry import Geometry
 from palpate.sim.tissue.newton import NoConvergence
-from palpate.sim.tissue.run import Run
+from palpate.sim.tissue.run import StrokeRun
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.state import State, combine, extrapolation
 from palpate.sim.tissue.stroke import one_blas_thread
@@ -35,12 +35,12 @@ _GUESSED_STEPS = 5
 
 
 @dataclass
-class Frames:
+class SolvedFrames:
     """n frames of one case.
 
     Attributes
     ----------
-    run : Run
+    run : StrokeRun
         Case, mesh and solver that they were computed with.
     places_mm, forces_N_per_m : ndarray (n,)
     order : ndarray (n,), int
@@ -53,7 +53,7 @@ class Frames:
         Where they are read.
     """
 
-    run: Run
+    run: StrokeRun
     places_mm: Floats
     forces_N_per_m: Floats
     order: NDArray[np.int64]
@@ -71,7 +71,7 @@ def solve_frames(
     forces_N_per_m: Floats,
     guesses: Sequence[State] | None = None,
     sensors: Floats = OWN_PLACES,
-) -> Frames:
+) -> SolvedFrames:
     """Equilibria of n frames in the plane.
 
     Parameters
@@ -92,7 +92,7 @@ def solve_frames(
     """
     places, forces = np.asarray(places_mm, float), np.asarray(forces_N_per_m, float)
     order = np.lexsort((forces, places))
-    run = Run(case, settings, geometry)
+    run = StrokeRun(case, settings, geometry)
     march = _March(run)
     states: list[State | None] = [None] * len(places)
     with one_blas_thread():
@@ -104,13 +104,13 @@ def solve_frames(
         x, pressure, _ = run.contact.pressure(state.u, state.multiplier, places[k])
         images[k] = read_sensors(x - places[k], pressure, sensors)
         depth[k] = run.surface_mm - state.height
-    return Frames(run, places, forces, order, found, images, depth, sensors)
+    return SolvedFrames(run, places, forces, order, found, images, depth, sensors)
 
 
 class _March:
     """Goes from frame to frame and remembers the last few."""
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: StrokeRun) -> None:
         self._run = run
         self._past: list[tuple[float, float, State]] = []
 

@@ -39,7 +39,7 @@ class NoConvergence(ArithmeticError):
 
 
 @dataclass
-class Counts:
+class Work:
     """What the work consisted of."""
 
     iterations: int = 0
@@ -50,7 +50,7 @@ class Counts:
 class Equilibrium(Protocol):
     """What finds the state under a given force: `Newton`, and `reference.ReferenceNewton`."""
 
-    counts: Counts
+    counts: Work
 
     def solve(
         self, start: State, position: float, force: float, limit: int = 30, careful: bool = False
@@ -77,7 +77,7 @@ class Newton:
     ) -> None:
         self.tissue, self.contact, self.solver, self.tolerance = tissue, contact, solver, tolerance
         self.sparing = sparing
-        self.counts = Counts()
+        self.counts = Work()
         mesh = tissue.mesh
         self._held = np.nonzero(mesh.fixed.ravel())[0]
         self._middle_mm = mesh.nodes_mm[mesh.elements[:, 4], 0]

@@ -21,7 +21,7 @@ from palpate.sim.tissue import forms
 from palpate.sim.tissue.element import QUADRATURE
 from palpate.sim.tissue.material import Elasticity
 from palpate.sim.tissue.mesh import TissueMesh
-from palpate.sim.tissue.newton import Counts, NoConvergence
+from palpate.sim.tissue.newton import NoConvergence, Work
 from palpate.sim.tissue.probe_shape import ProbeShape
 from palpate.sim.tissue.state import State
 
@@ -85,7 +85,7 @@ class WeakForm:
         return np.divide(weighted, self.share, out=np.zeros_like(weighted), where=self.share > 0)
 
 
-def _face_of(shape: ProbeShape) -> forms.Face:
+def _face_of(shape: ProbeShape) -> forms.FaceCurve:
     def face(s: Floats) -> tuple[Floats, Floats, Floats]:
         f, slope, curvature = (v.reshape(s[0].shape) for v in shape.height(s[forms.ALONG].ravel()))
         gradient, bend = np.zeros_like(s), np.zeros((2, *s.shape))
@@ -104,7 +104,7 @@ class ReferenceNewton:
         self.mesh, self.shape, self.friction = mesh, shape, friction
         self.tolerance = min(tolerance, _TOLERANCE)
         self.weak = WeakForm(mesh, constants)
-        self.counts = Counts()
+        self.counts = Work()
         self._stiffest = constants.bulk.max()
         held = np.zeros(self.weak.basis.N, bool)
         held[self.weak.moved[mesh.fixed.ravel()]] = True

@@ -34,7 +34,7 @@ _FINE_START = 0.5
 """Part of the expected depth at which Newton starts on a fine mesh: from deeper the first steps overshoot."""
 
 
-class Run:
+class StrokeRun:
     """One case on one geometry."""
 
     def __init__(self, case: Case, settings: Settings, geometry: Geometry) -> None:
@@ -133,7 +133,7 @@ class Run:
         positions: Floats,
         state: State,
         began: float,
-        visit: Callable[[Run, float, State], None] | None = None,
+        visit: Callable[[StrokeRun, float, State], None] | None = None,
     ) -> Stroke:
         """Slide through all positions and collect what the probe feels; `visit` is told of every state."""
         rows, iterations, before = [], [], 0

@@ -17,7 +17,7 @@ from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.errors import CaseError
 from palpate.sim.tissue.geometry import forget_geometries, geometry_of
 from palpate.sim.tissue.result import Stroke
-from palpate.sim.tissue.run import Run
+from palpate.sim.tissue.run import StrokeRun
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.state import State
 
@@ -26,7 +26,7 @@ _log = logging.getLogger(__name__)
 Floats = NDArray[np.float64]
 
 
-Visit = Callable[[Run, float, State], None]
+Visit = Callable[[StrokeRun, float, State], None]
 """Told of every position of a stroke, with the equilibrium there."""
 
 
@@ -93,7 +93,7 @@ def simulate_forces(
         geometry = geometry_of(case, settings, float(positions[0]), float(positions[-1]))
         for force in forces:
             loaded = replace(case, F_rel=force)
-            run = Run(loaded, settings, geometry)
+            run = StrokeRun(loaded, settings, geometry)
             pressed = run.press(positions[0], pressed)
             strokes.append(run.stroke(positions, pressed, began, visit))
             took_s = time.thread_time() - began
@@ -111,7 +111,7 @@ def one_blas_thread() -> AbstractContextManager[object]:
 def _warm_up() -> None:
     """Compile the kernels, or load them, so that no stroke's time has this in it."""
     case = Case.from_code("d10h08eNLf01")
-    run = Run(case, Settings(), geometry_of(case, Settings(hx_mm=4.0), 0.0, 2.0))
+    run = StrokeRun(case, Settings(), geometry_of(case, Settings(hx_mm=4.0), 0.0, 2.0))
     run.stroke(np.array([0.0, 2.0]), run.press(0.0, None), 0.0)
     forget_geometries()
 

@@ -15,7 +15,7 @@ from palpate import models
 from palpate.adaptation import recalibration
 from palpate.adaptation.adapt import adapt_to, link_truth
 from palpate.dataset.agreement import errors_of
-from palpate.dataset.answers import OUTPUTS, Answers, answers, found
+from palpate.dataset.answers import OUTPUTS, JudgedAnswers, answers, found
 from palpate.dataset.strokes import ObservedDataSet
 from palpate.firmware_twin.replay_core import Replay
 from palpate.learn.observed import NAMES
@@ -59,7 +59,7 @@ class Score:
     covered: float
 
 
-def scores(said: Answers, rows: np.ndarray) -> dict[str, Score]:
+def scores(said: JudgedAnswers, rows: np.ndarray) -> dict[str, Score]:
     """Of the strokes `rows` in which a lump was found."""
     used = rows & said.lump
     out = {}
@@ -72,7 +72,7 @@ def scores(said: Answers, rows: np.ndarray) -> dict[str, Score]:
     return out
 
 
-def afresh(spec: ModelSpec, part: ObservedDataSet, whole: ObservedDataSet) -> Answers:
+def afresh(spec: ModelSpec, part: ObservedDataSet, whole: ObservedDataSet) -> JudgedAnswers:
     """A linear model of the same features, trained on some lumps alone; intervals by leaving them out."""
     part = part.take(found(spec, part.X, part.status))
     Y, group = link_truth(spec, part), part.lump
@@ -98,7 +98,7 @@ def afresh(spec: ModelSpec, part: ObservedDataSet, whole: ObservedDataSet) -> An
     full = {
         w: np.column_stack([parts[w], [s[i] for s in spans]]) for i, w in enumerate(("value", "low", "high"))
     }
-    return Answers(
+    return JudgedAnswers(
         full["value"], full["low"], full["high"], base.truth, base.lump, base.in_domain, base.force_out,
         base.hardness, base.group, base.hard, base.level,
     )  # fmt: skip
@@ -117,7 +117,7 @@ def study(
     visible = np.unique(whole.lump[before.lump])
     rows = []
 
-    def add(way: str, n: int, draw: int, said: Answers, left: np.ndarray) -> None:
+    def add(way: str, n: int, draw: int, said: JudgedAnswers, left: np.ndarray) -> None:
         for name, s in scores(said, left).items():
             rows.append({"way": way, "lumps": n, "draw": draw, "output": name, **vars(s)})
 

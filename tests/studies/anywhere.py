@@ -12,7 +12,7 @@ from palpate.features.map_features import Floats
 from palpate.learn.anywhere import AnywhereStudy
 from palpate.learn.data import sweep_progress
 from palpate.learn.lumps import LumpStrokes, read_pressed
-from palpate.learn.model import Model, fit_model, force_map_of
+from palpate.learn.model import FittedModel, fit_model, force_map_of
 from palpate.learn.observed import Observed, joined, observe_in_any_fat
 from palpate.learn.probe_model import OUTPUTS
 from palpate.learn.scopes import BORDER
@@ -127,7 +127,7 @@ def _percent(values: Sequence[float] | Floats) -> list[str]:
     return [f"{100 * value:.2g}" for value in values]
 
 
-def _of_the_tie(found: AnywhereStudy, of_tie: AnywhereStudy, model: Model) -> TextTable:
+def _of_the_tie(found: AnywhereStudy, of_tie: AnywhereStudy, model: FittedModel) -> TextTable:
     said, (_, _, true) = model.answer(found.seen), found.told
     limit = np.quantile(broken_tie(of_tie.y), 1 - FALSE_FLAGS)
     flagged = broken_tie(said.y) > limit

@@ -14,7 +14,7 @@ from palpate.learn.bench import Bench
 from palpate.learn.data import sweep_progress
 from palpate.learn.design import FIELD_SETTINGS
 from palpate.learn.lumps import FORCE_STEP, LumpStrokes, read_lumps
-from palpate.learn.model import Model, fit_model
+from palpate.learn.model import FittedModel, fit_model
 from palpate.learn.observed import Observed, joined, observe
 from palpate.learn.scopes import FIELD, TOLD
 from palpate.learn.score import coverage
@@ -38,7 +38,7 @@ def seen_through(lumps: Sequence[LumpStrokes], every: int) -> list[StrokeField]:
     return [StrokeField(*lump.strokes[::every]) for lump in lumps]
 
 
-def covered_row(words: str, model: Model, observed: Observed) -> Row:
+def covered_row(words: str, model: FittedModel, observed: Observed) -> Row:
     """Scores, and the coverage of every output's interval."""
     answers = model.answer(observed)
     table = coverage(observed, answers, answers.found)

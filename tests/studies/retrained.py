@@ -13,7 +13,7 @@ import pandas as pd
 from palpate.learn.bench import Bench
 from palpate.learn.conformal import LEVEL
 from palpate.learn.data import pressed, read
-from palpate.learn.model import Answers, Model
+from palpate.learn.model import Answers, FittedModel
 from palpate.learn.observed import Observed, noise_named
 from palpate.learn.score import hardness, scores
 from palpate.learn.table import TARGETS
@@ -58,7 +58,7 @@ class Study:
         return shown(self, result)
 
 
-def row_of(setting: str, model: Model, test: Observed, answers: Answers | None = None) -> Row:
+def row_of(setting: str, model: FittedModel, test: Observed, answers: Answers | None = None) -> Row:
     """Scores of one setting, with the median half-width of the intervals and what is not found."""
     answers = model.answer(test) if answers is None else answers
     found = answers.found

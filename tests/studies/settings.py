@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from firmware_py import geometry
 from palpate.learn.bench import Bench
-from palpate.learn.model import Model, fit_model
+from palpate.learn.model import FittedModel, fit_model
 from palpate.learn.observed import NAMES, Observed, joined
 from palpate.learn.ridge import FOLDS
 from palpate.learn.scopes import FIELD, PRESSURE_ONLY, TOLD, Recipe
@@ -127,7 +127,7 @@ def _forces(bench: Bench) -> Iterator[Row]:
     yield _joint_row("the same as one model of both", low, high)
 
 
-def _mean_row(setting: str, model: Model, a: Observed, b: Observed) -> Row:
+def _mean_row(setting: str, model: FittedModel, a: Observed, b: Observed) -> Row:
     first, second = model.answer(a), model.answer(b)
     both = first.found & second.found
     y = (first.y + second.y) / 2

@@ -11,7 +11,7 @@ from palpate.learn.bench import Bench
 from palpate.learn.data import stroke_fields, sweep_progress
 from palpate.learn.design import FIELD_SETTINGS, lump_cases, press_cases
 from palpate.learn.lumps import LumpStrokes, read_lumps, with_presses
-from palpate.learn.model import Model, fit_model
+from palpate.learn.model import FittedModel, fit_model
 from palpate.learn.observed import Observed, joined, observe
 from palpate.learn.other_tissues import strange_strokes
 from palpate.learn.scopes import FIELD, TOLD
@@ -82,7 +82,7 @@ def _run(bench: Bench) -> Iterator[Row]:
         yield tissue_row(words, model, observed)
 
 
-def tissue_row(words: str, model: Model, observed: Observed) -> Row:
+def tissue_row(words: str, model: FittedModel, observed: Observed) -> Row:
     """Scores of a model on strokes over some tissue, with the bias of its estimates and the share flagged.
 
     `silent`: the share whose interval of d misses the truth with no flag to say so.

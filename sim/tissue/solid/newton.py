@@ -18,7 +18,7 @@ from palpate.sim.tissue.solid.body import Body
 from palpate.sim.tissue.solid.face import FaceContact, Touching
 from palpate.sim.tissue.solid.mesh import SolidMesh
 from palpate.sim.tissue.solid.multifrontal import Multifrontal
-from palpate.sim.tissue.solid.woodbury import Correction
+from palpate.sim.tissue.solid.woodbury import ContactUpdate
 from palpate.sim.tissue.solver.linear import NotPositiveDefinite
 from palpate.sim.tissue.state import State
 
@@ -45,7 +45,7 @@ _MOST_CHANGES = 40
 
 
 @dataclass
-class Counts:
+class SolidWork:
     """What the work consisted of."""
 
     iterations: int = 0
@@ -73,7 +73,7 @@ class SolidNewton:
     def __init__(self, body: Body, contact: FaceContact, solver: Multifrontal, tolerance: float) -> None:
         self.body, self.contact, self.solver = body, contact, solver
         self.tolerance = _NODE_SHARE * tolerance
-        self.counts = Counts()
+        self.counts = SolidWork()
         mesh = body.mesh
         self._held = np.nonzero(mesh.fixed.ravel())[0]
         self._all = np.arange(len(mesh.elements))
@@ -83,7 +83,7 @@ class SolidNewton:
         self._slow = 0
         self._factored: Touching | None = None
         self._normals: Floats = np.zeros((len(contact.nodes), 3))
-        self._correction: Correction | None = None
+        self._correction: ContactUpdate | None = None
 
     def solve(
         self,
@@ -207,7 +207,7 @@ class SolidNewton:
         self._normals[came] = seen.normal[np.searchsorted(seen.active, came)]
         stiffness = np.where(left, -1.0, 1.0) * contact.augmentation * contact.weight[changed]
         normals = self._normals[changed] * contact.free[changed]
-        self._correction = Correction.of(
+        self._correction = ContactUpdate.of(
             changed, contact.dofs[changed], normals, stiffness, self.body.mesh.fixed.size, self._solved
         )
 

@@ -14,7 +14,7 @@ Singles = NDArray[np.float32]
 
 
 @dataclass
-class Correction:
+class ContactUpdate:
     """What n nodes in or out of contact since the factorisation change in its solutions.
 
     Attributes
@@ -46,7 +46,7 @@ class Correction:
         stiffness: Floats,
         size: int,
         solve: Callable[[Singles], Floats],
-    ) -> Correction:
+    ) -> ContactUpdate:
         """Work it out for nodes whose contact adds `stiffness` (n,), less than 0 where they have left.
 
         Parameters

@@ -10,7 +10,7 @@ from firmware_py import calib, feature_names, features
 from palpate import models
 from palpate.errors import ImageUnreadable
 from palpate.features import press_features
-from palpate.importing.firmware import Session
+from palpate.importing.firmware import ImportedSession
 from palpate.link import emulator_model as emulator
 from palpate.model_export import exporter, image_builder
 from palpate.model_export.image_builder import inspect
@@ -43,7 +43,7 @@ def recorded(path, *streams, lift=True, image=None):
         nominal = calib.Calibration().to_bytes()
         writer.attach(channels.CALIBRATION, "application/octet-stream", nominal)
         writer.attach(channels.MODEL, "application/octet-stream", image)
-        session = Session(writer, inspect(image), 1_700_000_000_000_000_000)
+        session = ImportedSession(writer, inspect(image), 1_700_000_000_000_000_000)
         now = 0
         for k, one in enumerate(streams):
             if lift or k == 0:

@@ -10,7 +10,7 @@ from palpate.link.session import recorded
 from palpate.sim.probe.endpoints import PtyEndpoint
 from palpate.sources import bridge
 from palpate.sources.emulated import Speaker
-from palpate.sources.encoder import Encoder
+from palpate.sources.encoder import PlaceSource
 from palpate.wire.events import Frame, Log
 from tests.host.sources.arrays import AIR, flexitac, port_of, uniform
 
@@ -28,7 +28,7 @@ class Lines:
 
 
 def encoder_of(*pieces, every_us=10_000.0):
-    encoder = Encoder("lines", Lines(*pieces))
+    encoder = PlaceSource("lines", Lines(*pieces))
     for k in range(len(pieces)):
         encoder.look(k * every_us)
     return encoder

@@ -7,7 +7,7 @@ import statsmodels.formula.api as smf
 
 from palpate.dataset import agreement as agree
 from palpate.dataset.agreement import agreement, by_lump
-from palpate.dataset.answers import OUTPUTS, Answers
+from palpate.dataset.answers import OUTPUTS, JudgedAnswers
 from palpate.learn.table import r_squared
 from palpate.validation.report import write
 from palpate.validation.result import _hardness, share
@@ -27,7 +27,7 @@ def told(lumps=30, strokes=3, bias=0.0, between=0.05, within=0.02, half=None, se
     wide = 1.645 * np.hypot(between, within) if half is None else half
     yes = np.ones(len(group), bool)
     words = np.full(len(group), "unsure")
-    return Answers(
+    return JudgedAnswers(
         value, value * np.exp(-wide), value * np.exp(wide), truth, yes, yes, ~yes, words, group, yes, 0.9
     )
 

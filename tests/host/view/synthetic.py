@@ -14,13 +14,15 @@ from firmware_py import geometry, outputs, status
 from palpate.answer.layers import LumpLayer
 from palpate.answer.told import AcrossStroke, Told
 from palpate.stroke.answered import Answered
-from palpate.view.notices import Device, Health, LinkChanged, LinkState, Playback
+from palpate.view.notices import Health, LinkChanged, LinkState, OtherEnd, Playback
 from palpate.view.source import Emit
 from palpate.wire.cells import COLUMN_MM, FULL_SCALE_KPA, PEDESTAL_KPA, ROW_MM
 from palpate.wire.events import OUTPUTS, Estimate, Event, Frame, StrokeState, TactileMap
 from palpate.wire.packing import pack
 
-DEVICE = Device("Made-up probe", serial="TEST-1", firmware="0", runtime="python", model_id="0011223344556677")
+DEVICE = OtherEnd(
+    "Made-up probe", serial="TEST-1", firmware="0", runtime="python", model_id="0011223344556677"
+)
 GONE = "The probe is gone. Plug it in again; this page goes on by itself."
 ACROSS_MM = COLUMN_MM
 

@@ -6,9 +6,9 @@ import dataclasses
 
 import pytest
 
-from palpate.stroke.answered import MAP_PATIENCE_US, Answers
+from palpate.stroke.answered import MAP_PATIENCE_US, AnsweredEvents
 from palpate.stroke.assemble import Assembler
-from palpate.stroke.stroke import Stroke
+from palpate.stroke.stroke import FollowedStroke
 from palpate.wire import events as link
 from palpate.wire.scale import NOMINAL
 
@@ -31,8 +31,8 @@ def frame(time_us):
 
 def finished(events):
     """The strokes that these events finish, after a stroke from 1 to 2 s."""
-    answers = Answers()
-    assembler = Assembler(lambda t: Stroke(number=1, visit=1, started_s=t))
+    answers = AnsweredEvents()
+    assembler = Assembler(lambda t: FollowedStroke(number=1, visit=1, started_s=t))
     began = [(0, "contact"), (1, "started"), (2, "ended")]
     states = [event(link.StrokeState, state=state, time_us=t * SECOND_US) for t, state in began]
     shown = [each for one in [*states, *events] for each in answers.feed(one)]

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from firmware_py import status
 from palpate.answer.card import card
 from palpate.stroke.assemble import Assembler
-from palpate.stroke.stroke import MAX_FRAMES, MAX_IMAGES, Stroke
+from palpate.stroke.stroke import MAX_FRAMES, MAX_IMAGES, FollowedStroke
 from palpate.view.exports import stroke_figure
 from palpate.view.lump_outline import draw_outline
 from palpate.view.notices import LinkChanged, LinkState
@@ -25,7 +25,7 @@ from tests.host.view.synthetic import IN_GLAND, Bump, estimate, frame, state, st
 
 
 def test_frames_before_the_probe_says_started_belong_to_the_stroke_and_those_in_the_air_do_not():
-    assembler = Assembler(lambda t: Stroke(number=1, visit=1, started_s=t))
+    assembler = Assembler(lambda t: FollowedStroke(number=1, visit=1, started_s=t))
 
     def felt(numbers):
         for n in numbers:
@@ -86,7 +86,7 @@ def test_lost_frames_are_counted_on_the_stroke():
 
 
 def test_a_probe_left_on_the_tissue_for_an_hour_does_not_fill_the_memory():
-    kept = Stroke(number=1, visit=1, started_s=0.0)
+    kept = FollowedStroke(number=1, visit=1, started_s=0.0)
     felt = frame(0, 0.0, 0.0, 1.0, np.ones((16, 26)))
     for n in range(20_000):
         kept.add(dataclasses.replace(felt, seq=n, time_us=5000 * n, position_um=n))

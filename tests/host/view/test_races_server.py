@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from palpate.view.commands import Commands
+from palpate.view.commands import PageCommands
 from palpate.view.notices import RecordingStopped
 from palpate.view.session import Session
 from tests.host.view.synthetic import Bump, SyntheticSource
@@ -27,7 +27,7 @@ def parts(tmp_path):
         start(path)
 
     source.start_recording = slow_start
-    yield source, session, Commands(session, source, tmp_path, lambda path: ())
+    yield source, session, PageCommands(session, source, tmp_path, lambda path: ())
     source.go_on.set()
 
 

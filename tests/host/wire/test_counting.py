@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware_py import calib, geometry, messages
-from palpate.wire.accounting import WINDOW, WRAP, LinkCounts, Sequence, Strokes
+from palpate.wire.accounting import WINDOW, WRAP, LinkCounts, Sequence, StrokesTold
 from palpate.wire.clock import ClockSync, Unwrapper
 from palpate.wire.packing import pack, unpack
 from palpate.wire.scale import NOMINAL, CalibrationPieces, CellScale
@@ -25,7 +25,9 @@ def test_a_packed_frame_is_its_counts_twelve_bits_after_twelve_bits(counts):
 
 def test_before_anything_came_nothing_is_counted():
     assert not any(LinkCounts().as_dict().values()) and not any(Sequence().counts.as_dict().values())
-    assert Strokes().received == Strokes().lost == 0 and {"lost", "late"} < set(Sequence().counts.as_dict())
+    assert StrokesTold().received == StrokesTold().lost == 0 and {"lost", "late"} < set(
+        Sequence().counts.as_dict()
+    )
 
 
 @given(
@@ -91,7 +93,7 @@ def test_a_new_connection_is_no_gap():
 
 @given(st.lists(st.lists(st.booleans(), min_size=1, max_size=6), min_size=1, max_size=14))
 def test_estimates_of_many_streams_are_counted_however_many_there_were(streams):
-    strokes = Strokes()
+    strokes = StrokesTold()
     for stream, came in enumerate(streams):
         strokes.begin(stream, 100)
         for k, yes in enumerate(came):

@@ -121,7 +121,7 @@ class Board:
         self._number = 100
         self._last = b""  # of what it said, for whoever waits in vain
 
-    def stroke(self, strokes: Sequence[source.Frames], folder: Path) -> None:
+    def stroke(self, strokes: Sequence[source.FramedStroke], folder: Path) -> None:
         """From the next stream on a hand leads the board over these strokes, one after the other."""
         way = source.write_source(folder / "way", strokes, source.LIFTED_AS_BY_HAND).read_bytes()
         self.hand = self.circuit.hand = Hand(self.matrix, moments(way))

@@ -7,7 +7,7 @@ import numpy as np
 from palpate.sim.tissue import Case, Settings
 from palpate.sim.tissue.fields import _Projector
 from palpate.sim.tissue.geometry import geometry_of
-from palpate.sim.tissue.run import Run
+from palpate.sim.tissue.run import StrokeRun
 
 CASE = Case.from_code("d10h08e10f10")
 COARSE = Settings(hx_mm=4.0, increment_mm=4.0, start_mm=-8.0)
@@ -15,7 +15,7 @@ COARSE = Settings(hx_mm=4.0, increment_mm=4.0, start_mm=-8.0)
 
 def test_an_even_deformation_has_the_same_fields_everywhere():
     case = replace(CASE, fat_stiffening=6.0)
-    run = Run(case, COARSE, geometry_of(case, COARSE, -8.0, 0.0))
+    run = StrokeRun(case, COARSE, geometry_of(case, COARSE, -8.0, 0.0))
     gradient = np.array([[0.05, 0.12], [-0.03, -0.02]])
     state = run._unloaded(0.0)
     state.u[:] = (run.mesh.nodes_mm @ gradient.T).ravel()

@@ -11,7 +11,7 @@ import pytest
 
 from palpate.sim.tissue import Case, CaseError, Settings, Stroke, StrokeError, simulate, simulate_forces
 from palpate.sim.tissue.geometry import geometry_of
-from palpate.sim.tissue.run import Run
+from palpate.sim.tissue.run import StrokeRun
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +113,7 @@ def test_the_force_balance_is_checked_with_friction_too():
     """It was set to 0 wherever the probe had friction."""
     case = Case.from_code("d10h08e10f10_mu0.3")
     settings = Settings()
-    run = Run(case, settings, geometry_of(case, settings, -28, 0))
+    run = StrokeRun(case, settings, geometry_of(case, settings, -28, 0))
     state = run.newton.solve(run.press(-28, None), -28, case.F_N_per_m)
     assert abs(run.read(state, -28)["force_error"]) < 1e-6
     run.case = dataclasses.replace(case, F_rel=1.01)
