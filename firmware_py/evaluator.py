@@ -25,8 +25,8 @@ verdict = _verdict.verdict
 # have as well are held equal by a test, and `python -m tests.firmware_py.output_numbers` writes them.
 OUTPUTS = const(6)
 NO_LUMP = _verdict.NO_LUMP
-WORK = const(24)  # sums of three depths, then the predictions
-PREDICTED = const(18)
+WORK = const(24)  # sums of three depths, of which the predictions remain, then of ln sigma
+SIGMAS = const(18)
 OUT_SIZE = const(21)  # value, low, high of each output; then FLAGS, DISTANCE, LEVEL
 FLAGS = const(18)
 DISTANCE = const(19)
@@ -42,6 +42,7 @@ FORCE_OUT = outputs.FORCE_OUT
 N_FEATURES = const(0)
 LEAVES = const(1)  # terms that go no further
 DOWNS = const(2)  # what each output's runs are shifted down by, four bits each, and ln sigma's
+ALL_DOWNS = const(0xFFFFFF)  # four bits for each of them
 SIGMA_DOWN = const(24)  # the place of ln sigma's, behind the outputs'
 ALIKE = const(0x111111)  # times four bits: the same for each output
 LOW_BITS = const(3)  # of a coefficient's low word
@@ -118,14 +119,18 @@ def standardise(x, ids, feats, head, u, part, high):
 
 
 def predict(c, d, own, steps, rows, outs, head, u, part, high, work, out):
-    """The outputs; their predictions, clipped, stay in work from PREDICTED on and become the first inputs."""
-    polynomial.nested(c, d, own, steps, u, part, high, head, work)
+    """The outputs; their predictions, clipped, stay at the beginning of work and become the first inputs."""
+    for j in range(WORK):
+        work[j] = 0
+    polynomial.nested(
+        c, d, own, steps, u, part, high, head, work, 0, head[STEPS], 0, head[DOWNS] & ALL_DOWNS
+    )  # fmt: skip
     at = 0
     for j in range(OUTPUTS):
         v = work[j]
         s = rows[2 * j + 1]
         v = clip((v >> s if s > 0 else scaled(v, s)) + rows[2 * j], outs[at + Y_LO], outs[at + Y_HI])
-        work[PREDICTED + j] = v
+        work[j] = v
         out[3 * j] = value(v, outs[at + LINK])
         put(scaled(v - outs[at + Y_MID], outs[at + Y_SHIFT]), j, head, part, high)
         at += OUTPUT_ROW
@@ -134,29 +139,21 @@ def predict(c, d, own, steps, rows, outs, head, u, part, high, work, out):
 def intervals(c, d, steps, rows, outs, head, part, high, work, out):
     """The intervals: a quantile for the predicted class times sigma, on the link scale.
 
-    They leave at the beginning of work how far each prediction lies beyond its range and the margin.
+    They leave in each prediction's place in work how far it lies beyond its range and the margin.
     """
-    for j in range(OUTPUTS):
-        work[j] = 0
-    at = OUTPUTS * head[LEAVES]
-    low_sum_shift = head[LOW_BITS] + head[HIGH_BITS] - head[PART_BITS]
-    downs = (head[DOWNS] >> SIGMA_DOWN) * ALIKE
-    i = head[STEPS]
-    while i < len(steps):
-        n = steps[i] & 31
-        i += 1
-        polynomial.sums(c, d, at, part, high, steps, i, i + n, low_sum_shift, downs, work, 0, OUTPUTS)
-        i += n
-        at += OUTPUTS * n
+    polynomial.nested(
+        c, d, steps, steps, part, part, high, head, work, head[STEPS], len(steps), OUTPUTS * head[LEAVES],
+        (head[DOWNS] >> SIGMA_DOWN) * ALIKE,
+    )  # fmt: skip
     at = 0
     e = out[3 * E_OUTPUT]
     for j in range(OUTPUTS):
-        v = work[j]
+        v = work[SIGMAS + j]
         s = rows[2 * (OUTPUTS + j) + 1]
         v = (v >> s if s > 0 else scaled(v, s)) + rows[2 * (OUTPUTS + j)]
         v = clip(v, scales.MIN_LN_WIDTH, scales.MAX_LN_WIDTH)
         v = width(v + pick(e, head[HARD_BELOW], outs[at + LN_Q_HARD], outs[at + LN_Q_SOFT]))
-        y = work[PREDICTED + j]
+        y = work[j]
         out[3 * j + 1] = value(clip(y - v, outs[at + Y_LO], outs[at + Y_HI]), outs[at + LINK])
         out[3 * j + 2] = value(clip(y + v, outs[at + Y_LO], outs[at + Y_HI]), outs[at + LINK])
         below = outs[at + RANGE_LO] - y

@@ -14,137 +14,105 @@ d * high. The program, `steps`, is bytes, innermost branches first:
 Words of coefficients stand in the program's order, one an output for each leaf; a branch's own
 coefficients, which come in as it is closed, are whole numbers at the scale of its sum. There are head[SUMS]
 outputs, n, and the sums of a depth are kept in work[n * depth..].
+
+All of it is one function: MicroPython puts the variables of a large function on the heap at each call, and on
+a heap with gaps finding room for them takes longer than a run of sums.
 """
 
 from firmware_py import constant
 
 const = constant.const
 
-OUTPUTS = const(6)  # outputs.COUNT; so many `sums` takes one by one
-ALL_DOWNS = const(0xFFFFFF)  # four bits for each of them
+OUTPUTS = const(6)  # outputs.COUNT; so many sums are taken one by one
 # entries of the head
-DOWNS = const(2)
 LOW_BITS = const(3)
 PART_BITS = const(11)
 HIGH_BITS = const(12)
-STEPS = const(13)
 SUMS = const(14)
 
 
-def few(c, d, at, part, high, steps, first, last, low_sum_shift, downs, work, to, n):
-    """As `sums`, of any number n of outputs."""
-    for j in range(n):
-        a = 0
-        b = 0
-        i = at + j
-        for k in range(first, last):
-            h = steps[k]
-            a += c[i] * part[h]
-            b += d[i] * high[h]
-            i += n
-        work[to + j] += a + (b >> low_sum_shift) >> (downs & 15)
-        downs >>= 4
+def nested(c, d, own, steps, u, part, high, head, work, i, last, at, downs):
+    """Add the program steps[i..last-1] to work: the outputs' sums from its beginning on, and depth 3's.
 
-
-def sums(c, d, at, part, high, steps, first, last, low_sum_shift, downs, work, to, n):
-    """Add n outputs' sums over the inputs steps[first..last-1] to work[to..]; their words begin at `at`.
-
-    Each is shifted down by its four bits of `downs`, and low words' products by `low_sum_shift` before.
-
-    All at once: an input is read once, and a look-up costs as much as a product.
+    The features are the inputs from OUTPUTS on. The words of the leaves begin at `at`; each output's runs are
+    shifted down by its four bits of `downs`. Branches begin empty, and are left so.
     """
-    if n != OUTPUTS:
-        few(c, d, at, part, high, steps, first, last, low_sum_shift, downs, work, to, n)
-        return
-    a0 = a1 = a2 = a3 = a4 = a5 = 0
-    b0 = b1 = b2 = b3 = b4 = b5 = 0
-    i = at
-    for k in range(first, last):
-        h = steps[k]
-        v = part[h]
-        h = high[h]
-        a0 += c[i] * v
-        b0 += d[i] * h
-        i += 1
-        a1 += c[i] * v
-        b1 += d[i] * h
-        i += 1
-        a2 += c[i] * v
-        b2 += d[i] * h
-        i += 1
-        a3 += c[i] * v
-        b3 += d[i] * h
-        i += 1
-        a4 += c[i] * v
-        b4 += d[i] * h
-        i += 1
-        a5 += c[i] * v
-        b5 += d[i] * h
-        i += 1
-    a0 += b0 >> low_sum_shift
-    a1 += b1 >> low_sum_shift
-    a2 += b2 >> low_sum_shift
-    a3 += b3 >> low_sum_shift
-    a4 += b4 >> low_sum_shift
-    a5 += b5 >> low_sum_shift
-    if downs:
-        a0 >>= downs & 15
-        a1 >>= downs >> 4 & 15
-        a2 >>= downs >> 8 & 15
-        a3 >>= downs >> 12 & 15
-        a4 >>= downs >> 16 & 15
-        a5 >>= downs >> 20 & 15
-    work[to] += a0
-    work[to + 1] += a1
-    work[to + 2] += a2
-    work[to + 3] += a3
-    work[to + 4] += a4
-    work[to + 5] += a5
-
-
-def carry(own, at, u, base, work, n):
-    """A branch of n outputs, their sums work[base..], times u into the branches before; empties them."""
-    a = u >> 14
-    b = u & 16383
-    for j in range(base, base + n):
-        v = work[j] + own[at]
-        work[j] = 0
-        w = v >> 14
-        # the product of the two low halves is below what is kept
-        work[j - n] += a * w + (a * (v & 16383) + b * w >> 14)
-        at += 1
-
-
-def nested(c, d, own, steps, u, part, high, head, work):
-    """All of it, the outputs' sums into work[0..]. The features are the inputs from OUTPUTS on."""
-    outputs = head[SUMS]
-    for i in range(3 * outputs):
-        work[i] = 0
-    at = 0
-    branch = 0
+    v = h = 0  # the most used first: those behind the first sixteen are slower to reach
+    n = head[SUMS]
     low_sum_shift = head[LOW_BITS] + head[HIGH_BITS] - head[PART_BITS]
-    downs = head[DOWNS] & ALL_DOWNS
-    last = head[STEPS]
-    i = 0
+    branch = 0
     while i < last:
-        n = steps[i]
-        base = outputs * (n >> 5 & 3)
+        v = steps[i]
+        to = n * (v >> 5 & 3)
         i += 1
-        if n & 128:
-            carry(own, branch, u[steps[i]], base, work, outputs)
-            branch += outputs
+        if v & 128:
+            h = u[steps[i]]
             i += 1
-        else:
-            n &= 31
-            sums(c, d, at, part, high, steps, i, i + n, low_sum_shift, downs, work, base, outputs)
-            i += n
-            at += outputs * n
+            a0 = h >> 14
+            b0 = h & 16383
+            for j in range(to, to + n):
+                v = work[j] + own[branch]
+                work[j] = 0
+                h = v >> 14
+                # the product of the two low halves is below what is kept
+                work[j - n] += a0 * h + (a0 * (v & 16383) + b0 * h >> 14)
+                branch += 1
+            continue
+        end = i + (v & 31)
+        if n != OUTPUTS:
+            for j in range(n):
+                a0 = 0
+                b0 = 0
+                v = at + j
+                for k in range(i, end):
+                    h = steps[k]
+                    a0 += c[v] * part[h]
+                    b0 += d[v] * high[h]
+                    v += n
+                work[to + j] += a0 + (b0 >> low_sum_shift) >> (downs >> 4 * j & 15)
+            at += n * (end - i)
+            i = end
+            continue
+        # all at once: an input is read once, and a look-up costs as much as a product
+        a0 = a1 = a2 = a3 = a4 = a5 = 0
+        b0 = b1 = b2 = b3 = b4 = b5 = 0
+        while i < end:
+            h = steps[i]
+            v = part[h]
+            h = high[h]
+            i += 1
+            a0 += c[at] * v
+            b0 += d[at] * h
+            at += 1
+            a1 += c[at] * v
+            b1 += d[at] * h
+            at += 1
+            a2 += c[at] * v
+            b2 += d[at] * h
+            at += 1
+            a3 += c[at] * v
+            b3 += d[at] * h
+            at += 1
+            a4 += c[at] * v
+            b4 += d[at] * h
+            at += 1
+            a5 += c[at] * v
+            b5 += d[at] * h
+            at += 1
+        work[to] += a0 + (b0 >> low_sum_shift) >> (downs & 15)
+        work[to + 1] += a1 + (b1 >> low_sum_shift) >> (downs >> 4 & 15)
+        work[to + 2] += a2 + (b2 >> low_sum_shift) >> (downs >> 8 & 15)
+        work[to + 3] += a3 + (b3 >> low_sum_shift) >> (downs >> 12 & 15)
+        work[to + 4] += a4 + (b4 >> low_sum_shift) >> (downs >> 16 & 15)
+        work[to + 5] += a5 + (b5 >> low_sum_shift) >> (downs >> 20 & 15)
 
 
 def dot_high(c, at, high, first, n):
     """One sum with high words alone, good to 1e-3 of the largest coefficient."""
     a = 0
-    for k in range(first, first + n):
-        a += c[at] * high[k]
+    n += at
+    while at < n:
+        a += c[at] * high[first]
         at += 1
+        first += 1
     return a

@@ -34,7 +34,11 @@ _FARTHEST = const(16384)  # 16: of an independent difference, Q10
 def estimates(x, ids, feats, steps, c, d, own, rows, ends, head, u, part, high, work, to, count):
     """The stage's values, Q24, into x[to..to+count)."""
     standardise(x, ids, feats, head, u, part, high)
-    polynomial.nested(c, d, own, steps, u, part, high, head, work)
+    for j in range(3 * count):
+        work[j] = 0
+    polynomial.nested(
+        c, d, own, steps, u, part, high, head, work, 0, len(steps), 0, head[evaluator.DOWNS]
+    )  # fmt: skip
     for j in range(count):
         v = work[j]
         s = rows[2 * j + 1]

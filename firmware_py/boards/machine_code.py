@@ -96,19 +96,22 @@ def _terms(fast):
     d = _halves(8 * n, 37)
     small = array("i", _halves(16, 2741))
     part = array("i", (-30000, 29999, -1234, 7, -1, 0, 23456, 1))
-    mine = _numbers(3 * n)
-    theirs = _numbers(3 * n)
-    steps = bytes((6, 5, 0, 2, 1, 4, 3))
-    downs = 74565
-    polynomial.sums(c, d, 5, part, small, steps, 1, 7, 5, downs, mine, 2 * n, n)
-    fast.sums(c, d, 5, part, small, steps, 1, 7, 5, downs, theirs, 2 * n, n)
-    if mine != theirs or fast.dot_high(c, 1, small, 2, 12) != polynomial.dot_high(c, 1, small, 2, 12):
-        return False
-    own = array("i", (5, -123456789, 98765432, 0, 4711, -77, 31415926))
-    for u in (-200000000, 123456789):
-        polynomial.carry(own, 1, u, 2 * n, mine, n)
-        fast.carry(own, 1, u, 2 * n, theirs, n)
-    return mine == theirs
+    own = array("i", (-123456789, 98765432, 0, 4711, -77, 31415926, 5))
+    u = array("i", (-200000000, 123456789))
+    head = _numbers(15)
+    head[3] = 9  # of the low words' products; 14: how many sums
+    head[11] = 19
+    head[12] = 15
+    steps = bytes((70, 5, 0, 2, 1, 4, 3, 192, 1, 160, 0, 1, 6))
+    for head[14] in (n, 1):
+        mine = _numbers(3 * n)
+        theirs = _numbers(3 * n)
+        for found, one in ((mine, polynomial), (theirs, fast)):
+            one.nested(c, d, own, steps, u, part, small, head, found, 0, 9, 3, 74565)
+            one.nested(c, d, own, steps, u, part, small, head, found, 9, 13, 5, 0)
+        if mine != theirs:
+            return False
+    return fast.dot_high(c, 1, small, 2, 12) == polynomial.dot_high(c, 1, small, 2, 12)
 
 
 def _model():

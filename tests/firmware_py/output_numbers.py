@@ -17,7 +17,7 @@ MOST = 6  # outputs: their bits and ln sigma's are one number below 2^30
 
 def numbers(n, force, e):
     """Name -> number, as it is written, for n outputs of which these are the force and E^-2/3."""
-    found = {"OUTPUTS": n, "_VALUES": 3 * n, "PREDICTED": 3 * n, "WORK": 4 * n}
+    found = {"OUTPUTS": n, "_VALUES": 3 * n, "SIGMAS": 3 * n, "WORK": 4 * n}
     found |= {"FLAGS": 3 * n, "DISTANCE": 3 * n + 1, "LEVEL": 3 * n + 2, "OUT_SIZE": 3 * n + 3}
     found |= {"FORCE": 3 * force, "E_OUTPUT": e, "E_LOW": 3 * e + 1, "E_HIGH": 3 * e + 2}
     return {name: str(number) for name, number in found.items()} | {
@@ -28,22 +28,21 @@ def numbers(n, force, e):
 
 
 def one_by_one(n):
-    """The body of polynomial.sums that names every output."""
+    """The end of polynomial.nested, which names every output."""
     each = range(n)
-    lines = ["    " + " = ".join(f"{word}{j}" for j in each) + " = 0" for word in "ab"]
+    lines = ["        " + " = ".join(f"{word}{j}" for j in each) + " = 0" for word in "ab"]
     lines += [
-        "    i = at",
-        "    for k in range(first, last):",
-        "        h = steps[k]",
-        "        v = part[h]",
-        "        h = high[h]",
+        "        while i < end:",
+        "            h = steps[i]",
+        "            v = part[h]",
+        "            h = high[h]",
+        "            i += 1",
     ]
     for j in each:
-        lines += [f"        a{j} += c[i] * v", f"        b{j} += d[i] * h", "        i += 1"]
-    lines += [f"    a{j} += b{j} >> low_sum_shift" for j in each]
-    lines += ["    if downs:"]
-    lines += [f"        a{j} >>= downs{f' >> {BITS * j}' if j else ''} & 15" for j in each]
-    lines += [f"    work[to{f' + {j}' if j else ''}] += a{j}" for j in each]
+        lines += [f"            a{j} += c[at] * v", f"            b{j} += d[at] * h", "            at += 1"]
+    for j in each:
+        place, down = (f" + {j}", f" >> {BITS * j}") if j else ("", "")
+        lines += [f"        work[to{place}] += a{j} + (b{j} >> low_sum_shift) >> (downs{down} & 15)"]
     return "\n".join(lines) + "\n"
 
 
@@ -58,8 +57,9 @@ def written():
         for known, number in found.items():
             text = re.sub(rf"^{known} = const\(\w+\)", f"{known} = const({number})", text, flags=re.MULTILINE)
         if name == "polynomial":
-            before, rest = text.split("    a0 = a1", 1)
-            text = before + one_by_one(outputs.COUNT) + "\n\ndef carry(" + rest.split("\n\ndef carry(", 1)[1]
+            before, rest = text.split("        a0 = a1", 1)
+            rest = rest.split("\n\ndef dot_high(", 1)[1]
+            text = before + one_by_one(outputs.COUNT) + "\n\ndef dot_high(" + rest
         texts[path] = text
     return texts
 

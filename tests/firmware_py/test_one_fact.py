@@ -33,7 +33,7 @@ from tests.firmware_py import output_numbers
 def test_the_outputs_table_and_the_numbers_taken_from_it():
     for path, text in output_numbers.written().items():
         assert path.read_text(encoding="utf-8") == text, f"run python -m {output_numbers.__name__}"
-    assert polynomial.ALL_DOWNS == (1 << evaluator.SIGMA_DOWN) - 1 == (1 << 4 * outputs.COUNT) - 1
+    assert evaluator.ALL_DOWNS == (1 << evaluator.SIGMA_DOWN) - 1 == (1 << 4 * outputs.COUNT) - 1
     assert sum(16**j for j in range(outputs.COUNT)) == evaluator.ALIKE
     assert outputs.PARTS == ("value", "low", "high") and verdict.E_HIGH == verdict.E_LOW + 1
 

@@ -98,9 +98,9 @@ def test_a_port_without_one_keeps_the_plain_loops(clean):
     script = """
 from firmware_py import bins, polynomial, cobs
 from firmware_py.boards import machine_code
-before = bins.put_cells, polynomial.sums, cobs.encode
+before = bins.put_cells, polynomial.nested, cobs.encode
 print(machine_code.install())
-print(before == (bins.put_cells, polynomial.sums, cobs.encode))
+print(before == (bins.put_cells, polynomial.nested, cobs.encode))
 """
     said = run_micropython(script).splitlines()
     assert said[0].startswith("machine code: none; the rest in plain loops (SyntaxError")
@@ -122,8 +122,8 @@ print(before == (bins.put_cells, polynomial.sums, cobs.encode))
         ("firmware_py.stroke_viper", "(q >> 1) + (", "(q >> 2) + (", "link, frames, model"),
         ("firmware_py.stroke_viper", "be += b * e", "be += b * z", "link, frames, model"),
         ("firmware_py.stroke_viper", "tilt += (u - v)", "tilt += (u + v)", "link, frames, model"),
-        ("firmware_py.evaluator_viper", "((d[i] ^ 0x8000) - 0x8000)", "d[i]", "link, frames, stroke"),
-        ("firmware_py.evaluator_viper", "(downs & 15)", "(downs & 14)", "link, frames, stroke"),
+        ("firmware_py.evaluator_viper", "((d[w] ^ 0x8000) - 0x8000)", "d[w]", "link, frames, stroke"),
+        ("firmware_py.evaluator_viper", ">> (4 * j)) & 15", ">> (4 * j)) & 14", "link, frames, stroke"),
         ("firmware_py.evaluator_viper", "a * (v & 16383)", "a * (v & 16382)", "link, frames, stroke"),
         ("firmware_py.boards.fast_link", "code == 255", "code == 254", "frames, model, stroke"),
     ],
