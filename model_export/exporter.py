@@ -108,6 +108,7 @@ def export(
     held: int = 0,
     seen_s: float = 0.0,
     force: bool = False,
+    info: bytes | None = None,
 ) -> tuple[bytes, Report]:
     """Signed image of a model, and a report.
 
@@ -127,6 +128,8 @@ def export(
         Of a rollback: the counter that a probe holds, where another home of the key has signed its model.
     seen_s, force : float, bool
         Whether to believe the clock, as `keys.sign` takes them.
+    info : bytes, optional
+        As `image_builder.build` takes it.
 
     Raises
     ------
@@ -143,20 +146,20 @@ def export(
     errors = accuracy.measure(spec, tables, features)
 
     def make(own: int) -> bytes:
-        return image_builder.build(spec, tables, blob, own, max(last, own, held) if rollback else 0)
+        return image_builder.build(spec, tables, blob, own, max(last, own, held) if rollback else 0, info)
 
     last = keys.load(key_dir).counter
     signed, key = keys.sign(key_dir, make, counter, seen_s, force)
-    info = image_builder.inspect(signed, key.public, spec.probe)
+    found = image_builder.inspect(signed, key.public, spec.probe)
     report = Report(
-        info.model_id,
+        found.model_id,
         len(signed),
         signature.size(key.public),
-        info.counter,
-        info.replaces,
+        found.counter,
+        found.replaces,
         errors,
         over,
         proof,
-        info.adapted,
+        found.adapted,
     )
     return signed, report

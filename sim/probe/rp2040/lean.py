@@ -63,6 +63,12 @@ def lean(sources: Mapping[str, str], main: str) -> dict[str, str]:
     return {path: ast.unparse(ast.fix_missing_locations(tree)) for path, tree in trees.items()}
 
 
+def reached(sources: Mapping[str, str], main: str) -> list[str]:
+    """Of the same sources, those that the program needs, its imports inside functions among them."""
+    facts = {path: _Facts(ast.parse(text)) for path, text in sources.items()}
+    return sorted(_reached(facts, _Facts(ast.parse(main))))
+
+
 def _value(node: ast.AST) -> int | None:
     """The number that an expression of numbers is."""
     if isinstance(node, ast.Constant) and type(node.value) is int:
