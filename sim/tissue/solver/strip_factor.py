@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from palpate.sim.tissue.solver.lapack import Lapack, partial_cholesky
-from palpate.sim.tissue.solver.strip_layout import Elimination, StripColumns
+from palpate.sim.tissue.solver.strip_layout import Chain, Columns
 from palpate.sim.tissue.solver.strip_tangent import Tangent
 
 
@@ -126,12 +126,12 @@ def eliminate(begin, end, flipped, tangent, columns, chain, factor, lapack):
     """Eliminate steps `begin` to `end` of a chain: A = U^T U, row by row. False if a pivot is not positive.
 
     `tangent`, `columns`, `chain`, `factor` (which is filled) and `lapack` are plain tuples of what `Tangent`,
-    `StripColumns`, `Elimination`, `Factor` and `Lapack` hold.
+    `Columns`, `Chain`, `Factor` and `Lapack` hold.
     """
     # As plain tuples they came in without numba's slow look at the types of named ones (a hundredth of the
     # stroke); the arrays are taken out once, since in a loop each would be counted again.
-    chain = Elimination(*chain)
-    columns = StripColumns(*columns)
+    chain = Chain(*chain)
+    columns = Columns(*columns)
     tangent = Tangent(*tangent)
     factor = Factor(*factor)
     size = chain.size

@@ -1,6 +1,6 @@
 """Which unknowns `strip.py` eliminates when: the symbolic half of its factorisation.
 
-`StripColumns` and `Elimination` are named tuples because compiled code takes these as they are.
+`Columns` and `Chain` are named tuples because compiled code takes these as they are.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ CORNERS_AND_SIDES = np.array([0, 1, 2, 3, 5, 6, 7, 8])
 MIDDLE = 4
 
 
-class StripColumns(NamedTuple):
+class Columns(NamedTuple):
     """What both directions share.
 
     Attributes
@@ -61,8 +61,8 @@ class Unknowns(NamedTuple):
     fixed: NDArray[np.bool_]
 
 
-class Elimination(NamedTuple):
-    """Elimination of the columns in one direction; a step is a column, counted in that direction.
+class Chain(NamedTuple):
+    """Chain of the columns in one direction; a step is a column, counted in that direction.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class Elimination(NamedTuple):
     stride: int
 
 
-def lay_out_columns(mesh: TissueMesh) -> StripColumns:
+def lay_out_columns(mesh: TissueMesh) -> Columns:
     """Sort nodes, elements and surface into columns."""
     count = int(mesh.column.max()) + 1
     first = np.full(len(mesh.nodes_mm), count)
@@ -116,7 +116,7 @@ def lay_out_columns(mesh: TissueMesh) -> StripColumns:
     surface_column = first[mesh.surface]
     surface = np.argsort(surface_column, kind="stable")
     borders = np.arange(count + 1)
-    return StripColumns(
+    return Columns(
         nodes=nodes,
         first=first[nodes],
         last=last[nodes],
@@ -127,7 +127,7 @@ def lay_out_columns(mesh: TissueMesh) -> StripColumns:
     )
 
 
-def lay_out_chain(mesh: TissueMesh, columns: StripColumns, flipped: bool) -> Elimination:
+def lay_out_chain(mesh: TissueMesh, columns: Columns, flipped: bool) -> Chain:
     """Order the unknowns of one direction: from the left, or `flipped` from the right."""
     count = len(columns.element_starts) - 1
     if flipped:
@@ -146,7 +146,7 @@ def lay_out_chain(mesh: TissueMesh, columns: StripColumns, flipped: bool) -> Eli
         order.interior, order.size, columns.elements, columns.element_starts, order.element_place, flipped
     )
     lengths = symbolic.row_lengths(order.interior, order.pivots, order.size, spans)
-    return Elimination(
+    return Chain(
         dofs=order.dofs,
         interior=order.interior,
         pivots=order.pivots,
