@@ -87,7 +87,7 @@ class CellScale:
         """Dead cells, and the two live ones that stand in for each: (3, n), or empty."""
         import numpy as np
 
-        known = list(self._calibration.fill)[: 3 * self._calibration.fills]
+        known = list(self._calibration.fill)[: self._calibration.fills]
         return np.array(known, np.intp).reshape(-1, 3).T if known else np.empty(0, np.intp)
 
 

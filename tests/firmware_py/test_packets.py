@@ -59,6 +59,50 @@ def test_both_builds_of_the_checksum_agree(body):
     assert not crc.check(plain, n + 4)
 
 
+def test_a_checksum_of_which_one_half_fits_is_none():
+    body = b"a message"
+    good = bytearray(body + bytes(4))
+    crc.append_plain(good, len(body))
+    left_by = {_register(bytes((a, b, 0, 0))): (a, b) for a in range(256) for b in range(256)}
+    for half in (0x0000_0001, 0x0001_0000):  # what the register is off by when both bodies have been read
+        c, d = next(
+            (c, d) for c in range(256) for d in range(256) if half ^ _register(bytes((0, 0, c, d))) in left_by
+        )
+        wrong = (*left_by[half ^ _register(bytes((0, 0, c, d)))], c, d)
+        bad = good[: len(body)] + bytes(x ^ y for x, y in zip(good[len(body) :], wrong))
+        assert not crc.check_plain(bad, len(bad)) and not crc.check(bad, len(bad))
+
+
+@pytest.mark.parametrize("parser", PARSERS)
+def test_a_checksum_of_nothing_is_no_packet(parser):
+    receiver = parser(20)
+    assert receive(receiver, on_the_wire(b"") + on_the_wire(b"next")) == [b"next"]
+    assert (receiver.packets, receiver.bad_crc) == (1, 1)
+
+
+@pytest.mark.parametrize("parser", PARSERS)
+def test_the_longest_body_is_as_long_as_was_said_and_a_longer_one_is_counted(parser):
+    receiver = parser(20)
+    longest, longer = on_the_wire(bytes(range(1, 21))), on_the_wire(bytes(range(1, 22)))
+    assert receive(receiver, longer + longest) == [bytes(range(1, 21))]
+    assert (receiver.packets, receiver.oversize) == (1, 1)
+
+
+@pytest.mark.parametrize("parser", PARSERS)
+def test_after_a_reconnect_what_was_half_there_is_forgotten(parser):
+    receiver = parser(20)
+    for half in (b"half", b"too long to be any packet of this receiver"):
+        assert receive(receiver, half) == []
+        receiver.reset()
+        assert receive(receiver, on_the_wire(b"whole")) == [b"whole"]
+    assert receiver.oversize == receiver.bad_crc == receiver.bad_frame == 0
+
+
+def _register(data):
+    """CRC-32's register after these bytes, begun with 0: linear in them."""
+    return binascii.crc32(data, 0xFFFF_FFFF) ^ 0xFFFF_FFFF
+
+
 @given(st.binary(max_size=800))
 def test_stuffing_leaves_no_zero_and_comes_back(body):
     target = bytearray(cobs.worst_case(len(body)))

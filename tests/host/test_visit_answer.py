@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,6 +55,42 @@ def test_strokes_that_agree_better_than_their_intervals_make_them_no_surer_of_wh
 def test_strokes_that_contradict_each_other_make_a_wider_interval_than_one():
     _, low, high = pool([(8.0, 7.6, 8.4), (12.0, 11.6, 12.4)], LEVEL)
     assert low < 8.0 and high > 12.0
+
+
+def spans_of(*errors):
+    return [tuple(TRUE_MM * np.exp([e, e - Z * SD, e + Z * SD])) for e in errors]
+
+
+def wide(span):
+    return math.log(span[2] / span[1]) / (2 * Z * SD)
+
+
+def test_however_strokes_scatter_half_of_a_strokes_variance_stays():
+    """Strokes that scatter as their intervals say share nothing, but for what no model knows of a lump."""
+    errors = np.random.default_rng(3).normal(size=12)
+    errors = SD * (errors - errors.mean()) / errors.std(ddof=1)
+    assert math.sqrt(LEAST_COMMON) < wide(pool(spans_of(*errors), LEVEL)) < 0.9
+
+
+def test_two_strokes_make_no_wider_interval_than_one_of_them():
+    """Student's t of two strokes is six times a normal interval."""
+    two = spans_of(-0.7 * SD, 0.7 * SD)
+    assert wide(pool(two, LEVEL)) == pytest.approx(1.0, abs=0.01)
+
+
+def test_strokes_of_another_model_are_left_out():
+    before, now = answers(Bump(d_mm=18.0), Bump(d_mm=18.0)), answers(Bump(d_mm=12.0), Bump(d_mm=12.0))
+    before = [(replace(said, model_id=b"ANOTHER1"), told) for said, told in before]
+    found = visit_answer([*before, *now])
+    assert (found.strokes, found.left_out) == (2, 2) and found.spans["d_mm"][0] == pytest.approx(12.0)
+    assert visit_answer([*before, now[0]]) is None
+
+
+def test_strokes_that_are_all_unsure_are_unsure_together_and_soft_ones_soft():
+    unsure = Bump(E_inv23=0.2, hardness="unsure")
+    assert visit_answer(answers(unsure, unsure)).hardness == "unsure"
+    soft = Bump(E_inv23=0.45, hardness="soft")
+    assert visit_answer(answers(soft, soft)).hardness == "soft"
 
 
 def test_what_the_model_was_told_stays_told():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from firmware_py import safe_record, status
+from firmware_py import crc, safe_record, status
 from palpate.sim.probe import flash_sim
 from palpate.sim.probe.flash_sim import FlashSim, cut_states
 from tests.campaigns import counted
@@ -17,6 +17,20 @@ PIECE = 48
 
 def records_left(files, name="cal"):
     return safe_record.Record(FlashSim(files), name).load()
+
+
+@pytest.mark.parametrize("number", [255, 65_535, (1 << 24) - 1])
+def test_the_copy_with_the_higher_number_is_the_newer_one(number):
+    """Of any number: a probe that saves once a minute comes to 2^24 after thirty years."""
+    files = {}
+    for copy, of, content in ((0, number, b"old"), (1, number + 1, b"new")):
+        body = bytearray(of.to_bytes(4, "little") + len(content).to_bytes(4, "little") + content + bytes(4))
+        crc.append(body, len(body) - 4)
+        files[f"cal{copy}"] = bytes(body)
+    assert records_left(files) == b"new"
+    store = FlashSim(files)
+    assert safe_record.Record(store, "cal").save(b"newest") == status.OK
+    assert records_left(store.files) == b"newest"
 
 
 @pytest.mark.parametrize("length", [0, 1, 30])

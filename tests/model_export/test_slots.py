@@ -122,6 +122,13 @@ def test_a_full_store_keeps_the_old_model(signed, public_key):
     assert probe_of(store, public_key).live_id() == model_id(signed[1])
 
 
+def test_a_store_that_has_no_place_for_an_image_says_so_before_it_is_sent(signed, public_key, monkeypatch):
+    probe = probe_of(FlashSim(), public_key)
+    monkeypatch.setattr(probe.store, "create", lambda name, data=b"": status.STORE_ERROR)
+    assert probe.begin(len(signed[1])) == status.STORE_ERROR
+    assert probe.state == slots.IDLE and probe.write(0, signed[1][:48]) == status.BAD_STATE
+
+
 def test_a_bad_signature_is_refused(signed, public_key):
     data = bytearray(signed[2])
     data[700] ^= 1
@@ -179,6 +186,20 @@ def test_a_damaged_live_slot_gives_way_to_the_model_before(signed, public_key):
     # and a new one goes to the damaged slot, not over the one that serves
     assert flash(probe, signed[3]) == status.OK
     assert probe_of(store, public_key).live_id() == model_id(signed[3])
+
+
+def test_a_model_whose_own_vectors_fail_is_not_started_either(thesis, signer):
+    """Its record is lost, and it is the newest that is signed: the other slot's model serves."""
+    key, sign = signer
+    tables = compiler.compile_model(thesis)
+    good, newer = (host_image.build(thesis, tables, None, counter) for counter in (1, 2))
+    wrong = bytearray(newer)
+    wrong[-3] ^= 1  # inside the last stated integer
+    probe = probe_of(FlashSim(), key)
+    assert flash(probe, sign(good)) == status.OK
+    files = {**probe.store.files, slots.NAMES[1]: sign(bytes(wrong)), "live0": b"?", "live1": b"?"}
+    again = probe_of(FlashSim(files), key)
+    assert again.live_id() == model_id(good) and again.health == status.ROTTEN
 
 
 def test_a_slot_put_back_to_an_older_image_is_not_started(signed, public_key):

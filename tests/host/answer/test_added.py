@@ -68,6 +68,11 @@ def test_on_the_border_of_two_layers_it_lies_in_the_one():
     assert layers.layer_of(np.array([2.0, 1.0, 0.999, 0.001, 0.0, -1.0])).tolist() == [0, 0, 1, 1, 2, 2]
 
 
+def test_a_layer_that_is_just_sure_enough_is_named():
+    odds = np.array([[0.8, 0.15, 0.05], [0.79, 0.2, 0.01]])
+    assert layers.said(odds, 0.8).tolist() == [layers.FAT, layers.UNSURE]
+
+
 def test_far_from_the_border_it_is_told_no_further_and_of_nothing_nothing_is_told(part):
     assert lump(part, 80.0, 10.0, 0.5).in_fat[0] == 2.0 and lump(part, 5.0, 10.0, 2.5).in_fat[0] == -1.0
     for t, d, h in ((0.0, 9.0, 1.0), (9.0, 0.0, 1.0), (9.0, 9.0, 0.0)):
@@ -107,6 +112,7 @@ def test_a_bump_across_is_found_where_it_is_as_wide_as_it_is(place, width):
 def test_where_nothing_stands_out_there_is_no_place_and_all_is_blur():
     seen = across(np.full(len(COLUMN_MM), 7.0))
     assert seen.place_mm == pytest.approx(0.0, abs=1e-6) and seen.blur == 1.0
+    assert across(np.full(len(COLUMN_MM), -7.0)).share == 0.0, "a share of a height is no less than none"
     noise = np.random.default_rng(4).normal(0, 1, len(COLUMN_MM))
     assert across(noise).blur > 0.3
     far = [abs(across(np.random.default_rng(k).normal(0, 1, len(COLUMN_MM))).place_mm) for k in range(40)]

@@ -102,6 +102,14 @@ def test_no_answer_says_so_and_nothing_else():
     assert said["kind"] == "missing" and not said["rows"] and said["level"] is None and said["model_id"] == ""
 
 
+def test_an_answer_names_its_model_and_what_became_of_the_reference_press():
+    named = answered()
+    assert card(replace(named, model_id=bytes(8)))["model_id"] == "", "no model has only zeros"
+    flags = (outputs.REFERENCE, outputs.REFERENCE_OFF, 0)
+    texts = [card(replace(named, flags=named.flags | flag))["reference"] for flag in flags]
+    assert texts[0] == "With the reference press." and "left out" in texts[1] and not texts[2]
+
+
 def test_too_much_and_too_little_force_are_told_apart():
     out = answered(force_out=True)
     assert verdict(out, force_low=True) == "force_low" and verdict(out, force_high=True) == "force_high"

@@ -33,6 +33,7 @@ def test_no_cut_of_the_stream_matters_and_no_byte_is_forgotten(cuts):
     data = wires.identified() + b"".join(wires.frame(k) for k in range(4)) + wires.estimate(1) + b"\x05half"
     parser, events, raws = parse(data, cuts)
     assert b"".join(raws) + parser.take_tail() == data
+    assert parser.counts.bytes_received == len(data)
     assert [e.seq for e in events if isinstance(e, Frame)] == [0, 1, 2, 3]
     assert [e.stroke for e in events if isinstance(e, Estimate)] == [1]
 

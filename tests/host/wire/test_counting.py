@@ -242,6 +242,8 @@ def test_a_pressure_is_the_count_less_the_zero_times_the_gain():
     packed = pack(counts)
     np.testing.assert_array_equal(scale.kPa_of(packed), scale.kPa(counts))
     assert not scale.kPa_of(packed).flags.writeable
+    other = pack((counts + 7) % 4096)
+    np.testing.assert_array_equal(scale.kPa_of(other), scale.kPa((counts + 7) % 4096))
     again = calibration(np.random.default_rng(5))
     scale.load(again.to_bytes())
     assert not np.allclose(scale.kPa_of(packed).reshape(-1), true), "the image that it had is of before"
