@@ -62,7 +62,7 @@ class Unknowns(NamedTuple):
 
 
 class Chain(NamedTuple):
-    """Chain of the columns in one direction; a step is a column, counted in that direction.
+    """Elimination of the columns in one direction; a step is a column, counted in that direction.
 
     Attributes
     ----------
