@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ from palpate.errors import MissingExtra, PalpateError, PortAmbiguous, UsageError
 
 if TYPE_CHECKING:
     from palpate.stroke.change import Between
+    from palpate.view.refined import Beside
 
 
 @click.command(
@@ -60,6 +62,7 @@ Examples:
               help="Data set with lumps visited again: what visits differ by themselves.")  # fmt: skip
 @click.option("--model", default="field", show_default=True, type=click.Path(path_type=Path),
               help="Of --data: the model that the probe or the recording has.")  # fmt: skip
+@click.option("--refine", is_flag=True, help="Fit the finite-element model to each stroke, too, meanwhile.")
 @click.option("--browser/--no-browser", default=True, help="Open the page in the browser.")
 def command(
     recording: Path | None,
@@ -71,6 +74,7 @@ def command(
     fat_kPa: float | None,
     data: Path | None,
     model: Path,
+    refine: bool,
     browser: bool,
 ) -> None:
     """Watch a probe, or a recording, in the browser.
@@ -89,38 +93,49 @@ def command(
     from palpate.view.live import LiveSource
     from palpate.view.replay import ReplaySource
 
+    if refine:
+        from palpate.view.refined import refining_live, refining_recorded
+
     between = _between(data, model)
     spec = None if document is None else load_model(document)
     source: LiveSource | ReplaySource
+    beside: AbstractContextManager[Beside | None] = nullcontext()
     if recording is not None:
         if recording.suffix != ".mcap":
             raise UsageError(f"{recording} is not a recording: its name should end in .mcap")
         source, mode = ReplaySource(recording, spec), "replay"
+        if refine:
+            beside = refining_recorded(recording)
     else:
-        source, mode = LiveSource(port or "auto", spec), "live"
+        source = live = LiveSource(port or "auto", spec)
+        mode = "live"
         _check(port or "auto")
-    try:
-        viewer = Viewer(
-            source,
-            mode=mode,
-            host=host,
-            port=http_port,
-            recordings=recordings,
-            load_strokes=partial(load_strokes, document=spec),
-            token=_kept_token(),
-            fat_kPa=fat_kPa,
-            between=between,
-        )
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise PalpateError(
-            f"cannot listen on {host} port {http_port}: {reason}; try another --http-port"
-        ) from error
+        if refine:
+            beside = refining_live(port or "auto", lambda: live.calibration)
 
     def ready(url: str) -> None:
         say(f"Palpate is at {url}  (Ctrl-C ends it)")
 
-    viewer.run(open_browser=browser, on_ready=ready)
+    with beside as sees:
+        try:
+            viewer = Viewer(
+                source,
+                mode=mode,
+                host=host,
+                port=http_port,
+                recordings=recordings,
+                load_strokes=partial(load_strokes, document=spec),
+                token=_kept_token(),
+                fat_kPa=fat_kPa,
+                between=between,
+                beside=sees,
+            )
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise PalpateError(
+                f"cannot listen on {host} port {http_port}: {reason}; try another --http-port"
+            ) from error
+        viewer.run(open_browser=browser, on_ready=ready)
 
 
 def _between(data: Path | None, model: Path) -> dict[str, Between]:

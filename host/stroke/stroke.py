@@ -37,8 +37,9 @@ class FollowedStroke:
     """What is kept of one stroke: at most `MAX_IMAGES` images and `MAX_FRAMES` points of the traces (a
     probe left in contact for hours must not fill the memory); beyond that, every second one is dropped.
 
-    `told` is what the host adds to the estimate, `map` the probe's own. `lane_mm` is how far across its
-    middle line lies, None where the operator has not said."""
+    `told` is what the host adds to the estimate, `map` the probe's own; `refined` is the card of its fit by
+    the forward model, None where nobody fits it. `lane_mm` is how far across its middle line lies, None where
+    the operator has not said."""
 
     number: int
     visit: int
@@ -55,6 +56,7 @@ class FollowedStroke:
     lane_mm: float | None = None
     estimate: Estimate | None = None
     told: Told | None = None
+    refined: dict[str, Any] | None = None
     map: TactileMap | None = None
     position_mm: list[float] = field(default_factory=list)
     displacement_mm: list[float] = field(default_factory=list)
@@ -133,6 +135,7 @@ class FollowedStroke:
             "too_fast": self.too_fast,
             "peak_kPa": round(self.peak_kPa, 3),
             "lane_mm": self.lane_mm,
+            "refined": self.refined,
             "lump": None if (lump := self.lump()) is None else lump.as_dict(),
             "card": card(
                 self.estimate,

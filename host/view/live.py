@@ -55,6 +55,12 @@ class LiveSource:
         self._last_us = 0
         self._rate: deque[tuple[float, int]] = deque(maxlen=8)
         self._emit: Emit = lambda event: None
+        self._follower: Follower | None = None
+
+    @property
+    def calibration(self) -> bytes:
+        """What the probe keeps of its own; b"" where it has none."""
+        return b"" if self._follower is None else self._follower.calibration
 
     # ---- recording
 
@@ -170,6 +176,7 @@ class LiveSource:
     def _follow(self, probe: Probe, emit: Emit, stop: threading.Event) -> None:
         answers = AnsweredEvents(follower := Follower(self._documents))
         follower.meet(probe)
+        self._follower = follower
         probe.reference()  # it may have been taken before this page was opened
         device = self._describe(probe)
         self.name = device.serial or self._port

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
 
 class LinkState(Enum):
@@ -93,4 +94,15 @@ class Jumped:
     """The replay goes on from another position: what was under way will not be finished."""
 
 
-Notice = LinkChanged | Health | Playback | Jumped | RecordingStopped
+@dataclass(frozen=True)
+class Refined:
+    """A stroke is being fitted by the finite-element model, or was; `card` is what the page shows of it.
+
+    `estimate_us` is the probe's time of the stroke's estimate.
+    """
+
+    estimate_us: int
+    card: dict[str, Any]
+
+
+Notice = LinkChanged | Health | Playback | Jumped | RecordingStopped | Refined

@@ -21,7 +21,7 @@ from palpate.view.commands import LoadStrokes, PageCommands
 from palpate.view.guard import is_loopback
 from palpate.view.notices import LinkChanged, LinkState
 from palpate.view.session import Session
-from palpate.view.source import Source
+from palpate.view.source import Emit, Source
 
 _log = logging.getLogger(__name__)
 
@@ -39,6 +39,7 @@ class Viewer:
     token : ask for this token; by default one is made up, and where it is empty nobody is asked (in a test)
     fat_kPa : Young's modulus of the fat, where it is known: stiffness is said in kPa, too
     between : what visits differ by themselves (`comparison.between`), by quantity
+    beside : what is to see the source's events, too (`view.refined`)
 
     Raises
     ------
@@ -58,10 +59,11 @@ class Viewer:
         token: str | None = None,
         fat_kPa: float | None = None,
         between: Mapping[str, Between] | None = None,
+        beside: Callable[[Emit, threading.Event], Emit] | None = None,
     ) -> None:
         self.token = secrets.token_urlsafe(24) if token is None else token
         self._once: set[str] = set()
-        self.source = source
+        self.source, self._beside = source, beside
         self.session = Session(mode=mode, name=source.name, fat_kPa=fat_kPa)
         self.session.visits.between = between or {}
         self.commands = PageCommands(self.session, source, recordings, load_strokes)
@@ -158,7 +160,8 @@ class Viewer:
 
     def _run_source(self) -> None:
         try:
-            self.source.run(self.session.on_event, self._stop)
+            emit: Emit = self.session.on_event
+            self.source.run(self._beside(emit, self._stop) if self._beside else emit, self._stop)
         except Exception as error:  # the page must say what happened, whatever it was
             _log.exception("the source stopped")
             self.session.on_event(LinkChanged(LinkState.GONE, f"The source stopped: {error}"))

@@ -32,8 +32,9 @@ from palpate.view.notices import (
     OtherEnd,
     Playback,
     RecordingStopped,
+    Refined,
 )
-from palpate.view.visits import Visits
+from palpate.view.visits import MAX_STROKES, Visits
 from palpate.wire.events import Event, Frame, Gap, Log, StrokeState, TactileMap
 
 PROGRESS_INTERVAL_S = 0.1
@@ -87,6 +88,7 @@ class Session:
         self._mailboxes: set[Mailbox] = set()
         self._assembler = Assembler(self._new_stroke)
         self._progress_at = 0.0
+        self._refined: dict[int, dict[str, Any]] = {}
 
     # ---- pages
 
@@ -195,6 +197,8 @@ class Session:
                     self.tell_slot("playback", {"type": "playback", "playback": asdict(event)})
                 case Jumped():
                     self._forget_running()
+                case Refined():
+                    self._on_refined(event)
 
     def _forget_running(self) -> None:
         """A half-seen stroke will not go on: somebody moved along the recording."""
@@ -237,6 +241,7 @@ class Session:
 
     def _finish(self, stroke: FollowedStroke) -> None:
         """A stroke is over: live, it goes into the history; replayed, it is there already."""
+        self._refine(stroke)
         if self.mode == "replay":
             known = self.visits.same(stroke)
             stroke = stroke if known is None else known
@@ -247,7 +252,22 @@ class Session:
             self.tell_slot("visits", {"type": "visits", **self.visits.snapshot()})
         self.tell({**stroke.detail(images=False), "fresh": True})
 
+    def _on_refined(self, refined: Refined) -> None:
+        self._refined[refined.estimate_us] = refined.card
+        if len(self._refined) > MAX_STROKES:
+            del self._refined[next(iter(self._refined))]
+        for stroke in self.visits.strokes():
+            if self._refine(stroke) is refined.card:
+                self.tell({"type": "refined", "number": stroke.number, "refined": refined.card})
+
+    def _refine(self, stroke: FollowedStroke) -> dict[str, Any] | None:
+        """Put what the forward model has said of a stroke to it."""
+        if stroke.estimate is not None:
+            stroke.refined = self._refined.get(stroke.estimate.time_us)
+        return stroke.refined
+
     def _read_ahead(self, stroke: FollowedStroke) -> None:
+        self._refine(stroke)
         self.visits.adopt(stroke)
         self.tell_slot("visits", {"type": "visits", **self.visits.snapshot()})
 

@@ -121,6 +121,26 @@ export function drawVisitAnswer(box, answer, name) {
   );
 }
 
+/** What the forward model says of a stroke, below the probe's own card; null: nobody asks it. */
+export function drawRefined(box, refined) {
+  box.hidden = !refined;
+  if (!refined) return box.replaceChildren();
+  if (refined.working) return box.replaceChildren(element("p", { class: "say" }, "Refining: the forward model is fitted to this stroke…"));
+  if (refined.problem) return box.replaceChildren(element("p", { class: "say" }, refined.problem));
+  const span = (low, high) => (high === null ? `over ${number(low ?? 0, "")}` : `${number(low ?? 0, "")} to ${number(high, "")}`);
+  const rows = refined.rows.map(({ key, label, unit, value, low, high }) =>
+    element("dl", { class: "quantity", "data-key": key }, element("dt", {}, label),
+      element("dd", {}, element("b", { class: "number" }, `${number(value, "")} ${unit}`), " ", element("span", { class: "range-text" }, span(low, high)))));
+  const rest = refined.settled ? "" : ", the search had not come to rest";
+  box.className = refined.fits ? "" : "doubtful";
+  box.replaceChildren(
+    element("p", { class: "verdict" }, refined.hardness && refined.hardness !== "unsure" ? `${refined.title}, ${refined.hardness}` : refined.title),
+    element("p", { class: "say" }, refined.text),
+    ...rows,
+    element("p", { class: "foot" }, `Odds: ${refined.odds}. Misfit ${refined.misfit.toFixed(2)}${rest}.`),
+  );
+}
+
 /** Fill `box` with the card of a stroke, or with what to do while there is none. */
 export function drawCard(box, card, { gone = false, mode = "live", model = null, hero = true } = {}) {
   box.replaceChildren();

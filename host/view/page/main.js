@@ -104,6 +104,9 @@ function receive(message) {
       image.ended(message);
       selected.finished(message);
       break;
+    case "refined":
+      selected.refined(message.number, message.refined);
+      break;
     case "visits":
       showVisits(message);
       break;

@@ -1,7 +1,7 @@
 // Which stroke the page shows: the running one (or the last), or one that was picked from the list.
 
 import { CELLS } from "./array.js";
-import { drawCard, drawVisitAnswer } from "./card.js";
+import { drawCard, drawRefined, drawVisitAnswer } from "./card.js";
 import { show } from "./stroke_list.js";
 
 export class Selected {
@@ -205,12 +205,19 @@ export class Selected {
     if (shown) this.card(shown);
   }
 
+  /** The forward model has begun with a stroke, or has fitted it. */
+  refined(number, refined) {
+    for (const stroke of new Set([this.picked, this.last])) if (stroke?.number === number) stroke.refined = refined;
+    if ((this.picked ?? this.last)?.number === number) this.visitsChanged();
+  }
+
   card(stroke) {
     const { mode } = document.body.dataset;
     const visit = this.history.visits.find(({ number }) => number === (stroke?.visit ?? null));
     const answer = visit?.answer?.numbers.includes(stroke.number) ? visit.answer : null;
     drawVisitAnswer(this.get("visit-answer"), answer, visit?.name.endsWith(".mcap") ? "This recording" : visit?.name);
     drawCard(this.get("card"), stroke?.card, { gone: this.page.link !== "connected", mode, model: this.page.model, hero: !answer });
+    drawRefined(this.get("refined"), stroke?.refined);
     if (!stroke) {
       this.get("estimate-which").textContent = "";
       return;

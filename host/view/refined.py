@@ -1,0 +1,157 @@
+"""Strokes on the page, fitted by the finite-element model beside it.
+
+One process works on them in the order in which they came. Of each stroke the page is told that it is being
+refined, then what came of it, in the words of its card.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, Executor, Future
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from palpate.inversion.felt import NotInvertible
+from palpate.inversion.recorded import FeltStrokes
+from palpate.inversion.result import Inverted, Value
+from palpate.inversion.strokes import invert_stroke
+from palpate.recording.channels import CALIBRATION
+from palpate.recording.playback import open_recording
+from palpate.sim.probe.noise import level_named
+from palpate.sim.tissue.workers import pool
+from palpate.stroke.answered import Answered
+from palpate.view.notices import Refined
+from palpate.view.source import Emit
+from palpate.wire.events import Estimate, Event
+
+ROWS = (
+    ("d_mm", "Diameter", "mm"),
+    ("depth_mm", "Depth", "mm"),
+    ("E_kPa", "Lump's modulus", "kPa"),
+    ("t_mm", "Fat's thickness", "mm"),
+    ("E_fat_kPa", "Fat's modulus", "kPa"),
+)
+TITLES = {"none": "Fitted: no lump", "border": "Fitted: a lump on the border", "anywhere": "Fitted: a lump"}
+LEAST = 0.005
+"""Odds below are not worth a word."""
+
+
+class Refiner:
+    """Watches a session's events and has its strokes fitted.
+
+    Parameters
+    ----------
+    executor : Executor
+        Where they are fitted.
+    port : str
+        Where the session comes from (`FeltStrokes`).
+    calibration : callable
+        The probe's own, as it is now; b"" where it has none.
+    """
+
+    def __init__(self, executor: Executor, port: str, calibration: Callable[[], bytes]) -> None:
+        self._executor, self._strokes, self._calibration = executor, FeltStrokes(port), calibration
+        self._noise = level_named("typical")
+
+    def take(self, event: Event, emit: Emit) -> None:
+        """Watch an event go by; `emit` is told of its stroke, from another thread once it is fitted."""
+        found = self._strokes.take(event, self._calibration())
+        if found is None or not isinstance(event, Estimate):
+            return
+        of, (stroke, start) = event.time_us, found
+        if isinstance(stroke, NotInvertible):
+            emit(Refined(of, {"problem": f"Not refined: {stroke}."}))
+            return
+        emit(Refined(of, {"working": True}))
+
+        def fitted(work: Future[Inverted]) -> None:
+            try:
+                emit(Refined(of, refined_card(work.result())))
+            except CancelledError:
+                pass  # the page has gone
+            except Exception as error:  # the page must say what happened, whatever it was
+                emit(Refined(of, {"problem": f"Not refined: {error}."}))
+
+        self._executor.submit(invert_stroke, stroke, start, self._noise).add_done_callback(fitted)
+
+
+Beside = Callable[[Emit, threading.Event], Emit]
+"""Given where a source's events go, and what stops it: where they are to go."""
+
+
+@contextmanager
+def refining_live(port: str, calibration: Callable[[], bytes]) -> Iterator[Beside]:
+    """Strokes of a probe; what is not fitted when the block ends is left."""
+    with _one_process() as executor:
+        refiner = Refiner(executor, port, calibration)
+
+        def beside(emit: Emit, _: threading.Event) -> Emit:
+            def both(event: Any) -> None:
+                emit(event)
+                if isinstance(event, Answered):
+                    refiner.take(event.estimate, emit)
+                elif isinstance(event, Event):
+                    refiner.take(event, emit)
+
+            return both
+
+        yield beside
+
+
+@contextmanager
+def refining_recorded(path: Path) -> Iterator[Beside]:
+    """Strokes of a recording, all of them, whatever is played of it."""
+    with _one_process() as executor:
+
+        def beside(emit: Emit, stop: threading.Event) -> Emit:
+            def read() -> None:
+                with open_recording(path) as session:
+                    port = session.recording.metadata().get("session", {}).get("port", "")
+                    calibration = session.recording.attachment(CALIBRATION) or b""
+                    refiner = Refiner(executor, port, lambda: calibration)
+                    for event in session.events():
+                        if stop.is_set():
+                            return
+                        refiner.take(event, emit)
+
+            threading.Thread(target=read, name="refining", daemon=True).start()
+            return emit
+
+        yield beside
+
+
+class _Left(BaseException):
+    """Ends the pool as an interrupt does: it would wait for what it is at."""
+
+
+@contextmanager
+def _one_process() -> Iterator[Executor]:
+    try:
+        with pool(1, "palpate.inversion.strokes") as executor:
+            yield executor
+            raise _Left
+    except _Left:
+        pass
+
+
+def refined_card(one: Inverted) -> dict[str, Any]:
+    """What the page shows of a fitted stroke: title, rows, and whether it fits, in words."""
+    if one.problem:
+        return {"problem": f"Not refined: {one.problem}."}
+    odds = [f"{name} {share:.0%}" for name, share in one.classes.items() if share > LEAST]
+    return {
+        "title": TITLES[one.kind],
+        "fits": one.fits,
+        "text": "It fits." if one.fits else f"It does not fit: {one.why}. Believe none of its numbers.",
+        "rows": [_row(*row, one.values[row[0]]) for row in ROWS if row[0] in one.values],
+        "hardness": one.hardness if one.lump else None,
+        "odds": ", ".join(odds),
+        "misfit": one.chi2,
+        "settled": one.settled,
+    }
+
+
+def _row(key: str, label: str, unit: str, value: Value) -> dict[str, Any]:
+    return {"key": key, "label": label, "unit": unit, **value.as_dict()}
