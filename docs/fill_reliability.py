@@ -136,11 +136,12 @@ MUTANTS_SAY = """
 Would the tests notice if the source were wrong? `make mutants` changes one thing at a time in a copy of the
 source (an operator, a number, a comparison, a call left out; in numerical kernels a result that is 1 % off)
 and runs the module's tests. *Equivalent* changes nothing that anyone can see, and counts for neither side.
-`tests/survivors.toml` says of each survivor why it stands. A module gets a seeded sample; `python -m
-tests.mutants --all` tries every fault there is. What got past at first (one in ten to four in ten) led to new
-tests, and the share here is of the same sample after them: a fresh sample may let more past.
+`tests/survivors.toml` says of each survivor why it stands.
 
-| module | tried | killed | share | equivalent |
+{drawn}. *At first* is the share that the tests killed before anybody had looked at the sample, so it is what
+to expect of other faults. *Now* is the share after tests were written for what got past.
+
+| module | tried | equivalent | killed at first | now |
 |---|---|---|---|---|
 """
 FOOT = """
@@ -159,20 +160,38 @@ def mutants() -> str:
     kept: dict[str, dict[str, Any]] = json.loads(MUTANTS.read_text("utf-8"))
     known = tomllib.loads(SURVIVORS.read_text("utf-8"))["survivor"]
     same = {(one["module"], one["was"], one["now"]) for one in known if "equivalent" in one}
-    lines, together = [], [0, 0, 0]
+    lines, together = [], [0, 0, 0, 0]
     for module, one in sorted(kept.items()):
-        equivalent = sum((module, *lines) in same for lines in one["survivors"])
+        passed = [
+            [pair for pair in one[when] if (module, *pair) not in same] for when in ("at_first", "survivors")
+        ]
+        equivalent = len(one["at_first"]) - len(passed[0])
         tried = one["tried"] - equivalent
-        row = [tried, one["tried"] - len(one["survivors"]), equivalent]
+        row = [tried, equivalent, *(tried - len(pairs) for pairs in passed)]
         together = [a + b for a, b in zip(together, row)]
         lines.append(_row(f"`{module}`", *row))
     untried = [f"`{name}`" for name in tomllib.loads(TRIED_BY.read_text("utf-8")) if name not in kept]
     rest = f"\nNot run yet: {', '.join(untried)}.\n" if untried else ""
-    return MUTANTS_SAY + "\n".join([*lines, _row("**all**", *together)]) + "\n" + rest
+    head = MUTANTS_SAY.format(drawn="; ".join(drawn_by(kept)))
+    return head + "\n".join([*lines, _row("**all**", *together)]) + "\n" + rest
 
 
-def _row(name: str, tried: int, killed: int, equivalent: int) -> str:
-    return f"| {name} | {tried} | {killed} | {killed / max(1, tried):.0%} | {equivalent} |"
+def drawn_by(kept: dict[str, dict[str, Any]]) -> list[str]:
+    """How the samples were drawn, and when: the command of each."""
+    found: dict[str, list[str]] = {}
+    for one in kept.values():
+        size = f"--sample {one['sample']}" if one["sample"] else "--all"
+        command = f"`python -m tests.mutants --seed {one['seed']} {size} --write`"
+        found.setdefault(command, []).append(one["date"])
+    return [
+        f"{command} drew those of {len(dates)} modules, {' to '.join(sorted({min(dates), max(dates)}))}"
+        for command, dates in sorted(found.items())
+    ]
+
+
+def _row(name: str, tried: int, equivalent: int, at_first: int, now: int) -> str:
+    shares = (f"{killed} ({killed / max(1, tried):.0%})" for killed in (at_first, now))
+    return f"| {name} | {tried} | {equivalent} | {' | '.join(shares)} |"
 
 
 def counted() -> dict[str, str]:

@@ -359,6 +359,8 @@ def main() -> None:
             }  # fmt: skip
         FIGURES.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n")
 
+    for name in [name for name in modules if wish.again and not drawn[name]]:
+        keep(name, [])  # none got past, or the line is no more
     done = run_campaign({name: faults for name, faults in drawn.items() if faults}, wish.jobs, keep)
     killed, others, _ = count(done)
     print(f"in all: {share(done)}")

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware_py import messages, wire
+from firmware_py import calib, geometry, messages, wire
 from palpate.sim.probe.faults import Faults, FaultyLine
 from palpate.wire.accounting import WRAP, Sequence
 from palpate.wire.clock import ClockSync, Unwrapper
-from palpate.wire.events import Estimate, Frame
+from palpate.wire.events import Estimate, Frame, StrokeState
 from palpate.wire.parser import LiveParser
 from tests.campaigns import counted
 from tests.host.link import wires
@@ -112,6 +112,55 @@ def test_a_restart_of_the_probe_begins_all_counts_anew():
     assert [e.seq for e in events if isinstance(e, Frame)] == [5000, 0]
     assert len([e for e in events if isinstance(e, Estimate)]) == 2
     assert parser.frames.counts.restarts == 1 and parser.frames.counts.lost == 0
+
+
+def test_a_restarted_probes_clock_begins_anew():
+    late = wires.identified(1) + wires.frame(5, time_us=900_000_000)
+    _, events, _ = parse(late + wires.identified(2) + wires.frame(0, time_us=10))
+    assert [e.time_us for e in events if isinstance(e, Frame)] == [900_000_000, 10]
+
+
+def test_states_that_never_came_are_counted_and_those_that_come_late_are_not_passed_on():
+    states = [
+        wires.packet("stroke_state", (number % (1 << 16), wires.STREAM, 1, 2, 0, 0, 0))
+        for number in (65_534, 65_535, 2, 1, 3)
+    ]
+    parser, events, _ = parse(wires.started() + b"".join(states))
+    assert [e.event_seq for e in events if isinstance(e, StrokeState)] == [65_534, 65_535, 2, 3]
+    assert parser.counts.states_lost == 2
+
+
+def test_every_so_many_frames_is_one_at_least():
+    """A command that asks for every 0th frame ended the wire with a division by zero."""
+    parser = LiveParser()
+    parser.commanded(wires.packet("stream_start", (messages.CONTENT_STROKES, 0, 0, 10_000)))
+    end = wires.packet("stream_stop", wires.stop(5), answer=True)
+    _, events, _ = parse(wires.started() + wires.frame(0) + wires.frame(2) + end, parser=parser)
+    parser.settle()
+    assert [e.lost_before for e in events if isinstance(e, Frame)] == [0, 1]
+    assert parser.frames.counts.lost == 3
+
+
+def test_a_frame_of_another_size_is_no_frame():
+    short = wires.packet("frame", (0, 0, 0, 0), bytes(geometry.FRAME_BYTES - 3))
+    parser, events, _ = parse(wires.started() + short + wires.frame(1))
+    assert [e.seq for e in events if isinstance(e, Frame)] == [1] and parser.counts.unreadable == 1
+
+
+def test_of_a_calibration_that_changes_while_it_is_read_no_mixture_is_made():
+    blob = calib.Calibration().to_bytes()
+    half = len(blob) // 2
+    pieces = [
+        wires.packet(
+            "read_back", (messages.READ_CALIBRATION, at, len(blob)), blob[at : at + half], answer=True
+        )
+        for at in range(0, len(blob), half)
+    ]
+    changed = wires.packet("calibrate", (0, 1, 0, 0), answer=True)
+    parser, _, _ = parse(pieces[0] + changed + b"".join(pieces[1:]))
+    assert not parser.scale.calibrated
+    parse(b"".join(pieces), parser=parser)
+    assert parser.scale.calibrated
 
 
 @given(
