@@ -361,7 +361,8 @@ def main() -> None:
 
     for name in [name for name in modules if wish.again and not drawn[name]]:
         keep(name, [])  # none got past, or the line is no more
-    done = run_campaign({name: faults for name, faults in drawn.items() if faults}, wish.jobs, keep)
+    tried = {name: faults for name, faults in drawn.items() if faults}
+    done = run_campaign(tried, wish.jobs, keep) if tried else []
     killed, others, _ = count(done)
     print(f"in all: {share(done)}")
     strange = [one for one in done if not one["killed"] and key(one) not in reasons()]
