@@ -97,3 +97,17 @@ def test_a_face_that_is_not_described_is_asked_for(words, said):
     assert face_in_words("radius=flat&padding=2mm&modulus=80kPa") == FLAT
     with pytest.raises(UsageError, match=said):
         face_in_words(words)
+
+
+def test_zeros_and_dead_cells_are_no_end_of_a_lump():
+    """Of a light press over a cylinder half were refused as over a ball: their zeros counted as shares."""
+    rng = np.random.default_rng(1)
+    rise = np.linspace(0.1, 0.9, 24)[:, None, None] * (1 + np.cos(np.linspace(-2, 2, 16)))[None, :, None]
+    cells = rise * (1 + 0.02 * rng.standard_normal((16, 26))) + 0.1 * rng.standard_normal((16, 26))
+    dead = np.zeros((16, 26), bool)
+    dead[7, 3] = True
+    parts = {"dead": dead, "displacement_mm": np.linspace(0, 2, 24), "time_s": np.arange(24) / 40}
+    assert felt_press(cells, **parts).alone
+    bulge = 1 + 0.2 * np.exp(-(((np.arange(26) - 12.5) / 4) ** 2))
+    with pytest.raises(NotInvertible, match="changes across the stroke, as over a ball"):
+        felt_press(cells * bulge, **parts)
