@@ -105,7 +105,7 @@ class Probe:
         self._ms_rest_us %= 1000
 
     def _listen(self):
-        """Take commands one by one, as long as there is room for an answer; the rest waits in the link."""
+        """Take commands one by one while there is room for an answer and no frame is due; the rest waits."""
         data = self._input
         receiver = self.receiver
         while self.box.room():
@@ -121,6 +121,8 @@ class Probe:
                 self.received_us = self.board.ticks_us()
                 self.stream.heard(self.received_us)
                 self.commands.take(receiver.packet, receiver.length)
+                if self.stream.content and self.acquire.wait_us(self.received_us) <= 0:
+                    return  # a frame is due: the next command waits for it
 
     def _acquire(self, now_us):
         """Begin the frame that is due, take the one that is measured; how long nothing will be."""

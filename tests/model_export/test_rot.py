@@ -143,6 +143,7 @@ def test_a_successor_takes_the_old_keys_place_and_the_live_model_stays(
     probe = probe_of(store, public_key)
     assert flash(probe, signed[3]) == status.OK
     assert flash(probe, file) == status.OK
+    assert probe.state == slots.IDLE and slots.NAMES[1] not in store.files, "it is no model: its room is free"
     for _ in range(2):
         assert probe.live_id() == model_id(signed[3])
         assert flash(probe, signed[-1]) == status.BAD_SIGNATURE  # the old key's models are no longer taken

@@ -118,8 +118,59 @@ def test_a_full_store_keeps_the_old_model(signed, public_key):
         code = probe.write(at, signed[2][at : at + 48])
         if code != status.OK:
             break
-    assert code == status.NO_SPACE
+    assert code == status.NO_SPACE and probe.state == slots.IDLE
+    assert probe.write(at, signed[2][at : at + 48]) == status.BAD_STATE, "how much of it arrived is unknown"
     assert probe_of(store, public_key).live_id() == model_id(signed[1])
+
+
+def test_a_slot_takes_an_image_of_its_own_size(signed, public_key):
+    size = len(signed[1])
+    probe = probe_of(FlashSim(), public_key, max_size=size)
+    assert flash(probe, signed[1]) == status.OK and probe.begin(size + 1) == status.NO_SPACE
+
+
+def test_another_image_takes_the_place_of_the_one_on_its_way_and_a_refused_one_ends_it(signed, public_key):
+    probe = probe_of(FlashSim(), public_key)
+    size = len(signed[1])
+    assert probe.begin(size + 1) == probe.write(0, signed[1][:100]) == status.OK
+    assert probe.begin(size) == status.OK and probe.received == 0
+    assert probe.write(0, signed[1][:100]) == status.OK
+    assert probe.begin(0) == status.BAD_VALUE
+    assert probe.state == slots.IDLE and not probe.store.files
+    assert probe.write(100, signed[1][100:200]) == status.BAD_STATE
+
+
+def test_what_the_store_lost_or_exchanged_is_not_made_live(signed, public_key):
+    probe = probe_of(FlashSim(), public_key)
+    flash(probe, signed[1])
+    send(probe, signed[2])
+    probe.store.files[slots.NAMES[1]] = signed[2][:-1]
+    assert probe.verify() == status.STORE_ERROR
+    send(probe, signed[2])
+    assert probe.verify() == probe.try_() == status.OK
+    probe.store.files[slots.NAMES[1]] = signed[3]  # whole, signed, and not what was tried
+    assert probe.confirm() == status.STORE_ERROR
+    assert probe.live_id() == model_id(signed[1])
+
+
+def test_the_live_models_tables_are_out_of_the_way_while_those_of_the_new_one_are_read(signed, public_key):
+    """A board has no room for both: every model that comes with Palpate was refused."""
+    probe = probe_of(FlashSim(), public_key)
+    flash(probe, signed[1])
+    send(probe, signed[2])
+    read, alone = probe.store.read, []
+
+    def watched(name, offset, n):
+        if name == slots.NAMES[1]:
+            alone.append(probe.model is None)
+        return read(name, offset, n)
+
+    probe.store.read = watched
+    assert probe.verify() == status.OK and alone[-1] and not alone[0], "the signature needs no table"
+    assert probe.try_() == status.OK and probe.live_id() == model_id(signed[1])
+    alone.clear()
+    assert probe.confirm() == status.OK and all(alone)
+    assert probe.live_id() == model_id(signed[2])
 
 
 def test_a_store_that_has_no_place_for_an_image_says_so_before_it_is_sent(signed, public_key, monkeypatch):
@@ -170,7 +221,7 @@ def test_a_model_whose_own_vectors_fail_is_not_confirmed(thesis, signer):
     wrong[-3] ^= 1  # inside the last stated integer
     probe = probe_of(FlashSim(), key)
     assert flash(probe, sign(bytes(wrong))) == status.SELF_TEST
-    assert probe.live() is None
+    assert probe.live() is None and probe.state == slots.IDLE and not probe.store.files
     assert flash(probe, sign(body)) == status.OK
 
 
