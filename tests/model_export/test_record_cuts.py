@@ -33,6 +33,23 @@ def test_the_copy_with_the_higher_number_is_the_newer_one(number):
     assert records_left(store.files) == b"newest"
 
 
+def test_a_store_that_keeps_something_else_is_told_and_the_old_content_stays():
+    class Forgetful(FlashSim):
+        def create(self, name, data=b""):
+            return super().create(name, bytes(data[:-1]) + b"?" if b"new" in data else data)
+
+    store = Forgetful()
+    assert safe_record.Record(store, "cal").save(b"old") == status.OK
+    assert safe_record.Record(store, "cal").save(b"new") == status.STORE_ERROR
+    assert records_left(store.files) == b"old"
+
+
+def test_a_number_that_no_probe_counts_to_is_damage():
+    body = bytearray((1 << 30).to_bytes(4, "little") + (3).to_bytes(4, "little") + b"odd" + bytes(4))
+    crc.append(body, len(body) - 4)
+    assert records_left({"cal0": bytes(body)}) is None
+
+
 @pytest.mark.parametrize("length", [0, 1, 30])
 def test_a_record_survives_every_cut_and_every_second_cut(length):
     old, new, newest = (bytes((k,)) * length + b"!" * k for k in (1, 2, 3))

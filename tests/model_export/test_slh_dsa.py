@@ -30,6 +30,23 @@ def verify(key, data, *context):
     return signature.verify(key, lambda at, n: data[at : at + n], len(data), *context)
 
 
+def test_a_store_that_gives_less_than_it_said_gives_no_signature(public, signed):
+    body = 768
+    parts = (100, body, body + 5, body + 16, body + 1000, body + 3000, len(signed) - 800, len(signed) - 1)
+    for end in parts:
+        cut = signed[:end]
+        code = signature.verify(public, lambda at, n, cut=cut: cut[at : at + n], len(signed))
+        assert code == status.BAD_SIGNATURE, end
+
+
+def test_a_signature_of_nothing_and_a_key_of_another_kind_are_refused(public, signed):
+    of_nothing = slh_sign.sign(SECRET, public, b"", signature.MODEL)
+    assert verify(public, of_nothing) == status.BAD_SIGNATURE
+    for stranger in (b"XYZ" + public[3:], public[:3] + b"\x09" + public[4:], public[:-1]):
+        assert slh_dsa.signature_size(stranger) == 0
+        assert verify(stranger, signed) == status.BAD_SIGNATURE
+
+
 def test_the_constants_of_sha_256_are_worked_out_rightly():
     import numpy as np
 

@@ -85,6 +85,27 @@ def test_a_rollback_reaches_no_further_than_it_says(thesis, signer):
     assert flash(probe, rollback) == status.TOO_OLD
 
 
+def test_an_image_that_says_what_it_replaces_and_is_no_rollback_is_no_model(thesis, signer):
+    key, sign = signer
+    tables = compiler.compile_model(thesis)
+    probe = probe_of(FlashSim(), key)
+    assert flash(probe, sign(host_image.build(thesis, tables, None, 5))) == status.OK
+    older = changed(host_image.build(thesis, tables, None, 2), 16, 99)
+    assert flash(probe, sign(older)) == status.BAD_MODEL
+
+
+def test_a_live_model_that_rots_while_another_is_tried_is_told_and_a_new_one_mends_it(signed, public_key):
+    probe = probe_of(FlashSim(), public_key)
+    flash(probe, signed[1])
+    send(probe, signed[2])
+    name = slots.NAMES[0]
+    probe.store.files[name] = changed(probe.store.files[name], 200, probe.store.files[name][200] ^ 8)
+    assert probe.verify() == probe.try_() == status.OK
+    assert probe.live() is None and probe.health == status.ROTTEN
+    assert probe.confirm() == status.OK
+    assert probe.live_id() == model_id(signed[2]) and probe.health == status.OK
+
+
 def test_pieces_may_come_twice_but_not_early_and_not_too_many(signed, public_key):
     probe = probe_of(FlashSim(), public_key)
     data = signed[1]
