@@ -24,6 +24,8 @@ from palpate.fixedpoint.word_pairs import Row
 MOST_SUPPORTS = 400
 FORM = Form(22, 15, 14, (0,), ())
 _WIDEST = 30.0
+_FARTHEST = (1 << 29) - (1 << 20)
+"""Of an output, in its steps: they are chosen so that it stays within 2^29 (`assembly`)."""
 _NEGLIGIBLE = -20
 """ln of a kernel that is nothing."""
 
@@ -115,6 +117,8 @@ class KernelSums:
     def told(self, j: int, t: Node) -> Node:
         """As `Polynomials.told`."""
         down = 24 - self.exponents[j]
+        if down < 0:  # weights that cancel: what none of the values reaches is held, for the proof
+            t = ir.clip(t, -(_FARTHEST >> -down), _FARTHEST >> -down)
         return (t + ((1 << down - 1) if down > 0 else 0) >> down) + self.offsets[j]
 
 

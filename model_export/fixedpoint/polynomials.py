@@ -87,7 +87,7 @@ class Polynomials:
             u = self.inputs(x)
             z = quantise.Inputs(u, self.steps)
             sizes = [self._sizes(r, s, z.terms) for r, s in zip(rows, scales)]
-            self.form, self.words = quantise.choose(rows, z, sizes)
+            self.form, self.words = quantise.choose(rows, z, sizes, any(s.within for s in scales))
         else:
             self.form = Form(20, 14, 14, (0,) * len(rows), ())
             none = np.zeros(0, np.int64)

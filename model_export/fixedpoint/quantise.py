@@ -41,6 +41,7 @@ SPLITS = ((20, 14, 14), (21, 14, 14), (22, 15, 14), (21, 15, 13), (22, 15, 12), 
 WIDTH_ERROR = 2e-5  # of half an interval, on the link scale
 MOST_DOWN = 15
 COARSEST, FINEST = 13, 24  # places of a coefficient
+FARTHEST_MOVED = 16  # of its last place
 
 
 class _Output:
@@ -65,18 +66,36 @@ class _Output:
             self._rounded[places] = whole[:-1].astype(np.int64)
         return self._rounded[places]
 
-    def words(self, places: int, form: Form) -> Words:
+    def words(self, places: int, form: Form, whole: Integers | None = None) -> Words:
         """The row's words in a form; what is rounded down on the way is compensated in the intercept."""
         row = self.row
         fraction = places - form.low
         shift = fraction + form.part - form.downs[self.j] - row.fraction
-        words = Words(*split(self.rounded(places), form.low), 0, shift, fraction)
+        words = Words(*split(self.rounded(places) if whole is None else whole, form.low), 0, shift, fraction)
         less = self.exact - predicted(words, form, self.j, self.inputs)
         weights = self.sizes[ROUNDED] ** -2
         intercept = (less[ROUNDED] * weights).sum() / weights.sum()
         return replace(
             words, intercept=to_word(intercept * 2.0**row.fraction, f"the intercept of {row.name}")
         )
+
+    def fewer(self, places: int, form: Form) -> Words:
+        """The same without words that hardly matter: a coefficient moves a little where that makes one 0."""
+        whole, half = self.rounded(places), 1 << form.low - 1
+        cheap = np.stack(
+            [np.zeros_like(whole), np.clip(whole, -half, half - 1), split(whole, form.low)[0] << form.low]
+        )
+        away = np.where(cheap == whole, FARTHEST_MOVED + 1, np.abs(cheap - whole))
+        words = self.words(places, form)
+        for at in np.argsort(away.min(axis=0)):
+            if away[:, at].min() > FARTHEST_MOVED:
+                break
+            tried = whole.copy()
+            tried[at] = cheap[np.argmin(away[:, at]), at]
+            moved = self.words(places, form, tried)
+            if self.badness(moved, form) < 1:
+                whole, words = tried, moved
+        return words
 
     def down(self, part: int, low: int, places: int) -> int:
         """What its runs must be shifted down by."""
@@ -106,7 +125,9 @@ class _Output:
         return best
 
 
-def choose(rows: list[Row], inputs: Inputs, floors: Sequence[float | Floats]) -> tuple[Form, list[Words]]:
+def choose(
+    rows: list[Row], inputs: Inputs, floors: Sequence[float | Floats], fewer: bool = False
+) -> tuple[Form, list[Words]]:
     """The quickest form of the outputs' rows that is accurate, or else the most accurate.
 
     Half of the vectors serve to round by, the other half to judge.
@@ -120,6 +141,8 @@ def choose(rows: list[Row], inputs: Inputs, floors: Sequence[float | Floats]) ->
     floors : list of float, or of array (n,)
         For each output: errors count relative to the value or this, whichever is larger; 0: a logarithm,
         whose errors are relative as they are; an array: relative to its entries.
+    fewer : bool
+        Leave out words that hardly matter: it takes longer.
 
     Raises
     ------
@@ -146,6 +169,9 @@ def choose(rows: list[Row], inputs: Inputs, floors: Sequence[float | Floats]) ->
     if best is None:
         row = max(rows, key=lambda r: float(np.abs(r.coefficients).sum()))
         raise ProofError(f"the coefficients of {row.name} are too large for the firmware's integers")
+    if fewer and best[0] < 1:
+        places = [w.fraction + best[1].low for w in best[2]]
+        return best[1], [output.fewer(n, best[1]) for output, n in zip(outputs, places)]
     return best[1], best[2]
 
 

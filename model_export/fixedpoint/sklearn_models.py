@@ -60,6 +60,9 @@ def from_sklearn(model: Any, X: Any, **options: Any) -> Program:
 def _fits(model: Any, table: Array, columns: list[str] | None) -> None:
     """CompileError where the model was fitted to other columns."""
     known = getattr(model, "feature_names_in_", None)
+    lacking = [] if known is None or columns is None else [n for n in known if n not in columns]
+    if lacking:
+        raise CompileError(f"the model was fitted to a column {lacking[0]!r}, which X does not have")
     if known is not None and columns is not None and list(known) != columns:
         wrong = next(f"{a!r} where it has {b!r}" for a, b in _pairs(known, columns) if a != b)
         raise CompileError(f"the model was fitted to other columns than X has: {wrong}")

@@ -143,6 +143,8 @@ class Space:
 
     features: Sequence[Feature]
     atoms: list[Atom] = field(default_factory=list)
+    zeros: dict[int, float] = field(default_factory=dict)
+    """What polynomials take for the centre of an atom, where `linear` passed over the difference."""
     _of_feature: dict[int, int] = field(default_factory=dict)
 
     def linear(self, feature: int, zero: float | None = None) -> Poly:
@@ -161,7 +163,7 @@ class Space:
         k = self._of_feature[feature]
         middle = self.atoms[k].centre
         if zero is not None and abs(zero - middle) <= NEGLIGIBLE * self.atoms[k].radius:
-            middle = zero
+            middle = self.zeros[k] = zero
         return {(): middle, (k,): self.atoms[k].radius}
 
     def function(

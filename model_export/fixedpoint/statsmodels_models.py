@@ -49,9 +49,15 @@ def from_statsmodels(results: Any, X: Any, **options: Any) -> Program:
     elif columns is None and len(kept) == table.shape[1]:
         places = list(range(len(kept)))
     else:
+        made = columns is not None and getattr(results.model, "formula", None) is not None
         raise CompileError(
             f"the results are of the columns {', '.join(n for n, _ in kept)}, X has "
             f"{', '.join(columns or [f'{table.shape[1]} without names'])}"
+            + (
+                "; what a formula makes the device is given: add it to X"
+                if made
+                else "; leave out the constant"
+            )
         )
     if not np.isfinite(params).all():
         raise CompileError(f"{kind} has a coefficient that is not finite; fit it again")

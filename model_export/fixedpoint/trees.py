@@ -39,7 +39,7 @@ class Splits:
                         "the trees without the transformer: they need none",
                     )  # fmt: skip
                 feature, factor = atom.feature, column[terms[0]] / atom.radius
-                offset = column.get((), 0.0) - factor * atom.centre
+                offset = column.get((), 0.0) - factor * space.zeros.get(terms[0][0], atom.centre)
             self.of.append((feature, factor, offset))
         self.features = space.features
 

@@ -6,6 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 import statsmodels.api as sm
+from sklearn.ensemble import HistGradientBoostingRegressor
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
@@ -147,3 +150,23 @@ def test_results_of_statsmodels(kind):
     assert np.abs(program.values(X)[:, 0] - want).max() < 1e-5 * want.std()
     same = from_statsmodels(results, X.to_numpy())
     assert np.array_equal(same.predict(X.to_numpy()), program.predict(X))
+
+
+def test_a_value_on_a_tree_s_threshold_goes_its_way_behind_a_scaler_too():
+    """Of more than 255 values some are thresholds; a scaler's zero was half a step off: they went wrong."""
+    rng = np.random.default_rng(0)
+    X = rng.uniform(0.5, 3, (300, 4))
+    y = X[:, 0] * X[:, 1] + np.sqrt(X[:, 2])
+    model = make_pipeline(StandardScaler(), HistGradientBoostingRegressor(max_iter=20)).fit(X, y)
+    assert np.abs(from_sklearn(model, X).values(X)[:, 0] - model.predict(X)).max() < 1e-5
+
+
+def test_a_process_whose_weights_cancel_is_held_where_none_of_its_values_gets():
+    """Weights of 90,000 for values of 1.5: the sum could reach what 31 bits do not hold, and was refused."""
+    rng = np.random.default_rng(0)
+    X = rng.uniform(0.5, 3, (80, 4))
+    y = X[:, 0] * X[:, 1] + 0.1 * rng.normal(size=80)
+    model = GaussianProcessRegressor(ConstantKernel(150) * RBF(9) + WhiteKernel(0.01), optimizer=None)
+    program = from_sklearn(make_pipeline(StandardScaler(), model).fit(X, y), X)
+    assert program.proof.largest < 2**30
+    assert program.errors[-1].rms < 1e-3 * program.errors[-1].spread

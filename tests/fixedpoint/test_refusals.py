@@ -175,8 +175,10 @@ def test_data_that_do_not_fit(name):
 def test_columns_of_another_name_are_named():
     frame = pd.DataFrame(X, columns=["a", "b", "c"])
     model = Ridge().fit(frame, Y)
-    with pytest.raises(CompileError, match="'b' where it has 'q'"):
+    with pytest.raises(CompileError, match="a column 'b', which X does not have"):
         from_sklearn(model, frame.rename(columns={"b": "q"}))
+    with pytest.raises(CompileError, match="'a' where it has 'b'"):
+        from_sklearn(model, frame[["b", "a", "c"]])
     with pytest.raises(CompileError, match="no column 'b'"):
         from_sklearn(model, frame).predict(frame[["a", "c"]])
 
