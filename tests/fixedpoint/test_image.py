@@ -16,7 +16,7 @@ from sklearn.linear_model import LinearRegression, Ridge, RidgeClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, PolynomialFeatures, StandardScaler
 
-from firmware_py import evaluator, feature_names, outputs, status
+from firmware_py import evaluator, feature_names, outputs, slots, status
 from firmware_py import features as firmware_features
 from palpate import models
 from palpate.cli import main
@@ -261,3 +261,68 @@ def test_the_command_writes_one(felt, key, tmp_path, capsys):
     assert main([*map(str, words)]) == 0
     found = image_builder.inspect((tmp_path / "model.palp").read_bytes(), keys.load(key).public)
     assert found.signature == "good" and found.features == tuple(X.columns)
+
+
+def of_a_board(y, links=None, outputs_named=("gap",)):
+    """A program of two readings of a converter, whose target is y of them."""
+    rng = np.random.default_rng(5)
+    X = pd.DataFrame(rng.integers(200, 3900, (400, 2)), columns=["hall", "thermistor"])
+    inner = cubic()
+    model = inner if links is None else TransformedTargetRegressor(inner, func=np.log, inverse_func=np.exp)
+    target = np.asarray(y(X["hall"] / 4000, X["thermistor"] / 4000))
+    model.fit(X[:200], target[:200])
+    calibrate = (X[200:], target[200:])
+    return from_sklearn(model, X, output_names=list(outputs_named), calibrate=calibrate), X
+
+
+@pytest.mark.parametrize("scale", [3e-7, 1.0, 2e5])
+@pytest.mark.parametrize("links", [None, "log"])
+def test_a_board_of_one_s_own_is_told_outputs_of_any_size(scale, links, key):
+    """The probe tells millionths of up to 500; a board's outputs have a power of ten each."""
+    program, X = of_a_board(lambda a, b: scale * (1 + a + a * b), links)
+    image = program.image(key, device="gap meter")
+    slots_ = slots.Slots(FlashSim(), keys.load(key).public, 1, 2, b"gap meter")
+    slots_.boot()
+    assert flash(slots_, image) == status.OK
+    (told,) = program_image.device_outputs(program)
+    x, out = array("i", [0, 0]), array("i", [0] * evaluator.OUT_SIZE)
+    want = program.model.reference(X.to_numpy().astype(float))[:, 0]
+    for row, true in zip(X[:50].to_numpy().tolist(), want):
+        x[0], x[1] = row
+        assert slots_.model.evaluate(x, out) == status.OK
+        assert out[0] * told.step == pytest.approx(true, rel=5e-5)
+        assert out[1] < out[0] < out[2]
+
+
+def test_an_image_for_another_board_is_refused(key):
+    program, _ = of_a_board(lambda a, b: 1 + a + b)
+    image = program.image(key, device="gap meter")
+    for name in (b"other meter", b"16x26 at 1500 um"):
+        other = slots.Slots(FlashSim(), keys.load(key).public, 1, 2, name)
+        other.boot()
+        assert flash(other, image) == status.BAD_PROBE
+    with pytest.raises(PalpateError, match="made for the probe 'gap meter'"):
+        image_builder.inspect(image)
+
+
+BOARDS = {
+    "like": ({"like": True}, "a board of one's own has neither"),
+    "a long name": ({"device": "a meter of the gap between"}, "1 to 16 ASCII characters"),
+}
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_what_a_board_s_image_cannot_have(name, key):
+    given, words = BOARDS[name]
+    program, _ = of_a_board(lambda a, b: 1 + a + b)
+    with pytest.raises(ModelError, match=words):
+        program.image(key, **{"device": "gap meter"} | given)
+
+
+def test_seven_outputs_and_twenty_five_features_are_too_many(key):
+    rng = np.random.default_rng(2)
+    X = rng.normal(size=(200, 25))
+    for Y, words in ((X[:, :7], "tells 6 outputs, not 7"), (X.sum(axis=1), "takes 24 features, not 25")):
+        program = from_sklearn(LinearRegression().fit(X, Y), X, calibrate=(X, Y))
+        with pytest.raises(ModelError, match=words):
+            program.image(key, device="a board")
