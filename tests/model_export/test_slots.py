@@ -10,6 +10,7 @@ import pytest
 from firmware_py import evaluator, forcemap, model_image, signature, slh_dsa, slots, status
 from firmware_py import features as firmware_features
 from firmware_py.store import FileStore
+from palpate.link import emulator_model as emulator
 from palpate.model_export import image_builder as host_image
 from palpate.model_export.fixed_point import compiler
 from palpate.model_export.fixed_point.force_map import blob as pack_force_map
@@ -192,6 +193,16 @@ def test_the_live_models_tables_are_out_of_the_way_while_those_of_the_new_one_ar
     alone.clear()
     assert probe.confirm() == status.OK and all(alone)
     assert probe.live_id() == model_id(signed[2])
+
+
+def test_a_reference_press_outlives_another_models_trial():
+    image = emulator.image()
+    probe = probe_of(FlashSim(), emulator.public_key())
+    assert flash(probe, image) == status.OK
+    probe.live().first.set(5, -6, 7)
+    send(probe, image)
+    assert probe.verify() == probe.try_() == probe.abort() == status.OK
+    assert tuple(probe.live().first.reference) == (5, -6, 7)
 
 
 def test_a_store_that_has_no_place_for_an_image_says_so_before_it_is_sent(signed, public_key, monkeypatch):
