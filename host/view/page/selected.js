@@ -10,6 +10,7 @@ export class Selected {
     this.picked = null;
     this.last = null;
     this.place = null;
+    this.wanted = null; // the stroke that somebody has picked, be it on its way still
     this.choice = 0; // counts what was picked: of several strokes on their way the last one counts
     this.news = 0; // counts what was told of the last stroke
     this.after = null; // {stroke, lifted}: it has just ended; until the probe touches again its lump is shown
@@ -84,7 +85,7 @@ export class Selected {
 
   /** Where a recording has been played to its end the page rests on its last stroke, until it plays again. */
   linkChanged(state) {
-    if (state === "ended" && !this.picked) {
+    if (state === "ended" && this.wanted === null) {
       this.rests = true;
       this.pick(this.history.strokes.at(-1)?.number ?? null);
     } else if (state !== "ended" && this.rests) {
@@ -160,6 +161,7 @@ export class Selected {
 
   /** In the list, at once; the stroke itself may take a moment. */
   markPicked(number) {
+    this.wanted = number;
     this.get("back-live").hidden = number === null;
     this.get("back-live").textContent = document.body.dataset.mode === "live" ? "Back to live (Esc)" : "Back (Esc)";
     this.history.mark(number);

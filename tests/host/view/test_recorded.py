@@ -11,6 +11,7 @@ from palpate.stroke.read import load_strokes
 from palpate.view.replay import ReplaySource
 from palpate.wire.events import Estimate
 from tests.host.view.card import numbers_of, numbers_on
+from tests.host.view.test_stroke_races import Held
 from tests.host.view.waiting import PATIENCE_S, eventually, noticed, settled
 
 pytestmark = pytest.mark.browser
@@ -64,6 +65,22 @@ def test_at_its_end_a_phone_shows_the_image_and_nothing_of_it_wraps(recording, v
             row,
         )
         assert max(middles) - min(middles) < 8, row
+
+
+def test_a_stroke_that_is_on_its_way_as_the_recording_ends_is_shown(recording, viewer, open_page):
+    """The page went to the last stroke, and what somebody had picked was lost."""
+    source, held = ReplaySource(recording[0]), Held()
+    source.set_speed(SLOWLY)
+    shown = viewer(source, mode="replay", load_strokes=load_strokes)
+    page = open_page(shown, before=held.watch)
+    expect(page.locator("#stroke-3")).to_be_visible()
+    held.hold()
+    page.locator("#stroke-1").click()
+    held.wait(1)
+    source.set_speed(50)
+    expect(page.locator("#link-text")).to_have_text("Played to its end")
+    held.let_go(1)
+    expect(page.locator("#image-note")).to_have_text("stroke 1")
 
 
 def test_a_recording_is_replayed_with_the_same_estimates(recording, viewer, open_page):
