@@ -32,6 +32,8 @@ _PRESS_ANEW_MM = 9.0
 """Over a longer way pressing again costs less than sliding there."""
 _HALVINGS = 5
 _GUESSED_STEPS = 5
+_GUESSES_FAIL = 2
+"""Where so many guesses in a row have led nowhere, the others will not: they were all carried equally far."""
 
 
 @dataclass
@@ -112,6 +114,7 @@ class _March:
 
     def __init__(self, run: StrokeRun) -> None:
         self._run = run
+        self._failed = 0
         self._past: list[tuple[float, float, State]] = []
 
     def on(self, place: float, force: float, guess: State | None = None) -> State:
@@ -134,12 +137,15 @@ class _March:
         return self._checked(self._run.press(place, None))
 
     def _from(self, guess: State | None, place: float, force: float) -> State | None:
-        if guess is None:
+        if guess is None or self._failed == _GUESSES_FAIL:
             return None
         try:
-            return self._checked(self._run.newton.solve(guess, place, force, _GUESSED_STEPS))
+            state = self._checked(self._run.newton.solve(guess, place, force, _GUESSED_STEPS))
         except NoConvergence:
+            self._failed += 1
             return None
+        self._failed = 0
+        return state
 
     def _reached(self, place: float, force: float, halved: int) -> State:
         """From the last frames; what does not converge is done in halves."""
