@@ -164,10 +164,10 @@ def choose(answer, out, span):
 
 
 def even_out(x_um, n, place_um, rows, part, force, mean):
-    """Take out of some columns' rows (n images) what the hand's force makes of their share of it.
+    """Correct some columns' rows (n images) for the hand's force, which changes their share of it.
 
-    The logarithm of the share goes as that of the force. The slope is seen off the lump, by least squares
-    that lean to no slope where the force hardly changes.
+    ln(share) is taken as linear in ln(force). The slope is fitted off the lump by least squares, with a prior
+    that holds it at 0 where the force hardly changes.
 
     part[k]: the k-th image's sum over these columns, which is overwritten; force[k]: over all; mean: of all.
     """

@@ -199,7 +199,7 @@ def bump(q, far, out):
         out[i] = r
         s += _mul(r, r)
     s = (_ln(s) - _LN_CHANGES) >> 1  # ln of their rms over the greatest, and 12 ln 2
-    out[BUMP] = _ln(most) + s - 36 * _LN2
+    out[BUMP] = _ln(most) + s - 36 * _LN2  # 24 of `most` in Q24, 12 of s
     s = fixed.exp(12 * _LN2 - s, 0)
     for i in range(_PULL, ACROSS):
         out[i] = _mul(out[i], s)

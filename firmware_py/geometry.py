@@ -45,7 +45,7 @@ def rows_within(um):
 
 def between(um):
     """Where |s| = um lies between two rows: index of the outer one (0: the outermost), its weight, the sum
-    of both weights.
+    of both weights, in lowest terms so that products stay small.
     """
     i = 0
     while i < HALF_ROWS - 1 and -FIRST_ROW_UM - i * PITCH_UM > um:

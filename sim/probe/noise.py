@@ -36,7 +36,7 @@ class Noise:
     force : float
         Greatest departure of the hand's force from its mean, as a fraction, wandering slowly.
     creep : float
-        Twice the part of each reading that lags by .3 s at 60 mm/s.
+        Half of the part of each reading that lags by .3 s (18 mm at 60 mm/s).
     hysteresis : float
         Greatest excess of a reading while a cell is unloaded over that while it is loaded, of the greatest
         pressure that it has felt since the stroke began.
