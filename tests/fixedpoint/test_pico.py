@@ -12,6 +12,7 @@ import pytest
 import skops.io
 
 from firmware_py import evaluator, slots, status
+from firmware_py.store import FileStore
 from palpate.cli import main
 from palpate.fixedpoint import from_sklearn
 from palpate.model_export.image_builder import inspect
@@ -81,26 +82,16 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def board(folder):
-    """The flash of a board with the page's main.py and the evaluator, which holds no model yet."""
+def board(folder, tmp_path_factory):
+    """The flash of a board with the page's main.py and the evaluator, whose slots hold the first model."""
     from palpate.sim.probe.rp2040 import flash
 
-    root = folder / "out" / "board"
-    files = {path.relative_to(root).as_posix(): path.read_bytes() for path in root.rglob("*.*")}
+    root, kept = folder / "out" / "board", tmp_path_factory.mktemp("kept")
+    key = (root / "key.pub").read_bytes()
+    assert flashed(slots_of(FileStore(str(kept)), key), (folder / "model.palp").read_bytes()) == status.OK
+    files = {p.relative_to(at).as_posix(): p.read_bytes() for at in (root, kept) for p in at.rglob("*")
+             if p.is_file()}  # fmt: skip
     return flash.image(files | {"main.py": (folder / "main.py").read_bytes()})
-
-
-@pytest.fixture(scope="module")
-def with_model(folder, board):
-    """The flash of one that has taken the first model, over serial."""
-    pico = Pico(board)
-    pico.chip.run_us(1e6)
-    began_us = pico.chip.us
-    pico.chip.send((folder / "model.txt").read_bytes())
-    pico.hears(b"put: ok")
-    print(f"sent, verified and tried in {(pico.chip.us - began_us) / 1e6:.1f} s of device time")
-    assert pico.prediction() == said(folder, "model")
-    return pico.chip.files()
 
 
 def module_says(folder):
@@ -134,20 +125,33 @@ def test_a_bare_pico_says_what_the_compiler_says(folder):
 
 
 @pytest.mark.board
-def test_a_bare_pico_takes_signed_models_over_serial_and_runs_the_probe_s_evaluator(folder, with_model):
-    """The board is started again, asked, given a damaged image, and the better one."""
-    pico = Pico(with_model)
+def test_a_bare_pico_runs_the_probe_s_evaluator_and_takes_another_model_over_serial(folder, board):
+    pico = Pico(board)
     assert pico.prediction() == said(folder, "model")
-    update = (folder / "better.txt").read_bytes()
+    began_us = pico.chip.us
+    pico.chip.send((folder / "better.txt").read_bytes())
+    pico.hears(b"put: ok")
+    print(f"sent, verified and tried in {(pico.chip.us - began_us) / 1e6:.1f} s of device time")
+    assert pico.prediction() == said(folder, "better") != said(folder, "model")
+
+
+@pytest.mark.long
+@pytest.mark.board
+def test_a_board_without_a_model_refuses_a_damaged_one_and_starts_with_the_next(folder, board):
+    from palpate.sim.probe.rp2040 import flash
+
+    root = folder / "out" / "board"
+    files = {p.relative_to(root).as_posix(): p.read_bytes() for p in root.rglob("*") if p.is_file()}
+    pico = Pico(flash.image(files | {"main.py": (folder / "main.py").read_bytes()}))
+    pico.chip.run_us(1e6)
+    update = (folder / "model.txt").read_bytes()
     lines = update.splitlines(keepends=True)
     lines[20] = lines[21]
     pico.chip.send(b"".join(lines))
     pico.hears(f"put: {status.TEXT[status.BAD_SIGNATURE]}".encode())
-    assert pico.prediction() == said(folder, "model")
     pico.chip.send(update)
     pico.hears(b"put: ok")
-    assert pico.prediction() == said(folder, "better") != said(folder, "model")
-    assert Pico(pico.chip.files()).prediction() == said(folder, "better")
+    assert Pico(pico.chip.files()).prediction() == said(folder, "model")
 
 
 def slots_of(store, key):
@@ -176,9 +180,9 @@ def test_power_cut_at_any_byte_of_an_update_leaves_a_working_model(folder):
 
 @pytest.mark.long
 @pytest.mark.board
-def test_power_cut_while_the_flash_chip_writes_leaves_a_working_model(folder, with_model):
+def test_power_cut_while_the_flash_chip_writes_leaves_a_working_model(folder, board):
     """Between commands to the chip, and within them; then the board starts from what the chip holds."""
-    pico = Pico(with_model)
+    pico = Pico(board)
     pico.hears(b"\n")
     changes = []
     pico.chip.before_flash = lambda command: changes.append(of_command(command))
@@ -187,7 +191,7 @@ def test_power_cut_while_the_flash_chip_writes_leaves_a_working_model(folder, wi
     random = np.random.default_rng(1)
     found = set()
     for number in sorted(random.choice(len(changes), 5, replace=False).tolist()):
-        chip = bytearray(with_model)
+        chip = bytearray(board)
         for change in changes[:number]:
             apply(chip, change)
         found.add(tuple(Pico(cut_short(bytes(chip), changes[number], random)).prediction()))
