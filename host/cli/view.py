@@ -19,7 +19,7 @@ from palpate.errors import MissingExtra, PalpateError, PortAmbiguous, UsageError
 
 if TYPE_CHECKING:
     from palpate.stroke.change import Between
-    from palpate.view.refined import Beside
+    from palpate.view.refined import Sees
 
 
 @click.command(
@@ -99,7 +99,7 @@ def command(
     between = _between(data, model)
     spec = None if document is None else load_model(document)
     source: LiveSource | ReplaySource
-    beside: AbstractContextManager[Beside | None] = nullcontext()
+    beside: AbstractContextManager[Sees | None] = nullcontext()
     if recording is not None:
         if recording.suffix != ".mcap":
             raise UsageError(f"{recording} is not a recording: its name should end in .mcap")

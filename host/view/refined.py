@@ -8,19 +8,15 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import CancelledError, Executor, Future
+from concurrent.futures import CancelledError, Executor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from palpate.inversion.felt import NotInvertible
-from palpate.inversion.recorded import FeltStrokes
+from palpate.inversion.beside import Beside, Fitting, one_process
 from palpate.inversion.result import Inverted, Value
-from palpate.inversion.strokes import invert_stroke
 from palpate.recording.channels import CALIBRATION
 from palpate.recording.playback import open_recording
-from palpate.sim.probe.noise import level_named
-from palpate.sim.tissue.workers import pool
 from palpate.stroke.answered import Answered
 from palpate.view.notices import Refined
 from palpate.view.source import Emit
@@ -38,88 +34,68 @@ LEAST = 0.005
 """Odds below are not worth a word."""
 
 
-class Refiner:
-    """Watches a session's events and has its strokes fitted.
-
-    Parameters
-    ----------
-    executor : Executor
-        Where they are fitted.
-    port : str
-        Where the session comes from (`FeltStrokes`).
-    calibration : callable
-        The probe's own, as it is now; b"" where it has none.
-    """
-
-    def __init__(self, executor: Executor, port: str, calibration: Callable[[], bytes]) -> None:
-        self._executor, self._strokes, self._calibration = executor, FeltStrokes(port), calibration
-        self._noise = level_named("typical")
-
-    def take(self, event: Event, emit: Emit) -> None:
-        """Watch an event go by; `emit` is told of its stroke, from another thread once it is fitted."""
-        found = self._strokes.take(event, self._calibration())
-        if found is None or not isinstance(event, Estimate):
-            return
-        of, (stroke, start) = event.time_us, found
-        if isinstance(stroke, NotInvertible):
-            emit(Refined(of, {"problem": f"Not refined: {stroke}."}))
-            return
+def watch(beside: Beside, event: Event, calibration: bytes, emit: Emit) -> None:
+    """Watch an event go by; `emit` is told of its stroke, from another thread once it is fitted."""
+    fitting = beside.take(event, calibration)
+    if fitting is None or not isinstance(event, Estimate):  # presses alone have no card
+        return
+    of = event.time_us
+    if not fitting.done():
         emit(Refined(of, {"working": True}))
 
-        def fitted(work: Future[Inverted]) -> None:
-            try:
-                emit(Refined(of, refined_card(work.result())))
-            except CancelledError:
-                pass  # the page has gone
-            except Exception as error:  # the page must say what happened, whatever it was
-                emit(Refined(of, {"problem": f"Not refined: {error}."}))
+    def fitted(work: Fitting) -> None:
+        try:
+            emit(Refined(of, refined_card(work.result())))
+        except CancelledError:
+            pass  # the page has gone
+        except Exception as error:  # the page must say what happened, whatever it was
+            emit(Refined(of, {"problem": f"Not refined: {error}."}))
 
-        self._executor.submit(invert_stroke, stroke, start, self._noise).add_done_callback(fitted)
+    fitting.add_done_callback(fitted)
 
 
-Beside = Callable[[Emit, threading.Event], Emit]
+Sees = Callable[[Emit, threading.Event], Emit]
 """Given where a source's events go, and what stops it: where they are to go."""
 
 
 @contextmanager
-def refining_live(port: str, calibration: Callable[[], bytes]) -> Iterator[Beside]:
+def refining_live(port: str, calibration: Callable[[], bytes]) -> Iterator[Sees]:
     """Strokes of a probe; what is not fitted when the block ends is left."""
-    with _one_process() as executor:
-        refiner = Refiner(executor, port, calibration)
+    with _left() as executor:
+        beside = Beside(executor, port)
 
-        def beside(emit: Emit, _: threading.Event) -> Emit:
+        def sees(emit: Emit, _: threading.Event) -> Emit:
             def both(event: Any) -> None:
                 emit(event)
-                if isinstance(event, Answered):
-                    refiner.take(event.estimate, emit)
-                elif isinstance(event, Event):
-                    refiner.take(event, emit)
+                wire = event.estimate if isinstance(event, Answered) else event
+                if isinstance(wire, Event):
+                    watch(beside, wire, calibration(), emit)
 
             return both
 
-        yield beside
+        yield sees
 
 
 @contextmanager
-def refining_recorded(path: Path) -> Iterator[Beside]:
+def refining_recorded(path: Path) -> Iterator[Sees]:
     """Strokes of a recording, all of them, whatever is played of it."""
-    with _one_process() as executor:
+    with _left() as executor:
 
-        def beside(emit: Emit, stop: threading.Event) -> Emit:
+        def sees(emit: Emit, stop: threading.Event) -> Emit:
             def read() -> None:
                 with open_recording(path) as session:
                     port = session.recording.metadata().get("session", {}).get("port", "")
                     calibration = session.recording.attachment(CALIBRATION) or b""
-                    refiner = Refiner(executor, port, lambda: calibration)
+                    beside = Beside(executor, port)
                     for event in session.events():
                         if stop.is_set():
                             return
-                        refiner.take(event, emit)
+                        watch(beside, event, calibration, emit)
 
             threading.Thread(target=read, name="refining", daemon=True).start()
             return emit
 
-        yield beside
+        yield sees
 
 
 class _Left(BaseException):
@@ -127,9 +103,9 @@ class _Left(BaseException):
 
 
 @contextmanager
-def _one_process() -> Iterator[Executor]:
+def _left() -> Iterator[Executor]:
     try:
-        with pool(1, "palpate.inversion.strokes") as executor:
+        with one_process() as executor:
             yield executor
             raise _Left
     except _Left:
