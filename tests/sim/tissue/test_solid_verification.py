@@ -125,6 +125,18 @@ def test_kernels_are_the_weak_form_on_every_material(code):
     np.testing.assert_allclose(product, condensed, atol=1e-10 * np.abs(condensed).max())
 
 
+@pytest.mark.parametrize("stiffening", [0.0, 5.0])
+def test_with_a_fresh_tangent_the_forces_do_not_depend_on_the_pressures_given(stiffening):
+    """At equilibrium the pressures are right anyway, so no stroke shows a fault in what corrects them."""
+    body = body_of(shaken(), nu=0.495, stiffening=stiffening)
+    m, rng = len(body.mesh.elements), np.random.default_rng(7)
+    u, q = rng.normal(0, 0.05, body.mesh.nodes_mm.size), rng.normal(0, 1.0, (m, 4))
+    K, frozen = np.zeros((m, 81, 81)), np.zeros((m, 4, 81))
+    body.tangent(u, q, np.arange(m), K, frozen)
+    true = body.forces(u)
+    np.testing.assert_allclose(body.residual(u, q, frozen)[0], true, atol=1e-12 * np.abs(true).max())
+
+
 def _forces_of(body, some, u, q):
     """Forces of some elements only."""
     mesh, I, c = body.mesh, body.integrals, body.constants
