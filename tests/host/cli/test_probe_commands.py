@@ -2,11 +2,15 @@
 
 import json
 import os
+import shutil
 import signal
 
 import pytest
 
 from palpate.link import emulated as notes
+from palpate.link.flash import held_counter
+from palpate.link.probe import Probe
+from palpate.model_export.exporter import export
 from palpate.recording.reader import Recording
 from tests.host.cli.sentences import one_sentence
 from tests.host.probes import LUMP
@@ -164,6 +168,51 @@ def test_a_flipped_byte_in_a_model_image_is_refused_in_a_sentence(flashed, image
         assert status in (1, 2) and out == "" and one_sentence(err), err
     status, out, _ = palpate("devices", "--json")
     assert [d["model_id"] for d in json.loads(out) if d["port"] == device.port] == [model["model_id"]]
+
+
+def test_a_rollback_reaches_what_another_home_signed_by_counter_or_by_asking_the_probe(
+    emulated, specs, images, key_dir, palpate, tmp_path
+):
+    """A home whose clock stood at 2106 locked the others out: "export it again" could not help, nor could
+    `--rollback`, which knew of its own home only."""
+    elsewhere, far, model, back = (tmp_path / name for name in ("key", "far.palp", "model.json", "back.palp"))
+    shutil.copytree(key_dir, elsewhere)
+    far.write_bytes(export(specs[0], elsewhere, counter=43_000_000)[0])
+    specs[1].save(model)
+    port = emulated("micropython").port
+    with Probe.open(port) as probe:
+        assert held_counter(probe) == 0
+    assert palpate("flash", far, "--port", port)[0] == 0
+    late = tmp_path / "late.palp"
+    late.write_bytes(images[1])
+    status, _, err = palpate("flash", late, "--port", port)
+    assert status == 1 and "with --rollback --counter 43000000" in err and one_sentence(err)
+    rollback = ("export", model, "--key", key_dir, "--out", back, "--rollback", "--json")
+    for reach in (("--counter", 43_000_000), ("--port", port)):
+        status, out, err = palpate(*rollback, *reach)
+        told = json.loads(out)
+        assert status == 0 and told["replaces"] == 43_000_000 > told["counter"], err
+    status, out, err = palpate("flash", back, "--port", port, "--json")
+    assert status == 0 and json.loads(out)["model_id"] == told["model_id"], err
+    with Probe.open(port) as probe:
+        assert held_counter(probe) == 43_000_000  # and the next rollback must reach as far
+
+
+def test_a_rollback_that_cannot_ask_the_probe_signs_nothing(key_dir, palpate, tmp_path):
+    out = tmp_path / "back.palp"
+    words = (
+        "export",
+        "field",
+        "--key",
+        key_dir,
+        "--out",
+        out,
+        "--rollback",
+        "--port",
+        "socket://127.0.0.1:9",
+    )
+    status, _, err = palpate(*words)
+    assert status == 1 and one_sentence(err) and not out.exists()
 
 
 def test_ctrl_c_ends_a_recording_whole_and_exits_130(emulated, tmp_path):

@@ -7,7 +7,7 @@ import pytest
 from firmware_py import messages, status
 from firmware_py import model_image as image_format
 from palpate.errors import ImageRefused
-from palpate.link.flash import flash, held_counter
+from palpate.link.flash import flash
 from palpate.model_export.exporter import export
 from palpate.model_export.signing import keys
 from palpate.wire.events import Estimate, Frame
@@ -78,18 +78,3 @@ def test_a_probe_takes_another_key_from_the_one_it_knows_and_from_no_other(
             flash(probe, images[1])
         of_new = export(specs[1], tmp_path / "new", counter=keys.MAX_COUNTER)[0]
         assert flash(probe, of_new).model_id != live
-
-
-def test_a_home_that_a_clock_of_2106_has_locked_out_is_told_the_way_back(emulated, specs, images, key_dir):
-    """ "export it again" could not help, nor could --rollback: it knew of its own home only."""
-    far = export(specs[0], key_dir, counter=43_000_000)[0]
-    with connect(emulated("micropython")) as probe:
-        assert held_counter(probe) == 0
-        flash(probe, far)
-        assert held_counter(probe) == 43_000_000
-        with pytest.raises(ImageRefused, match="--rollback --counter 43000000") as refusal:
-            flash(probe, images[1])
-        assert refusal.value.status == status.TOO_OLD
-        back = export(specs[1], key_dir, counter=5, rollback=True, held=held_counter(probe))[0]
-        flash(probe, back)
-        assert held_counter(probe) == 43_000_000  # and the next rollback must reach as far
