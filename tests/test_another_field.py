@@ -11,7 +11,7 @@ METHOD = """
     def temperature_mC(self):
         return 36600
 """
-ROW = """    Row(
+ROW = """    CardRow(
         "volume_cm3",
         "Volume",
         "cm3",
