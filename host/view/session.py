@@ -117,9 +117,13 @@ class Session:
                 "state": asdict(self.phase),
                 "recording": self.recording,
                 "playback": None if self.playback is None else asdict(self.playback),
-                "running": None if self._assembler.running is None else self._assembler.running.progress(),
+                "running": None if (going := self._going()) is None else going.progress(),
                 **self.visits.snapshot(),
             }
+
+    def _going(self) -> FollowedStroke | None:
+        """The stroke that runs, or waits for its answer."""
+        return self._assembler.running or self._assembler.waiting
 
     def tell(self, message: dict[str, Any]) -> None:
         """Tell every page something that it must not miss."""

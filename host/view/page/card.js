@@ -86,8 +86,12 @@ function layer({ place, text, value, low, high, sizes }) {
 }
 
 /** What stands in the card before the first stroke: what to do, and what will come. */
-function beginning(gone, mode, model) {
+function beginning(gone, mode, model, awaited) {
   const box = element("div", { class: "beginning" });
+  if (awaited && !gone) {
+    box.append(element("p", {}, "The stroke is over. Its answer is on its way."));
+    return box;
+  }
   if (mode === "replay") box.append(element("p", {}, "Play the recording below, or pick one of its strokes."));
   else if (gone) box.append(element("p", {}, "No stroke yet. The page goes on by itself when the probe is there."));
   else {
@@ -142,11 +146,11 @@ export function drawRefined(box, refined) {
 }
 
 /** Fill `box` with the card of a stroke, or with what to do while there is none. */
-export function drawCard(box, card, { gone = false, mode = "live", model = null, hero = true } = {}) {
+export function drawCard(box, card, { gone = false, mode = "live", model = null, awaited = false, hero = true } = {}) {
   box.replaceChildren();
   box.className = "";
   if (!card) {
-    box.append(beginning(gone, mode, model));
+    box.append(beginning(gone, mode, model, awaited));
     return;
   }
   box.className = `tone-${card.kind}${card.kind === "outside" ? " doubtful" : ""}`;

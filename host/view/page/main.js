@@ -16,7 +16,7 @@ import { VisitPanel } from "./visit_panel.js";
 import { History } from "./visits.js";
 
 const get = (id) => document.getElementById(id);
-const page = { frames: [], frame: null, imageNew: false, chartsNew: true, historyNew: true, held: false, running: null, drawn: [], link: null };
+const page = { frames: [], frame: null, imageNew: false, chartsNew: true, historyNew: true, held: false, running: null, awaited: false, drawn: [], link: null };
 const redraw = () => Object.assign(page, { imageNew: true, chartsNew: true, historyNew: true });
 
 const ask = (command, options) => connection.ask(command, options);
@@ -68,6 +68,8 @@ function receive(message) {
       document.body.dataset.mode = message.mode;
       document.title = `Palpate: ${message.name}`;
       showHealth(message.health);
+      image.stroking = false;
+      page.awaited = message.running !== null && !message.state.stroke;
       showState(message.state);
       tools.recording(message.recording);
       replay.set(message.playback);
@@ -92,6 +94,7 @@ function receive(message) {
       if (message.number === null) selected.jumped();
       if (visitPanel.open && page.running?.lane_mm !== message.lane_mm) page.historyNew = true;
       page.running = message.number === null ? null : message;
+      if (!page.running) page.awaited = false;
       // The last stroke stays until there is something to see of the next.
       if (page.running?.map.x_mm.length > 7 && !selected.picked && !page.held) {
         charts.show(page.running);
@@ -101,6 +104,7 @@ function receive(message) {
       break;
     case "stroke":
       page.running = null;
+      page.awaited = false;
       image.ended(message);
       selected.finished(message);
       break;
@@ -182,6 +186,7 @@ function showHealth(health) {
 
 function showState(state) {
   for (const item of get("steps").querySelectorAll("[data-step]")) item.classList.toggle("on", state[item.dataset.step]);
+  page.awaited = state.stroke ? false : page.awaited || image.stroking;
   image.stroking = state.stroke;
   image.resting = !state.contact;
   selected.touched(state);

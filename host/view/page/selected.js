@@ -56,6 +56,7 @@ export class Selected {
 
   /** The probe has touched the tissue, begun a stroke or been lifted. */
   touched({ contact, stroke }) {
+    if (!this.last && !this.picked) this.card(null);
     if (!this.after) return;
     if (stroke || (contact && this.after.lifted)) this.after = null;
     else if (!contact) this.after.lifted = true;
@@ -218,7 +219,7 @@ export class Selected {
     const visit = this.history.visits.find(({ number }) => number === (stroke?.visit ?? null));
     const answer = visit?.answer?.numbers.includes(stroke.number) ? visit.answer : null;
     drawVisitAnswer(this.get("visit-answer"), answer, visit?.name.endsWith(".mcap") ? "This recording" : visit?.name);
-    drawCard(this.get("card"), stroke?.card, { gone: this.page.link !== "connected", mode, model: this.page.model, hero: !answer });
+    drawCard(this.get("card"), stroke?.card, { gone: this.page.link !== "connected", mode, model: this.page.model, awaited: this.page.awaited, hero: !answer });
     drawRefined(this.get("refined"), stroke?.refined);
     if (!stroke) {
       this.get("estimate-which").textContent = "";

@@ -9,6 +9,7 @@ import re
 import pytest
 from playwright.sync_api import expect
 
+from palpate.stroke.answered import Answered
 from tests.host.view.chromium import free_port
 from tests.host.view.pages import LUMP, once
 from tests.host.view.synthetic import IN_GLAND, Bump, SyntheticSource
@@ -243,3 +244,26 @@ def test_two_visits_are_compared_without_scrolling_at_1280_by_800(viewer, open_p
         page.evaluate("(box => box.scrollHeight - box.clientHeight)(document.querySelector('#comparison'))")
         <= 1
     )
+
+
+def test_after_the_first_stroke_its_answer_is_awaited(viewer, open_page):
+    """Until it came the card said that there was no stroke yet, to a page opened meanwhile as well."""
+    held = []
+
+    def held_back(emit, _):
+        def without_answers(event):
+            if isinstance(event, Answered):
+                held.append(lambda: emit(event))
+            else:
+                emit(event)
+
+        return without_answers
+
+    shown = viewer(once(LUMP), beside=held_back)
+    first = open_page(shown)
+    expect(first.locator("#card")).to_contain_text("Its answer is on its way.")
+    second = open_page(shown)
+    expect(second.locator("#card")).to_contain_text("Its answer is on its way.")
+    held[0]()
+    for page in (first, second):
+        expect(page.locator("#card .verdict")).to_have_text("Lump found")
