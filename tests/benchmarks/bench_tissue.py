@@ -1,11 +1,12 @@
 """How long a stroke takes, beside its peers and its floor: python -m tests.benchmarks.bench_tissue
-[--alone | --peers]
+[--alone | --peers | --distinct]
 
 One process, one thread, CPU seconds. Ours at hx = 2 and 1, set-up of a fresh geometry included; the floor,
 which is as many bare factorisations of the same tangent as the stroke has positions, by turns with it;
 unless --alone (with --peers nothing else), felupe (PyPI) and CalculiX (Debian calculix-ccx) on the same mesh,
 material and load, by turns with ours; and the
-thirty thesis strokes and a projection for many on a process pool. docs/performance.md has the tables.
+thirty thesis strokes and a projection for many on a process pool. With --distinct: forty cases that differ in
+all, against the reference. docs/performance.md has the tables.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from palpate.sim.tissue.stroke import one_blas_thread
 from tests.benchmarks.peers import Peer
 
 CODE = "d10h08e10f10"
-ROUNDS = 15
+ROUNDS, CASES = 15, 40
 PEER_ROUNDS = {"felupe": 3, "CalculiX": 1}
 D_ALLOWED, PRESSURE_ALLOWED = 0.01, 0.03
 
@@ -109,6 +110,25 @@ def many() -> None:
         print(f"128 Sobol strokes: {wall:.1f} s, so 1000 in {wall / 0.128:.0f} s")
 
 
+def distinct() -> None:
+    """Cases that differ in all, each between two strokes of the reference."""
+    reference, settings = Case.from_code(CODE), Settings()
+    print("| cases | strokes | CPU s | times the reference | nine of ten within |\n|---|---|---|---|---|")
+    for words, design in (
+        ("the thesis' tissue", f"sobol:{CASES}:3"),
+        ("tissue of all kinds", f"any:{CASES}:3"),
+    ):
+        cases = {replace(case, F_rel=1.0): case for case in read_design(design)}  # one force of each lump
+        before, rows = fresh(reference, settings).cpu_s, []
+        for case in cases.values():
+            took, after = fresh(case, settings).cpu_s, fresh(reference, settings).cpu_s
+            rows.append((took, took / ((before + after) / 2)))
+            before = after
+        took, ratio = np.median(rows, axis=0)
+        most = np.quantile([r for _, r in rows], 0.9)
+        print(f"| {words} | {len(rows)} | {took:.3f} | {ratio:.2f} | {most:.2f} |", flush=True)
+
+
 def peers(fine: Stroke) -> None:
     """Each peer between two strokes of ours, round by round; CPU seconds and ratios are medians."""
     from tests.benchmarks.peers import calculix_stroke, felupe_stroke
@@ -164,6 +184,9 @@ def print_peer(peer: Peer, rounds: int, times_ours: float, fine: Stroke) -> None
 def main() -> None:
     if "--peers" in sys.argv:
         peers(fresh(Case.from_code(CODE), Settings(hx_mm=1.0)))
+        return
+    if "--distinct" in sys.argv:
+        distinct()
         return
     strokes = ours()
     if "--alone" not in sys.argv:
