@@ -13,7 +13,8 @@ from palpate.errors import PalpateError, UsageError
 from palpate.first_time import announce
 
 if TYPE_CHECKING:
-    from palpate.inversion import Inverted, Value
+    from palpate.answer.fitted import Inverted, Value
+    from palpate.inversion.kept import Kept
     from palpate.sim.probe.noise import Noise
 
 KINDS = ("auto", "anywhere", "border", "none")
@@ -30,6 +31,7 @@ KINDS = ("auto", "anywhere", "border", "none")
               help="Of somebody's array: radius=flat, or radius=40mm&padding=2mm&modulus=80kPa.")  # fmt: skip
 @click.option("--together", is_flag=True,
               help="All strokes of all recordings go over one lump: one answer for them all.")  # fmt: skip
+@click.option("--again", is_flag=True, help="Fit anew what was fitted and kept before.")
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Processes.")
 @click.option("--scheduler", help="A Dask cluster instead: its address, as tcp://10.0.0.5:8786.")
 @json_option
@@ -39,6 +41,7 @@ def command(
     noise: str,
     face_words: str | None,
     together: bool,
+    again: bool,
     workers: int,
     scheduler: str | None,
     as_json: bool,
@@ -50,14 +53,18 @@ def command(
     where two lumps, undulating tissue or friction would do so better. Lumps are endless cylinders.
     A recording without a stroke has its presses fitted: they tell less, and the intervals say how much.
 
+    Answers are kept in RECORDING.refined, and taken from there until --again, another --class or --noise, or
+    another version of Palpate's inversion asks for new ones.
+
     \b
     Example:
       palpate stream --strokes 1 --record visit.mcap
       palpate refine visit.mcap
     """
+    from palpate.answer.fitted import Inverted
     from palpate.cli.sweep import executor_of
+    from palpate.inversion.kept import Kept
     from palpate.inversion.recorded import felt_strokes
-    from palpate.inversion.result import Inverted
     from palpate.link.face import face_in_words
     from palpate.sim.probe.noise import level_named
     from palpate.sim.tissue.workers import pool
@@ -77,7 +84,15 @@ def command(
             job = [(stroke, start)]
             jobs.append((path, job))
             joint = joint if stroke.alone else job
-    announce()
+    kept = {path: Kept(path) for path in recordings}
+    for old in (one.path for one in kept.values() if one.outdated):
+        note(f"{old} is of another version of the inversion: what it holds is fitted anew")
+    before = [
+        kept[path].find(job, level, kind) if isinstance(job, list) and not again else None
+        for path, job in jobs
+    ]
+    if not all(before):
+        announce()
     found: list[tuple[Path, Inverted]] = []
     with ExitStack() as stack:
         executor = stack.enter_context(executor_of(scheduler))
@@ -86,28 +101,38 @@ def command(
         bar = stack.enter_context(progress("strokes"))
         task = bar.add_task("refining", total=len(jobs))
         work: list[Any] = [
-            (
-                path,
-                executor.submit(_inverted, job, level, kind) if executor and isinstance(job, list) else job,
-            )
-            for path, job in jobs
+            executor.submit(_inverted, job, level, kind)
+            if executor and isinstance(job, list) and known is None
+            else known or job
+            for (_, job), known in zip(jobs, before)
         ]
-        for path, item in work:
-            if isinstance(item, list):
-                item = _inverted(item, level, kind)
-            elif not isinstance(item, Inverted):
-                item = item.result()
+        for (path, strokes), item in zip(jobs, work):
+            if not isinstance(item, Inverted):
+                item = _inverted(item, level, kind) if isinstance(item, list) else item.result()
+                _keep(kept[path], strokes, level, kind, item)
             found.append((path, item))
             bar.advance(task)
             if not as_json:
                 say("\n".join(lines_of(item, path if len(recordings) > 1 else None)))
+    files = [one.path for one in kept.values() if one.path.exists()]
     if as_json:
-        print_json({"strokes": [{"recording": path, **one.as_dict()} for path, one in found]})
+        print_json({"strokes": [{"recording": path, **one.as_dict()} for path, one in found], "kept": files})
+    elif files:
+        taken = f"; {count} of them from before" if (count := sum(map(bool, before))) else ""
+        say(f"kept in {', '.join(map(str, files))}{taken}")
     if all(one.problem for _, one in found):
         raise PalpateError(f"no stroke could be refined: {found[0][1].problem}")
     for _, one in found:
         if one.problem and as_json:
             note(one.problem)
+
+
+def _keep(kept: Kept, job: Any, level: Noise, kind: str, answer: Inverted) -> None:
+    """Keep an answer; where that fails the answer is shown all the same."""
+    try:
+        kept.keep(job, level, kind, answer)
+    except PalpateError as error:
+        note(f"not kept: {error}")
 
 
 def _inverted(job: list[Any], level: Noise, kind: str) -> Inverted:

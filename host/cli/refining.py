@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
+from palpate.answer.fitted import Inverted
 from palpate.inversion.beside import Beside, Fitting, one_process
-from palpate.inversion.result import Inverted
 from palpate.wire.events import Event
 
 
@@ -27,6 +28,12 @@ class Refining:
         while self._work and self._work[0].done():
             yield self._work.pop(0).result()
 
+    def kept(self) -> list[str]:
+        """Where answers were kept, or why not, in words."""
+        where, why = self._beside.kept_in, self._beside.unkept
+        said = [f"refined answers are kept in {where}"] if where else []
+        return said + ([f"refined answers were not kept: {why}"] if why else [])
+
     @property
     def waiting(self) -> int:
         """How many are not ready."""
@@ -39,7 +46,7 @@ class Refining:
 
 
 @contextmanager
-def refining(port: str) -> Iterator[Refining]:
-    """Have a process beside this one; it ends with the block."""
+def refining(port: str, record: Path | None) -> Iterator[Refining]:
+    """Have a process beside this one, which ends with the block; answers are kept beside the recording."""
     with one_process() as executor:
-        yield Refining(Beside(executor, port))
+        yield Refining(Beside(executor, port, lambda: record))

@@ -134,7 +134,7 @@ def command(
     counts: dict[str, int] = {}
     refined: list[dict[str, Any]] = []
     shown = None if rerun is None else _rerun(rerun, overwrite, fat_kPa)
-    with refining(port) if refine else nullcontext() as refiner:
+    with refining(port, record) if refine else nullcontext() as refiner:
         with ExitStack() as stack:
             probe = stack.enter_context(recorded(port, record, overwrite, baud))
             if shown is not None:
@@ -196,6 +196,8 @@ def command(
         say("\n".join(visit_lines(together, fat_kPa)))
     if record is not None and not quiet:
         note(f"recorded {record}")
+    for line in [] if refiner is None else refiner.kept():
+        note(line)
     if as_json:
         print_json({**summary, "refined": refined, "recording": record})
     if interrupted:

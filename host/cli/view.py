@@ -111,7 +111,7 @@ def command(
         mode = "live"
         _check(port or "auto")
         if refine:
-            beside = refining_live(port or "auto", lambda: live.calibration)
+            beside = refining_live(port or "auto", lambda: live.calibration, lambda: live.recorded_to)
 
     def ready(url: str) -> None:
         say(f"Palpate is at {url}  (Ctrl-C ends it)")

@@ -9,7 +9,7 @@
 explains the data, `search` the way to the best one, `result` what is said of it.
 """
 
-from palpate.inversion.result import Inverted, Value
+from palpate.answer.fitted import Inverted, Value
 from palpate.inversion.strokes import invert, invert_stroke
 
 __all__ = ["Inverted", "Value", "invert", "invert_stroke"]

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
+from pathlib import Path
 
+from palpate.answer.fitted import Inverted
+from palpate.errors import PalpateError
 from palpate.inversion.felt import NotInvertible
+from palpate.inversion.kept import Felt, Kept
 from palpate.inversion.recorded import FeltStrokes
-from palpate.inversion.result import Inverted
 from palpate.inversion.strokes import invert_stroke
+from palpate.inversion.under import AUTO
 from palpate.link.schemes import address_of
 from palpate.sim.probe.noise import level_named
 from palpate.sim.tissue.workers import pool
@@ -27,9 +31,23 @@ class Beside:
         Where it is fitted.
     port : str
         Where the session comes from, as `FeltStrokes` takes it.
+    recording : callable
+        The file, if any, that the session is recorded to just now, or was: answers are kept beside it.
+
+    Attributes
+    ----------
+    kept_in : Path or None
+        Where answers are kept, once there is one.
+    unkept : str
+        Why answers could not be kept; "" where they could.
     """
 
-    def __init__(self, executor: Executor, port: str) -> None:
+    def __init__(
+        self, executor: Executor, port: str, recording: Callable[[], Path | None] = lambda: None
+    ) -> None:
+        self._recording = recording
+        self.kept_in: Path | None = None
+        self.unkept = ""
         self._executor, self._strokes, self._noise = executor, FeltStrokes(port), level_named("typical")
         self._presses_too = address_of(port) is not None
 
@@ -40,10 +58,35 @@ class Beside:
             return None
         stroke, start = found
         if not isinstance(stroke, NotInvertible):
-            return self._executor.submit(invert_stroke, stroke, start, self._noise)
+            kept = self._kept()
+            answer = kept.find([(stroke, start)], self._noise, AUTO) if kept else None
+            if answer is None:
+                fitting = self._executor.submit(invert_stroke, stroke, start, self._noise)
+                if kept:
+                    fitting.add_done_callback(lambda done: self._keep(kept, (stroke, start), done))
+                return fitting
+        else:
+            answer = Inverted(start.stroke, problem=str(stroke), press=self._strokes.was_press)
         known: Fitting = Future()
-        known.set_result(Inverted(start.stroke, problem=str(stroke), press=self._strokes.was_press))
+        known.set_result(answer)
         return known
+
+    def _kept(self) -> Kept | None:
+        path = self._recording()
+        try:
+            return None if path is None else Kept(path)
+        except PalpateError as error:
+            self.unkept = str(error)
+            return None
+
+    def _keep(self, kept: Kept, stroke: Felt, done: Fitting) -> None:
+        if done.cancelled() or done.exception() is not None:
+            return
+        try:
+            kept.keep([stroke], self._noise, AUTO, done.result())
+            self.kept_in = kept.path
+        except PalpateError as error:
+            self.unkept = str(error)
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.answer.fitted import Laid
 from palpate.inversion.forward import Computed, Slopes
 from palpate.inversion.posterior import Misfit, Posterior
 
@@ -99,6 +100,13 @@ class Together:
                 wide[:, index] = block
                 blocks.append(wide)
         return np.vstack(data), np.vstack(prior)
+
+    def laid(self, z: Floats, found: Computed) -> tuple[Laid, ...]:
+        """Of each stroke, the fitted one over the measured one."""
+        return tuple(
+            part.laid(z[index], _some(found, frames))
+            for part, index, frames in zip(self.parts, self.index, self._frames)
+        )
 
     def seen(self, z: Floats, change: Floats) -> Floats:
         """As `Posterior.seen`, of all strokes."""

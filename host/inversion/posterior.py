@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.answer.fitted import Laid
 from palpate.inversion.classes import FAT_KPA, PADDING, Class
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import Computed, Slopes
@@ -163,6 +164,11 @@ class Posterior:
         rows = rows + self.one(z, "zero") + self.one(z, "drift") * share
         depth = found.depth + self.one(z, "depth_zero") + self.one(z, "depth_drift") * (2 * share[:, 0] - 1)
         return np.column_stack([rows, depth])
+
+    def laid(self, z: Floats, found: Computed) -> Laid:
+        """The fitted stroke over the measured one."""
+        s, fitted = self.stroke, self.predicted(z, found)
+        return Laid(s.place_mm, s.press, s.rows_kPa, fitted[:, :-1], s.displacement_mm, fitted[:, -1])
 
     def seen(self, z: Floats, change: Floats) -> Floats:
         """What a change of computed images and depth, (n, rows + 1), does to the weighted residuals."""

@@ -10,11 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from palpate.answer.fitted import Inverted, Value
 from palpate.inversion.classes import Class
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import COARSE, FINE
 from palpate.inversion.posterior import Posterior
-from palpate.inversion.result import Inverted, Value, told
+from palpate.inversion.result import told
 from palpate.inversion.search import Mode, search
 from palpate.inversion.start import Start, first_guess
 from palpate.inversion.under import AUTO, LUMPS, classes_over, forward_of, odds_of
@@ -49,9 +50,12 @@ def invert_press(press: FeltStroke, noise: Noise, kind: str = AUTO) -> Inverted:
     least = min(mode.misfit.total for _, mode in found[best])
     near = [_finer(*one) for one in found[best] if one[1].misfit.total < least + 3 * _AS_WELL]
     least = min(mode.misfit.total for _, mode in near)
-    said = [told(*one, odds) for one in near if one[1].misfit.total <= least + _AS_WELL]
+    near = [one for one in near if one[1].misfit.total <= least + _AS_WELL]
+    said = [told(*one, odds) for one in near]
     first = min(range(len(said)), key=lambda k: said[k].chi2 or 0.0)
-    return replace(said[first], values=_together(said[first], said))
+    posterior, mode = near[first]
+    laid = (posterior.laid(mode.z, mode.found),)
+    return replace(said[first], values=_together(said[first], said), laid=laid)
 
 
 def _modes(of: Class, press: FeltStroke, begin: Start, noise: Noise) -> list[Found]:

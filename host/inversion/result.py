@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.answer.fitted import Inverted, Value
 from palpate.inversion.departures import DEPARTURES, FRICTION, TWO_LUMPS, UNDULATING
 from palpate.inversion.posterior import Posterior
 from palpate.inversion.search import Mode
 
 Floats = NDArray[np.float64]
 
-LEVEL = 0.9
 _NORMAL = 1.645
 WIDER = {"ln d": 2.4, "ln depth": 2.0, "ln t": 2.4, "E^-2/3": 1.9, "ln_E": 2.1}
 """How much wider than Laplace's an interval must be to hold 90 %: docs/inversion.md says how it is known."""
 
 FITS = 1.3
 """A misfit below this, for each degree of freedom, fits: computed strokes have 0.6 to 1.1."""
-_HARD = 10.0 ** (-2 / 3)
 _SURE = 0.9
 _SAMPLES = 4000
 _DEPARTED = {
@@ -29,106 +25,6 @@ _DEPARTED = {
     UNDULATING: "tissue that undulates along the stroke",
     FRICTION: "friction between face and skin",
 }
-
-
-@dataclass(frozen=True)
-class Value:
-    """An estimate and its 90 % interval; an end that nobody knows is None."""
-
-    value: float
-    low: float | None
-    high: float | None
-
-    def as_dict(self) -> dict[str, float | None]:
-        """As `--json` prints it."""
-        return {"value": self.value, "low": self.low, "high": self.high}
-
-
-@dataclass(frozen=True)
-class Inverted:
-    """One stroke's inversion.
-
-    Attributes
-    ----------
-    stroke : int
-        Its number on the probe; of a press alone in its recording.
-    values : dict
-        `Value` by name: t_mm, E_fat_kPa, F_N_per_m, gland_mm, gland_ratio; with a lump d_mm, h, depth_mm,
-        E_inv23, E_ratio and E_kPa.
-    kind : str
-        The class that the values belong to.
-    classes : dict
-        The odds of each class that was compared, between 0 and 1.
-    chi2 : float
-        Misfit for each degree of freedom.
-    fits : bool
-    settled : bool
-        Whether the search came to rest.
-    worst : str
-        Where the misfit is greatest, in words.
-    centre_mm : float or None
-        Where the lump lies along the stroke.
-    why : str
-        Why it does not fit, in words.
-    layers : dict
-        How likely the lump lies in the "fat" alone, across its "border", in the "gland" alone.
-    together : int
-        How many strokes this is the answer to.
-    problem : str
-        Why there is no inversion; then all else is empty.
-    press : bool
-        Whether it was a press alone.
-    """
-
-    stroke: int
-    values: dict[str, Value] = field(default_factory=dict)
-    kind: str = ""
-    classes: dict[str, float] = field(default_factory=dict)
-    chi2: float | None = None
-    fits: bool = False
-    settled: bool = False
-    worst: str = ""
-    centre_mm: float | None = None
-    why: str = ""
-    layers: dict[str, float] = field(default_factory=dict)
-    together: int = 1
-    problem: str = ""
-    press: bool = False
-
-    @property
-    def lump(self) -> bool:
-        """Whether the best class has a lump."""
-        return self.kind not in ("", "none")
-
-    @property
-    def hardness(self) -> str:
-        """hard, soft or unsure: whether the lump is more than ten times as stiff as the fat."""
-        s = self.values.get("E_inv23")
-        if s is None or s.low is None or s.high is None:
-            return "unsure"
-        return "hard" if s.high < _HARD else "soft" if s.low > _HARD else "unsure"
-
-    def as_dict(self) -> dict[str, Any]:
-        """As `--json` prints it."""
-        return {
-            "stroke": self.stroke,
-            "press": self.press,
-            "problem": self.problem,
-            "lump": self.lump,
-            **{name: value.as_dict() for name, value in self.values.items()},
-            "hardness": self.hardness if self.lump else None,
-            "centre_mm": self.centre_mm,
-            "class": self.kind or None,
-            "classes": self.classes,
-            "fits": self.fits,
-            "chi2": self.chi2,
-            "settled": self.settled,
-            "worst": self.worst,
-            "why": self.why,
-            "layers": self.layers,
-            "together": self.together,
-            "level": LEVEL,
-        }
 
 
 def told(

@@ -9,16 +9,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.answer.fitted import Inverted
 from palpate.errors import UsageError
 from palpate.inversion.classes import ANYWHERE, BORDER, CLASSES, Class
 from palpate.inversion.departures import odds_of_departures
 from palpate.inversion.felt import FeltStroke, NotInvertible
 from palpate.inversion.forward import COARSE, FINE, Forward
 from palpate.inversion.joint import Together
+from palpate.inversion.kept import Felt
 from palpate.inversion.posterior import SINGLE, Posterior
 from palpate.inversion.press import invert_press
 from palpate.inversion.recorded import felt_strokes
-from palpate.inversion.result import Inverted, told
+from palpate.inversion.result import told
 from palpate.inversion.search import Mode, search
 from palpate.inversion.start import Start
 from palpate.inversion.under import AUTO, classes_over, forward_of, odds_of
@@ -89,10 +91,6 @@ def invert(
         yield invert_together(whole, level, kind)
 
 
-Felt = tuple[FeltStroke, Start]
-"""A stroke and a first estimate of what lies under it."""
-
-
 def invert_stroke(stroke: FeltStroke, start: Start, noise: Noise, kind: str = AUTO) -> Inverted:
     """Invert one stroke from a first estimate, or one press; as `invert`."""
     return (
@@ -124,6 +122,7 @@ def invert_together(strokes: Sequence[Felt], noise: Noise, kind: str = AUTO) -> 
     index = found.posterior.index[0]
     own = replace(found.mode, z=found.mode.z[index], covariance=found.mode.covariance[np.ix_(index, index)])
     said = told(found.posterior.parts[0], own, odds, found.posterior.places(found.mode.z))
+    said = replace(said, laid=found.posterior.laid(found.mode.z, found.mode.found))
     return said if len(strokes) == 1 else replace(said, together=len(strokes), centre_mm=None)
 
 

@@ -69,6 +69,12 @@ class LiveSource:
         """Is a file being written?"""
         return self._recorder.writer is not None
 
+    @property
+    def recorded_to(self) -> Path | None:
+        """The file that is recorded to."""
+        writer = self._recorder.writer
+        return None if writer is None else writer.path
+
     def start_recording(self, path: Path) -> None:
         """Record from now on; the file begins with the probe's identity, model and calibration."""
         writer = RecordingWriter(path, metadata={"source": self._port, "by": "palpate view"})

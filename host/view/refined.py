@@ -13,25 +13,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from palpate.answer.fitted import ROWS, TITLES, Inverted, Value
 from palpate.inversion.beside import Beside, Fitting, one_process
-from palpate.inversion.result import Inverted, Value
 from palpate.recording.channels import CALIBRATION
 from palpate.recording.playback import open_recording
 from palpate.stroke.answered import Answered
 from palpate.view.notices import Refined
 from palpate.view.source import Emit
 from palpate.wire.events import Estimate, Event
-
-ROWS = (
-    ("d_mm", "Diameter", "mm"),
-    ("depth_mm", "Depth", "mm"),
-    ("E_kPa", "Lump's modulus", "kPa"),
-    ("t_mm", "Fat's thickness", "mm"),
-    ("E_fat_kPa", "Fat's modulus", "kPa"),
-)
-TITLES = {"none": "Fitted: no lump", "border": "Fitted: a lump on the border", "anywhere": "Fitted: a lump"}
-LEAST = 0.005
-"""Odds below are not worth a word."""
 
 
 def watch(beside: Beside, event: Event, calibration: bytes, emit: Emit) -> None:
@@ -59,10 +48,12 @@ Sees = Callable[[Emit, threading.Event], Emit]
 
 
 @contextmanager
-def refining_live(port: str, calibration: Callable[[], bytes]) -> Iterator[Sees]:
+def refining_live(
+    port: str, calibration: Callable[[], bytes], recording: Callable[[], Path | None]
+) -> Iterator[Sees]:
     """Strokes of a probe; what is not fitted when the block ends is left."""
     with _left() as executor:
-        beside = Beside(executor, port)
+        beside = Beside(executor, port, recording)
 
         def sees(emit: Emit, _: threading.Event) -> Emit:
             def both(event: Any) -> None:
@@ -86,7 +77,7 @@ def refining_recorded(path: Path) -> Iterator[Sees]:
                 with open_recording(path) as session:
                     port = session.recording.metadata().get("session", {}).get("port", "")
                     calibration = session.recording.attachment(CALIBRATION) or b""
-                    beside = Beside(executor, port)
+                    beside = Beside(executor, port, lambda: path)
                     for event in session.events():
                         if stop.is_set():
                             return
@@ -116,14 +107,13 @@ def refined_card(one: Inverted) -> dict[str, Any]:
     """What the page shows of a fitted stroke: title, rows, and whether it fits, in words."""
     if one.problem:
         return {"problem": f"Not refined: {one.problem}."}
-    odds = [f"{name} {share:.0%}" for name, share in one.classes.items() if share > LEAST]
     return {
         "title": TITLES[one.kind],
         "fits": one.fits,
-        "text": "It fits." if one.fits else f"It does not fit: {one.why}. Believe none of its numbers.",
+        "text": one.verdict,
         "rows": [_row(*row, one.values[row[0]]) for row in ROWS if row[0] in one.values],
         "hardness": one.hardness if one.lump else None,
-        "odds": ", ".join(odds),
+        "odds": one.odds,
         "misfit": one.chi2,
         "settled": one.settled,
     }

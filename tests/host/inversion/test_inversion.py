@@ -193,6 +193,15 @@ def test_a_stroke_of_another_mesh_is_refined_by_the_command_line(tmp_path):
     said = stroke["E_fat_kPa"]
     assert abs(np.log(said["value"] / stream.truth.fat_kPa)) < 0.12
 
+    # what was kept is told again, even where somebody has changed it
+    kept = tmp_path / "visit.mcap.refined"
+    assert json.loads(done.stdout)["kept"] == [str(kept)]
+    told = json.loads(kept.read_text())
+    told["answers"][0]["answer"]["worst"] = "edited"
+    kept.write_text(json.dumps(told))
+    again = refined(tmp_path / "visit.mcap", "--class", "border", "--json")
+    assert json.loads(again.stdout)["strokes"] == [{**stroke, "worst": "edited"}]
+
 
 def test_a_recording_without_a_press_is_refused_in_a_sentence(tmp_path):
     stream = stroke_frames(simulate(Case.from_code("d10h08e10f10")), "none", 1)

@@ -4,7 +4,7 @@ import pytest
 from playwright.sync_api import expect
 
 from palpate import EmulatedProbe, models
-from palpate.inversion.result import Inverted, Value
+from palpate.answer.fitted import Inverted, Value
 from palpate.link import emulator_model as emulator
 from palpate.link.session import recorded
 from palpate.sim.tissue import Case
