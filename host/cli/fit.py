@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,6 +12,9 @@ from palpate.console import console, json_option, note, print_json, showing_prog
 from palpate.errors import UsageError
 from palpate.first_time import announce
 from palpate.sim.probe.noise import LEVELS
+
+if TYPE_CHECKING:
+    from palpate.report.items import Item
 
 
 @click.command("fit")
@@ -121,6 +125,7 @@ def command(
             recording=recording,
             weights=weights,
             thickness_mm=thickness,
+            more=_refined(recording),
         )
     if as_json:
         print_json({"out": out, "report": page, "measured": measured.to_dict(), **fitted.to_dict()})
@@ -146,3 +151,13 @@ def _tissue(pairs: tuple[str, ...]) -> dict[str, float] | None:
         except ValueError:
             raise UsageError(f"--tissue {pair}: {value!r} is not a number") from None
     return check_tissue_names(tissue)
+
+
+def _refined(recording: Path | None) -> list[Item]:
+    """What is kept of a recording's refined answers."""
+    from palpate.inversion.kept import kept_answers
+    from palpate.report import refined_figures
+
+    if recording is None or recording.suffix != ".mcap":
+        return []
+    return refined_figures.items({recording: kept_answers(recording)})

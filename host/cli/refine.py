@@ -31,6 +31,8 @@ KINDS = ("auto", "anywhere", "border", "none")
               help="Of somebody's array: radius=flat, or radius=40mm&padding=2mm&modulus=80kPa.")  # fmt: skip
 @click.option("--together", is_flag=True,
               help="All strokes of all recordings go over one lump: one answer for them all.")  # fmt: skip
+@click.option("--report", type=click.Path(path_type=Path, file_okay=False),
+              help="Write a page there: estimates, fits, and the strokes laid over each other.")  # fmt: skip
 @click.option("--again", is_flag=True, help="Fit anew what was fitted and kept before.")
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Processes.")
 @click.option("--scheduler", help="A Dask cluster instead: its address, as tcp://10.0.0.5:8786.")
@@ -41,6 +43,7 @@ def command(
     noise: str,
     face_words: str | None,
     together: bool,
+    report: Path | None,
     again: bool,
     workers: int,
     scheduler: str | None,
@@ -120,6 +123,11 @@ def command(
     elif files:
         taken = f"; {count} of them from before" if (count := sum(map(bool, before))) else ""
         say(f"kept in {', '.join(map(str, files))}{taken}")
+    if report is not None:
+        from palpate.report.refined_figures import write_refined
+
+        page = write_refined(report, {path: [one for of, one in found if of == path] for path in recordings})
+        note(f"wrote {page}")
     if all(one.problem for _, one in found):
         raise PalpateError(f"no stroke could be refined: {found[0][1].problem}")
     for _, one in found:

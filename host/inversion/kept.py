@@ -21,7 +21,8 @@ from palpate import models
 from palpate.answer.fitted import Inverted, Laid
 from palpate.errors import PalpateError
 from palpate.files import read_whole, whole_file
-from palpate.inversion.felt import FeltStroke
+from palpate.inversion.felt import FeltStroke, NotInvertible
+from palpate.inversion.recorded import felt_strokes
 from palpate.inversion.start import Start
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue import SOLVER_VERSION
@@ -110,6 +111,26 @@ class Kept:
                 f"{self.path} holds no refined answers that this version can read; move it away and try again"
             ) from None
         return entries
+
+
+def kept_answers(recording: Path) -> list[Inverted]:
+    """Those kept of a recording, stroke by stroke, or press by press; without what was never refined.
+
+    Raises
+    ------
+    PalpateError
+        As `Kept`, and the recording cannot be read.
+    """
+    kept = Kept(recording)
+    if not kept.path.exists():
+        return []
+    found = (
+        Inverted(start.stroke, problem=str(stroke))
+        if isinstance(stroke, NotInvertible)
+        else kept.newest([(stroke, start)])
+        for stroke, start in felt_strokes(recording)
+    )
+    return [answer for answer in found if answer is not None]
 
 
 @lru_cache(maxsize=1)

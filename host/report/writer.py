@@ -35,6 +35,7 @@ def write_report(
     simulate: bool = True,
     progress: Callable[[str], None] | None = None,
     summary: Summary | None = None,
+    more: Sequence[Item] = (),
 ) -> Path:
     """Write every result of the thesis, figures and tables, that these data can make.
 
@@ -58,6 +59,8 @@ def write_report(
         Told the name of each figure and table before it is made.
     summary : Summary, optional
         A stroke of the reader's own, to stand before the thesis' figures.
+    more : sequence of Item, optional
+        To stand behind all else, as a recording's refined answers (`refined_figures.items`).
 
     Returns
     -------
@@ -69,9 +72,9 @@ def write_report(
     parts = []
     with style.look():
         found = _items(strokes, thesis, field, recording, weights, thickness_mm, simulate, tell)
-        for item in sorted(found, key=_place):
+        for item in sorted([*found, *more], key=_place):
             tell(item.name)
-            parts.append({"item": item, "png": _draw(item, target)})
+            parts.append({"item": item, "png": drawn(item, target)})
     page = target / "index.html"
     page.write_text(_page(parts, summary), encoding="utf-8")
     return page
@@ -160,7 +163,7 @@ def _place(item: Item) -> tuple[int, float, str]:
     return _ORDER.get(kind, 9), float(digits or 0), rest
 
 
-def _draw(item: Item, target: Path) -> str:
+def drawn(item: Item, target: Path) -> str:
     """Save a figure's files; returns the PNG in base64, "" for a table."""
     if item.draw is None:
         return ""

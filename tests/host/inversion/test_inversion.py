@@ -199,7 +199,9 @@ def test_a_stroke_of_another_mesh_is_refined_by_the_command_line(tmp_path):
     told = json.loads(kept.read_text())
     told["answers"][0]["answer"]["worst"] = "edited"
     kept.write_text(json.dumps(told))
-    again = refined(tmp_path / "visit.mcap", "--class", "border", "--json")
+    words = ["--class", "border", "--json", "--report", tmp_path / "report"]
+    again = refined(tmp_path / "visit.mcap", *words)
+    assert (tmp_path / "report" / "beyond_4.svg").exists(), again.stderr
     assert json.loads(again.stdout)["strokes"] == [{**stroke, "worst": "edited"}]
 
 
