@@ -24,7 +24,6 @@ MODULES = {
     "any-tissue": "any_tissue",
     "anywhere": "anywhere",
     "reference": "reference",
-    "noise-list": "noise_list",
     "balls": "balls",
     "inverted": "inverted",
     "pressed": "pressed",
@@ -67,7 +66,6 @@ def command(
       any-tissue  tissue of all kinds, with and without the press
       anywhere    lumps in the fat, on its border or in the gland; what the map would allow
       reference   a press beside the lump, the right one or one of another place or person
-      noise-list  the bundled model on new lumps, and what their noise may lack, one by one
       coverage    the intervals of the bundled told model, the depth's among them
       balls       which solid lumps are found, and how well; of DIRECTORY/balls.parquet
       inverted    strokes fitted by the forward model: errors and intervals (half a minute each)
