@@ -56,18 +56,9 @@ def as_dict(out):
     )
 '''
 
-_VALUES = '''def values(features, out):
-    """The OUTPUTS into out[0], out[1], .. from `features` (integers, Q24, in the order of FEATURES)."""
-{body}'''
 
-
-def emit_py(spec: ModelSpec, whole: bool = True) -> str:
+def emit_py(spec: ModelSpec) -> str:
     """Text of a self-contained module with `estimate(features, out)`.
-
-    Parameters
-    ----------
-    whole : bool
-        Else it has `values(features, out)` instead, which gives the five values alone.
 
     Raises
     ------
@@ -88,7 +79,7 @@ def emit_py(spec: ModelSpec, whole: bool = True) -> str:
         wanted.append(feature_names.NAMES[features.PRESS])
     names = [name for name in dict.fromkeys(wanted) if name not in told]
     places = {ident: names.index(name) for name, ident in zip(names, compiler.feature_ids(names))}
-    code = statements.of(spec, tables, places, whole)
+    code = statements.of(spec, tables, places)
     body = sources.python_body(code)
     head = _HEAD.format(
         kind=spec.kind,
@@ -103,13 +94,11 @@ def emit_py(spec: ModelSpec, whole: bool = True) -> str:
         units=tuple(unit for _, unit in OUTPUTS),
         size=evaluator.OUT_SIZE,
     )
-    text = (_ESTIMATE if whole else _VALUES).format(
-        body=body, values=outputs.VALUES, no_lump=evaluator.NO_LUMP
-    )
+    text = _ESTIMATE.format(body=body, values=outputs.VALUES, no_lump=evaluator.NO_LUMP)
     return head + sources.python_helpers(code) + text
 
 
-def emit_mpy(spec: ModelSpec, arch: str = BYTECODE, whole: bool = True) -> bytes:
+def emit_mpy(spec: ModelSpec, arch: str = BYTECODE) -> bytes:
     """The module of `emit_py` compiled by mpy-cross: machine code for `arch`, or bytecode for any board.
 
     Raises
@@ -122,6 +111,6 @@ def emit_mpy(spec: ModelSpec, arch: str = BYTECODE, whole: bool = True) -> bytes
     if arch not in ARCHITECTURES:
         raise ModelError(f"no architecture is called {arch!r}; there are {', '.join(ARCHITECTURES)}")
     try:
-        return mpy.compiled(emit_py(spec, whole), "palpate_model.py", arch)
+        return mpy.compiled(emit_py(spec), "palpate_model.py", arch)
     except CompileError as error:
         raise ExportError(str(error)) from None

@@ -97,7 +97,7 @@ class _Model(_Part):
     spec: ModelSpec
     t: ev.Tables
 
-    def output(self, j: int, whole: bool) -> None:
+    def output(self, j: int) -> None:
         name, unit = OUTPUTS[j]
         link, lo, hi, mid, shift = self.t.outs[ev.OUTPUT_ROW * j :][: ev.LN_Q_SOFT]
         self.sums.raw(j)
@@ -105,10 +105,9 @@ class _Model(_Part):
         y = self.code.let(
             f"y{j}", ir.clip(v, lo, hi), f"{name}, {'ln of ' * (link == 1)}millionths of {unit}"
         )
-        self.tell(3 * j if whole else j, y, link)
-        if whole:
-            self.code.let("u", (y - mid) >> shift)
-            sums.keep_bits(self.code, var("u"), f"y{j}", self.form)
+        self.tell(3 * j, y, link)
+        self.code.let("u", (y - mid) >> shift)
+        sums.keep_bits(self.code, var("u"), f"y{j}", self.form)
 
     def tell(self, place: int, y: Node, link: int) -> None:
         """Millionths of y into `out`, as `scales.value`."""
@@ -194,16 +193,14 @@ class _Model(_Part):
         code.let(f"out[{ev.FLAGS}]", f * ev.IN_DOMAIN + k)
 
 
-def of(spec: ModelSpec, tables: ev.Tables, places: dict[int, int], whole: bool = True) -> Code:
-    """The statements over `features` that leave an estimate in `out`, or its values alone.
+def of(spec: ModelSpec, tables: ev.Tables, places: dict[int, int]) -> Code:
+    """The statements over `features` that leave an estimate in `out`; l is 0 where there is no lump.
 
     Parameters
     ----------
     spec, tables : the model, and what `compiler.compile_model` made of it
     places : dict
         Where in `features` each of the firmware's features stands, by its index there.
-    whole : bool
-        Else only the outputs' values, one after the other; with all, l is 0 where there is no lump.
     """
     code = Code()
     if spec.first is not None:
@@ -214,9 +211,7 @@ def of(spec: ModelSpec, tables: ev.Tables, places: dict[int, int], whole: bool =
     model = _Model(code, spec, tables, places)
     model.inputs()
     for j in range(N):
-        model.output(j, whole)
-    if not whole:
-        return code.needed()
+        model.output(j)
     model.intervals()
     model.distance()
     if (compiled := compiler.compile_checks(spec)) is not None:

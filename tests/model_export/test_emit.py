@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import subprocess
 import sys
@@ -70,19 +69,6 @@ def test_and_on_micropython_as_source_and_as_bytecode(compiled, kind, degree):
     else:
         files["palpate_model.py"] = emit.emit_py(spec).encode()
     assert json.loads(run_micropython(SCRIPT, files)) == expected(spec, vectors)
-
-
-def test_the_five_values_alone_are_the_same_integers(field):
-    vectors = rows(field, 100)
-    space: dict = {}
-    exec(emit.emit_py(field, whole=False), space)
-    out = [0] * evaluator.OUTPUTS
-    tables = compiler.compile_model(dataclasses.replace(field, lump=()))
-    full = array("i", [0] * evaluator.OUT_SIZE)
-    for row, given in zip(vectors, chosen(field, vectors), strict=True):
-        tables.evaluate(array("i", row), full)
-        space["values"](given, out)
-        assert out == full[: evaluator.FLAGS : 3].tolist()
 
 
 def bundled(name, n):
