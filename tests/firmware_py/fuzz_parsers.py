@@ -14,22 +14,9 @@ with atheris.instrument_imports(include=["firmware_py", "palpate.link"]):
     from palpate.sim.probe.virtual import VirtualProbe
     from palpate.wire.parser import LiveParser
 
-from tests.firmware_py.talk import Ears, command, packet
+from tests.firmware_py.talk import ByteReceiver, Ears, command, packet, receive
 
 STILL = packet(b"\x7f still here")
-
-
-class ByteReceiver(wire.Receiver):
-    feed = wire.Receiver._feed_bytes
-
-
-def receive(receiver: wire.Receiver, data: bytes) -> list[bytes]:
-    got, at = [], 0
-    while at < len(data):
-        at = receiver.feed(data, at, len(data))
-        if receiver.length:
-            got.append(bytes(receiver.packet[: receiver.length]))
-    return got
 
 
 def one_input(data: bytes) -> None:

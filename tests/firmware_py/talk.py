@@ -28,6 +28,22 @@ def packet(body: bytes) -> bytes:
     return bytes(target[: wire.seal(bytearray(body + bytes(4)), len(body), target, 1)])
 
 
+class ByteReceiver(wire.Receiver):
+    """The parser as MicroPython runs it: byte by byte."""
+
+    feed = wire.Receiver._feed_bytes
+
+
+def receive(receiver: wire.Receiver, data: bytes) -> list[bytes]:
+    """The packets that a parser finds in these bytes."""
+    got, at = [], 0
+    while at < len(data):
+        at = receiver.feed(data, at, len(data))
+        if receiver.length:
+            got.append(bytes(receiver.packet[: receiver.length]))
+    return got
+
+
 class Ears:
     """Parses what a probe says."""
 
@@ -35,12 +51,7 @@ class Ears:
         self.receiver = wire.Receiver(messages.FRAME_BODY)
 
     def hear(self, data: bytes) -> list[Message]:
-        got, at = [], 0
-        while at < len(data):
-            at = self.receiver.feed(data, at, len(data))
-            if self.receiver.length:
-                got.append(message(self.receiver.packet, self.receiver.length))
-        return got
+        return [message(bytearray(body), len(body)) for body in receive(self.receiver, data)]
 
 
 def message(body: bytearray, length: int) -> Message:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from firmware_py import cobs, crc, messages, wire
 from palpate.sim.probe.faults import Faults, FaultyLine
 from tests.campaigns import counted
+from tests.firmware_py.talk import ByteReceiver, receive
 
 BODIES = st.binary(min_size=1, max_size=300)
 
@@ -21,22 +22,7 @@ def on_the_wire(body: bytes) -> bytes:
     return bytes(target[:end])
 
 
-class ByteReceiver(wire.Receiver):
-    """The parser as MicroPython runs it: byte by byte."""
-
-    feed = wire.Receiver._feed_bytes
-
-
 PARSERS = (wire.Receiver, ByteReceiver)
-
-
-def receive(receiver: wire.Receiver, data: bytes) -> list[bytes]:
-    got, at = [], 0
-    while at < len(data):
-        at = receiver.feed(data, at, len(data))
-        if receiver.length:
-            got.append(bytes(receiver.packet[: receiver.length]))
-    return got
 
 
 def test_the_checksum_is_the_one_of_zlib():

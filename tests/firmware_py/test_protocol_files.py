@@ -7,7 +7,7 @@ import pytest
 from firmware_py import counters, messages, wire
 from tests.firmware_py import c_header, protocol_files, protocol_session
 from tests.firmware_py.protocol_words import FIELDS
-from tests.firmware_py.test_packets import receive
+from tests.firmware_py.talk import receive
 from tests.micropython import run_micropython
 
 HINT = "run: python -m tests.firmware_py.protocol_files"

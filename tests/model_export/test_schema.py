@@ -192,32 +192,6 @@ def test_a_model_may_tell_of_across_the_stroke_or_not(solid):
     assert "across" not in older.to_dict()
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (set_("across", value=3), "across must be an object"),
-        (lambda d: d["across"].pop("width"), "across lacks 'width'"),
-        (set_("across", "width", value=None), "across.width must be an object"),
-        (set_("across", "surprise", value=1), "surprise"),
-        (set_("across", "level", value=0), "across.level"),
-        (set_("across", "width", "features", 0, value="ln_base"), "none of the model's features"),
-        (set_("across", "width", "terms", 1, value=[99]), "across.width.terms[1]"),
-        (set_("across", "width", "estimates", value=[]), "across.width.estimates"),
-        (lambda d: d["across"]["width"]["estimates"].append(
-            {**d["across"]["width"]["estimates"][0], "name": "other"}), "one estimate"),
-        (lambda d: d["across"]["width_spread"].pop(), "across.width_spread"),
-        (set_("across", "width_spread", 0, value=1e9), "spread must lie within"),
-        (set_("across", "place_stretch", value=-1.0), "across.place_stretch"),
-        (set_("across", "place_spread", value=[1.0]), "across.place_spread"),
-        (set_("across", "place_spread", 1, value="wide"), "across.place_spread[1]"),
-    ],
-)  # fmt: skip
-def test_a_damaged_part_of_across_the_stroke_is_named(solid, change, words):
-    with pytest.raises(ModelError) as caught:
-        ModelSpec.from_dict(broken(solid, change))
-    assert words in str(caught.value) and "\n" not in str(caught.value)
-
-
 # ---- what the host adds of the layer
 
 
@@ -236,23 +210,36 @@ def test_a_model_may_tell_the_layer_or_not(anywhere):
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("model", "change", "words"),
     [
-        (set_("layers", value=3), "layers must be an object"),
-        (lambda d: d["layers"].pop("slope"), "layers lacks 'slope'"),
-        (set_("layers", "surprise", value=1), "surprise"),
-        (set_("layers", "level", value=1), "layers.level"),
-        (set_("layers", "sure", value=0.5), "layers.sure"),
-        (set_("layers", "slope", value=-11.0), "layers.slope"),
-        (lambda d: d["layers"]["spread"].pop(), "layers.spread must have a row"),
-        (lambda d: d["layers"]["spread"][1].pop(), "layers.spread[1]"),
-        (set_("layers", "spread", 2, 0, value=1e9), "spread must lie within"),
-        (set_("layers", "quantiles", 0, value=[1.0]), "layers.quantiles[0]"),
-        (set_("layers", "quantiles", 2, 1, value=0.0), "must be positive"),
-        (set_("layers", "quantiles", 1, value="wide"), "layers.quantiles[1]"),
+        ("solid", set_("across", value=3), "across must be an object"),
+        ("solid", lambda d: d["across"].pop("width"), "across lacks 'width'"),
+        ("solid", set_("across", "width", value=None), "across.width must be an object"),
+        ("solid", set_("across", "surprise", value=1), "surprise"),
+        ("solid", set_("across", "level", value=0), "across.level"),
+        ("solid", set_("across", "width", "features", 0, value="ln_base"), "none of the model's features"),
+        ("solid", set_("across", "width", "terms", 1, value=[99]), "across.width.terms[1]"),
+        ("solid", set_("across", "width", "estimates", value=[]), "across.width.estimates"),
+        ("solid", lambda d: d["across"]["width"]["estimates"].append(
+            {**d["across"]["width"]["estimates"][0], "name": "other"}), "one estimate"),
+        ("solid", lambda d: d["across"]["width_spread"].pop(), "across.width_spread"),
+        ("solid", set_("across", "width_spread", 0, value=1e9), "spread must lie within"),
+        ("solid", set_("across", "place_stretch", value=-1.0), "across.place_stretch"),
+        ("solid", set_("across", "place_spread", value=[1.0]), "across.place_spread"),
+        ("solid", set_("across", "place_spread", 1, value="wide"), "across.place_spread[1]"),
+        ("anywhere", set_("layers", value=3), "layers must be an object"),
+        ("anywhere", lambda d: d["layers"].pop("slope"), "layers lacks 'slope'"),
+        ("anywhere", set_("layers", "surprise", value=1), "surprise"),
+        ("anywhere", set_("layers", "level", value=1), "layers.level"),
+        ("anywhere", set_("layers", "sure", value=0.5), "layers.sure"),
+        ("anywhere", set_("layers", "slope", value=-11.0), "layers.slope"),
+        ("anywhere", lambda d: d["layers"]["spread"].pop(), "layers.spread must have a row"),
+        ("anywhere", lambda d: d["layers"]["spread"][1].pop(), "layers.spread[1]"),
+        ("anywhere", set_("layers", "spread", 2, 0, value=1e9), "spread must lie within"),
+        ("anywhere", set_("layers", "quantiles", 0, value=[1.0]), "layers.quantiles[0]"),
+        ("anywhere", set_("layers", "quantiles", 2, 1, value=0.0), "must be positive"),
+        ("anywhere", set_("layers", "quantiles", 1, value="wide"), "layers.quantiles[1]"),
     ],
-)
-def test_a_damaged_part_of_the_layers_is_named(anywhere, change, words):
-    with pytest.raises(ModelError) as caught:
-        ModelSpec.from_dict(broken(anywhere, change))
-    assert words in str(caught.value) and "\n" not in str(caught.value)
+)  # fmt: skip
+def test_a_damaged_part_that_the_host_adds_is_named(request, model, change, words):
+    test_what_is_wrong_is_named(request.getfixturevalue(model), change, words)

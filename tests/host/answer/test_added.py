@@ -99,9 +99,10 @@ def test_sizes_are_worth_saying_where_they_are_surer_than_the_diameter(part):
         assert lump(part, 17.0, 10.0, 1.2, d_span=(10.0, 10 / k, 10 * k)).worth_saying == worth
 
 
-@pytest.mark.parametrize("place", [-11.3, 0.0, 4.2, 12.0])
+@pytest.mark.parametrize("place", [-11.3, -4.75, -0.23, 0.0, 0.15, 2.36, 4.2, 12.0])
 @pytest.mark.parametrize("width", [3.0, 6.0])
 def test_a_bump_across_is_found_where_it_is_as_wide_as_it_is(place, width):
+    """Places half a millimetre apart took it whole, and a ball near the line lay on it to the nanometre."""
     seen = across(200.0 + 3000.0 * np.exp(-((COLUMN_MM - place) ** 2) / (2 * width**2)))
     assert seen.place_mm == pytest.approx(place, abs=0.06) and seen.width_mm == pytest.approx(width, rel=0.1)
     assert seen.blur < 0.01 and seen.ln_blur == pytest.approx(math.log(0.003 + seen.blur))

@@ -2,13 +2,11 @@
 
 import json
 import os
-import re
 import subprocess
 import sys
 
 import pytest
 
-from palpate.cli import cli
 from palpate.cli.runner import CHAPTERS
 from tests.host.cli.sentences import one_sentence
 from tests.host.probes import LUMP
@@ -103,28 +101,6 @@ def test_files_of_the_wrong_kind_get_one_sentence(palpate, tmp_path, images):
         assert says in err and one_sentence(err)
         assert got == status
     assert pipe.is_fifo(), "a device is not replaced by a file"
-
-
-def test_every_command_has_help_with_an_example(palpate):
-    status, out, _ = palpate("--help")
-    assert status == 0 and all(re.search(rf"^  {name} ", out, re.M) for name in COMMANDS)
-    for name in COMMANDS:
-        status, out, _ = palpate(name, "--help")
-        assert status == 0
-        assert re.search(rf"palpate {name}\b", out.split("Example")[1]), name
-
-
-def test_examples_in_the_help_are_words_that_the_commands_know():
-    """Every example line parses: options and arguments exist and have values of the right kind."""
-    import click
-
-    for name in COMMANDS:
-        command = cli.get_command(click.Context(cli), name)
-        told = f"{command.help}\n{command.epilog or ''}"
-        for line in re.findall(r"^ *(palpate .+)$", told, re.M):
-            words = re.split(r"\s{3,}|\s[|>]\s", line)[0].split()[1:]
-            other = cli.get_command(click.Context(cli), words[0])
-            other.make_context(words[0], words[1:], resilient_parsing=False)
 
 
 def test_help_is_quick_because_nothing_heavy_is_imported():

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from palpate.answer.across import across, places
+from palpate.answer.across import places
 from palpate.errors import UsageError
 from palpate.learn import across as across_of_balls
 from palpate.learn import emulator, gaussian_process, lumps, solid, training
@@ -34,31 +34,6 @@ def kept():
 def emulated(kept):
     """An emulator of all of them but the last eight."""
     return emulator.fit_emulator(kept[:-8])
-
-
-@pytest.mark.parametrize(("place", "width"), [(0.0, 4.0), (6.0, 3.0), (-9.0, 5.0)])
-def test_a_bump_across_is_found_where_it_is_and_as_wide_as_it_is(place, width):
-    rng = np.random.default_rng(1)
-    bump = np.exp(-((COLUMN_MM - place) ** 2) / (2 * width**2))
-    seen = across(40 + 400 * bump + 8 * rng.standard_normal(26))
-    assert seen.place_mm == pytest.approx(place, abs=0.4)
-    assert seen.width_mm == pytest.approx(width, rel=0.15)
-    assert across(40 + 400 * bump[::-1]).place_mm == pytest.approx(
-        -across(40 + 400 * bump).place_mm, abs=1e-6
-    )
-
-
-@pytest.mark.parametrize("place", [-4.75, -0.23, 0.15, 2.36])
-def test_the_clearest_of_bumps_is_not_drawn_to_a_grid(place):
-    """Places half a millimetre apart took it whole, and a ball near the line lay on it to the nanometre."""
-    bump = np.exp(-((COLUMN_MM - place) ** 2) / (2 * 3.3**2))
-    assert across(40 + 4000 * bump).place_mm == pytest.approx(place, abs=0.06)
-
-
-def test_columns_that_all_see_as_much_say_so():
-    rng = np.random.default_rng(2)
-    assert across(400 + 2 * rng.standard_normal(26)).share > 0.9
-    assert across(400 * np.exp(-(COLUMN_MM**2) / 18)).share < 0.4
 
 
 def test_every_lump_of_the_set_has_three_forces_and_a_press_below_them(kept):

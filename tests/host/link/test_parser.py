@@ -9,8 +9,6 @@ from hypothesis import strategies as st
 
 from firmware_py import calib, geometry, messages, wire
 from palpate.sim.probe.faults import Faults, FaultyLine
-from palpate.wire.accounting import WRAP, Sequence
-from palpate.wire.clock import ClockSync, Unwrapper
 from palpate.wire.events import Estimate, Frame, StrokeState
 from palpate.wire.parser import LiveParser
 from tests.campaigns import counted
@@ -163,48 +161,6 @@ def test_of_a_calibration_that_changes_while_it_is_read_no_mixture_is_made():
     assert parser.scale.calibrated
 
 
-@given(
-    st.integers(0, WRAP - 1),
-    st.lists(st.tuples(st.integers(0, 3), st.integers(-9, 0)), min_size=1, max_size=300),
-)
-def test_sequence_counts_agree_with_a_set_of_numbers(start, steps):
-    """Steps forward with gaps, and glances back: against bookkeeping with an unbounded set."""
-    counter, newest, seen, duplicates = Sequence(), start, set(), 0
-    for ahead, back in steps:
-        newest += ahead if seen else 0
-        number = max(newest + (back if ahead == 0 else 0), start)
-        fresh = number not in seen
-        assert counter.add(number % WRAP) == fresh
-        duplicates += not fresh
-        seen.add(number)
-    counts = counter.counts
-    assert counts.received == len(seen) and counts.duplicate == duplicates
-    assert counts.lost == max(seen) - start + 1 - len(seen)
-    assert counts.restarts == 0
-
-
-def test_more_than_a_day_of_device_time_unwraps_through_silences():
-    clock, rng = Unwrapper(), np.random.default_rng(5)
-    true = np.cumsum(rng.choice([5_000, 60_000_000, 4_500_000_000], 600, p=[0.8, 0.15, 0.05]))
-    got = np.array([clock(int(t) % WRAP, int(t) + 9_000_000) for t in true])
-    assert true[-1] > 24 * 3600e6
-    assert (np.diff(got) == np.diff(true)).all()
-
-
-@pytest.mark.parametrize("drift_ppm", [-80.0, 0.0, 35.0])
-def test_clock_sync_finds_offset_and_drift_through_jitter(drift_ppm):
-    rng, sync, offset = np.random.default_rng(6), ClockSync(), 1.7e15
-    for k in range(60):
-        probe = 1_000_000.0 * k + 1000
-        host = offset + probe / (1 + drift_ppm * 1e-6)
-        out, back = 200 + rng.exponential(300, 2)
-        sync.add(host - out, round(probe) % WRAP, (round(probe) + 50) % WRAP, host + 50 + back)
-    state = sync.state
-    assert abs(state.drift_ppm - drift_ppm) < 5
-    assert abs(sync.host_time_us(59_001_000) - (offset + 59_001_000 / (1 + drift_ppm * 1e-6))) < 200
-    assert 100 < state.uncertainty_us < 500
-
-
 def test_an_hour_at_a_thousandth_lost_is_counted_exactly_and_memory_stays_flat():
     """Half a minute here, the hour below: the real firmware on a virtual clock, the wire between."""
     from tests.host.link.simulated import stream_over_a_bad_line
@@ -251,17 +207,6 @@ def test_a_slow_program_loses_the_oldest_frames_and_no_results():
     assert [e.seq for e in got if isinstance(e, Frame)] == list(range(43, 51))
     assert len([e for e in got if isinstance(e, Estimate)]) == 1
     assert queue.dropped == 43
-
-
-def test_counts_are_unpacked_as_the_protocol_says():
-    from palpate.wire.packing import unpack
-
-    rng = np.random.default_rng(7)
-    counts = rng.integers(0, 4096, 416)
-    packed = bytearray()
-    for v, w in counts.reshape(-1, 2).tolist():
-        packed += bytes((v & 255, v >> 8 | (w & 15) << 4, w >> 4))  # docs/protocol.md, "frame"
-    assert (unpack(bytes(packed)) == counts).all()
 
 
 def test_the_hosts_clock_of_a_session_takes_no_steps(monkeypatch):

@@ -1,4 +1,4 @@
-"""The finite elements are right: known answers, derivatives, invariance, no locking."""
+"""The finite elements are right: known answers, invariance, no locking (derivatives are in test_forms.py)."""
 
 import functools
 import math
@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from palpate.sim.tissue import SENSORS_MM, Case, Settings, simulate
-from palpate.sim.tissue.element import reference_element
 from palpate.sim.tissue.probe_shape import ProbeShape
 from palpate.sim.tissue.solver.choice import make_solver
 from tests.sim.tissue.blocks import block, press, tissue_of
@@ -64,69 +63,9 @@ def random_state(tissue, size=0.15, seed=2):
     return rng.normal(0, size, 2 * len(tissue.mesh.nodes_mm))
 
 
-def energy(tissue, u):
-    """The module's formula at the Gauss points, with J projected by least squares: written a second time."""
-    mesh, I, c = tissue.mesh, tissue.integrals, tissue.constants
-    U = u.reshape(-1, 2)[mesh.elements]
-    F = np.eye(2) + np.einsum("eqca,ead->eqdc", I.dN, U)
-    J = np.linalg.det(F)
-    distance = np.einsum("eqdc,eqdc->eq", F, F) - 2 * J
-    b = c.stiffening[:, None]
-    shear = np.where(b > 0, np.expm1(b * distance) / np.where(b > 0, b, 1.0), distance)
-    total = np.sum(c.mu[:, None] / 2 * shear * I.dx)
-    X = np.einsum("qa,ead->eqd", reference_element()[0], mesh.nodes_mm[mesh.elements])
-    for e in range(len(J)):
-        w = np.sqrt(I.dx[e])
-        A = np.column_stack([np.ones(9), X[e]]) * w[:, None]
-        part = A @ np.linalg.lstsq(A, (J[e] - 1) * w, rcond=None)[0]
-        total += c.bulk[e] / 2 * part @ part
-    return total
-
-
-@pytest.mark.parametrize("stiffening", [0.0, 5.0])
-def test_the_residual_is_the_derivative_of_the_energy(stiffening):
-    tissue = tissue_of(shaken(), nu=0.45, stiffening=stiffening)
-    u, step = random_state(tissue, 0.05), 1e-3
-    force = forces(tissue, u)
-    scale = np.abs(force).max()
-    for i in np.random.default_rng(3).choice(len(u), 12, replace=False):
-        d = np.zeros_like(u)
-        d[i] = step
-        near = energy(tissue, u + d) - energy(tissue, u - d)
-        far = energy(tissue, u + 2 * d) - energy(tissue, u - 2 * d)
-        assert (8 * near - far) / (12 * step) == pytest.approx(force[i], abs=1e-8 * scale)
-
-
 def forces(tissue, u):
     m = len(tissue.mesh.elements)
     return tissue.residual(u, np.zeros((m, 3)), np.zeros((m, 3, 18)))[0]
-
-
-def tangent_matrix(tissue, u):
-    mesh = tissue.mesh
-    m = len(mesh.elements)
-    theta = tissue.residual(u, np.zeros((m, 3)), np.zeros((m, 3, 18)))[2]
-    K, frozen = np.empty((m, 18, 18)), np.empty((m, 3, 18))
-    tissue.tangent(u, tissue.constants.bulk[:, None] * theta, np.arange(m), K, frozen)
-    dofs = np.concatenate([2 * mesh.elements, 2 * mesh.elements + 1], 1)
-    A = np.zeros((len(u), len(u)))
-    for e in range(m):
-        A[np.ix_(dofs[e], dofs[e])] += K[e]
-    return A
-
-
-@pytest.mark.parametrize("stiffening", [0.0, 5.0])
-def test_the_tangent_is_the_derivative_of_the_residual(stiffening):
-    tissue = tissue_of(shaken(), nu=0.49, stiffening=stiffening)
-    u = random_state(tissue, 0.05)
-    direction = random_state(tissue, 1.0, seed=4)
-    step = 1e-5
-    difference = (
-        8 * (forces(tissue, u + step * direction) - forces(tissue, u - step * direction))
-        - (forces(tissue, u + 2 * step * direction) - forces(tissue, u - 2 * step * direction))
-    ) / (12 * step)
-    exact = tangent_matrix(tissue, u) @ direction
-    assert np.abs(difference - exact).max() < 1e-8 * np.abs(exact).max()
 
 
 @pytest.mark.parametrize("stiffening", [0.0, 5.0])
