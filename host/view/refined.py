@@ -13,7 +13,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from palpate.answer.fitted import ROWS, TITLES, Inverted, Value
+import numpy as np
+
+from palpate.answer.fitted import ROWS, TITLES, Inverted, Laid, Value
 from palpate.inversion.beside import Beside, Fitting, one_process
 from palpate.recording.channels import CALIBRATION
 from palpate.recording.playback import open_recording
@@ -115,8 +117,21 @@ def refined_card(one: Inverted) -> dict[str, Any]:
         "hardness": one.hardness if one.lump else None,
         "odds": one.odds,
         "misfit": one.chi2,
+        "laid": _laid(one.laid[0]) if one.laid else None,
         "settled": one.settled,
     }
+
+
+def _laid(laid: Laid) -> dict[str, Any]:
+    """The stroke itself, in the order of its places: pressures row by row."""
+    along = np.arange(laid.press, len(laid.place_mm))
+    along = along[np.argsort(laid.place_mm[along], kind="stable")]
+    shown = {
+        "position_mm": laid.place_mm[along],
+        "measured_kPa": laid.measured_kPa[along].T,
+        "fitted_kPa": laid.fitted_kPa[along].T,
+    }
+    return {name: np.round(values, 3).tolist() for name, values in shown.items()}
 
 
 def _row(key: str, label: str, unit: str, value: Value) -> dict[str, Any]:

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from palpate.answer.fitted import HARD, LEVEL
 from palpate.errors import PalpateError
 from palpate.inversion.classes import ANYWHERE
-from palpate.inversion.result import FITS, LEVEL, WIDER
+from palpate.inversion.result import FITS, WIDER
 from palpate.inversion.strokes import invert_stroke
 from palpate.learn.conformal import quantile_of_part
 from palpate.learn.observed import random_scale
@@ -27,7 +28,6 @@ from tests.studies.table import Asked, StudyTable, kept_rows, of_text
 LUMPS = 300
 WORDS = {"d_mm": "ln d", "depth_mm": "ln depth", "t_mm": "ln t", "E_inv23": "E^-2/3", "E_fat_kPa": "ln_E"}
 """What is judged, and the factor of `result.WIDER` that is its own."""
-_HARD = 10.0 ** (-2 / 3)
 
 
 def lumps(n: int, seed: int) -> list[Case]:
@@ -75,9 +75,9 @@ def inverted(case: Case, seed: int, noise: str) -> dict[str, Any]:
         row[name] = {"apart": float(apart), "half": float(half / WIDER[factor])}
         row[name] |= {"first": float(before), "truth": truth}
     said = found.hardness
-    hard = case.E_inv23 < _HARD
+    hard = case.E_inv23 < HARD
     right = None if said == "unsure" else (said == "hard") == hard
-    more_likely = (found.values["E_inv23"].value < _HARD) == hard
+    more_likely = (found.values["E_inv23"].value < HARD) == hard
     return row | {"chi2": found.chi2, "settled": found.settled, "right": right, "likely": more_likely}
 
 

@@ -219,6 +219,7 @@ function loop() {
     page.historyNew = false;
     history.draw();
     visitPanel.draw();
+    selected.fitted.draw();
   }
 }
 

@@ -203,6 +203,21 @@ export class Plot {
     c.fill();
   }
 
+  /** An image of signed values, row by row over x: one colour for more, another for less. */
+  cells(c, { x, values, top, more = "fit", less = "points" }, toX, toY) {
+    const ends = x.map((v, n) => toX(n ? (x[n - 1] + v) / 2 : v - (x[1] - v) / 2));
+    ends.push(toX(1.5 * x.at(-1) - 0.5 * x.at(-2)));
+    values.forEach((row, r) => {
+      const [y, next] = [toY(r + 1.5), toY(r + 0.5)];
+      row.forEach((v, n) => {
+        c.globalAlpha = Math.min(Math.abs(v) / top, 1);
+        c.fillStyle = color(v > 0 ? more : less);
+        c.fillRect(ends[n], y, ends[n + 1] - ends[n], next - y);
+      });
+    });
+    c.globalAlpha = 1;
+  }
+
   span(c, { from, to, color: paint = "shade" }, toX, toY, box) {
     c.fillStyle = color(paint);
     c.fillRect(toX(from), box.top, toX(to) - toX(from), box.bottom - box.top);

@@ -2,11 +2,13 @@
 
 import { CELLS } from "./array.js";
 import { drawCard, drawRefined, drawVisitAnswer } from "./card.js";
+import { Fitted } from "./fitted.js";
 import { show } from "./stroke_list.js";
 
 export class Selected {
   constructor(get, { image, charts, history, page, redraw, toast }) {
     Object.assign(this, { get, image, charts, history, page, redraw, toast });
+    this.fitted = new Fitted(get("fitted"));
     this.picked = null;
     this.last = null;
     this.place = null;
@@ -221,6 +223,7 @@ export class Selected {
     drawVisitAnswer(this.get("visit-answer"), answer, visit?.name.endsWith(".mcap") ? "This recording" : visit?.name);
     drawCard(this.get("card"), stroke?.card, { gone: this.page.link !== "connected", mode, model: this.page.model, awaited: this.page.awaited, hero: !answer });
     drawRefined(this.get("refined"), stroke?.refined);
+    this.fitted.show(stroke?.refined?.laid ?? null);
     if (!stroke) {
       this.get("estimate-which").textContent = "";
       return;

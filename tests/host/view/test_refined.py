@@ -1,10 +1,11 @@
 """The forward model's answer beside the probe's: first that it is on its way, then what came of it."""
 
+import numpy as np
 import pytest
 from playwright.sync_api import expect
 
 from palpate import EmulatedProbe, models
-from palpate.answer.fitted import Inverted, Value
+from palpate.answer.fitted import Inverted, Laid, Value
 from palpate.link import emulator_model as emulator
 from palpate.link.session import recorded
 from palpate.sim.tissue import Case
@@ -14,6 +15,15 @@ from palpate.view.refined import refined_card, refining_recorded
 from palpate.view.replay import ReplaySource
 from tests.host.view.synthetic import Bump, SyntheticSource
 from tests.host.view.waiting import PATIENCE_S
+
+
+def laid():
+    """A stroke whose fit leaves one thing: row 13 is 0.3 kPa too high in the last third of the way."""
+    place = np.concatenate([np.full(3, -40.0), np.linspace(-40, 40, 31)])
+    fitted = 3 + np.exp(-0.5 * ((place[:, None] + np.linspace(-11, 11, 16)) / 5) ** 2)
+    measured = fitted + 0.3 * np.outer(place > 15, np.arange(16) == 12)
+    return Laid(place, 3, measured, fitted, np.ones(34), np.ones(34))
+
 
 FITTED = Inverted(
     1,
@@ -30,6 +40,7 @@ FITTED = Inverted(
     fits=True,
     settled=True,
     centre_mm=1.0,
+    laid=(laid(),),
 )  # fmt: skip
 
 
@@ -66,6 +77,44 @@ def test_the_fitted_numbers_come_below_the_probes_own(seen):
     expect(page.locator('#card [data-key="d_mm"]')).to_contain_text("10.0")
     page.reload()
     expect(refined.locator(".verdict")).to_have_text("Fitted: a lump")
+
+
+PAINTED = """
+(canvas) => {
+  const { width, height } = canvas;
+  const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
+  const probe = document.createElement("i");
+  probe.style.color = "var(--fit)";
+  document.body.append(probe);
+  const wanted = getComputedStyle(probe).color.match(/[0-9]+/g).map(Number);
+  probe.remove();
+  const at = [];
+  for (let n = 0; n < width * height; n++)
+    if (wanted.every((v, k) => Math.abs(data[4 * n + k] - v) < 3) && data[4 * n + 3] > 250)
+      at.push([(n % width) / width, Math.floor(n / width) / height]);
+  return at;
+}
+"""
+"""Where on a canvas the colour of the fit is, as shares of its width and height."""
+
+
+def test_the_fitted_stroke_lies_over_the_measured_one(seen):
+    """Curves of rows; below them an image of what the fit leaves, where it leaves it."""
+    page, tell = seen
+    expect(page.locator("#fitted")).to_be_hidden()
+    tell(refined_card(FITTED))
+    expect(page.locator("#fitted p")).to_have_text(
+        "row 1 row 6 row 11 row 16 measured (points) and fitted (lines); "
+        "below, measured less fitted, up to 0.30 kPa"
+    )
+    curves, residual = page.locator("#fitted canvas").all()
+    assert len(curves.evaluate(PAINTED)) > 100
+    left = np.array(residual.evaluate(PAINTED))
+    assert left[:, 0].min() > 0.6 and left[:, 1].max() < 0.4
+    page.reload()
+    expect(page.locator("#fitted")).to_be_visible()
+    tell({"problem": "Not refined: no press was recorded before it."})
+    expect(page.locator("#fitted")).to_be_hidden()
 
 
 def test_what_does_not_fit_and_what_cannot_be_fitted_is_said(seen):
