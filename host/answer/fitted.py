@@ -193,3 +193,31 @@ class Inverted:
             if isinstance(value, dict) and set(value) == {"value", "low", "high"}
         }
         return cls(**own, values=values, kind=found["class"] or "")
+
+
+@dataclass(frozen=True)
+class Change:
+    """Two visits to one lump, fitted together.
+
+    Attributes
+    ----------
+    before, after : Inverted
+        Each visit's lump, in the tissue that they share.
+    ratio : dict
+        `Value` of d_mm and depth_mm: what they are at the second visit, over the first.
+    fits : bool
+    """
+
+    before: Inverted
+    after: Inverted
+    ratio: dict[str, Value]
+    fits: bool
+
+    def as_dict(self) -> dict[str, Any]:
+        """As `--json` prints it."""
+        return {
+            "before": self.before.as_dict(),
+            "after": self.after.as_dict(),
+            "ratio": {name: value.as_dict() for name, value in self.ratio.items()},
+            "fits": self.fits,
+        }

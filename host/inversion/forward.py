@@ -49,6 +49,10 @@ class Computed:
         """(n,), mm."""
         return self.frames.displacement_mm
 
+    def on_mesh_of(self, other: Computed) -> bool:
+        """Whether another guess was computed on a mesh of the same topology."""
+        return self.topology is other.topology
+
     def of(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> bool:
         """Whether these are the guess's own."""
         pairs = (self.theta, theta), (self.places_mm, places_mm), (self.forces_N_per_m, forces_N_per_m)
@@ -117,6 +121,10 @@ class Forward:
         self._topology = topology
         self._last = Computed(theta.copy(), places_mm, forces_N_per_m, frames, topology)
         return self._last
+
+    def like(self, other: Forward) -> None:
+        """Begin on the mesh that another has come to."""
+        self._topology = self._topology or other._topology
 
     def slopes(self, at: Computed) -> Slopes:
         """Derivatives at a guess."""

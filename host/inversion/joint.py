@@ -29,13 +29,15 @@ class Together:
     ----------
     parts : sequence of Posterior
         Of one class, each with a stroke of its own.
+    shared : tuple of str
+        What else they share, of the names of `Posterior.at`.
     """
 
-    def __init__(self, parts: Sequence[Posterior]) -> None:
+    def __init__(self, parts: Sequence[Posterior], shared: tuple[str, ...] = ()) -> None:
         self.parts = tuple(parts)
         first = self.parts[0]
         self.of = first.of
-        self._common = np.concatenate([np.r_[first.at[name]] for name in _SHARED])
+        self._common = np.concatenate([np.r_[first.at[name]] for name in (*_SHARED, *shared)])
         self._known = np.append(self._common, -1)  # and what the padding's owner says
         self.index: list[Ints] = []
         size = len(self._common)

@@ -116,7 +116,7 @@ def search(
                 z, found, misfit, taken = z + step, other, there, True
                 break
             damping = max(damping, _LITTLE) * _HARDER
-        if taken and good and promised < _NEAR and found.topology is before.topology:
+        if taken and good and promised < _NEAR and found.on_mesh_of(before):
             slopes, exact = slopes.secant(before, found, forward.scale), False
         elif taken or not exact:
             slopes, exact = forward.slopes(found), True

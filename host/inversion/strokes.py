@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from palpate.inversion.start import Start
 from palpate.inversion.under import AUTO, classes_over, forward_of, odds_of
 from palpate.link.face import Face
 from palpate.sim.probe.noise import Noise, level_named
-from palpate.sim.tissue import CaseError, StrokeError
+from palpate.sim.tissue import CaseError, Settings, StrokeError
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -100,9 +100,9 @@ def invert_stroke(stroke: FeltStroke, start: Start, noise: Noise, kind: str = AU
 
 def invert_together(strokes: Sequence[Felt], noise: Noise, kind: str = AUTO) -> Inverted:
     """Invert strokes over one lump: they share it and the tissue; places, forces and gains are their own."""
-    tried: dict[str, _Found] = {}
+    tried: dict[str, Found] = {}
     for of in classes_over(strokes[0][0], kind):
-        found = _coarse(of, strokes, noise, tried)
+        found = coarse(of, strokes, noise, tried)
         if found is not None:
             tried[of.name] = found
     number = strokes[0][0].stroke
@@ -115,7 +115,7 @@ def invert_together(strokes: Sequence[Felt], noise: Noise, kind: str = AUTO) -> 
         best = ANYWHERE.name
     found = tried[best]
     if found.mode.chi2 < _HOPELESS:  # what the coarse mesh does not explain at all needs no finer one
-        found = _fine(strokes, noise, found)
+        found = fine(strokes, noise, found)
     others = odds_of_departures(found.posterior, found.mode, found.forward)
     sum_of_all = 1 + sum(others.values())
     odds = {name: share / sum_of_all for name, share in {**odds, **others}.items()}
@@ -127,7 +127,7 @@ def invert_together(strokes: Sequence[Felt], noise: Noise, kind: str = AUTO) -> 
 
 
 @dataclass(frozen=True)
-class _Found:
+class Found:
     """A class's best mode on one mesh."""
 
     posterior: Together
@@ -137,16 +137,30 @@ class _Found:
     """The frames of each stroke that were used."""
 
 
-def _coarse(of: Class, strokes: Sequence[Felt], noise: Noise, tried: dict[str, _Found]) -> _Found | None:
+Assemble = Callable[[Sequence[Posterior], Settings], tuple[Together, Forward]]
+"""Makes one posterior of several strokes', and what computes their frames."""
+
+
+def one_lump(parts: Sequence[Posterior], settings: Settings) -> tuple[Together, Forward]:
+    """Of strokes over one lump."""
+    return Together(parts), forward_of(parts[0].of, settings, parts[0].stroke)
+
+
+def coarse(
+    of: Class,
+    strokes: Sequence[Felt],
+    noise: Noise,
+    tried: Mapping[str, Found],
+    assemble: Assemble = one_lump,
+) -> Found | None:
     """The best mode of a class from several starts; None where no start can be computed."""
-    best: _Found | None = None
+    best: Found | None = None
     hopeless = np.inf
     if tried:
         hopeless = 3 * min(found.mode.misfit.total for found in tried.values()) + 200
     taken = [_thinned(stroke, start.lump_mm, press=6, near=3, far=4) for stroke, start in strokes]
     for theta in _starts(of, strokes[0][1], tried):
-        posterior = Together([Posterior(of, some, noise, COARSE.hx_mm) for some, _ in taken])
-        forward = forward_of(of, COARSE, taken[0][0])
+        posterior, forward = assemble([Posterior(of, some, noise, COARSE.hx_mm) for some, _ in taken], COARSE)
         E_kPa = float(np.median([start.E_kPa for _, start in strokes]))
         try:
             z = posterior.joined([
@@ -160,13 +174,13 @@ def _coarse(of: Class, strokes: Sequence[Felt], noise: Noise, tried: dict[str, _
         except (CaseError, StrokeError):
             continue
         if best is None or mode.misfit.total < best.mode.misfit.total:
-            best = _Found(posterior, forward, mode, [kept for _, kept in taken])
+            best = Found(posterior, forward, mode, [kept for _, kept in taken])
         if best.mode.chi2 < _ILL or not of.lump or (tried and best.mode.misfit.total > hopeless):
             break
     return best
 
 
-def _starts(of: Class, start: Start, tried: dict[str, _Found]) -> Iterator[Floats]:
+def _starts(of: Class, start: Start, tried: Mapping[str, Found]) -> Iterator[Floats]:
     """First guesses: what a class that fits has found, else the regression's, softer and harder ones."""
     if of.name != ANYWHERE.name and ANYWHERE.name in tried:
         mode = tried[ANYWHERE.name].mode
@@ -177,7 +191,7 @@ def _starts(of: Class, start: Start, tried: dict[str, _Found]) -> Iterator[Float
     yield from start.thetas(of)
 
 
-def _fine(strokes: Sequence[Felt], noise: Noise, found: _Found) -> _Found:
+def fine(strokes: Sequence[Felt], noise: Noise, found: Found, assemble: Assemble = one_lump) -> Found:
     """Go on from the coarse mesh's mode with more frames on the fine one; as before where that fails."""
     of, parts, zs, kept = found.posterior.of, [], [], []
     for (stroke, _), part, index, before in zip(
@@ -188,14 +202,14 @@ def _fine(strokes: Sequence[Felt], noise: Noise, found: _Found) -> _Found:
         parts.append(Posterior(of, more, noise, FINE.hx_mm))
         zs.append(_carried(part, own, before, parts[-1], now))
         kept.append(now)
-    posterior, forward = Together(parts), forward_of(of, FINE, parts[0].stroke)
+    posterior, forward = assemble(parts, FINE)
     try:
         mode = search(
             posterior, forward, posterior.joined(zs), _FINE_STEPS, enough=_FINE_ENOUGH, damping=1e-3
         )
     except (CaseError, StrokeError):
         return found
-    return _Found(posterior, forward, mode, kept)
+    return Found(posterior, forward, mode, kept)
 
 
 def _carried(part: Posterior, z: Floats, before: Ints, other: Posterior, now: Ints) -> Floats:

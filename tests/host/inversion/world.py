@@ -46,11 +46,15 @@ class ExactField:
 
 
 def felt_of(
-    case: Case, seed: int, noise: str = "typical"
+    case: Case, seed: int, noise: str = "typical", probe: int | None = None
 ) -> tuple[FeltStroke, Start, FrameStream, calib.Calibration]:
-    """One stroke over a lump by a probe and a hand of this seed."""
+    """One stroke over a lump by a probe and a hand of this seed, or by the probe of another."""
     field = ExactField(case)
     sensors = SensorModel(field, level_named(noise), seed)  # type: ignore[arg-type]
+    if probe is not None:
+        other = SensorModel(field, level_named(noise), probe)  # type: ignore[arg-type]
+        for name in ("gain", "dead", "known_dead", "position_scale"):
+            setattr(sensors, name, getattr(other, name))
     field.reach_mm = (-40.0 + sensors.start_mm, 44.0)  # the press stands where the stroke begins
     stream = sensors.stroke(press=PRESS_FRAMES)
     felt, start = of_stream(stream, sensors.calibration())

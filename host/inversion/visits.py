@@ -1,0 +1,185 @@
+"""Two visits to one lump, inverted together: tissue, face, the probe's gains and the lump's stiffness are
+common unknowns; how the lump's diameter and depth have changed are unknowns of their own.
+
+What both visits get wrong alike (mesh, tissue, gains) drops out of the change. Units: mm, kPa, N/m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.answer.fitted import Change, Inverted, Value
+from palpate.errors import PalpateError
+from palpate.inversion.classes import ANYWHERE, Class, Unknown
+from palpate.inversion.forward import Computed, Forward, Slopes
+from palpate.inversion.joint import Together
+from palpate.inversion.kept import Felt
+from palpate.inversion.posterior import Posterior
+from palpate.inversion.result import WIDER, told
+from palpate.inversion.search import Mode
+from palpate.inversion.strokes import coarse, fine
+from palpate.inversion.under import classes_over, forward_of
+from palpate.sim.probe.noise import Noise
+from palpate.sim.tissue import Settings
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_CHANGES = (
+    Unknown("change of ln d", 0.0, 0.4, -1.5, 1.5, 0.2),
+    Unknown("change of ln depth", 0.0, 0.3, -1.2, 1.2, 0.2),
+)
+"""Of the first two unknowns of every class with a lump."""
+_OF_THE_PROBE = ("gain", "scale", "creep")
+"""Shared besides where both visits were made with one probe; its zeros may have drifted in between."""
+_NORMAL = 1.645
+
+
+def invert_visits(
+    before: Sequence[Felt],
+    after: Sequence[Felt],
+    noise: Noise,
+    same_probe: bool = True,
+    kind: str = ANYWHERE.name,
+) -> Change:
+    """Invert the strokes of two visits to one lump.
+
+    Parameters
+    ----------
+    before, after : sequences of (FeltStroke, Start)
+    same_probe : bool
+        Whether gains, the encoder's scale and creep are the same.
+    kind : str
+        A class with a lump.
+
+    Raises
+    ------
+    PalpateError
+        A visit has no stroke, or the lump could not be computed.
+    """
+    if not before or not after:
+        raise PalpateError("each visit needs a stroke that can be refined")
+    strokes = [*before, *after]
+    (single,) = classes_over(strokes[0][0], kind)
+    of = _changing(single)
+
+    def assemble(parts: Sequence[Posterior], settings: Settings) -> tuple[Together, Forward]:
+        first = sum(len(part.stroke.place_mm) for part in parts[: len(before)])
+        forward = TwoVisits(of, single, settings, parts[0], first)
+        return Together(parts, _OF_THE_PROBE if same_probe else ()), forward
+
+    found = coarse(of, strokes, noise, {}, assemble)
+    if found is None:
+        raise PalpateError("no lump could be computed that both visits are over")
+    found = fine(strokes, noise, found, assemble)
+    posterior, mode = found.posterior, found.mode
+    said = [_visit(posterior, mode, k, later) for k, later in ((0, False), (len(before), True))]
+    k = len(single.unknowns)
+    ratio = {
+        name: _ratio(mode, k + i, WIDER[f"ln {name.removesuffix('_mm')}"])
+        for i, name in enumerate(("d_mm", "depth_mm"))
+    }
+    laid = posterior.laid(mode.z, mode.found)
+    return Change(
+        replace(said[0], laid=laid[: len(before)], together=len(before)),
+        replace(said[1], laid=laid[len(before) :], together=len(after)),
+        ratio,
+        said[0].fits,
+    )
+
+
+def _changing(single: Class) -> Class:
+    """A class whose lump is another at the second visit."""
+    k = len(single.unknowns)
+    return replace(single, unknowns=(*single.unknowns, *_CHANGES), case=lambda theta: single.case(theta[:k]))
+
+
+def _later(theta: Floats) -> Floats:
+    """The second visit's unknowns of the single class."""
+    n = len(_CHANGES)
+    out = theta[:-n].copy()
+    out[:n] += theta[-n:]
+    return out
+
+
+@dataclass
+class ComputedVisits(Computed):
+    """Frames of both visits, the first `len(each[0].depth)` of them the first one's."""
+
+    each: tuple[Computed, Computed]
+
+    def on_mesh_of(self, other: Computed) -> bool:
+        """Whether each visit is on the topology that it was on."""
+        assert isinstance(other, ComputedVisits)
+        return all(mine.on_mesh_of(its) for mine, its in zip(self.each, other.each))
+
+    @property
+    def own(self) -> Floats:
+        """As `Computed.own`: the first visit's frames know of no change."""
+        out = super().own
+        k = len(self.theta)
+        out[: len(self.each[0].places_mm), k - len(_CHANGES) : k] = 0.0
+        return out
+
+
+class TwoVisits(Forward):
+    """Computes the frames of two visits, each over its own lump."""
+
+    def __init__(self, of: Class, single: Class, settings: Settings, part: Posterior, first: int) -> None:
+        super().__init__(of, settings)
+        self._first = first
+        self._each = tuple(forward_of(single, settings, part.stroke) for _ in range(2))
+
+    def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> ComputedVisits:
+        """Frames (n,) of a guess; as `Forward`."""
+        n, (one, other) = self._first, self._each
+        before = one(theta[: -len(_CHANGES)], places_mm[:n], forces_N_per_m[:n])
+        other.like(one)
+        after = other(_later(theta), places_mm[n:], forces_N_per_m[n:])
+        images, depth = (
+            np.concatenate([getattr(visit, name) for visit in (before, after)])
+            for name in ("images", "depth")
+        )
+        frames = replace(before.frames, images_kPa=images, displacement_mm=depth)
+        return ComputedVisits(
+            theta.copy(), places_mm, forces_N_per_m, frames, before.topology, (before, after)
+        )
+
+    def slopes(self, at: Computed) -> Slopes:
+        """Derivatives at a guess."""
+        assert isinstance(at, ComputedVisits)
+        found = [one.slopes(visit) for one, visit in zip(self._each, at.each)]
+        k = found[0].depth.shape[1] - 2
+        return Slopes(
+            np.concatenate([_with_change(one.images, k, later) for later, one in enumerate(found)]),
+            np.concatenate([_with_change(one.depth, k, later) for later, one in enumerate(found)]),
+        )
+
+
+def _with_change(slopes: Floats, k: int, later: int) -> Floats:
+    """With columns for the changes behind the k of tissue and lump: those of the first few, or nothing."""
+    change = slopes[..., : len(_CHANGES)] * later
+    return np.concatenate([slopes[..., :k], change, slopes[..., k:]], axis=-1)
+
+
+def _visit(posterior: Together, mode: Mode, part: int, later: bool) -> Inverted:
+    """What one visit's lump is, by one of its strokes."""
+    index = posterior.index[part]
+    z, C = mode.z[index].copy(), mode.covariance[np.ix_(index, index)]
+    if later:
+        n, T = len(_CHANGES), np.eye(len(z))
+        last = posterior.at["tissue"].stop
+        T[np.arange(n), np.arange(last - n, last)] = 1.0
+        z, C = T @ z, T @ C @ T.T
+    own = replace(mode, z=z, covariance=C)
+    return told(posterior.parts[part], own, {posterior.of.name: 1.0}, posterior.places(mode.z))
+
+
+def _ratio(mode: Mode, k: int, wider: float) -> Value:
+    """Of the second visit's over the first one's."""
+    half = _NORMAL * wider * float(np.sqrt(mode.covariance[k, k]))
+    return Value(*(float(np.exp(mode.z[k] + sign * half)) for sign in (0, -1, 1)))
