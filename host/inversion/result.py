@@ -9,12 +9,10 @@ from palpate.answer.fitted import Inverted, Value
 from palpate.inversion.departures import DEPARTURES, FRICTION, TWO_LUMPS, UNDULATING
 from palpate.inversion.posterior import Posterior
 from palpate.inversion.search import Mode
+from palpate.inversion.widening import WIDER
 
 Floats = NDArray[np.float64]
 
-_NORMAL = 1.645
-WIDER = {"ln d": 2.4, "ln depth": 2.0, "ln t": 2.4, "E^-2/3": 1.9, "ln_E": 2.1}
-"""How much wider than Laplace's an interval must be to hold 90 %: docs/inversion.md says how it is known."""
 
 FITS = 1.3
 """A misfit below this, for each degree of freedom, fits: computed strokes have 0.6 to 1.1."""
@@ -38,12 +36,12 @@ def told(
     force = posterior.force_at(z)
     common = posterior.noise.common_gain
 
-    def half(weights: dict[str | int, float], wider: float, more: float = 0.0) -> float:
-        """Half-width for a sum of unknowns, by name or number."""
+    def half(weights: dict[str | int, float], like: str, more: float = 0.0) -> float:
+        """Half-width for a sum of unknowns, by name or number, widened as one of them is."""
         w = np.zeros(len(z))
         for key, weight in weights.items():
             w[names.index(key) if isinstance(key, str) else key] += weight
-        return float(_NORMAL * wider * np.sqrt(w @ C @ w + more**2))
+        return WIDER[like].half(float(np.sqrt(w @ C @ w + more**2)), mode.settled)
 
     def log(value: float, by: float) -> Value:
         return Value(value, value * float(np.exp(-by)), value * float(np.exp(by)))
@@ -53,22 +51,22 @@ def told(
     if "ln t" not in names:  # on the border it is depth + d/2
         thick = {"ln depth": case.depth_mm / case.t_mm, "ln d": case.d_mm / 2 / case.t_mm}
     values = {
-        "F_N_per_m": log(E * float(np.exp(z[force])), half({fat: 1.0, force: 1.0}, WIDER["ln_E"], common)),
-        "t_mm": log(case.t_mm, half(thick, WIDER["ln t"])),
-        "E_fat_kPa": log(E, half({fat: 1.0}, WIDER["ln_E"], common)),
-        "gland_mm": log(case.gland_mm, half({"ln gland": 1.0}, WIDER["ln t"])),
-        "gland_ratio": log(case.gland_ratio, half({"ln gland ratio": 1.0}, WIDER["ln t"])),
+        "F_N_per_m": log(E * float(np.exp(z[force])), half({fat: 1.0, force: 1.0}, "ln_E", common)),
+        "t_mm": log(case.t_mm, half(thick, "ln t")),
+        "E_fat_kPa": log(E, half({fat: 1.0}, "ln_E", common)),
+        "gland_mm": log(case.gland_mm, half({"ln gland": 1.0}, "ln t")),
+        "gland_ratio": log(case.gland_ratio, half({"ln gland ratio": 1.0}, "ln t")),
     }
     centre = None
     if "ln d" in names:
-        d = half({"ln d": 1.0}, WIDER["ln d"])
-        s, ds = case.E_inv23, half({"E^-2/3": 1.0}, WIDER["E^-2/3"])
+        d = half({"ln d": 1.0}, "ln d")
+        s, ds = case.E_inv23, half({"E^-2/3": 1.0}, "E^-2/3")
         low, high = max(s - ds, 0.0), s + ds
         ratio = Value(case.E_ratio, high**-1.5, low**-1.5 if low > 0 else None)
         values |= {
             "d_mm": log(case.d_mm, d),
-            "h": log(case.h, half({"ln depth": 1.0, "ln d": -1.0}, WIDER["ln d"])),
-            "depth_mm": log(case.depth_mm, half({"ln depth": 1.0}, WIDER["ln depth"])),
+            "h": log(case.h, half({"ln depth": 1.0, "ln d": -1.0}, "ln d")),
+            "depth_mm": log(case.depth_mm, half({"ln depth": 1.0}, "ln depth")),
             "E_inv23": Value(s, low, high),
             "E_ratio": ratio,
             "E_kPa": Value(*(None if v is None else v * E for v in (ratio.value, ratio.low, ratio.high))),  # type: ignore[arg-type]

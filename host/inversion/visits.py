@@ -19,10 +19,11 @@ from palpate.inversion.forward import Computed, Forward, Slopes
 from palpate.inversion.joint import Together
 from palpate.inversion.kept import Felt
 from palpate.inversion.posterior import Posterior
-from palpate.inversion.result import WIDER, told
+from palpate.inversion.result import told
 from palpate.inversion.search import Mode
 from palpate.inversion.strokes import coarse, fine
 from palpate.inversion.under import classes_over, forward_of
+from palpate.inversion.widening import WIDER, Widening
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue import Settings
 
@@ -36,7 +37,6 @@ _CHANGES = (
 """Of the first two unknowns of every class with a lump."""
 _OF_THE_PROBE = ("gain", "scale", "creep")
 """Shared besides where both visits were made with one probe; its zeros may have drifted in between."""
-_NORMAL = 1.645
 
 
 def invert_visits(
@@ -179,7 +179,7 @@ def _visit(posterior: Together, mode: Mode, part: int, later: bool) -> Inverted:
     return told(posterior.parts[part], own, {posterior.of.name: 1.0}, posterior.places(mode.z))
 
 
-def _ratio(mode: Mode, k: int, wider: float) -> Value:
+def _ratio(mode: Mode, k: int, wider: Widening) -> Value:
     """Of the second visit's over the first one's."""
-    half = _NORMAL * wider * float(np.sqrt(mode.covariance[k, k]))
+    half = wider.half(float(np.sqrt(mode.covariance[k, k])), mode.settled)
     return Value(*(float(np.exp(mode.z[k] + sign * half)) for sign in (0, -1, 1)))

@@ -11,12 +11,14 @@ import time
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.answer.fitted import HARD, LEVEL
 from palpate.errors import PalpateError
 from palpate.inversion.classes import ANYWHERE
-from palpate.inversion.result import FITS, WIDER
+from palpate.inversion.result import FITS
 from palpate.inversion.strokes import invert_stroke
+from palpate.inversion.widening import NORMAL, WIDER
 from palpate.learn.conformal import quantile_of_part
 from palpate.learn.observed import random_scale
 from palpate.sim.probe.noise import level_named
@@ -27,7 +29,7 @@ from tests.studies.table import Asked, StudyTable, kept_rows, of_text
 
 LUMPS = 300
 WORDS = {"d_mm": "ln d", "depth_mm": "ln depth", "t_mm": "ln t", "E_inv23": "E^-2/3", "E_fat_kPa": "ln_E"}
-"""What is judged, and the factor of `result.WIDER` that is its own."""
+"""What is judged, and what widens it."""
 
 
 def lumps(n: int, seed: int) -> list[Case]:
@@ -72,7 +74,7 @@ def inverted(case: Case, seed: int, noise: str) -> dict[str, Any]:
         else:
             half, apart = np.log(value.high / value.value), np.log(value.value / truth)
             before = np.log(first[name] / truth)
-        row[name] = {"apart": float(apart), "half": float(half / WIDER[factor])}
+        row[name] = {"apart": float(apart), "sd": WIDER[factor].sd(float(half), found.settled)}
         row[name] |= {"first": float(before), "truth": truth}
     said = found.hardness
     hard = case.E_inv23 < HARD
@@ -85,31 +87,41 @@ def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
     """Errors and intervals of the rows, and Laplace's factors; held out by halves."""
     whole = [row for row in rows if not row["problem"]]
     fits = np.array([row["chi2"] < FITS for row in whole])
+    settled = np.array([row["settled"] for row in whole], bool)
     out, factors = [], []
     for name, factor in WORDS.items():
-        apart, half, first = (np.array([row[name][k] for row in whole]) for k in ("apart", "half", "first"))
-        score = np.abs(apart) / half
-        truth = np.array([row[name]["truth"] for row in whole])
-        held = np.abs(apart) <= half * WIDER[factor]
-        order = np.array_split(np.argsort(truth), 4)
-        quarters = min(held[part][fits[part]].mean() for part in order if fits[part].any())
-        even = np.arange(len(score)) % 2 == 0
-        crossed = np.concatenate([
-            score[fits & part] <= quantile_of_part(score, fits & ~part, LEVEL) for part in (even, ~even)
-        ])  # fmt: skip
+        wider = WIDER[factor]
+        apart, sd, first, truth = (
+            np.array([row[name][key] for row in whole]) for key in ("apart", "sd", "first", "truth")
+        )
+        half = np.array([wider.half(*pair) for pair in zip(sd, settled, strict=True)])
+        held = np.abs(apart) <= half
         out.append([
             name, *(f"{100 * np.median(np.abs(e)):.1f}" for e in (first, apart, apart[fits])),
-            f"{100 * np.median(half[fits]) * WIDER[factor]:.1f}",
-            f"{100 * held[fits].mean():.0f}", f"{100 * held.mean():.0f}", f"{100 * quarters:.0f}",
+            f"{100 * np.median(half[fits]):.1f}",
+            *(f"{100 * part.mean():.0f}" for part in (held[fits], held)),
+            *(f"{100 * worst_quarter(held[fits], by[fits]):.0f}" for by in (truth, half)),
         ])  # fmt: skip
-        factors.append([name, f"{quantile_of_part(score, fits, LEVEL):.2f}", f"{WIDER[factor]:.2f}",
-                        f"{100 * crossed.mean():.0f}"])  # fmt: skip
+        asked = np.sqrt(np.maximum(apart**2 - wider.floor**2, 0.0)) / (NORMAL * sd)
+        for words, part, used in (
+            ("settled", settled, wider.settled),
+            ("did not settle", ~settled, wider.restless),
+        ):
+            these = asked[fits & part]
+            crossed = [
+                one <= quantile_of_part(these, np.arange(len(these)) % 2 != k % 2, LEVEL)
+                for k, one in enumerate(these)
+            ]
+            factors.append([
+                f"{name}, {words}", str(len(these)), f"{np.quantile(these, LEVEL):.2f}", f"{used:.2f}",
+                f"{wider.floor:.3f}", f"{100 * np.mean(crossed):.0f}",
+            ])  # fmt: skip
     told = [row["right"] for row in whole if row["right"] is not None]
-    fit, settled, likely, some, right = (
+    fit, rest, likely, some, right = (
         f"{100 * np.mean(share):.0f} %"
         for share in (
             fits,
-            [row["settled"] for row in whole],
+            settled,
             [row["likely"] for row in whole],
             [row["right"] is not None for row in whole],
             told or [0.0],
@@ -117,20 +129,21 @@ def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
     )
     title = (
         f"{len(rows)} strokes over lumps anywhere: {len(rows) - len(whole)} not inverted, {fit} fit, "
-        f"{settled} settled; {likely} nearer to hard or soft, rightly, told in {some}, {right} of it right; "
+        f"{rest} settled; {likely} nearer to hard or soft, rightly, told in {some}, {right} of it right; "
         f"{np.median([row['cpu_s'] for row in whole]):.1f} CPU s in the median"
     )
-    heads = [
-        "",
-        "regression",
-        "inversion",
-        "those that fit",
-        "half-width",
-        "held",
-        "held, all",
-        "worst quarter",
-    ]
+    heads = ["", "regression", "inversion", "those that fit", "half-width", "held", "held, all",
+             "worst quarter", "of widths"]  # fmt: skip
     return [
         of_text(title, heads, out),
-        of_text("What widens Laplace's intervals", ["", "asked", "used", "held, halves crossed"], factors),
-    ]  # fmt: skip
+        of_text(
+            "What widens Laplace's intervals",
+            ["", "strokes", "asked", "used", "floor", "held, halves crossed"],
+            factors,
+        ),
+    ]
+
+
+def worst_quarter(held: NDArray[np.bool_], by: NDArray[np.float64]) -> float:
+    """The share held in the quarter that holds least."""
+    return min(float(held[part].mean()) for part in np.array_split(np.argsort(by), 4) if len(part))

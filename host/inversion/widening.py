@@ -1,0 +1,46 @@
+"""From Laplace's normal posterior to intervals that hold. Units: the unknown's own, mostly logarithms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+NORMAL = 1.645
+"""Half a normal 90 % interval, in standard deviations."""
+
+
+@dataclass(frozen=True)
+class Widening:
+    """How Laplace's standard deviation becomes half an interval of `answer.fitted.LEVEL`.
+
+    Attributes
+    ----------
+    settled, restless : float
+        Factors where the search came to rest, and where it did not.
+    floor : float
+        What mesh and model leave however clear a stroke is, in the unknown's own units.
+    """
+
+    settled: float
+    restless: float
+    floor: float
+
+    def half(self, sd: float, settled: bool) -> float:
+        """Half an interval."""
+        return float(np.hypot(NORMAL * (self.settled if settled else self.restless) * sd, self.floor))
+
+    def sd(self, half: float, settled: bool) -> float:
+        """Laplace's standard deviation of half an interval."""
+        spread = np.sqrt(max(half**2 - self.floor**2, 0.0))
+        return float(spread / (NORMAL * (self.settled if settled else self.restless)))
+
+
+WIDER = {
+    "ln d": Widening(1.6, 2.5, 0.018),
+    "ln depth": Widening(1.2, 2.1, 0.028),
+    "ln t": Widening(2.3, 2.4, 0.025),
+    "E^-2/3": Widening(1.3, 2.0, 0.015),
+    "ln_E": Widening(1.3, 1.4, 0.057),
+}
+"""By unknown; docs/inversion.md says how they are known."""
