@@ -27,12 +27,15 @@ def command(visit1: Path, visit2: Path, model: Path | None, data: Path | None, a
     visit differ. With a data set in which lumps were visited again they also count what differs between
     visits: zeroing, gain, force, place.
 
+    Where both recordings have refined answers (`palpate refine`) their change is told, too.
+
     \b
     Example:
       palpate compare january.mcap may.mcap --data set.csv
     """
     from palpate.comparison.between import between_visits, compare_recordings
     from palpate.comparison.model import common_model
+    from palpate.comparison.refined import change_text, kept_change
     from palpate.dataset import table
     from palpate.stroke.change import ASSUMES, ASSUMES_BETWEEN
 
@@ -42,13 +45,14 @@ def command(visit1: Path, visit2: Path, model: Path | None, data: Path | None, a
     with showing_progress() as progress:
         between = {} if known is None else between_visits(spec, known, progress)
         found = compare_recordings(spec, visit1, visit2, between)
+    kept = kept_change(visit1, visit2)
     assumes = ASSUMES_BETWEEN if between else ASSUMES
     if as_json:
         changes = {name: asdict(change) for name, change in found.changes.items()}
         visits = {name: asdict(b) for name, b in between.items()}
-        print_json(
-            {"changes": changes, "between_visits": visits, "left_out": found.left_out, "assumes": assumes}
-        )
+        apart = {name: ratio.as_dict() for name, ratio in kept.items()}
+        more = {"refined_apart": apart, "left_out": found.left_out, "assumes": assumes}
+        print_json({"changes": changes, "between_visits": visits, **more})
         return
     for path, n in zip((visit1, visit2), found.left_out):
         if n:
@@ -57,4 +61,6 @@ def command(visit1: Path, visit2: Path, model: Path | None, data: Path | None, a
         say(change.text)
     for name, b in between.items():
         note(f"{name} differs by {100 * b.sd:.1f} % from visit to visit ({b.freedom} degrees of freedom)")
+    for name, ratio in kept.items():
+        say(f"Refined, each visit by itself: {change_text(name, ratio)}")
     note(assumes)

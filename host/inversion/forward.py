@@ -123,8 +123,9 @@ class Forward:
         return self._last
 
     def like(self, other: Forward) -> None:
-        """Begin on the mesh that another has come to."""
-        self._topology = self._topology or other._topology
+        """Begin on a mesh of the topology that another has come to; its solver is the other's own."""
+        if self._topology is None and (topology := other._topology) is not None:
+            self._topology = Topology(topology.case, topology.settings, *topology.span_mm)
 
     def slopes(self, at: Computed) -> Slopes:
         """Derivatives at a guess."""

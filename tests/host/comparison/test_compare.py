@@ -1,6 +1,7 @@
 """A change between two visits is told from what strokes, and visits, differ by themselves."""
 
 import json
+import shutil
 import subprocess
 import sys
 
@@ -9,11 +10,16 @@ import pandas as pd
 import pytest
 
 from palpate import EmulatedProbe, models
+from palpate.answer.fitted import Inverted, Value
 from palpate.comparison.between import between_visits, components
+from palpate.comparison.refined import change_text
 from palpate.dataset.columns import DataSetError
 from palpate.dataset.table import DataSet
+from palpate.inversion.kept import Kept
+from palpate.inversion.recorded import felt_strokes
 from palpate.link import emulator_model as emulator
 from palpate.link import session
+from palpate.sim.probe.noise import LEVELS
 from palpate.stroke.change import Between, compare
 
 
@@ -100,3 +106,27 @@ def test_strokes_that_the_model_does_not_know_are_not_compared(anywhere):
     """Lumps of 12 and 15 mm, both flagged, were said to have shrunk, beyond repeatability."""
     status, _, said = compared(anywhere, anywhere, "--model", "balls")
     assert status == 1 and "lies outside what the model knows" in said
+
+
+def kept_beside(recording, d_mm):
+    """Refined answers of that diameter, to within 6 %, for each stroke of a recording."""
+    for stroke, start in felt_strokes(recording):
+        around = {
+            name: Value(mean, mean / 1.06, mean * 1.06) for name, mean in (("d_mm", d_mm), ("depth_mm", 6.0))
+        }
+        answer = Inverted(start.stroke, around, "anywhere", {"anywhere": 1.0}, 0.8, True, True)
+        Kept(recording).keep([(stroke, start)], LEVELS["typical"], "auto", answer)
+
+
+def test_refined_answers_that_are_kept_are_compared(anywhere, tmp_path):
+    """Each visit as sure as one stroke of it, however many there are."""
+    assert compared(anywhere, anywhere)[1]["refined_apart"] == {}
+    visits = [shutil.copy(anywhere, tmp_path / f"{name}.mcap") for name in ("january", "may")]
+    for path, d_mm in zip(visits, (10.0, 12.0)):
+        kept_beside(path, d_mm)
+    apart = compared(*visits)[1]["refined_apart"]
+    half = np.exp(np.sqrt(2) * np.log(1.06))
+    assert apart["d_mm"] == pytest.approx({"value": 1.2, "low": 1.2 / half, "high": 1.2 * half})
+    assert apart["depth_mm"]["low"] < 1 < apart["depth_mm"]["high"]
+    assert "grew by 20.0 %" in change_text("d_mm", Value(**apart["d_mm"]))
+    assert "no change is told" in change_text("depth_mm", Value(**apart["depth_mm"]))

@@ -1,0 +1,50 @@
+"""Two recordings of one lump compared by the refined answers that are kept of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from palpate.answer.fitted import Inverted, Value
+from palpate.inversion.kept import kept_answers
+
+CHANGES = {"d_mm": "diameter", "depth_mm": "depth"}
+
+
+def kept_change(first: Path, second: Path) -> dict[str, Value]:
+    """The change of each quantity by answers that are kept of both recordings; {} where one has none.
+
+    Each visit's value is the mean of its strokes', and no surer than one of them: what they get wrong is
+    mostly the same.
+    """
+    visits = [[one for one in kept_answers(path) if one.fits and one.lump] for path in (first, second)]
+    if not all(visits):
+        return {}
+    out = {}
+    for name in CHANGES:
+        (before, a), (after, b) = (_pooled(answers, name) for answers in visits)
+        half = float(np.hypot(a, b))
+        out[name] = Value(*(float(np.exp(after - before + sign * half)) for sign in (0, -1, 1)))
+    return out
+
+
+def _pooled(answers: list[Inverted], name: str) -> tuple[float, float]:
+    """Mean logarithm, and the half-width of one stroke's interval."""
+    values = [one.values[name] for one in answers]
+    halves = [np.log(one.high / one.low) / 2 for one in values if one.low and one.high]
+    return float(np.mean(np.log([one.value for one in values]))), float(np.median(halves))
+
+
+def change_text(name: str, ratio: Value) -> str:
+    """A change in a sentence, in per cent."""
+    low, high = ratio.low or 0.0, ratio.high or np.inf
+    span = f"({_percent(low)} to {_percent(high)})"
+    if low <= 1.0 <= high:
+        return f"The {CHANGES[name]} differs by {_percent(ratio.value)} {span}: no change is told."
+    way = "grew" if ratio.value > 1 else "shrank"
+    return f"The {CHANGES[name]} {way} by {abs(100 * (ratio.value - 1)):.1f} % {span}."
+
+
+def _percent(ratio: float) -> str:
+    return f"{100 * (ratio - 1):+.1f} %".replace("-", "\u2212")
