@@ -1,4 +1,4 @@
-"""Presses into phantoms that others have published, and what can be said of them without a scale in pascals.
+"""Presses into phantoms that others have published, without a scale in pascals.
 
 The layout is of "Structuring of tactile sensory information for category formation in robotics palpation"
 (Scimeca, Maiolino, Iida 2020; github.com/lucascimeca/palpation_analysis): a .mat file whose
@@ -53,42 +53,6 @@ class Presses:
         """Place and number (from 1) of each repeat that is not whole."""
         lost = np.isnan(self.rise[:, -1, 0])
         return [(self.places[k], int(n) + 1) for k, n in zip(*np.nonzero(lost))]
-
-    @property
-    def lump(self) -> NDArray[np.bool_]:
-        """Where there is one."""
-        return np.array(self.kinds) != NONE
-
-    def mean(self) -> Floats:
-        """Mean over taxels: (places, depths, repeats)."""
-        return np.asarray(self.rise.mean(axis=2))
-
-    def repeatability(self, first: int = 2, other: int = 3) -> float:
-        """What two repeats differ by at the greatest depth, as a share of their mean: median over places."""
-        a, b = (self.mean()[:, -1, n - 1] for n in (first, other))
-        return float(np.nanmedian(2 * np.abs(a - b) / (a + b)))
-
-    def exponent(self, low_mm: float, high_mm: float) -> tuple[float, float, float]:
-        """The n of reading ~ depth^n between two depths: median over places, least, most."""
-        inside = (self.depth_mm >= low_mm) & (self.depth_mm <= high_mm)
-        typical = np.nanmedian(self.mean(), axis=2)[:, inside]
-        n = np.array([np.polyfit(np.log(self.depth_mm[inside]), np.log(each), 1)[0] for each in typical])
-        return float(np.median(n)), float(n.min()), float(n.max())
-
-    def unevenness(self, depth_mm: float) -> Floats:
-        """How unevenly the taxels of each place feel: standard deviation over mean, of the median repeat."""
-        seen = np.nanmedian(self.rise[:, int(np.abs(self.depth_mm - depth_mm).argmin())], axis=2)
-        return np.asarray(seen.std(axis=1) / seen.mean(axis=1))
-
-    def strength(self, depth_mm: float) -> Floats:
-        """How strongly the taxels of each place feel, mean of the median repeat."""
-        seen = np.nanmedian(self.rise[:, int(np.abs(self.depth_mm - depth_mm).argmin())], axis=2)
-        return np.asarray(seen.mean(axis=1))
-
-    def told_apart(self, score: Floats) -> float:
-        """Share of pairs (a place with a lump, one without) in which the lump scores higher; ties half."""
-        pairs = score[self.lump][:, None] - score[~self.lump]
-        return float(((pairs > 0) + 0.5 * (pairs == 0)).mean())
 
 
 def read_mat(path: Path) -> Presses:

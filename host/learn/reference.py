@@ -62,14 +62,6 @@ class References:
         """Some of them: a mask (n), or indices."""
         return References(self.press[rows], self.ln_force[rows])
 
-    def up_to(self, n: int) -> References:
-        """The same and behind them none, n in all."""
-        more = n - len(self.press)
-        return References(
-            np.vstack([self.press, np.full((more, self.press.shape[1]), ABSENT)]),
-            np.append(self.ln_force, np.zeros(more)),
-        )
-
     @staticmethod
     def joined(parts: Sequence[References]) -> References:
         """Several as one."""
@@ -83,7 +75,7 @@ Tissue = tuple[object, ...]
 
 
 def read_references(home: Path) -> dict[Tissue, tuple[Stroke, ...]]:
-    """The presses of `reference_cases`, or of `press_cases`, which lie nearly as far from the lump."""
+    """Presses beside lumps, or those of `press_cases`, which lie nearly as far from the lump."""
     return {tissue_of(press[0].case): press for press in read_presses(home)}
 
 

@@ -102,30 +102,6 @@ def press_cases(n: int, seed: int, ranges: TissueRanges | None = None) -> list[C
     return at_forces(random_lumps(n, seed, ranges or TissueRanges()), PRESS_PARTS)
 
 
-def reference_cases(n: int, seed: int, ranges: TissueRanges | None = None) -> list[Case]:
-    """The tissues of the same lumps without them, at the forces of a reference press; with `PRESSES`."""
-    return [
-        replace(plain, F_rel=plain.F_rel * part)
-        for plain in map(without_its_lump, random_lumps(n, seed, ranges or TissueRanges()))
-        for part in REFERENCE_PARTS
-    ]
-
-
-def elsewhere_cases(n: int, seed: int, share: float, ranges: TissueRanges | None = None) -> list[Case]:
-    """Reference presses at other places: the fat is thicker or, at every other lump, thinner so."""
-    return [
-        replace(plain, F_rel=plain.F_rel * part)
-        for k, case in enumerate(random_lumps(n, seed, ranges or TissueRanges()))
-        for plain in [without_its_lump(case, thicker(k, share))]
-        for part in REFERENCE_PARTS
-    ]
-
-
-def thicker(k: int, share: float) -> float:
-    """What the fat's thickness beside the k-th lump is times, in `elsewhere_cases`."""
-    return (1.0 + share) ** (1 if k % 2 else -1)
-
-
 def without_its_lump(case: Case, thickness: float = 1.0) -> Case:
     """The same layers under the same probe and force, and no lump in them; the fat's thickness times this."""
     same = replace(case, E_ratio=1.0, lump_stiffening=0.0)

@@ -23,12 +23,11 @@ from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.contact import ContactState, differentiate_sensors
 from palpate.sim.tissue.element import integrate
 from palpate.sim.tissue.errors import CaseError
-from palpate.sim.tissue.frames import SolvedFrames, solve_frames
+from palpate.sim.tissue.frames import SolvedFrames
 from palpate.sim.tissue.layers import DEEPER, UNDER_FAT, fields_of
 from palpate.sim.tissue.material import Tissue, elasticity
 from palpate.sim.tissue.newton import Newton
 from palpate.sim.tissue.run import StrokeRun
-from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.state import State
 from palpate.sim.tissue.stroke import one_blas_thread
 from palpate.sim.tissue.topology import OutsideTopology, Topology
@@ -85,41 +84,6 @@ class Derivatives:
             u = state.u + change.astype(np.float32) @ du
             out.append(State(u, state.height + float(change @ dY), multiplier, state.pressure))
         return out
-
-
-def stroke_with_derivatives(
-    case: Case,
-    places_mm: Sequence[float] | Floats,
-    forces_N_per_m: Sequence[float] | Floats,
-    by: Sequence[str] | None = None,
-    settings: Settings | None = None,
-) -> tuple[SolvedFrames, Derivatives]:
-    """What n frames feel, each at its own place and under its own force, and how that changes with the case.
-
-    Parameters
-    ----------
-    case : Case
-        A cylinder, or no lump; its `F_rel` is not used.
-    places_mm, forces_N_per_m : (n,)
-    by : sequence of str, optional
-        Which of `FIELDS`; without it all that the case has, `differentiable`.
-    settings : Settings, optional
-
-    Raises
-    ------
-    CaseError
-        A solid lump, a field that is none of `FIELDS`, or friction that is there already.
-    StrokeError
-        There is no equilibrium at one of the frames.
-    """
-    settings = settings or Settings()
-    places = np.asarray(places_mm, float)
-    if case.solid:
-        raise CaseError(f"{case.code}: derivatives of a stroke are worked out in the plane only")
-    topology = Topology(case, settings, float(places.min()), float(places.max()))
-    forces = np.asarray(forces_N_per_m, float)
-    frames = solve_frames(case, settings, topology.geometry(case), places, forces)
-    return frames, differentiate(frames, topology, by)
 
 
 def differentiable(case: Case) -> tuple[str, ...]:

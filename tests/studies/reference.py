@@ -28,9 +28,17 @@ from palpate.learn.reference import (
 from palpate.learn.scopes import BORDER
 from palpate.learn.study import DRAWS, FOLDS, Study
 from palpate.learn.study import text_of as outputs_text
+from palpate.model_export.vocabulary import ABSENT
 from palpate.progress import ProgressCallback
-from palpate.sim.tissue import Stroke, sweep
-from palpate.sim.tissue.any_tissue import PRESSES, elsewhere_cases, reference_cases, thicker
+from palpate.sim.tissue import Case, Stroke, sweep
+from palpate.sim.tissue.any_tissue import (
+    PRESSES,
+    REFERENCE_PARTS,
+    TissueRanges,
+    at_forces,
+    random_lumps,
+    without_its_lump,
+)
 from tests.studies import any_tissue
 from tests.studies.table import Asked, StudyTable
 
@@ -46,6 +54,23 @@ class Wrong:
 
     words: str
     references: References
+
+
+def reference_cases(n: int, seed: int) -> list[Case]:
+    """The tissues of `any_tissue.press_cases` without lumps, at the forces of a reference press."""
+    lumps = random_lumps(n, seed, TissueRanges())
+    return at_forces([without_its_lump(case) for case in lumps], REFERENCE_PARTS)
+
+
+def elsewhere_cases(n: int, seed: int, share: float) -> list[Case]:
+    """Reference presses at other places: the fat is thicker or, at every other lump, thinner so."""
+    lumps = enumerate(random_lumps(n, seed, TissueRanges()))
+    return at_forces([without_its_lump(case, thicker(k, share)) for k, case in lumps], REFERENCE_PARTS)
+
+
+def thicker(k: int, share: float) -> float:
+    """What the fat's thickness beside the k-th lump is times, in `elsewhere_cases`."""
+    return (1.0 + share) ** (1 if k % 2 else -1)
 
 
 def prepare(
@@ -77,6 +102,15 @@ def read_elsewhere(
     return found
 
 
+def up_to(n: int, references: References) -> References:
+    """The references and behind them none, n in all."""
+    more = n - len(references.press)
+    return References(
+        np.vstack([references.press, np.full((more, references.press.shape[1]), ABSENT)]),
+        np.append(references.ln_force, np.zeros(more)),
+    )
+
+
 def table_of(
     directory: Path,
     lumps: Sequence[LumpStrokes],
@@ -99,7 +133,7 @@ def table_of(
                 some = lumps[:ELSEWHERE_LUMPS]
                 there = read_elsewhere(some, _elsewhere(directory, share), share)
                 observed = observe_references(some, there, level, 1000 * seed + k)
-                other[share].append(observed.up_to(len(lumps)).take(group))
+                other[share].append(up_to(len(lumps), observed).take(group))
         elsewhere = [
             Wrong(f"{100 * share:.0f} % thicker or thinner there", References.joined(parts))
             for share, parts in other.items()

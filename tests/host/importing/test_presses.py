@@ -12,7 +12,7 @@ from palpate.importing.less import read_less
 from palpate.importing.presses import read_mat
 from palpate.inversion.recorded import felt_strokes
 from palpate.wire.events import Frame
-from tests.studies.real_data import main
+from tests.studies.real_data import exponent, main, repeatability, strength_and_unevenness, told_apart
 
 DEPTH_MM = np.arange(0, 20.5, 0.5)
 EXPONENT = 0.5
@@ -40,9 +40,9 @@ def phantom(tmp_path):
 def test_repeats_law_and_lumps_are_found_as_they_were_made(phantom, capsys):
     found = read_mat(phantom[0])
     assert found.rise.shape == (16, 41, 10, 3) and found.broken == [((4, 3), 1)]
-    assert found.repeatability() == pytest.approx(0.02 / 1.01, rel=1e-6)
-    assert found.exponent(1, 20) == pytest.approx((EXPONENT,) * 3, abs=1e-9)
-    assert found.told_apart(found.unevenness(20)) == found.told_apart(found.strength(20)) == 1.0
+    assert repeatability(found) == pytest.approx(0.02 / 1.01, rel=1e-6)
+    assert exponent(found, 1, 20) == pytest.approx((EXPONENT,) * 3, abs=1e-9)
+    assert [told_apart(found, score) for score in strength_and_unevenness(found, 20)] == [1.0, 1.0]
     main(phantom[0])
     assert "place 4-3, repeat 1: not a whole press" in capsys.readouterr().out
 

@@ -11,7 +11,7 @@ from palpate.learn.observed import observe_in_any_fat
 from palpate.learn.reference import fit_joining
 from palpate.model_export.fixed_point import compiler
 from palpate.sim.tissue import Case
-from palpate.sim.tissue.any_tissue import elsewhere_cases, press_cases, reference_cases, without_its_lump
+from palpate.sim.tissue.any_tissue import press_cases, without_its_lump
 from tests import reference_model
 from tests.studies import reference as reference_study
 
@@ -72,11 +72,11 @@ def test_the_probe_joins_them_as_the_fit_does():
 
 
 def test_the_tissue_beside_a_lump_is_the_same_without_it():
-    lumps, plain = press_cases(4, 5), reference_cases(4, 5)
+    lumps, plain = press_cases(4, 5), reference_study.reference_cases(4, 5)
     for lump, beside in zip(lumps[::4], plain[::5], strict=True):
         assert not beside.has_lump
         assert reference.tissue_of(lump) == reference.tissue_of(beside)
-    thicker = elsewhere_cases(4, 5, 0.1)[5]
+    thicker = reference_study.elsewhere_cases(4, 5, 0.1)[5]
     assert thicker.t_mm == pytest.approx(1.1 * lumps[4].t_mm)
     assert without_its_lump(Case.from_code("d10h08e10f10_ball")).solid
 
