@@ -21,7 +21,6 @@ from palpate.learn.reference import JoiningFit
 from palpate.learn.scopes import FIELD
 from palpate.learn.score import HeldOutRow, flat
 from palpate.learn.study import TARGETS, Study, TextTable, text_of
-from palpate.learn.tables import excluded
 from palpate.model_export.fixed_point.force_map import ForceMap
 from palpate.model_export.schema import FirstStage, ModelSpec
 
@@ -124,14 +123,6 @@ def _ends(row: dict[Any, Any]) -> dict[str, Any]:
     return {name: value if np.isfinite(value) else None for name, value in row.items()}
 
 
-_WORDS = {
-    "flagged_inside": "lumps inside the ranges flagged as out of domain",
-    "flagged_outside": "lumps outside them flagged, of those found",
-    "flagged_well_outside": "lumps well outside (5 % or more beyond an end) flagged, of those found",
-    "outside_no_lump": "lumps outside not found",
-    "false_alarms": "plain tissue taken for a lump",
-    "false_alarms_not_flagged": "plain tissue taken for a lump, and not flagged",
-}
 _STRANGE = {
     "flagged": "flagged",
     "d_missed": "d's interval misses",
@@ -187,24 +178,20 @@ class TissueFit:
     def tables(self) -> list[Table]:
         """What `palpate fit --kind field` prints."""
         heads, rows = text_of(pd.DataFrame(self.rows), self.targets)
-        held_out = _table("Lumps and tissue never seen: R2 / median error / % in the interval", heads, rows)
-        missed = self.missed_targets()
-        held_out.caption = "all targets met" if not missed else "missed: " + "; ".join(missed)
+        title = "Lumps and tissue never seen: R2 / median error / % in the interval"
+        held_out = tables.shown(title, heads, rows, caption=tables.targets(self.missed_targets()))
         found = self.coverage()
         cells = [
             [str(name), *(f"{100 * row[output]:.0f}" for output in OUTPUTS), f"{row['n']:.0f}"]
             for name, row in found.iterrows()
         ]
         title = f"Coverage of the {100 * LEVEL:.0f} % intervals, %, noise {self.noise}"
-        shares = [
-            [words, f"{100 * self.facts[name]:.1f} %"] for name, words in _WORDS.items() if name in self.facts
-        ]
         return [
             held_out,
-            *(_table(*table) for table in self.study.further_tables()),
-            _table(title, ["lumps", *OUTPUTS, "n"], cells),
-            _table(f"Flags, noise {self.noise}", ["", "share"], shares),
-            _table(
+            *(tables.shown(*table) for table in self.study.further_tables()),
+            tables.shown(title, ["lumps", *OUTPUTS, "n"], cells),
+            tables.facts(self.facts, self.noise),
+            tables.shown(
                 f"Two lumps, uneven tissue: noise {self.noise}, %",
                 ["strokes that find a lump", *_STRANGE.values(), "n"],
                 [
@@ -212,7 +199,7 @@ class TissueFit:
                     for row in self.strange.to_dict("records")
                 ],
             ),
-            excluded(self.excluded),
+            tables.excluded(self.excluded),
         ]
 
     def missed_targets(self) -> list[str]:
@@ -248,15 +235,6 @@ def records(tables: Sequence[TextTable]) -> list[dict[str, Any]]:
     return [
         {"title": title, "rows": [dict(zip(heads, row)) for row in rows]} for title, heads, rows in tables
     ]
-
-
-def _table(title: str, heads: list[str], rows: list[list[str]]) -> Table:
-    out = Table(title=title)
-    for k, head in enumerate(heads):
-        out.add_column(head, justify="left" if k == 0 else "right")
-    for row in rows:
-        out.add_row(*row)
-    return out
 
 
 def tissue_fit(

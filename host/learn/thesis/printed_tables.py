@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import pandas as pd
 from rich.table import Table
 
 from palpate.learn.table import SHOWN
+from palpate.learn.tables import shown
 from palpate.learn.thesis.direct import PermutationTest
 from palpate.learn.thesis.forward import ForwardEquation, OneFactorCurve
 from palpate.learn.thesis.strain import StrainForce
+
+_shown = partial(shown, text=("equation", "curve", "runs", "target", "from", "transform of E"), no_wrap=True)
 
 
 def forward_table(equations: Mapping[str, ForwardEquation]) -> Table:
@@ -20,7 +24,7 @@ def forward_table(equations: Mapping[str, ForwardEquation]) -> Table:
         for e in equations.values()
     ]
     heads = ("equation", "R2", "adjusted", "against physics")
-    out = _table("Forward model (Appendix B)", heads, rows, lines=True)
+    out = _shown("Forward model (Appendix B)", heads, rows, show_lines=True)
     out.caption = (
         "against physics: share of the runs' range in which the output goes the wrong way with that input; "
         "do not use the equation there"
@@ -31,7 +35,7 @@ def forward_table(equations: Mapping[str, ForwardEquation]) -> Table:
 def one_factor_table(curves: Sequence[OneFactorCurve]) -> Table:
     """One output against one input, all others as in the reference case."""
     rows = [[c.text(), f"{c.r2:.4f}", c.without_text()] for c in curves]
-    out = _table("One factor at a time (Figures 13, 14)", ("equation", "R2", "without one run"), rows)
+    out = _shown("One factor at a time (Figures 13, 14)", ("equation", "R2", "without one run"), rows)
     out.caption = "without one run: the exponent, or slope, without the run that it depends on most"
     return out
 
@@ -39,7 +43,7 @@ def one_factor_table(curves: Sequence[OneFactorCurve]) -> Table:
 def strain_force_table(curves: Sequence[StrainForce]) -> Table:
     """F = A S^B of each lump that was pressed with two forces or more."""
     rows = [[c.label, c.text(), f"{c.r2:.4f}"] for c in curves]
-    return _table("Strain over the lump and force (Figures 15, 16)", ("runs", "curve", "R2"), rows)
+    return _shown("Strain over the lump and force (Figures 15, 16)", ("runs", "curve", "R2"), rows)
 
 
 def transforms_table(transforms: pd.DataFrame) -> Table:
@@ -48,7 +52,7 @@ def transforms_table(transforms: pd.DataFrame) -> Table:
         [r["transform"], f"{r['r2']:.3f}", f"{r['largest_leverage']:.2f}"]
         for r in transforms.to_dict("records")
     ]
-    return _table("Why E^-2/3", ("transform of E", "R2 of Amp, one factor", "largest leverage"), rows)
+    return _shown("Why E^-2/3", ("transform of E", "R2 of Amp, one factor", "largest leverage"), rows)
 
 
 def permutation_table(tests: Sequence[PermutationTest]) -> Table:
@@ -64,15 +68,4 @@ def permutation_table(tests: Sequence[PermutationTest]) -> Table:
         for t in tests
     ]
     heads = ("target", "from", "R2", "by chance, 95 % below", "P")
-    return _table("Could it be chance? Targets shuffled among the runs, terms chosen again", heads, rows)
-
-
-def _table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]], lines: bool = False) -> Table:
-    """Texts to the left, numbers to the right."""
-    out = Table(title=title, show_lines=lines)
-    for name in heads:
-        text = name in ("equation", "curve", "runs", "target", "from", "transform of E")
-        out.add_column(name, justify="left" if text else "right", no_wrap=not text)
-    for row in rows:
-        out.add_row(*row)
-    return out
+    return _shown("Could it be chance? Targets shuffled among the runs, terms chosen again", heads, rows)

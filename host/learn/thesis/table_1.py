@@ -11,6 +11,7 @@ from rich import box
 from rich.table import Table
 
 from palpate.learn.table import HARD_FROM, SHOWN
+from palpate.learn.tables import shown
 from palpate.learn.thesis.direct import DirectEquation
 
 
@@ -138,24 +139,16 @@ def table_1(entries: list[Table1Entry]) -> Table:
 
 def inverse_table(entries: list[Table1Entry]) -> Table:
     """The direct equations of Appendix C."""
-    out = Table(title="Inverse model (Appendix C)", show_lines=True)
-    for name in ("runs", "equation"):
-        out.add_column(name)
-    for name in ("RMSE", "left out", "VIF", "Cook"):
-        out.add_column(name, justify="right", no_wrap=True)
-    out.caption = "RMSE in sample and left out; the largest variance inflation factor and Cook's distance"
+    rows = []
     for e in entries:
-        d = e.direct
-        kind = "with displacement" if e.displacement else "pressure"
-        out.add_row(
-            f"{e.row.name}, {kind}",
-            d.text(),
-            f"{d.rmse_in:.3g}",
-            f"{d.rmse_loo:.3g}",
-            f"{d.table['VIF'].max():.1f}",
-            f"{d.runs['cook'].max():.2f}",
-        )
-    return out
+        d, kind = e.direct, "with displacement" if e.displacement else "pressure"
+        errors = f"{d.rmse_in:.3g}", f"{d.rmse_loo:.3g}"
+        inflated = f"{d.table['VIF'].max():.1f}", f"{d.runs['cook'].max():.2f}"
+        rows.append([f"{e.row.name}, {kind}", d.text(), *errors, *inflated])
+    caption = "RMSE in sample and left out; the largest variance inflation factor and Cook's distance"
+    heads, text = ("runs", "equation", "RMSE", "left out", "VIF", "Cook"), ("runs", "equation")
+    title = "Inverse model (Appendix C)"
+    return shown(title, heads, rows, text, no_wrap=True, show_lines=True, caption=caption)
 
 
 def entry_dict(entry: Table1Entry, star: bool) -> dict[str, Any]:
