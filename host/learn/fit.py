@@ -21,6 +21,8 @@ from palpate.sim.tissue import Stroke
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from palpate.learn.scopes import Scope
+
 KINDS = ("thesis", "field")
 
 
@@ -157,67 +159,54 @@ def _field(
     anywhere: bool,
     progress: ProgressCallback | None,
 ) -> Fit:
-    from palpate.learn.data import TOLD_LUMPS, check_begun, prepare
-    from palpate.learn.lumps import holds_solids
-    from palpate.learn.scopes import FIELD, PRESSURE_ONLY
-    from palpate.learn.told import fit_field
+    from palpate.learn import data, scopes
+    from palpate.learn.lumps import read_solid_rim, read_solids
+    from palpate.sim.tissue.stroke import one_blas_thread
 
-    check_begun(directory, lumps)
-    if holds_solids(Path(directory)):
-        if tissue is not None or anywhere:
+    data.check_begun(directory, lumps)
+    home = Path(directory)
+    scope = _scope(home, tissue is not None, anywhere)
+    result: FieldFit | TissueFit
+    if scope is scopes.TOLD:
+        from palpate.learn.told import fit_field
+
+        told = data.prepare(home, lumps or data.TOLD_LUMPS, workers=workers, tissue=tissue, progress=progress)
+        recipe = scopes.FIELD if displacement else scopes.PRESSURE_ONLY
+        result = fit_field(told, noise, seed, recipe=recipe, workers=workers, progress=progress)
+    elif scope is scopes.SOLID:
+        from palpate.learn.solid import fit_to_balls
+
+        with one_blas_thread():
+            solids, rim, many = read_solids(home), read_solid_rim(home), workers or os.cpu_count() or 1
+            result = fit_to_balls(solids, noise, seed, workers=many, progress=progress, rim=rim)
+    else:
+        from palpate.learn.any_tissue import fit_in_any_tissue
+        from palpate.learn.anywhere import AnywhereStudy
+        from palpate.learn.study import Study
+
+        strokes = data.prepare_strokes(home, lumps or data.LUMPS, workers, progress, scope)
+        kind = AnywhereStudy if scope is scopes.ANYWHERE else Study
+        with one_blas_thread():
+            result = fit_in_any_tissue(strokes, noise, seed, progress=progress, kind=kind)
+    return Fit("field", result.spec, result)
+
+
+def _scope(home: Path, told: bool, anywhere: bool) -> Scope:
+    """What a field model is for, by what is asked and what the directory holds; raises as `fit`."""
+    from palpate.learn.data import lie_anywhere
+    from palpate.learn.lumps import holds_solids
+    from palpate.learn.scopes import ANYWHERE, BORDER, SOLID, TOLD
+
+    if holds_solids(home):
+        if told or anywhere:
             what = "lie in tissue of all kinds: leave --tissue out"
             if anywhere:
                 what = "lie on the border of fat and gland: leave --anywhere out"
-            raise UsageError(f"the balls in {directory} {what}")
-        return _balls(Path(directory), noise, seed, workers, progress)
-    if tissue is None:
-        return _any_tissue(Path(directory), noise, seed, lumps, workers, anywhere, progress)
-    strokes = prepare(directory, lumps or TOLD_LUMPS, workers=workers, tissue=tissue, progress=progress)
-    recipe = FIELD if displacement else PRESSURE_ONLY
-    result = fit_field(strokes, noise=noise, seed=seed, recipe=recipe, workers=workers, progress=progress)
-    return Fit("field", result.spec, result)
-
-
-def _any_tissue(
-    directory: Path,
-    noise: str,
-    seed: int,
-    lumps: int | None,
-    workers: int | None,
-    anywhere: bool,
-    progress: ProgressCallback | None,
-) -> Fit:
-    from palpate.learn.any_tissue import fit_in_any_tissue
-    from palpate.learn.anywhere import AnywhereStudy
-    from palpate.learn.data import LUMPS, lie_anywhere, prepare_strokes
-    from palpate.learn.study import Study
-    from palpate.sim.tissue.stroke import one_blas_thread
-
-    held = lie_anywhere(directory)
+            raise UsageError(f"the balls in {home} {what}")
+        return SOLID
+    if told:
+        return TOLD
+    held = lie_anywhere(home)
     if anywhere and held is False:
-        raise TableError(f"{directory} holds lumps on the border of fat and gland: name another directory")
-    anywhere = anywhere or bool(held)
-    kind = AnywhereStudy if anywhere else Study
-    strokes = prepare_strokes(directory, lumps or LUMPS, workers, progress, kind.scope)
-    with one_blas_thread():
-        result = fit_in_any_tissue(strokes, noise, seed, progress=progress, kind=kind)
-    return Fit("field", result.spec, result)
-
-
-def _balls(
-    directory: Path, noise: str, seed: int, workers: int | None, progress: ProgressCallback | None
-) -> Fit:
-    from palpate.learn.lumps import read_solid_rim, read_solids
-    from palpate.learn.solid import fit_to_balls
-    from palpate.sim.tissue.stroke import one_blas_thread
-
-    with one_blas_thread():
-        result = fit_to_balls(
-            read_solids(directory),
-            noise,
-            seed,
-            workers=workers or os.cpu_count() or 1,
-            progress=progress,
-            rim=read_solid_rim(directory),
-        )
-    return Fit("field", result.spec, result)
+        raise TableError(f"{home} holds lumps on the border of fat and gland: name another directory")
+    return ANYWHERE if anywhere or held else BORDER
