@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_py import evaluator
-from palpate.learn import conformal, domain, flags, model
+from palpate.learn import conformal, flags, model
 from palpate.learn.probe_model import HARD_BELOW, training_hash
 from palpate.model_export.fixed_point import accuracy, compiler
 
@@ -41,48 +41,6 @@ def test_intervals_cover_what_they_promise_where_the_noise_changes(seed):
     assert inside.mean() == pytest.approx(0.9, abs=0.03)
     for part in (z[test_rows, 0] < 0, z[test_rows, 0] >= 0):
         assert inside[part].mean() == pytest.approx(0.9, abs=0.05)
-
-
-def test_the_conformal_quantile_is_the_right_order_statistic():
-    scores = np.arange(1.0, 100.0)
-    assert conformal.conformal_quantile(scores, 0.9) == 90.0
-    assert conformal.conformal_quantile(np.array([]), 0.9) == 0.0
-
-
-def test_the_domain_flags_what_is_far_and_little_of_what_is_near():
-    rng = np.random.default_rng(4)
-    mix = rng.normal(size=(3, 3))
-    z = rng.normal(size=(3000, 3)) @ mix
-    check = domain.fit_domain(z, z, share_out=0.02)
-    fresh = rng.normal(size=(3000, 3)) @ mix
-    assert (~check.familiar(fresh, fresh)).mean() < 0.04
-    far = fresh + 20 * mix[0]
-    assert (~check.familiar(far, far)).mean() > 0.99
-    # each feature in range, their combination not
-    odd = np.linalg.svd(z - z.mean(0), full_matrices=False)[2][-1:] * np.abs(z).max() * 0.9
-    assert not check.familiar(odd, odd).any()
-
-
-def test_the_margin_lets_through_as_many_inside_strokes_as_it_is_asked_to():
-    rng = np.random.default_rng(5)
-    n, half = 40000, 0.05
-    truth = rng.uniform(0, 1, (n, 2))
-    y = truth + rng.normal(0, half / 1.645, (n, 2))
-    z = rng.normal(size=(n, 2))
-    check = domain.fit_domain(z, z, outputs=2, share_out=0.004)
-    widths = np.full((n, 2), half)
-    check = domain.with_ranges(
-        check, np.zeros(2), np.array([1, np.inf]), check.familiar(z, z), y, widths, 0.02
-    )
-    assert (~check.inside(z, z, y, widths)).mean() == pytest.approx(0.02, abs=0.001)
-    assert 0 < check.margin < 1
-    # An estimate well beyond an end is flagged, one beyond where there is no end is not.
-    far = np.array([[1 + 2 * half, 0.5], [0.5, 7.0], [0.5, -2 * half]])
-    assert check.inside(z[:1].repeat(3, 0), z[:1].repeat(3, 0), far, widths[:3]).tolist() == [
-        False,
-        bool(check.familiar(z[:1], z[:1])[0]),
-        False,
-    ]
 
 
 def test_a_lump_beyond_the_ranges_is_flagged_and_one_well_inside_is_not(parts, fitted):

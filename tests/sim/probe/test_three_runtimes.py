@@ -10,12 +10,11 @@ from array import array
 
 import pytest
 
-from firmware_py import calib, evaluator, features, forcemap, pipeline, status
+from firmware_py import calib, evaluator, forcemap, pipeline, status
 from palpate.model_export.fixed_point import compiler
 from tests.firmware_py.stages import any_force_map, strokes
 from tests.micropython import run_micropython
 from tests.model_export import synthetic
-from tests.model_export.test_micropython import rows
 
 FRAMES = 40
 
@@ -114,32 +113,3 @@ def test_a_thousand_whole_strokes(tables):
     mine, theirs = whole_answers(tables, 1000)
     print(json.dumps({"strokes": len(mine), "numbers": sum(map(len, mine))}))
     assert theirs == mine
-
-
-def test_a_thousand_feature_vectors_through_the_evaluator(tables):
-    """Half of them from the models' domains, half anything that features can be."""
-    vectors = [row for kind in tables for row in rows(synthetic.model(kind), 500)]
-    raw = b"".join(struct.pack(f"<{features.COUNT}i", *v) for v in vectors)
-    script = f"""
-import struct
-from array import array
-from firmware_py import evaluator
-exec(open("tables").read())
-models = [evaluator.Tables(*arguments) for arguments in TABLES]
-out = array("i", bytes(4 * evaluator.OUT_SIZE))
-f = open("vectors", "rb")
-for k in range(1000):
-    x = array("i", struct.unpack("<{features.COUNT}i", f.read(4 * {features.COUNT})))
-    print(*([m.evaluate(x, out) for m in models[:1]] + list(out) + [m.evaluate(x, out) for m in
-    models[1:]] + list(out)))
-"""
-    files = {"tables": table_text(tables.values()).encode(), "vectors": raw}
-    said = run_micropython(script, files)
-    out = array("i", bytes(4 * evaluator.OUT_SIZE))
-    expected = []
-    for v in vectors:
-        line = []
-        for model in tables.values():
-            line += [model.evaluate(array("i", v), out), *out]
-        expected.append(line)
-    assert [[int(x) for x in line.split()] for line in said.splitlines()] == expected
