@@ -28,10 +28,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py import calib, status
 from palpate.errors import NoSuchFile, RecordingError, UsageError
 from palpate.files import read_limited
-from palpate.recording.channels import CALIBRATION
 from palpate.recording.playback import open_recording
 from palpate.wire.cells import SHAPE
 from palpate.wire.events import Estimate, Frame
@@ -203,9 +201,7 @@ def _frames(file: Path) -> tuple[Floats, Floats, Floats, list[slice]]:
     at: dict[int, int] = {}
     strokes = []
     with open_recording(file) as session:
-        own, blob = calib.Calibration(), session.recording.attachment(CALIBRATION)
-        if blob and own.load(blob) != status.OK:
-            raise RecordingError(f"the calibration in {file} cannot be read")
+        session.recording.calibration()  # that it can be read
         for event in session.events():
             if isinstance(event, Frame):
                 at[event.seq] = len(frames)

@@ -10,16 +10,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from firmware_py import calib, status
+from firmware_py import calib
 from palpate.dataset.checks import fault
 from palpate.dataset.table import DataSet
-from palpate.errors import PalpateError, RecordingError
+from palpate.errors import PalpateError
 from palpate.features.map_features import Floats
 from palpate.firmware_twin.replay_core import Replay
 from palpate.learn.observed import NAMES, OF_THE_DISPLACEMENT
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.schema import ModelSpec
-from palpate.recording.channels import CALIBRATION, IMPORT_NOTE
+from palpate.recording.channels import IMPORT_NOTE
 from palpate.recording.playback import open_recording
 from palpate.stroke.session_frames import SessionFrames
 from palpate.wire.events import Estimate, Frame
@@ -60,11 +60,8 @@ def read_strokes(path: str | Path) -> dict[int, RecordedStroke]:
     """
     frames = SessionFrames()
     found: dict[int, RecordedStroke] = {}
-    own = calib.Calibration()
     with open_recording(path) as session:
-        blob = session.recording.attachment(CALIBRATION)
-        if blob and own.load(blob) != status.OK:
-            raise RecordingError(f"the calibration in {path} cannot be read")
+        own = session.recording.calibration()
         said = session.recording.metadata().get(IMPORT_NOTE, {}).get("missing", "")
         missing = frozenset(said.split())
         for event in session.events():

@@ -21,7 +21,8 @@ from mcap.records import (
     Metadata,
 )
 
-from palpate.errors import NoSuchFile, NotARecording
+from firmware_py import calib, status
+from palpate.errors import NoSuchFile, NotARecording, RecordingError
 from palpate.files import check_readable
 from palpate.recording import channels, chunks, records
 
@@ -171,6 +172,19 @@ class Recording:
             attached = (record for _, record in self.records() if isinstance(record, Attachment))
             self._attached = {record.name: record.data for record in attached}
         return self._attached.get(name)
+
+    def calibration(self) -> calib.Calibration:
+        """The probe's own; where the recording holds none, the nominal one.
+
+        Raises
+        ------
+        RecordingError
+            It cannot be read.
+        """
+        own, blob = calib.Calibration(), self.attachment(channels.CALIBRATION)
+        if blob and own.load(blob) != status.OK:
+            raise RecordingError(f"the calibration in {self.path} cannot be read")
+        return own
 
 
 class _Topics:

@@ -62,11 +62,6 @@ class CellScale:
             cells[dead] = np.float32(0.5) * (cells[one] + cells[other])
         return cells.reshape(geometry.ROWS, geometry.COLUMNS)
 
-    @property
-    def full_scale_kPa(self) -> float:
-        """Pressure of the highest count at gain 1, to a tenth of a kPa."""
-        return round(geometry.FULL_COUNT * self._calibration.count_mpa * 1e-6, 1)
-
     # Made when they are first asked for: a command that decodes no image needs no numpy.
 
     @cached_property
