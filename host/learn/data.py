@@ -329,12 +329,6 @@ def read(directory: str | PathLike[str]) -> Strokes:
     return Strokes(found["lumps"], found["rim"], found["plain"], excluded, found["wide"], others)
 
 
-def of_the_command(strokes: Strokes) -> bool:
-    """Whether these are the lumps that `prepare` simulates now, and not those of another seed."""
-    first = lump_cases(1, _LUMPS_SEED)[0]
-    return any(lump.low.case == first for lump in strokes.lumps)
-
-
 def split(n: int, seed: int = 1) -> Split:
     """Lumps 0 to n - 1 dealt out at random: 45 % to train, 20 % to calibrate, 35 % to test."""
     order = np.random.default_rng(seed).permutation(n)

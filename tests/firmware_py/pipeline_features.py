@@ -17,6 +17,7 @@ from palpate.features import press_features
 from palpate.model_export.fixed_point.force_map import ForceMap
 from palpate.wire.cells import PITCH_MM, ROW_MM
 from tests.firmware_py import pipeline_steps as steps
+from tests.firmware_py import press_float
 from tests.firmware_py.pipeline_steps import Gaussian, fit_like_firmware
 
 __all__ = ["Gaussian", "Reference", "StrokeTooShort", "compute", "fit_like_firmware"]
@@ -132,7 +133,7 @@ def compute(
     pressed = np.empty((0, 5))
     if press:
         hang = steps.hanging(mean_counts, calibration.dead)
-        pressed = press_features.curves(steps.mended(press[0], hang), press[1], calibration)
+        pressed = press_float.curves(steps.mended(press[0], hang), press[1], calibration)
     seen_by = steps.rings(answer, calibration.count_mpa * 1e-6)
     found = _features(x, image, depth, middle + fit.centre, fit, float(force.mean()), pressed, seen_by)
     return Reference(found, y, fit, float(middle), (int(span[0]), int(span[1])), answer)
@@ -217,6 +218,6 @@ def _features(
     out |= dict(zip(feature_names.NAMES[features.BUMP + 1 : features.ACROSS], changes / bump, strict=True))
     out |= dict(zip(feature_names.NAMES[features.ACROSS :], across, strict=True))
     out["base_share"] = out["ln_base"] - out["ln_force"]
-    at_parts = press_features.at_parts(pressed, out["ln_force"])
+    at_parts = press_float.at_parts(pressed, out["ln_force"])
     out |= dict(zip(press_features.NAMES, at_parts, strict=True))
     return {name: float(out[name]) for name in feature_names.NAMES}

@@ -17,7 +17,7 @@ from palpate.firmware_twin.replay_core import Replay
 from palpate.model_export.vocabulary import ABSENT
 from palpate.sim.probe.sensors import LEVELS, SensorModel
 from palpate.wire.cells import PITCH_MM
-from tests.firmware_py import checked_int, pipeline_features
+from tests.firmware_py import checked_int, pipeline_features, press_float
 from tests.micropython import run_micropython
 
 OF_THE_PRESS = press_features.PLACES
@@ -70,9 +70,9 @@ def test_the_integers_say_what_float64_says(one):
     got, code = pressed(rows, sides, depths_um, force)
     middle = rows[:, (geometry.ROWS - profile.MIDDLE) // 2 :][:, : profile.MIDDLE].mean(1)
     counts = with_sides(rows / 32, sides / geometry.ROWS / middle) + calib.PEDESTAL / 8
-    frames = press_features.curves(counts, depths_um / 1e3)
+    frames = press_float.curves(counts, depths_um / 1e3)
     assert frames[:, 0] + LN_COUNTS == pytest.approx(np.log(rows.sum(1)), abs=1e-2)
-    wanted = press_features.at_parts(frames, np.log(force) - LN_COUNTS)
+    wanted = press_float.at_parts(frames, np.log(force) - LN_COUNTS)
     assert code == press.GOOD
     assert got == pytest.approx(wanted, abs=1e-3)
 

@@ -6,13 +6,13 @@ import pytest
 
 from firmware_py import geometry
 from palpate.errors import UsageError
-from palpate.features import press_features
 from palpate.learn import any_tissue, lumps, model, observed, scopes, strange, study
 from palpate.learn.observed import NAMES
 from palpate.sim.probe.sensors import PRESS_FRAMES, Noise, SensorModel, StrokeField
 from palpate.sim.tissue import Case, Settings, simulate_forces
 from palpate.sim.tissue.any_tissue import PRESSES, any_tissue_cases, press_cases
 from palpate.sim.tissue.design import read_design, settings_of
+from tests.firmware_py import press_float
 from tests.host.learn.made_up import made_up, smooth
 from tests.studies import any_tissue as any_tissue_study
 
@@ -60,9 +60,9 @@ def test_a_press_is_felt_at_parts_of_the_strokes_force():
     sensors = SensorModel(field, Noise(quantise=False), 1, mean_force_N_per_m=F)
     stream = sensors.stroke(2, press=PRESS_FRAMES, pressed=field)
     counts, depths_mm = stream.counts[:PRESS_FRAMES], stream.displacements_um[:PRESS_FRAMES] / 1e3
-    frames = press_features.curves(counts, depths_mm)
-    found = press_features.at_parts(frames, np.log(F))
-    images, depths = field.at(np.zeros(3), F * np.array(press_features.PARTS))
+    frames = press_float.curves(counts, depths_mm)
+    found = press_float.at_parts(frames, np.log(F))
+    images, depths = field.at(np.zeros(3), F * np.array(press_float.PARTS))
     assert found[:3] == pytest.approx(np.log(depths), abs=0.02)
     share = np.log(images[:, 6:10].mean(1) / images.mean(1))
     assert found[6:9] == pytest.approx(share, abs=0.02)

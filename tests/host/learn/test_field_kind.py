@@ -106,12 +106,6 @@ def test_the_whole_fit_is_one_json_document_that_names_what_it_left_out(strokes)
     assert len(image.build(result.spec, prepared, force_map, counter=1)) + SIGNATURE < 8000
 
 
-def test_lumps_of_another_seed_are_known_as_such(strokes):
-    first = dataclasses.replace(strokes.lumps[0].low, case=design.lump_cases(1, data._LUMPS_SEED)[0])
-    own = dataclasses.replace(strokes, lumps=[lumps.LumpStrokes((first,))])
-    assert data.of_the_command(own) and not data.of_the_command(strokes)
-
-
 def test_strokes_without_a_partner_are_counted_not_used(strokes):
     lump = strokes.lumps[0]
     found, alone = lumps.by_lump([lump.low, strokes.lumps[1].low, lump.high])

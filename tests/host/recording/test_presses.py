@@ -22,6 +22,7 @@ from palpate.sim.probe.over_lump import strokes_over
 from palpate.sim.probe.sensors import LEVELS, PRESS_FRAMES, SensorModel, StrokeField
 from palpate.stroke.replay import replay
 from palpate.wire.events import Estimate, Features
+from tests.firmware_py import press_float
 from tests.firmware_py.strokes import read_strokes
 from tests.host.probes import LUMP
 
@@ -70,8 +71,8 @@ def test_the_probe_looks_at_the_press_and_the_replay_is_the_same_to_the_bit(stre
     path = recorded(tmp_path / "a.mcap", stream)
     (values,) = told(path)
     assert values[features.PRESS] == pytest.approx(
-        press_features.at_parts(
-            press_features.curves(stream.counts[:24], stream.displacements_um[:24] / 1e3),
+        press_float.at_parts(
+            press_float.curves(stream.counts[:24], stream.displacements_um[:24] / 1e3),
             values[feature_names.NAMES.index("ln_force")],
         )[0],
         abs=0.03,
