@@ -52,7 +52,8 @@ class Predictor:
         shifts = [position - place for place in places]
         near = _share_near(self._x - position)
         inside = np.nonzero(near)[0]
-        first, last = int(inside[0]) // 2 * 2, int(inside[-1]) // 2 * 2 + 2  # from a corner to a mid-side
+        first = int(inside[0]) // 2 * 2  # a corner
+        last = min(int(inside[-1]) // 2 * 2 + 2, len(self._x) - 1)  # ends with a mid-side, inside the tissue
         rows = np.zeros((len(self._rows), last - first, 2))
         cells = np.zeros((len(self._cells), (last - first) // 2, 3))
         for weight, state, by in zip(weights, states, shifts):

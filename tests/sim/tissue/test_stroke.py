@@ -9,7 +9,17 @@ import sys
 import numpy as np
 import pytest
 
-from palpate.sim.tissue import Case, CaseError, Settings, Stroke, StrokeError, simulate, simulate_forces
+from palpate.sim.tissue import (
+    Case,
+    CaseError,
+    Settings,
+    Stroke,
+    StrokeError,
+    predictor_kernels,
+    simulate,
+    simulate_forces,
+)
+from palpate.sim.tissue.frames import solve_frames
 from palpate.sim.tissue.geometry import geometry_of
 from palpate.sim.tissue.run import StrokeRun
 
@@ -126,3 +136,13 @@ def test_importing_the_package_compiles_nothing():
         "import palpate.sim.tissue, sys; sys.exit(any(m in sys.modules for m in ('numba', 'skfem', 'scipy')))"
     )
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+def test_frames_beside_the_tissue_s_end_write_nowhere_else(monkeypatch):
+    """More than 70 mm behind a lump compiled loops wrote past their arrays: `palpate refine` could crash."""
+    for name in ("add_rows", "add_cells", "blend_rows", "blend_cells"):
+        monkeypatch.setattr(predictor_kernels, name, getattr(predictor_kernels, name).py_func)  # which checks
+    case, settings = Case(11.0, 0.6, 8.0, 0.55), Settings()
+    geometry = geometry_of(case, settings, -56.0, 56.0)
+    found = solve_frames(case, settings, geometry, np.arange(71.0, 82.0, 2.5), np.full(5, 50.0))
+    assert (found.displacement_mm > 0).all()
