@@ -1,6 +1,6 @@
-"""How `make test` shares its work out: two workers more than processors, the longest first, pages singly.
+"""How `make test` shares its work out: a worker more than processors, the longest first, pages singly.
 
-A worker often waits, for a stroke in real time or for a browser; so there are two more than processors. A
+A worker often waits, for a stroke in real time or for a browser; so there is one more than processors. A
 file stays with one worker, as its fixtures do; what takes longest begins first, so that no worker is left
 with it at the end.
 """
@@ -42,7 +42,7 @@ LONGEST = (
 """By measured time (`pytest --durations=0`); files that are not here follow as they are found."""
 PAGE = "tests/docs/test_code_blocks.py::test_a_page_does_what_it_says["
 MOST_WORKERS = 8
-MORE_THAN_PROCESSORS = 2
+MORE_THAN_PROCESSORS = 1
 
 
 @pytest.hookimpl(optionalhook=True)
