@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.spans import BORDER
+
 Floats = NDArray[np.float64]
 
 LEVEL = 0.9
 """Coverage that the intervals are meant to have."""
-HARD = 10.0 ** (-2 / 3)
+HARD = BORDER ** (-2 / 3)
+"""E^-2/3 of a lump between hard and soft."""
 ROWS = (
     ("d_mm", "Diameter", "mm"),
     ("depth_mm", "Depth", "mm"),

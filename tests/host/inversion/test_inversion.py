@@ -41,24 +41,31 @@ def a_few_frames(of, rng):
     return posterior, z
 
 
-@pytest.mark.parametrize("of", [ANYWHERE, NONE])
-def test_the_posterior_s_jacobian_is_its_derivative(of):
-    rng = np.random.default_rng(4)
-    posterior, z = a_few_frames(of, rng)
-    forward = Forward(of, COARSE)
+def check_jacobian(posterior, forward, z, rng, steps=1):
+    """It is the misfit's derivative, along random small steps."""
 
     def computed(z):
         return forward(z[posterior.at["tissue"]], posterior.places(z), posterior.forces(z))
 
     found = computed(z)
     A, B = posterior.jacobian(z, found, forward.slopes(found))
-    for _ in range(3):
+    for _ in range(steps):
         step = 2e-4 * np.minimum(posterior.sd, 3.0) * rng.standard_normal(len(z))
-        step[posterior.at["force"]] = 2e-4 * rng.standard_normal(len(found.depth))
+        forces = ~np.isfinite(posterior.sd)
+        step[forces] = 2e-4 * rng.standard_normal(forces.sum())
         ends = [posterior.misfit(z + sign * step, computed(z + sign * step)) for sign in (-1, 1)]
         difference = (ends[1].data - ends[0].data).ravel() / 2
         assert np.abs(A @ step - difference).max() < 0.02 * np.abs(difference).max()
         assert np.allclose(B @ step, (ends[1].prior - ends[0].prior) / 2)
+
+
+@pytest.mark.parametrize("of", [ANYWHERE, NONE])
+def test_the_posterior_s_jacobian_is_its_derivative(of):
+    rng = np.random.default_rng(4)
+    posterior, z = a_few_frames(of, rng)
+    forward = Forward(of, COARSE)
+
+    check_jacobian(posterior, forward, z, rng, steps=3)
 
 
 def test_strokes_together_share_their_tissue_and_nothing_else():
@@ -69,18 +76,7 @@ def test_strokes_together_share_their_tissue_and_nothing_else():
     z = both.joined(own)
     assert both.size == 2 * parts[0].size - len(ANYWHERE.unknowns) - 1
 
-    def computed(z):
-        return forward(z[both.at["tissue"]], both.places(z), both.forces(z))
-
-    found = computed(z)
-    A, B = both.jacobian(z, found, forward.slopes(found))
-    step = 2e-4 * np.minimum(both.sd, 3.0) * rng.standard_normal(both.size)
-    forces = ~np.isfinite(both.sd)
-    step[forces] = 2e-4 * rng.standard_normal(forces.sum())
-    ends = [both.misfit(z + sign * step, computed(z + sign * step)) for sign in (-1, 1)]
-    difference = (ends[1].data - ends[0].data).ravel() / 2
-    assert np.abs(A @ step - difference).max() < 0.02 * np.abs(difference).max()
-    assert np.allclose(B @ step, (ends[1].prior - ends[0].prior) / 2)
+    check_jacobian(both, forward, z, rng)
 
 
 def test_broyden_s_update_leads_from_one_guess_to_the_next():
