@@ -23,7 +23,7 @@ SOLVER_VERSION = "tissue-3"
 FINE_SOLVER_VERSION = "tissue-4"
 """The same for finer meshes than the default's: pressing starts higher and renews less of the tangent."""
 
-SOLID_SOLVER_VERSION = "solid-2"
+SOLID_SOLVER_VERSION = "solid-3"
 """The same for solid lumps."""
 
 _FAR_STEP_MM = 4.0

@@ -24,10 +24,6 @@ CODE = "d10h08e10f07_ball"
 VARIANTS: dict[str, tuple[dict[str, Any], Settings]] = {
     "as it is": ({}, Settings()),
     "columns 1 mm": ({}, Settings(hx_mm=1.0)),
-    "finer layers under the face's edge": (
-        {"_FACE_LINES_MM": (12.5, 17.0, 18.5, 20.0, 21.5), "_LEAST_GAP_MM": 1.4},
-        Settings(),
-    ),
     "layers halved": ({"_WIDEST_LAYER_MM": 2.6, "_LEAST_GAP_MM": 1.0}, Settings()),
     "rows halved": ({"_SKIN_MM": 0.75, "_ROW_GROWTH": 1.8, "_ROW_MM": 4.0}, Settings()),
     "two shells in the lump": ({"inner": 2}, Settings()),

@@ -25,7 +25,7 @@ THROUGH_MM = 200.0
 
 _SIDES_MM = (-100.0, 80.0)
 _ACROSS_MM = 75.0
-_FACE_LINES_MM = (12.5, 17.0, 21.0)
+_FACE_LINES_MM = (12.5, 17.0, 18.5, 20.0, 21.5)
 """Layers on either side of the stroke's line: contact ends about 19.5 mm out, and nodes there matter most."""
 
 _SKIN_MM = 1.5
@@ -34,7 +34,7 @@ _ROW_MM = 7.0
 _LEAST_ROW_MM = 0.1
 _GLAND_ROW_MM = 9.0
 _FAR_GROWTH = 3.0
-_LEAST_GAP_MM = 1.9
+_LEAST_GAP_MM = 1.4
 _WIDEST_LAYER_MM = 5.5
 _SHELLS_ROUND = 2
 """Of elements between the lump and its box: one alone makes the bump 5 % too high, docs/physics.md."""

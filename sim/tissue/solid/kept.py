@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -29,10 +29,11 @@ from palpate.sim.tissue.solid.result import SolidStroke
 from palpate.sim.tissue.tables import iterate_strokes
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int32]
 
 _META = b"palpate"
 _MOST_PA = 65535
-_CODING = "differences"
+_CODING = "differences of int32"
 _HALF = (ACROSS + 1) // 2
 _IMAGES = ("images_Pa", "ramp_images_Pa")
 
@@ -90,20 +91,26 @@ def keep(sweep_dir: str | Path, path: str | Path, design: str, settings: Setting
     places = strokes[0].positions_mm
     if any(not np.array_equal(s.positions_mm, places) for s in strokes):
         raise CaseError(f"the strokes in {sweep_dir} stop at different positions; keep sweeps apart")
+    write_kept(strokes, path, {"design": design, "settings": asdict(settings or Settings())})
+    return len(strokes)
+
+
+def write_kept(strokes: Sequence[SolidStroke | KeptStroke], path: str | Path, recipe: dict[str, Any]) -> None:
+    """Write strokes that share their positions, with what they were made from."""
     rows = [_row(stroke) for stroke in strokes]
     recipe = {
-        "design": design,
-        "settings": asdict(settings or Settings()),
+        **recipe,
         "solver": SOLID_SOLVER_VERSION,
-        "positions_mm": places.tolist(),
+        "positions_mm": strokes[0].positions_mm.tolist(),
         "strokes": len(rows),
         "images": _CODING,
         "sha256": _hash(rows),
     }
     coded = [row | {name: _differences(row[name]) for name in _IMAGES} for row in rows]
-    table = pa.Table.from_pylist(coded, SCHEMA).replace_schema_metadata({_META: json.dumps(recipe).encode()})
+    columns = [pa.array([row[field.name] for row in coded], field.type) for field in SCHEMA]
+    table = pa.Table.from_arrays(columns, SCHEMA.names)
+    table = table.replace_schema_metadata({_META: json.dumps(recipe).encode()})
     pq.write_table(table, path, compression="zstd", compression_level=19, use_dictionary=["code"])
-    return len(rows)
 
 
 def read_recipe(path: str | Path) -> dict[str, Any]:
@@ -131,12 +138,10 @@ def read_kept(path: str | Path) -> list[KeptStroke]:
         The file is no kept set, or not what was written.
     """
     recipe = read_recipe(path)
+    if recipe.get("images") != _CODING:
+        raise CaseError(f"{path} was kept by an earlier version; palpate sweep --keep makes it anew")
     try:
-        rows = pq.read_table(path, schema=SCHEMA).to_pylist()
-        if recipe.get("images") == _CODING:  # sets of earlier versions have the pascals themselves
-            for row in rows:
-                along = {"images_Pa": row["displacement_mm"], "ramp_images_Pa": row["ramp_N"]}
-                row.update({name: _from_differences(row[name], len(at)) for name, at in along.items()})
+        rows = _rows(pq.read_table(path, schema=SCHEMA))
     except (OSError, ValueError, pa.ArrowInvalid):
         raise CaseError(f"{path} is damaged") from None
     if _hash(rows) != recipe["sha256"]:
@@ -146,58 +151,70 @@ def read_kept(path: str | Path) -> list[KeptStroke]:
         KeptStroke(
             case=Case.from_code(row["code"]),
             positions_mm=places,
-            displacement_mm=np.array(row["displacement_mm"]),
+            displacement_mm=row["displacement_mm"].astype(float),
             images_kPa=_images(row["images_Pa"]),
-            ramp_N=np.array(row["ramp_N"]),
-            ramp_displacement_mm=np.array(row["ramp_displacement_mm"]),
+            ramp_N=row["ramp_N"],
+            ramp_displacement_mm=row["ramp_displacement_mm"].astype(float),
             ramp_images_kPa=_images(row["ramp_images_Pa"]),
         )
         for row in rows
     ]
 
 
-def _row(stroke: SolidStroke) -> dict[str, Any]:
+def _row(stroke: SolidStroke | KeptStroke) -> dict[str, Any]:
     return {
-        "code": stroke.code,
-        "displacement_mm": stroke.displacement_mm.astype(np.float32).tolist(),
+        "code": stroke.case.code,
+        "displacement_mm": stroke.displacement_mm.astype(np.float32),
         "images_Pa": _pascals(stroke.images_kPa),
-        "ramp_N": stroke.ramp_N.tolist(),
-        "ramp_displacement_mm": stroke.ramp_displacement_mm.astype(np.float32).tolist(),
+        "ramp_N": stroke.ramp_N,
+        "ramp_displacement_mm": stroke.ramp_displacement_mm.astype(np.float32),
         "ramp_images_Pa": _pascals(stroke.ramp_images_kPa),
     }
 
 
-def _pascals(images_kPa: Floats) -> list[int]:
-    whole: list[int] = np.clip(np.rint(1000.0 * images_kPa), 0, _MOST_PA).astype(int).ravel().tolist()
-    return whole
+def _rows(table: pa.Table) -> list[dict[str, Any]]:
+    parts: dict[str, list[Any]] = {"code": table["code"].to_pylist()}
+    for name in SCHEMA.names[1:]:
+        lists = table[name].combine_chunks()
+        starts = lists.offsets.to_numpy() - lists.offsets[0].as_py()
+        parts[name] = np.split(lists.flatten().to_numpy(), starts[1:-1])
+    rows = [dict(zip(parts, row, strict=True)) for row in zip(*parts.values(), strict=True)]
+    for row in rows:
+        for name, at in zip(_IMAGES, ("displacement_mm", "ramp_N"), strict=True):
+            row[name] = _from_differences(row[name], len(row[at]))
+    return rows
 
 
-def _differences(pascals: list[int]) -> list[int]:
-    images = np.array(pascals, np.int64).reshape(-1, ALONG, ACROSS)
+def _pascals(images_kPa: Floats) -> Integers:
+    return np.clip(np.rint(1000.0 * images_kPa), 0, _MOST_PA).astype(np.int32).ravel()
+
+
+def _differences(pascals: Integers) -> Integers:
+    images = pascals.reshape(-1, ALONG, ACROSS)
     if np.array_equal(images, images[:, :, ::-1]):
         images = images[:, :, :_HALF]
     for axis in range(3):
-        images = np.diff(images, axis=axis, prepend=0)
-    flat: list[int] = images.ravel().tolist()
-    return flat
+        images = np.diff(images, axis=axis, prepend=np.int32(0))
+    return images.ravel()
 
 
-def _from_differences(differences: list[int], places: int) -> list[int]:
-    images = np.array(differences, np.int64).reshape(places, ALONG, -1 if differences else ACROSS)
+def _from_differences(differences: Integers, places: int) -> Integers:
+    images = differences.reshape(places, ALONG, -1 if len(differences) else ACROSS)
     for axis in range(3):
-        images = np.cumsum(images, axis=axis)
+        images = np.cumsum(images, axis=axis, dtype=np.int32)
     if images.shape[2] == _HALF:
         images = np.concatenate((images, images[:, :, ACROSS - _HALF - 1 :: -1]), axis=2)
-    pascals: list[int] = images.ravel().tolist()
-    return pascals
+    return images.ravel()
 
 
-def _images(pascals: list[int]) -> Floats:
-    return np.array(pascals, float).reshape(-1, ALONG, ACROSS) / 1000.0
+def _images(pascals: Integers) -> Floats:
+    return pascals.reshape(-1, ALONG, ACROSS) / 1000.0
 
 
 def _hash(rows: Iterable[dict[str, Any]]) -> str:
     total = hashlib.sha256()
     for row in rows:
-        total.update(json.dumps(row, sort_keys=True, separators=(",", ":")).encode())
+        total.update(row["code"].encode())
+        for name in SCHEMA.names[1:]:
+            total.update(row[name].astype(row[name].dtype.newbyteorder("<")).tobytes())
     return total.hexdigest()

@@ -140,7 +140,7 @@ def test_flags_are_counted_on_lumps_outside_and_on_plain_tissue(fitted):
     facts = fitted.facts
     assert facts["outside_strokes"] == 4 * training.DRAWS and 35 < facts["plain_strokes"] <= 40
     assert 0 <= facts["flagged_outside"] <= 1
-    assert facts["false_alarms_not_flagged"] <= facts["false_alarms"] < 0.1
+    assert facts["false_alarms_not_flagged"] <= facts["false_alarms"] < 0.15  # some 40 strokes
 
 
 def test_a_rim_design_holds_lumps_outside_the_ranges_and_begins_with_the_shorter_one():
