@@ -10,7 +10,7 @@ import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 from palpate.errors import DiskFull, NoSuchFile, PalpateError, UnknownFormat, UsageError
 
@@ -41,6 +41,53 @@ def whole_file(path: Path) -> Iterator[Path]:
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def writing_alone(path: Path) -> Iterator[None]:
+    """Wait until no other process of ours is within this block for `path`; a killed one holds nothing up.
+
+    Raises
+    ------
+    DiskFull, PalpateError
+        Nothing can be written beside it.
+    """
+    beside = path.with_name(f".{path.name}.lock")
+    while True:
+        try:
+            held = open(beside, "a+b")  # noqa: SIM115 (held through the block)
+            lock_file(held, wait=True)
+            if _is(held, beside):  # not one that its owner has just removed
+                break
+        except OSError as error:
+            raise cannot_write(path, error) from error
+        held.close()
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):  # Windows removes nothing that is open
+            beside.unlink()
+        held.close()
+
+
+def _is(held: IO[bytes], path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(held.fileno()), path.stat())
+    except FileNotFoundError:
+        return False
+
+
+def lock_file(file: IO[bytes], wait: bool) -> None:
+    """Lock a file until it is closed or its process ends; OSError where another has it and we do not wait."""
+    try:
+        import fcntl
+    except ImportError:  # Windows has another
+        with contextlib.suppress(ImportError):
+            import msvcrt
+
+            msvcrt.locking(file.fileno(), msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+    else:
+        fcntl.flock(file, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def json_text(value: Any, indent: str = "") -> str:

@@ -181,6 +181,8 @@ def _rows(pressure_kPa: Floats, dead: NDArray[np.bool_], name: str) -> Floats:
     if not live.all():
         raise NotInvertible(f"{name}: row {int(np.argmin(live))} has no live cell")
     rows: Floats = np.where(dead, 0.0, pressure_kPa).sum(2) / live
+    if not np.isfinite(rows).all():
+        raise NotInvertible(f"{name}: a cell's pressure is no number; look at the calibration")
     return rows
 
 

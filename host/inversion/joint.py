@@ -73,13 +73,6 @@ class Together:
         """Of all frames of all strokes in fat of 10 kPa, N/m."""
         return np.concatenate([part.forces(z[index]) for part, index in zip(self.parts, self.index)])
 
-    def moved(self, z: Floats, found: Computed) -> Floats:
-        """As `Posterior.moved`, each stroke by itself."""
-        return self.joined([
-            part.moved(z[index], _some(found, frames))
-            for part, index, frames in zip(self.parts, self.index, self._frames)
-        ])  # fmt: skip
-
     def misfit(self, z: Floats, found: Computed) -> Misfit:
         """Of all strokes; what is known of their tissue counts once."""
         each = [

@@ -20,7 +20,7 @@ import numpy as np
 from palpate import models
 from palpate.answer.fitted import Inverted, Laid
 from palpate.errors import PalpateError
-from palpate.files import read_whole, whole_file
+from palpate.files import read_whole, whole_file, writing_alone
 from palpate.inversion.felt import FeltStroke, NotInvertible
 from palpate.inversion.recorded import felt_strokes
 from palpate.inversion.start import Start
@@ -83,11 +83,12 @@ class Kept:
         """
         name = _name(strokes, noise, kind)
         kept = {"of": name, "answer": answer.as_dict(), "laid": [one.as_dict() for one in answer.laid]}
-        others = [entry for entry in self._read() if entry["of"] != name]
-        self._entries = [entry for entry in others if entry["of"]["inversion"] == version()] + [kept]
-        document = {"format": _FORMAT, "version": _VERSION, "answers": self._entries}
-        with whole_file(self.path) as temporary:
-            temporary.write_text(json.dumps(document, allow_nan=False), encoding="utf-8")
+        with writing_alone(self.path):
+            others = [entry for entry in self._read() if entry["of"] != name]
+            self._entries = [entry for entry in others if entry["of"]["inversion"] == version()] + [kept]
+            document = {"format": _FORMAT, "version": _VERSION, "answers": self._entries}
+            with whole_file(self.path) as temporary:
+                temporary.write_text(json.dumps(document, allow_nan=False), encoding="utf-8")
 
     def _answer(self, name: dict[str, str]) -> Inverted | None:
         for entry in reversed(self._entries):

@@ -41,9 +41,6 @@ _MESH_ERROR = {2.0: (0.05, 0.004), 1.0: (0.015, 0.001)}
 """By column width, what the mesh gets wrong: of the step from row to row, and of the pressure itself."""
 _DEPTH_ERROR_MM = 0.002
 _LEAST_SD = 1e-5
-_SHIFTED_MM, _NEAR_MM = 20.0, 1.5
-_LIKE, _LIKE_MM = 0.02, 0.03
-"""How unlike pressures, of the largest, and displacements are where a lump is looked for along the stroke."""
 
 SINGLE = ("ln_E", "ln_F", "start", "scale", "creep", "zero", "drift", "depth_zero", "depth_drift")
 
@@ -181,28 +178,6 @@ class Posterior:
     def _lagged(self, z: Floats) -> Floats:
         creep = 2 * self.one(z, "creep")
         return (1 - creep) * np.eye(len(self._lag)) + creep * self._lag
-
-    def moved(self, z: Floats, found: Computed) -> Floats:
-        """The guess with the lump where the computed frames, shifted along, are most like the felt ones."""
-        p, place = self.stroke.press, found.places_mm[self.stroke.press :]
-        order = np.argsort(place)
-        force = found.forces_N_per_m[p:, None]
-        known = np.column_stack([found.images[p:] / force, found.depth[p:]])[order]
-        felt = np.column_stack([
-            self.stroke.rows_kPa[p:] / (np.exp(self.one(z, "ln_E")) / FAT_KPA * force),
-            self.stroke.displacement_mm[p:],
-        ])  # fmt: skip
-        scale = np.append(np.full(known.shape[1] - 1, _LIKE * known[:, :-1].max()), _LIKE_MM)
-        shifts = np.arange(-_SHIFTED_MM, _SHIFTED_MM + 0.1, 0.5)
-        apart = []
-        for shift in shifts:
-            there = np.column_stack([np.interp(place - shift, place[order], column) for column in known.T])
-            other = (felt - there) / scale
-            apart.append(((other - other.mean(0)) ** 2).sum())
-        out = z.copy()
-        shift = shifts[int(np.argmin(apart))]
-        out[self.at["start"]] += shift if abs(shift) > _NEAR_MM else 0.0
-        return out
 
     def misfit(self, z: Floats, found: Computed) -> Misfit:
         """Of a guess and its computed frames."""

@@ -87,10 +87,12 @@ def search(
     Raises
     ------
     CaseError, StrokeError
-        The first guess cannot be computed.
+        The first guess cannot be computed, or its misfit is no number.
     """
     found = _computed(posterior, forward, z)
     misfit, slopes, exact, settled, steps = posterior.misfit(z, found), forward.slopes(found), True, False, 0
+    if not np.isfinite(misfit.total):
+        raise CaseError("the misfit of the first guess is no number")
     while True:
         A, B = posterior.jacobian(z, found, slopes)
         H = A.T @ A + B.T @ B

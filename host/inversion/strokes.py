@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +18,13 @@ from palpate.inversion.felt import FeltStroke, NotInvertible
 from palpate.inversion.forward import COARSE, FINE, Forward
 from palpate.inversion.joint import Together
 from palpate.inversion.kept import Felt
+from palpate.inversion.mirror import mirrored_about
 from palpate.inversion.posterior import SINGLE, Posterior
 from palpate.inversion.press import invert_press
 from palpate.inversion.recorded import felt_strokes
-from palpate.inversion.result import told
+from palpate.inversion.result import FITS, told
 from palpate.inversion.search import Mode, search
-from palpate.inversion.start import Start
+from palpate.inversion.start import MIDDLE, Start
 from palpate.inversion.under import AUTO, classes_over, forward_of, odds_of
 from palpate.link.face import Face
 from palpate.sim.probe.noise import Noise, level_named
@@ -34,12 +36,16 @@ Ints = NDArray[np.int64]
 KINDS = (AUTO, *CLASSES)
 _NEAR_MM = 16.0
 """Farther from the lump every fourth frame will do."""
+_ELSEWHERE_MM = 4.0
+"""A first estimate whose lump is so far from the stroke's is not of that lump."""
 _ILL = 1.3
 _COARSE_STEPS, _FINE_STEPS = 10, 7
 _COARSE_ENOUGH, _FINE_ENOUGH = 4.0, 2.0
 """The coarse mesh need not be followed to the bottom: the fine one's lies elsewhere."""
 _HOPELESS = 6.0
-"""A class whose misfit is so many times the data's number after some steps is not followed further."""
+"""A class whose misfit is so many times the data's number is not followed further."""
+_LOST = 2.0
+"""The same on the fine mesh."""
 
 
 def invert(
@@ -114,8 +120,7 @@ def invert_together(strokes: Sequence[Felt], noise: Noise, kind: str = AUTO) -> 
         # which holds it: a tie that is only nearly there would make intervals too narrow
         best = ANYWHERE.name
     found = tried[best]
-    if found.mode.chi2 < _HOPELESS:  # what the coarse mesh does not explain at all needs no finer one
-        found = fine(strokes, noise, found)
+    found = _finest(strokes, noise, found)
     others = odds_of_departures(found.posterior, found.mode, found.forward)
     sum_of_all = 1 + sum(others.values())
     odds = {name: share / sum_of_all for name, share in {**odds, **others}.items()}
@@ -152,43 +157,62 @@ def coarse(
     noise: Noise,
     tried: Mapping[str, Found],
     assemble: Assemble = one_lump,
+    again: bool = False,
 ) -> Found | None:
-    """The best mode of a class from several starts; None where no start can be computed."""
+    """The best mode of a class from the first start that fits; None where no start can be computed.
+
+    again : bool
+        From all starts but the first.
+    """
     best: Found | None = None
     hopeless = np.inf
     if tried:
         hopeless = 3 * min(found.mode.misfit.total for found in tried.values()) + 200
-    taken = [_thinned(stroke, start.lump_mm, press=6, near=3, far=4) for stroke, start in strokes]
-    for theta in _starts(of, strokes[0][1], tried):
+    placed = [_placed(stroke, start) for stroke, start in strokes]
+    starts = [some[0] for some in placed]
+    taken = [
+        _thinned(stroke, start.lump_mm, press=6, near=3, far=4) for (stroke, _), start in zip(strokes, starts)
+    ]
+    for theta in islice(_starts(of, placed[0], tried), int(again), None):
         posterior, forward = assemble([Posterior(of, some, noise, COARSE.hx_mm) for some, _ in taken], COARSE)
-        E_kPa = float(np.median([start.E_kPa for _, start in strokes]))
+        E_kPa = float(np.median([start.E_kPa for start in starts]))
         try:
             z = posterior.joined([
-                part.start(theta, E_kPa, start.lump_mm) for part, (_, start) in zip(posterior.parts, strokes)
+                part.start(theta, E_kPa, start.lump_mm) for part, start in zip(posterior.parts, starts)
             ])  # fmt: skip
-            if of.lump:
-                z = posterior.moved(
-                    z, forward(z[posterior.at["tissue"]], posterior.places(z), posterior.forces(z))
-                )
             mode = search(posterior, forward, z, _COARSE_STEPS, enough=_COARSE_ENOUGH, hopeless=hopeless)
         except (CaseError, StrokeError):
             continue
         if best is None or mode.misfit.total < best.mode.misfit.total:
             best = Found(posterior, forward, mode, [kept for _, kept in taken])
-        if best.mode.chi2 < _ILL or not of.lump or (tried and best.mode.misfit.total > hopeless):
+        enough = best.mode.chi2 < _ILL and not again
+        if enough or not of.lump or (tried and best.mode.misfit.total > hopeless):
             break
     return best
 
 
-def _starts(of: Class, start: Start, tried: Mapping[str, Found]) -> Iterator[Floats]:
-    """First guesses: what a class that fits has found, else the regression's, softer and harder ones."""
+def _placed(stroke: FeltStroke, start: Start) -> list[Start]:
+    """First estimates where the stroke itself says that the lump lies."""
+    place = mirrored_about(stroke)
+    if place is None:
+        return [start]
+    here = replace(start, lump_mm=place)
+    if abs(place - start.lump_mm) < _ELSEWHERE_MM:
+        return [here]
+    # what the estimate says of a lump it has from another part of the stroke
+    return [here, replace(here, d_mm=MIDDLE.d_mm, depth_mm=MIDDLE.depth_mm, E_inv23=MIDDLE.E_inv23)]
+
+
+def _starts(of: Class, starts: Sequence[Start], tried: Mapping[str, Found]) -> Iterator[Floats]:
+    """First guesses: what a class that fits has found, else the estimates, softer and harder ones."""
     if of.name != ANYWHERE.name and ANYWHERE.name in tried:
         mode = tried[ANYWHERE.name].mode
         known = dict(zip((u.name for u in tried[ANYWHERE.name].posterior.of.unknowns), mode.z))
         if mode.chi2 < _ILL:
             yield np.array([known[unknown.name] for unknown in of.unknowns])
             return
-    yield from start.thetas(of)
+    yield from (next(start.thetas(of)) for start in starts)
+    yield from islice(starts[0].thetas(of), 1, None)
 
 
 def fine(strokes: Sequence[Felt], noise: Noise, found: Found, assemble: Assemble = one_lump) -> Found:
@@ -205,11 +229,29 @@ def fine(strokes: Sequence[Felt], noise: Noise, found: Found, assemble: Assemble
     posterior, forward = assemble(parts, FINE)
     try:
         mode = search(
-            posterior, forward, posterior.joined(zs), _FINE_STEPS, enough=_FINE_ENOUGH, damping=1e-3
-        )
+            posterior, forward, posterior.joined(zs), _FINE_STEPS, enough=_FINE_ENOUGH, damping=1e-3,
+            hopeless=_LOST * posterior.measured,
+        )  # fmt: skip
     except (CaseError, StrokeError):
         return found
     return Found(posterior, forward, mode, kept)
+
+
+def _finest(strokes: Sequence[Felt], noise: Noise, first: Found) -> Found:
+    """The mode on the fine mesh; where it does not fit, of that and of what other starts lead to the better.
+
+    The coarse mesh's errors hide a wrong lump.
+    """
+    best = first
+    if first.mode.chi2 < _HOPELESS:  # what the coarse mesh does not explain at all needs no finer one
+        best = fine(strokes, noise, first)
+    if best.mode.chi2 < FITS or not best.posterior.of.lump:
+        return best
+    other = coarse(first.posterior.of, strokes, noise, {}, again=True)
+    if other is not None and other.mode.chi2 < _HOPELESS:
+        other = fine(strokes, noise, other)
+        best = min(best, other, key=lambda found: found.mode.chi2)
+    return best
 
 
 def _carried(part: Posterior, z: Floats, before: Ints, other: Posterior, now: Ints) -> Floats:

@@ -19,13 +19,13 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from palpate.files import lock_file
 from palpate.sim.tissue.errors import CaseError
 from palpate.sim.tissue.records import SCHEMA, SOLID_SCHEMA, Record
 
@@ -165,7 +165,7 @@ def _lock(directory: Path) -> IO[bytes]:
     """The directory's lock; it ends with this process, however that ends."""
     file = open(directory / ".sweep.lock", "a+b")  # noqa: SIM115 (held as long as the store)
     try:
-        _lock_file(file)
+        lock_file(file, wait=False)
     except OSError as error:
         file.close()
         if error.errno not in (errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLK):
@@ -174,18 +174,6 @@ def _lock(directory: Path) -> IO[bytes]:
             f"another sweep is running into {directory}; wait until it ends, or choose another directory"
         ) from None
     return file
-
-
-def _lock_file(file: IO[bytes]) -> None:
-    try:
-        import fcntl
-    except ImportError:  # Windows has another
-        with suppress(ImportError):
-            import msvcrt
-
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
-    else:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def _beside(path: Path) -> Path:

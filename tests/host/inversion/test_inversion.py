@@ -13,10 +13,11 @@ from palpate.inversion.forward import COARSE, Forward
 from palpate.inversion.joint import Together
 from palpate.inversion.posterior import Posterior
 from palpate.inversion.result import worst_part
+from palpate.inversion.search import search
 from palpate.sim.probe.emulated import EmulatedProbe
 from palpate.sim.probe.noise import LEVELS
 from palpate.sim.probe.sensors import stroke_frames
-from palpate.sim.tissue import Case, simulate
+from palpate.sim.tissue import Case, CaseError, simulate
 from tests.docs.blocks import ROOT
 from tests.docs.test_reference import fields_in_the_page
 from tests.host.inversion.world import felt_of
@@ -79,6 +80,14 @@ def test_strokes_together_share_their_tissue_and_nothing_else():
     check_jacobian(both, forward, z, rng)
 
 
+def test_a_misfit_that_is_no_number_is_no_mode():
+    """Every comparison with it is false: it had fitted, and could not be kept."""
+    posterior, z = a_few_frames(NONE, np.random.default_rng(8))
+    posterior.stroke.displacement_mm[2] = np.nan
+    with pytest.raises(CaseError, match="no number"):
+        search(posterior, Forward(NONE, COARSE), z, 3)
+
+
 def test_broyden_s_update_leads_from_one_guess_to_the_next():
     rng = np.random.default_rng(6)
     posterior, z = a_few_frames(ANYWHERE, rng)
@@ -130,6 +139,7 @@ def as_over_a_ball():
         ({"press": 0}, "no press before it"),
         ({"displacement_mm": np.full(40, 1.0)}, "no displacement"),
         ({"place_mm": np.linspace(0, 9, 40)}, "too short"),
+        ({"pressure_kPa": np.full((40, 16, 26), np.nan)}, "no number"),
         ({"dead": np.arange(416).reshape(16, 26) < 26}, "row 0 has no live cell"),
         ({"pressure_kPa": as_over_a_ball()}, "endless cylinders only"),
     ],

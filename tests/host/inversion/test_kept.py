@@ -1,6 +1,7 @@
 """Refined answers are kept beside a recording, and only what they were found for gets them again."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -94,3 +95,18 @@ def test_what_is_refined_beside_a_stream_is_there_for_later(tmp_path):
     before = (tmp_path / "visit.mcap.refined").read_bytes()
     assert "1 of them from before" in refined(path).stdout
     assert (tmp_path / "visit.mcap.refined").read_bytes() == before
+
+
+def test_those_who_refine_one_recording_at_once_lose_none_of_their_answers(tmp_path):
+    """Each had read the file before the other wrote it."""
+    path = tmp_path / "visit.mcap"
+
+    def keep(some):
+        for number in some:
+            Kept(path).keep(felt(stroke=number), TYPICAL, "auto", replace(ANSWER, stroke=number))
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(keep, [range(k, k + 8) for k in range(0, 32, 8)]))
+    kept = Kept(path)
+    assert all(kept.find(felt(stroke=number), TYPICAL, "auto").stroke == number for number in range(32))
+    assert [one.name for one in tmp_path.iterdir()] == ["visit.mcap.refined"]

@@ -1,0 +1,37 @@
+"""Where the lump lies is told by the stroke itself, or not at all."""
+
+import numpy as np
+import pytest
+
+from palpate.inversion.felt import felt_stroke
+from palpate.inversion.mirror import mirrored_about
+from tests.host.inversion.test_inversion import frames
+
+
+def over_a_lump(at_mm, height, seed=0, end_mm=30.0):
+    """A stroke whose rows rise by a share of themselves over a lump; noise of typical row means."""
+    rng = np.random.default_rng(seed)
+    place = np.concatenate([np.full(10, -30.0), np.linspace(-30, end_mm, 60)])
+    rows = np.linspace(-11, 11, 16)
+    apart = place[:, None] + rows - at_mm
+    force = 1 + 0.03 * np.cumsum(rng.normal(0, 0.3, len(place)))[:, None]
+    pressure = 5.0 * np.cos(rows / 9) * force * (1 + height * np.exp(-((apart / 7) ** 2)))
+    pressure = np.repeat(pressure[:, :, None], 26, axis=2) + rng.normal(0, 0.02, (70, 16, 1))
+    depth = np.linspace(0.5, 2.0, 70)
+    return felt_stroke(**frames(70, pressure_kPa=pressure, place_mm=place, displacement_mm=depth))
+
+
+@pytest.mark.parametrize("at_mm", [-14.0, -3.4, 8.2])
+@pytest.mark.parametrize("height", [0.05, 1.0])
+def test_a_stroke_is_a_mirror_image_about_its_lump(at_mm, height):
+    assert mirrored_about(over_a_lump(at_mm, height)) == pytest.approx(at_mm, abs=1.0)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_over_plain_tissue_no_place_is_told(seed):
+    assert mirrored_about(over_a_lump(0.0, 0.0, seed)) is None
+
+
+def test_nor_is_one_in_the_shortest_stroke():
+    """None is far enough from the best to be compared with it."""
+    assert mirrored_about(over_a_lump(-18.0, 1.0, end_mm=-4.5)) is None
