@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from firmware_py import geometry, messages, wire
-from palpate.wire.accounting import LinkCounts, Sequence, StreamCounts, StrokesTold
+from palpate.wire.accounting import WINDOW, LinkCounts, Sequence, StreamCounts, StrokesTold
 from palpate.wire.clock import Unwrapper
 from palpate.wire.delivery import Again, Earlier
 from palpate.wire.events import (
@@ -250,6 +250,6 @@ class Interpreter:
         self._results[key] = None
         if isinstance(event, Estimate):
             self.strokes.came(event.stream, event.stroke)
-        if len(self._results) > 96:
+        if len(self._results) > 3 * WINDOW:  # a map, features and an estimate of each stroke
             del self._results[next(iter(self._results))]
         return event

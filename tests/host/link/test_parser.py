@@ -73,6 +73,14 @@ def test_results_that_come_again_are_counted_not_repeated():
     assert parser.counts.resent == 1
 
 
+def test_a_result_that_comes_again_behind_many_newer_ones_is_not_repeated():
+    """Behind 96 others it was handed out as another stroke's."""
+    strokes = list(range(1, 201))
+    parser, events, _ = parse(wires.started() + b"".join(map(wires.estimate, [*strokes, 1])))
+    assert [e.stroke for e in events if isinstance(e, Estimate)] == strokes
+    assert (parser.counts.resent, parser.strokes.received, parser.strokes.lost) == (1, len(strokes), 0)
+
+
 @pytest.mark.parametrize("piece", [100, 65_536, 1 << 23])
 def test_noise_is_handed_out_and_not_gathered(piece):
     """Noise without a packet grew the parser byte by byte: 277 MB for 270."""
