@@ -14,6 +14,8 @@ import resource
 import statistics
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 
 import numpy as np
 
@@ -118,9 +120,15 @@ def main() -> None:
         cells = (f"{a:.1f}", f"{of_it:.1f}", f"{b:.1f}", f"{c:.1f}", f"{a / c:.1f}", f"{stroke.nodes:,}")
         counts = (str(stroke.factorisations), str(stroke.iterations.sum()))
         print("| " + " | ".join((f"`{code}`, {words}", *cells, *counts)) + " |", flush=True)
-    print(
-        f"\nlargest memory of the process {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB"
-    )
+    fresh = ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1)
+    for (words, _), memory in zip(CASES, fresh.map(most_MB, (code for _, code in CASES)), strict=True):
+        print(f"\na process that computes the one {words} takes {memory:.0f} MB at most")
+
+
+def most_MB(code: str) -> float:
+    """The most memory that this process has had, with a stroke computed in it."""
+    simulate(Case.from_code(code), Settings())
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 if __name__ == "__main__":

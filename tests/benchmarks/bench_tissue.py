@@ -30,7 +30,7 @@ from tests.benchmarks.peers import Peer
 
 CODE = "d10h08e10f10"
 ROUNDS, CASES = 15, 40
-PEER_ROUNDS = {"felupe": 3, "CalculiX": 1}
+PEER_ROUNDS = {"felupe": 3, "CalculiX": 1, "CalculiX, locking": 1}
 D_ALLOWED, PRESSURE_ALLOWED = 0.01, 0.03
 
 
@@ -140,6 +140,7 @@ def peers(fine: Stroke) -> None:
     runs: dict[str, Callable[[Case, Settings], Peer]] = {
         "felupe": felupe_stroke.run,
         "CalculiX": calculix_stroke.run,
+        "CalculiX, locking": lambda case, settings: calculix_stroke.run(case, settings, calculix_stroke.CPE4),
     }
     ours = [fresh(case, settings)]
     beside: dict[str, list[tuple[float, float]]] = {name: [] for name in runs}

@@ -1,10 +1,11 @@
 """The stroke in CalculiX: linear elements with reduced integration, node-to-surface contact, force given.
 
-What was tried (CalculiX 2.20): CPE4 locks (displacement 4 % short); CPE8R and CPE8 converge while they are
-pressed but not on the way to the next position, with either kind of contact; C3D8I does not get as far.
-CPE4R neither locks nor diverges. On its way to the next position it needs small increments, and does not
-converge under a force; but without friction a state does not depend on the way to it, so every position is
-an indentation of its own: down to the depth of the position before, then released to the force.
+What was tried (CalculiX 2.20): CPE4 locks (displacement 4 % short), in half of the time; CPE8R and CPE8
+converge while they are pressed but not on the way to the next position, with either kind of contact; C3D8I
+does not get as far. CPE4R neither locks nor diverges. On its way to the next position it needs small
+increments, and does not converge under a force; but without friction a state does not depend on the way to
+it, so every position is an indentation of its own: down to the depth of the position before, then released
+to the force.
 Units: mm, kPa, N per metre of width.
 """
 
@@ -15,6 +16,7 @@ import resource
 import shutil
 import subprocess
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -31,15 +33,28 @@ _CONTACT_SLOPE = (
 )
 _PITCH_MM = 0.25  # of the probe's nodes
 _REACH_MM = 16.0  # of the probe to either side
-_CLEARANCE_MM = 0.01
 _HIGHEST_MM = 5.0  # of the face: farther out it touches nothing
 _FIRST_DEPTH_MM = 2.4
-_DOWN = "0.17,1,1e-4,0.17"
 _RELEASED = "1,1,1e-4,1"
-"""Increments of the two steps: the first, by depth, in a few, the second, by force, in one."""
+"""Increments of the second step, by force: one."""
 
 
-def run(case: Case, settings: Settings, timeout_s: float = 400.0) -> Peer:
+@dataclass(frozen=True)
+class Deck:
+    """What lets one kind of element converge: increments of the first step, by depth; how far from the
+    tissue the probe begins; modulus, kPa, and Poisson's ratio of the probe, whose nodes move as one."""
+
+    element: str
+    down: str
+    clearance_mm: float
+    probe: str
+
+
+CPE4R = Deck("CPE4R", "0.17,1,1e-4,0.17", 0.01, "0.001,0.0")
+CPE4 = Deck("CPE4", "0.2,1,1e-4,1", -0.02, "1e-6,0.0")
+
+
+def run(case: Case, settings: Settings, kind: Deck = CPE4R, timeout_s: float = 400.0) -> Peer:
     """Simulate the stroke of `case` on our mesh, every nine-node element cut into four.
 
     Raises
@@ -59,7 +74,7 @@ def run(case: Case, settings: Settings, timeout_s: float = 400.0) -> Peer:
     for position in positions:
         with tempfile.TemporaryDirectory() as folder:
             work = Path(folder)
-            deck, skin = _deck(case, mesh, float(position), depth)
+            deck, skin = _deck(case, mesh, float(position), depth, kind)
             (work / "press.inp").write_text("\n".join(deck) + "\n")
             command = [program, "press"]
             try:
@@ -69,15 +84,19 @@ def run(case: Case, settings: Settings, timeout_s: float = 400.0) -> Peer:
             if "Job finished" not in out.stdout:
                 raise RuntimeError("CalculiX stopped: " + " ".join(re.findall(r"\*ERROR.*", out.stdout)))
             depth, x, pressure = _read(work, mesh, skin)
+            depth -= kind.clearance_mm
             iterations += _iterations((work / "press.sta").read_text())
         depths.append(depth)
         images.append(read_sensors(x - position, pressure * case.F_N_per_m / np.trapezoid(pressure, x)))
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return Peer("CalculiX CPE4R", len(mesh.nodes_mm), cpu, np.array(depths), np.array(images), iterations)
+    name = f"CalculiX {kind.element}"
+    return Peer(name, len(mesh.nodes_mm), cpu, np.array(depths), np.array(images), iterations)
 
 
-def _deck(case: Case, mesh: TissueMesh, position: float, depth: float) -> tuple[list[str], np.ndarray]:
+def _deck(
+    case: Case, mesh: TissueMesh, position: float, depth: float, kind: Deck
+) -> tuple[list[str], np.ndarray]:
     """CalculiX' input, line by line, and the nodes of the skin that may be touched."""
     constants = elasticity(case, mesh)
     cells = mesh.elements[:, QUARTERS].reshape(-1, 4)
@@ -85,7 +104,7 @@ def _deck(case: Case, mesh: TissueMesh, position: float, depth: float) -> tuple[
     n, m = len(mesh.nodes_mm), len(cells)
     shape = ProbeShape(case.probe_radius_mm, case.face_half_mm, case.fillet_per_mm2)
     s = np.arange(-_REACH_MM, _REACH_MM + _PITCH_MM / 2, _PITCH_MM)
-    face = case.t_mm + _CLEARANCE_MM + np.minimum(shape.height(s)[0], _HIGHEST_MM)
+    face = case.t_mm + kind.clearance_mm + np.minimum(shape.height(s)[0], _HIGHEST_MM)
     lower, upper = n + 1 + np.arange(len(s)), n + 1 + len(s) + np.arange(len(s))
     leader = int(upper[len(s) // 2])  # whose height all the others have
     strip = np.stack([position + s, face], 1)
@@ -95,14 +114,14 @@ def _deck(case: Case, mesh: TissueMesh, position: float, depth: float) -> tuple[
     lines = ["*NODE, NSET=ALL", *(f"{i + 1},{a:.10g},{b:.10g},0" for i, (a, b) in enumerate(nodes))]
     for k, mu in enumerate(np.unique(constants.mu)):
         bulk = constants.bulk[constants.mu == mu][0] - mu / 3
-        lines.append(f"*ELEMENT, TYPE=CPE4R, ELSET=G{k}")
+        lines.append(f"*ELEMENT, TYPE={kind.element}, ELSET=G{k}")
         which = np.nonzero(constants.mu[owner] == mu)[0]
         lines += [f"{e + 1}," + ",".join(str(v + 1) for v in cells[e]) for e in which]
         lines += [f"*MATERIAL, NAME=M{k}", "*HYPERELASTIC, NEO HOOKE", f"{mu / 2:.10g},{2 / bulk:.10g}"]
         lines += [f"*SOLID SECTION, ELSET=G{k}, MATERIAL=M{k}", "1."]
     lines.append("*ELEMENT, TYPE=CPE4, ELSET=PROBE")
     lines += [f"{m + 1 + i},{lower[i]},{lower[i + 1]},{upper[i + 1]},{upper[i]}" for i in range(len(s) - 1)]
-    lines += ["*MATERIAL, NAME=PROBE", "*ELASTIC", "0.001,0.0"]  # its nodes move as one
+    lines += ["*MATERIAL, NAME=PROBE", "*ELASTIC", kind.probe]
     lines += ["*SOLID SECTION, ELSET=PROBE, MATERIAL=PROBE", "1."]
     for v in [*lower, *upper]:
         if v != leader:
@@ -120,8 +139,8 @@ def _deck(case: Case, mesh: TissueMesh, position: float, depth: float) -> tuple[
     held = ["FACE,1,1"]
     for node, (held_x, held_y) in enumerate(mesh.fixed):
         held += [f"{node + 1},1,1"] * bool(held_x) + [f"{node + 1},2,2"] * bool(held_y)
-    lines += ["*STEP, NLGEOM, INC=200", "*STATIC", _DOWN, "*BOUNDARY", *held]
-    lines += [f"{leader},2,2,{-depth - _CLEARANCE_MM:.8g}"]
+    lines += ["*STEP, NLGEOM, INC=200", "*STATIC", kind.down, "*BOUNDARY", *held]
+    lines += [f"{leader},2,2,{-depth - kind.clearance_mm:.8g}"]
     lines += ["*CLOAD", f"{leader},2,{-case.F_N_per_m:.8g}", "*END STEP"]  # felt once the depth is let go
     lines += ["*STEP, NLGEOM, INC=200", "*STATIC", _RELEASED, "*BOUNDARY, OP=NEW", *held]
     lines += ["*NODE PRINT, NSET=SKIN, FREQUENCY=999", "U", "*NODE PRINT, NSET=LEADER, FREQUENCY=999", "U"]
@@ -138,7 +157,7 @@ def _skin_cells(mesh: TissueMesh, cells: np.ndarray, position: float) -> np.ndar
 
 
 def _read(work: Path, mesh: TissueMesh, skin: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """Depth, mm, the skin's nodes from left to right, mm, and the pressure on them, at the end."""
+    """How far the probe has moved, mm, the skin's nodes from left to right, mm, the pressure on them."""
     original = _flat_nodes((work / "press.12d").read_text())
     got: dict[str, list[list[str]]] = {}
     for line in (work / "press.dat").read_text().splitlines():
@@ -152,7 +171,7 @@ def _read(work: Path, mesh: TissueMesh, skin: np.ndarray) -> tuple[float, np.nda
     for row in got["stress"]:
         carried[original[int(row[0])]] = float(row[1])
     order = sorted(place, key=place.__getitem__)
-    depth = -float(got["leader"][0][2]) - _CLEARANCE_MM
+    depth = -float(got["leader"][0][2])
     return depth, np.array([place[i] for i in order]), np.array([carried[i] for i in order])
 
 
