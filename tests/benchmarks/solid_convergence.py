@@ -1,9 +1,10 @@
 """How far the solid mesh can be believed, docs/physics.md: python -m tests.benchmarks.solid_convergence
-[whole]
+[whole | felupe]
 
 One case with the sizes of the mesh halved one at a time, and with `whole` every element halved too
 (8 times the elements, six gigabytes and minutes): of that it says what was wanted, and by how much it is
-missed. The columns of the ball's middle give the features.
+missed. The columns of the ball's middle give the features. With `felupe` the bump instead, by shells of
+elements round the lump, in felupe and in ours.
 """
 
 from __future__ import annotations
@@ -30,7 +31,15 @@ VARIANTS: dict[str, tuple[dict[str, Any], Settings]] = {
     "four shells round the lump": ({"outer": 4}, Settings()),
     "tighter tolerance": ({}, Settings(tolerance=1e-7)),
 }
-WHOLE = {"everything halved": ({}, Settings(refine=2))}
+WHOLE = {
+    "columns 1 mm, layers / 4, rows / 2": (
+        {"_WIDEST_LAYER_MM": 1.3, "_LEAST_GAP_MM": 0.6, "_SKIN_MM": 0.75, "_ROW_GROWTH": 1.8, "_ROW_MM": 4.0},
+        Settings(hx_mm=1.0),
+    ),
+    "everything halved": ({}, Settings(refine=2)),
+}
+SHELLS = (1, 2, 4)
+WAY_MM = (-28.0, -20.0, -12.0, -6.0, 0.0)
 COLUMNS = (
     "Base, kPa", "Amp, kPa", "Amp/Base", "Stdev, mm", "Curvature", "D28, mm", "D0, mm", "dip", "edge, kPa",
 )  # fmt: skip
@@ -103,5 +112,30 @@ def main(whole: bool) -> None:
         )
 
 
+def felupe() -> None:
+    """The bump over the ball's middle, kPa, on our mesh and on felupe's eight-node cells in it."""
+    from tests.benchmarks.peers import felupe_solid
+
+    case = Case.from_code(CODE)
+    print(
+        "| shells round the lump | nodes | ours, kPa | felupe, kPa | apart | felupe, CPU s |\n|" + "---|" * 6
+    )
+    for shells in SHELLS:
+        with sizes({"outer": shells}):
+            ours = simulate(case, Settings(), WAY_MM)
+            felupe_solid.lay_grid = stroke.lay_grid
+            theirs = felupe_solid.run(case, Settings(), WAY_MM)
+            felupe_solid.lay_grid = grid.lay_grid
+        own, other = (
+            float(images[-1, MIDDLE_ROWS, 12:14].mean() - images[0, MIDDLE_ROWS, 12:14].mean())
+            for images in (ours.images_kPa, theirs.images_kPa)
+        )
+        cells = (f"{ours.nodes:,}", f"{own:.4f}", f"{other:.4f}", f"{100 * (other / own - 1):+.1f} %")
+        print(f"| {shells} | " + " | ".join(cells) + f" | {theirs.cpu_s:.0f} |", flush=True)
+
+
 if __name__ == "__main__":
-    main("whole" in sys.argv[1:])
+    if "felupe" in sys.argv[1:]:
+        felupe()
+    else:
+        main("whole" in sys.argv[1:])
