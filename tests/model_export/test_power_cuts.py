@@ -17,6 +17,8 @@ from tests.model_export.remembering import remember_signatures
 __all__ = ["remember_signatures"]
 
 PIECE = 48
+NOW_AND_THEN, NEAR_EVERY = 97, 7
+"""In every `make test`; `make test-long` makes all second cuts near the record, and most others."""
 
 
 def start(store, key):
@@ -95,8 +97,8 @@ class Campaign:
         self.found = set()
         self.second: dict[tuple, int] = {}
 
-    def run(self, recover_every):
-        """All single cuts; from every n-th state they leave, and all near the record, all second cuts."""
+    def run(self, recover_every, near_every):
+        """All single cuts; from every n-th state they leave, and more near the record, all second cuts."""
         recovered = set()
         for number, _mode, files in cut_states(self.files, self.trace):
             self.cuts += 1
@@ -104,7 +106,7 @@ class Campaign:
             assert found in (self.old, self.new)
             self.found.add(found)
             near_record = self.trace[min(number, len(self.trace) - 1)][1].startswith("live")
-            if near_record or self.cuts % recover_every == 0:
+            if self.cuts % (near_every if near_record else recover_every) == 0:
                 state = frozenset(files.items())
                 if state not in recovered:
                     recovered.add(state)
@@ -133,7 +135,7 @@ class Campaign:
 
 
 def campaign(files, key, image, recover_every):
-    done = Campaign(files, key, image).run(recover_every)
+    done = Campaign(files, key, image).run(recover_every, 1 if recover_every < NOW_AND_THEN else NEAR_EVERY)
     counted(
         f"{len(done.trace)} operations, {done.cuts} cuts, {done.pairs} pairs of cuts, "
         f"{done.boot.real} boots that looked at something different"
@@ -149,7 +151,7 @@ def once_flashed(key, *images):
     return store.files
 
 
-@pytest.mark.parametrize("recover_every", [97, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.parametrize("recover_every", [NOW_AND_THEN, pytest.param(1, marks=pytest.mark.long)])
 def test_an_update_survives_every_cut_and_every_second_cut(signed, public_key, recover_every):
     start_files = once_flashed(public_key, signed[1])
     done = campaign(start_files, public_key, signed[2], recover_every)

@@ -21,7 +21,7 @@ from palpate.wire.events import OUTPUTS
 from tests.docs.test_reference import fields_in_the_page
 from tests.host.learn.conftest import STROKES
 
-LUMPS = 9
+LUMPS = 6
 
 
 @pytest.fixture(scope="module")

@@ -117,7 +117,7 @@ def test_lumps_on_the_line_are_emulated_alike_on_both_sides_and_mirrored_ones_as
 @pytest.fixture(scope="module")
 def fitted(kept):
     """A model of few lumps; the last ones stand for lumps outside its ranges."""
-    return solid.fit_to_balls(kept[:40], others=(), count=250, rim=kept[-4:])
+    return solid.fit_to_balls(kept[:40], others=(), count=120, rim=kept[-4:])
 
 
 def test_the_fit_is_judged_on_lumps_that_neither_emulator_nor_model_has_met(fitted):

@@ -102,10 +102,10 @@ def whole_answers(tables, n):
     return mine, [[int(x) for x in line.split()] for line in said.splitlines()]
 
 
-def test_sixty_whole_strokes_from_frames_to_estimates(tables):
-    mine, theirs = whole_answers(tables, 60)
+def test_whole_strokes_from_frames_to_estimates(tables):
+    mine, theirs = whole_answers(tables, 24)
     assert theirs == mine
-    assert sum(answer[0] == status.OK for answer in mine) > 30
+    assert sum(answer[0] == status.OK for answer in mine) > 12
 
 
 @pytest.mark.long

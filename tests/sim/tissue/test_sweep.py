@@ -147,8 +147,8 @@ def test_a_dask_cluster_gives_the_same_table_as_a_pool(tmp_path):
         distributed.Client(scheduler_file=meeting_point, timeout=60) as client,
     ):
         client.wait_for_workers(2, timeout=60)
-        sweep(sobol_cases(6, 9), QUICK, tmp_path / "dask", executor=client.get_executor())
-    sweep(sobol_cases(6, 9), QUICK, tmp_path / "here", executor=ThreadPoolExecutor(1))
+        sweep(sobol_cases(3, 9), QUICK, tmp_path / "dask", executor=client.get_executor())
+    sweep(sobol_cases(3, 9), QUICK, tmp_path / "here", executor=ThreadPoolExecutor(1))
     assert digest(tmp_path / "dask") == digest(tmp_path / "here")
 
 
