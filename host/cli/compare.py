@@ -9,6 +9,7 @@ import click
 
 from palpate.cli.real import load_model
 from palpate.console import json_option, note, print_json, say, showing_progress
+from palpate.errors import UsageError
 from palpate.first_time import announce
 
 
@@ -19,19 +20,28 @@ from palpate.first_time import announce
               help="model.json, or a bundled model's name; default: the recordings' own.")  # fmt: skip
 @click.option("--data", type=click.Path(path_type=Path, dir_okay=False),
               help="Data set with lumps visited again: what visits differ by themselves.")  # fmt: skip
+@click.option("--refine", is_flag=True,
+              help="Instead: fit the finite-element model to both visits together; minutes.")  # fmt: skip
+@click.option("--noise", default="typical", show_default=True,
+              help="Of --refine: of sensors and hand, a level or sensor.toml.")  # fmt: skip
 @json_option
-def command(visit1: Path, visit2: Path, model: Path | None, data: Path | None, as_json: bool) -> None:
+def command(
+    visit1: Path, visit2: Path, model: Path | None, data: Path | None, refine: bool, noise: str, as_json: bool
+) -> None:
     """Compare the strokes of two recordings over one lump: the change of each quantity, with its interval.
 
     Strokes outside what the model knows are left out. Without --data the intervals count how strokes of one
     visit differ. With a data set in which lumps were visited again they also count what differs between
     visits: zeroing, gain, force, place.
 
-    Where both recordings have refined answers (`palpate refine`) their change is told, too.
+    Where both recordings have refined answers (`palpate refine`) their change is told, too. --refine needs no
+    model: it fits all strokes as over one lump in one tissue, whose diameter and depth have changed. What
+    both visits get wrong alike drops out.
 
     \b
     Example:
       palpate compare january.mcap may.mcap --data set.csv
+      palpate compare january.mcap may.mcap --refine
     """
     from palpate.comparison.between import between_visits, compare_recordings
     from palpate.comparison.model import common_model
@@ -39,6 +49,11 @@ def command(visit1: Path, visit2: Path, model: Path | None, data: Path | None, a
     from palpate.dataset import table
     from palpate.stroke.change import ASSUMES, ASSUMES_BETWEEN
 
+    if refine:
+        if model is not None or data is not None:
+            raise UsageError("--refine takes neither --model nor --data: it fits the forward model itself")
+        _refined(visit1, visit2, noise, as_json)
+        return
     spec = common_model(visit1, visit2) if model is None else load_model(model)
     known = None if data is None else table.read(data)
     announce(solver=False, firmware=True)
@@ -64,3 +79,22 @@ def command(visit1: Path, visit2: Path, model: Path | None, data: Path | None, a
     for name, ratio in kept.items():
         say(f"Refined, each visit by itself: {change_text(name, ratio)}")
     note(assumes)
+
+
+def _refined(visit1: Path, visit2: Path, noise: str, as_json: bool) -> None:
+    """Compare by the forward model."""
+    from palpate.comparison.refined import ASSUMES, change_text, refined_change
+    from palpate.sim.probe.noise import level_named
+
+    level = level_named(noise)
+    announce()
+    found = refined_change(visit1, visit2, level)
+    if as_json:
+        print_json({**found.as_dict(), "assumes": ASSUMES})
+        return
+    before, after = (one.values["d_mm"].value for one in (found.before, found.after))
+    misfit = f"Misfit {found.before.chi2:.2f}. Diameter {before:.1f} mm, then {after:.1f} mm."
+    say(f"{found.before.verdict} {misfit}")
+    for name, ratio in found.ratio.items():
+        say(change_text(name, ratio))
+    note(ASSUMES)

@@ -1,4 +1,4 @@
-"""Two recordings of one lump compared by the refined answers that are kept of them."""
+"""Two recordings of one lump compared by the forward model: fitted together, or by answers that are kept."""
 
 from __future__ import annotations
 
@@ -6,10 +6,47 @@ from pathlib import Path
 
 import numpy as np
 
-from palpate.answer.fitted import Inverted, Value
-from palpate.inversion.kept import kept_answers
+from palpate.answer.fitted import Change, Inverted, Value
+from palpate.errors import RecordingError
+from palpate.inversion.felt import NotInvertible
+from palpate.inversion.kept import Felt, kept_answers
+from palpate.inversion.recorded import felt_strokes
+from palpate.inversion.visits import invert_visits
+from palpate.recording.playback import open_recording
+from palpate.sim.probe.noise import Noise
 
 CHANGES = {"d_mm": "diameter", "depth_mm": "depth"}
+ASSUMES = (
+    "90 % intervals. Both visits are fitted as strokes over one lump in one tissue: stiffness, tissue and, "
+    "of one probe, gains are taken to be the same."
+)
+
+
+def refined_change(first: Path, second: Path, noise: Noise) -> Change:
+    """Fit the strokes of two recordings together; the change is an unknown of its own.
+
+    Raises
+    ------
+    PalpateError
+        A recording cannot be read, or none of its strokes can be inverted.
+    """
+    serials = []
+    for path in (first, second):
+        with open_recording(path) as session:
+            serials.append(session.identity.serial)
+    return invert_visits(_strokes(first), _strokes(second), noise, same_probe=serials[0] == serials[1])
+
+
+def _strokes(path: Path) -> list[Felt]:
+    found, why = [], "it holds presses only"
+    for stroke, start in felt_strokes(path):
+        if isinstance(stroke, NotInvertible):
+            why = str(stroke)
+        elif not stroke.alone:
+            found.append((stroke, start))
+    if not found:
+        raise RecordingError(f"no stroke of {path} can be refined: {why}")
+    return found
 
 
 def kept_change(first: Path, second: Path) -> dict[str, Value]:

@@ -120,7 +120,7 @@ def invert_together(strokes: Sequence[Felt], noise: Noise, kind: str = AUTO) -> 
         # which holds it: a tie that is only nearly there would make intervals too narrow
         best = ANYWHERE.name
     found = tried[best]
-    found = _finest(strokes, noise, found)
+    found = finest(strokes, noise, found)
     others = odds_of_departures(found.posterior, found.mode, found.forward)
     sum_of_all = 1 + sum(others.values())
     odds = {name: share / sum_of_all for name, share in {**odds, **others}.items()}
@@ -215,7 +215,7 @@ def _starts(of: Class, starts: Sequence[Start], tried: Mapping[str, Found]) -> I
     yield from islice(starts[0].thetas(of), 1, None)
 
 
-def fine(strokes: Sequence[Felt], noise: Noise, found: Found, assemble: Assemble = one_lump) -> Found:
+def _fine(strokes: Sequence[Felt], noise: Noise, found: Found, assemble: Assemble) -> Found:
     """Go on from the coarse mesh's mode with more frames on the fine one; as before where that fails."""
     of, parts, zs, kept = found.posterior.of, [], [], []
     for (stroke, _), part, index, before in zip(
@@ -237,19 +237,19 @@ def fine(strokes: Sequence[Felt], noise: Noise, found: Found, assemble: Assemble
     return Found(posterior, forward, mode, kept)
 
 
-def _finest(strokes: Sequence[Felt], noise: Noise, first: Found) -> Found:
+def finest(strokes: Sequence[Felt], noise: Noise, first: Found, assemble: Assemble = one_lump) -> Found:
     """The mode on the fine mesh; where it does not fit, of that and of what other starts lead to the better.
 
     The coarse mesh's errors hide a wrong lump.
     """
     best = first
     if first.mode.chi2 < _HOPELESS:  # what the coarse mesh does not explain at all needs no finer one
-        best = fine(strokes, noise, first)
+        best = _fine(strokes, noise, first, assemble)
     if best.mode.chi2 < FITS or not best.posterior.of.lump:
         return best
-    other = coarse(first.posterior.of, strokes, noise, {}, again=True)
+    other = coarse(first.posterior.of, strokes, noise, {}, assemble, again=True)
     if other is not None and other.mode.chi2 < _HOPELESS:
-        other = fine(strokes, noise, other)
+        other = _fine(strokes, noise, other, assemble)
         best = min(best, other, key=lambda found: found.mode.chi2)
     return best
 

@@ -21,7 +21,7 @@ from palpate.inversion.kept import Felt
 from palpate.inversion.posterior import Posterior
 from palpate.inversion.result import told
 from palpate.inversion.search import Mode
-from palpate.inversion.strokes import coarse, fine
+from palpate.inversion.strokes import coarse, finest
 from palpate.inversion.under import classes_over, forward_of
 from palpate.inversion.widening import WIDER, Widening
 from palpate.sim.probe.noise import Noise
@@ -75,7 +75,7 @@ def invert_visits(
     found = coarse(of, strokes, noise, {}, assemble)
     if found is None:
         raise PalpateError("no lump could be computed that both visits are over")
-    found = fine(strokes, noise, found, assemble)
+    found = finest(strokes, noise, found, assemble)
     posterior, mode = found.posterior, found.mode
     said = [_visit(posterior, mode, k, later) for k, later in ((0, False), (len(before), True))]
     k = len(single.unknowns)

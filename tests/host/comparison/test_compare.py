@@ -130,3 +130,8 @@ def test_refined_answers_that_are_kept_are_compared(anywhere, tmp_path):
     assert apart["depth_mm"]["low"] < 1 < apart["depth_mm"]["high"]
     assert "grew by 20.0 %" in change_text("d_mm", Value(**apart["d_mm"]))
     assert "no change is told" in change_text("depth_mm", Value(**apart["depth_mm"]))
+
+
+def test_the_forward_model_takes_no_other_model(anywhere):
+    status, _, said = compared(anywhere, anywhere, "--refine", "--model", "field")
+    assert status == 2 and "--refine takes neither --model nor --data" in said

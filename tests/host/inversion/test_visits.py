@@ -1,12 +1,19 @@
 """Two visits to one lump: what they share drops out, and what has changed is told with its own interval."""
 
+import json
+import subprocess
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from palpate.inversion.classes import ANYWHERE
 from palpate.inversion.forward import COARSE
 from palpate.inversion.joint import Together
 from palpate.inversion.visits import TwoVisits, _changing
-from tests.host.inversion.test_inversion import a_few_frames, check_jacobian
+from palpate.sim.tissue import Case
+from tests.host.inversion.test_inversion import PALPATE, a_few_frames, check_jacobian, record, refined
+from tests.host.inversion.world import felt_of
 
 
 def test_the_jacobian_of_two_visits_is_their_misfit_s_derivative():
@@ -21,3 +28,24 @@ def test_the_jacobian_of_two_visits_is_their_misfit_s_derivative():
     assert both.size == 2 * parts[0].size - len(of.unknowns) - 1 - 16
 
     check_jacobian(both, forward, z, rng)
+
+
+@pytest.mark.long
+def test_a_lump_that_grew_is_told_more_narrowly_than_from_two_answers(tmp_path):
+    """By one probe, in another hand, with other zeros; the visits' own answers are kept, and compared."""
+    case = Case(11.0, 0.6, 8.0, 0.55, fat_stiffening=1.0, gland_stiffening=1.0)
+    grown = replace(case, d_mm=12.3, h=(6.6 - 0.65) / 12.3)
+    paths = [tmp_path / "january.mcap", tmp_path / "may.mcap"]
+    for path, now, seed in zip(paths, (case, grown), (5, 6)):
+        _, _, stream, calibration = felt_of(now, seed, probe=5)
+        record(stream, calibration, path)
+    assert refined(*paths).returncode == 0
+    found = {}
+    for words in (["--refine"], ["--model", "anywhere"]):
+        done = subprocess.run([PALPATE, "compare", *paths, *words, "--json"], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        found |= json.loads(done.stdout)
+    assert found["fits"], found
+    joint, apart = found["ratio"]["d_mm"], found["refined_apart"]["d_mm"]
+    assert joint["low"] < 12.3 / 11.0 < joint["high"] and joint["low"] > 1.0
+    assert np.log(joint["high"] / joint["low"]) < 0.7 * np.log(apart["high"] / apart["low"])
