@@ -5,7 +5,11 @@ import pytest
 
 from palpate.inversion.felt import felt_stroke
 from palpate.inversion.mirror import mirrored_about
+from palpate.inversion.strokes import invert_stroke
+from palpate.sim.probe.noise import LEVELS
+from palpate.sim.tissue import Case
 from tests.host.inversion.test_inversion import frames
+from tests.host.inversion.world import felt_of
 
 
 def over_a_lump(at_mm, height, seed=0, end_mm=30.0):
@@ -35,3 +39,17 @@ def test_over_plain_tissue_no_place_is_told(seed):
 def test_nor_is_one_in_the_shortest_stroke():
     """None is far enough from the best to be compared with it."""
     assert mirrored_about(over_a_lump(-18.0, 1.0, end_mm=-4.5)) is None
+
+
+@pytest.mark.long
+def test_a_soft_lump_that_the_regression_takes_for_another_part_of_the_stroke_is_found():
+    """Its place was believed, 10 mm off: the coarse mesh hid that, and on the fine one nothing led back."""
+    case = Case.from_code(
+        "d6.349h0.492e2.707f1.812733539094213_R39.43_g15.18_G4.691_Y29.284871390859657_sg2.151_t4.145"
+    )
+    felt, start, _, _ = felt_of(case, 12048)
+    assert abs(mirrored_about(felt) - start.lump_mm) > 8
+    found = invert_stroke(felt, start, LEVELS["typical"], "anywhere")
+    assert found.fits
+    for name in ("d_mm", "depth_mm", "E_inv23"):
+        assert found.values[name].low < getattr(case, name) < found.values[name].high
