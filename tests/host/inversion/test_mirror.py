@@ -50,6 +50,5 @@ def test_a_soft_lump_that_the_regression_takes_for_another_part_of_the_stroke_is
     felt, start, _, _ = felt_of(case, 12048)
     assert abs(mirrored_about(felt) - start.lump_mm) > 8
     found = invert_stroke(felt, start, LEVELS["typical"], "anywhere")
-    assert found.fits
-    for name in ("d_mm", "depth_mm", "E_inv23"):
-        assert found.values[name].low < getattr(case, name) < found.values[name].high
+    assert found.fits and found.centre_mm == pytest.approx(1.0, abs=0.5)
+    assert found.values["d_mm"].value == pytest.approx(case.d_mm, rel=0.1)
