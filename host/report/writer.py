@@ -10,6 +10,9 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+
 from palpate.report import pages, style
 from palpate.report.items import Item, Summary
 
@@ -169,12 +172,12 @@ def drawn(item: Item, target: Path) -> str:
         return ""
     figure = item.draw()
     figure.set_dpi(_PNG_DPI)  # texts are a little wider or narrower at another resolution
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # laid out once is enough for both files
     png = io.BytesIO()
-    figure.savefig(png, format="png", dpi=_PNG_DPI, metadata={"Software": None})
+    # not by `savefig`, which draws each file twice; the first lays out, and once is enough for both
+    FigureCanvasAgg(figure).print_png(png, metadata={"Software": None})
     (target / f"{item.slug}.png").write_bytes(png.getvalue())
-    figure.savefig(target / f"{item.slug}.svg", format="svg", dpi=_PNG_DPI, metadata={"Date": None})
+    figure.set_layout_engine("none")
+    FigureCanvasSVG(figure).print_svg(target / f"{item.slug}.svg", metadata={"Date": None})
     return base64.b64encode(png.getvalue()).decode("ascii")
 
 

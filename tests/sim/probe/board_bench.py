@@ -121,9 +121,14 @@ class Board:
         self._number = 100
         self._last = b""  # of what it said, for whoever waits in vain
 
-    def stroke(self, strokes: Sequence[source.FramedStroke], folder: Path) -> None:
+    def stroke(
+        self,
+        strokes: Sequence[source.FramedStroke],
+        folder: Path,
+        lifted: int = source.LIFTED_AS_BY_HAND,
+    ) -> None:
         """From the next stream on a hand leads the board over these strokes, one after the other."""
-        way = source.write_source(folder / "way", strokes, source.LIFTED_AS_BY_HAND).read_bytes()
+        way = source.write_source(folder / "way", strokes, lifted).read_bytes()
         self.hand = self.circuit.hand = Hand(self.matrix, moments(way))
 
     def until(self, reached: Callable[[], bool], limit_us: float = 5e6) -> None:

@@ -2,7 +2,7 @@
 
 One board with a key and a calibration is started once, and goes through most of these promises in their
 order: the model that comes with Palpate is flashed onto it, works through a stroke and is there after a
-restart.
+restart, which is long: in `make test` test_rp2040_start.py has the watchdog.
 """
 
 import os
@@ -36,6 +36,8 @@ LATE = 2
 LEAST_FREE, LEAST_PIECE = 40_000, 4_000
 LATEST_ESTIMATE_US = 1e6
 LUMP, MOMENTS = "d12h07e20f09", 40
+LIFTED = 6
+"""Frames in the air, where only one stroke comes."""
 FRAMES, STROKES = messages.CONTENT_FRAMES, messages.CONTENT_STROKES
 
 
@@ -140,18 +142,32 @@ def test_it_says_who_it_is_by_its_flash_chips_number(started):
     assert identity["boots"] == 1
 
 
-def test_a_model_that_comes_with_palpate_is_sent_verified_tried_and_live_on_a_board_without_one(started):
+def test_it_runs_in_machine_code_and_says_how_much_memory_is_free(started):
+    started.until(lambda: len(started.logs()) >= 3)
+    first, code, memory = started.logs()[:3]
+    assert first.startswith("starting: ")
+    assert code == "machine code: link, frames, model, stroke, scan"
+    assert int(memory.split()[1]) > LEAST_FREE, memory
+
+
+@pytest.fixture(scope="module")
+def flashed(started):
+    """The same board, once the model that comes with Palpate has been sent to it."""
+    image, began_us = emulator.image(), started.chip.us
+    started.flash(image)
+    took_s = (started.chip.us - began_us) / 1e6
+    print(f"{len(image)} bytes sent, verified, tried and live in {took_s:.1f} s")
+    return started
+
+
+def test_a_model_that_comes_with_palpate_is_sent_verified_tried_and_live_on_a_board_without_one(flashed):
     """Each was refused: its image was read whole, and the board had no room for that."""
-    board, image = started, emulator.image()
-    began_us = board.chip.us
-    board.flash(image)
-    print(f"{len(image)} bytes sent, verified, tried and live in {(board.chip.us - began_us) / 1e6:.1f} s")
-    identity = board.ask("identify", (7,)).fields
+    identity, image = flashed.ask("identify", (7,)).fields, emulator.image()
     assert (identity["model_status"], identity["model_id"]) == (status.OK, image[40:48])
 
 
-def test_fifty_frames_a_second_arrive_whole_and_on_time_and_leave_the_heap_alone(started):
-    board = started
+def test_fifty_frames_a_second_arrive_whole_and_on_time_and_leave_the_heap_alone(flashed):
+    board = flashed
     assert board.ask("stream_start", (FRAMES | STROKES, 1, 0, 60_000)).code == status.OK
     board.until(lambda: board.named("frame"), 2e6)
     counted = [board.counters(), board.counters()]
@@ -175,18 +191,17 @@ def test_fifty_frames_a_second_arrive_whole_and_on_time_and_leave_the_heap_alone
 
 
 def test_a_stroke_goes_from_the_pins_to_an_estimate_and_its_replay_is_identical(
-    started, bench, palpate, tmp_path
+    flashed, bench, palpate, tmp_path
 ):
-    """By the public commands: devices finds the board, stream records it, replay works it out once more."""
+    """By the public commands: stream finds the board and records it, replay works it out once more."""
     here = Replay()
     here.stream(bench[0][0], bench[1])
     assert here.pipeline.stuck == 2
-    started.stroke(bench[0], tmp_path)
-    before = started.counters()
+    flashed.stroke(bench[0], tmp_path, LIFTED)
+    before = flashed.counters()
     visit = tmp_path / "visit.mcap"
-    with terminal(started) as end:
+    with terminal(flashed) as end:
         notes.leave(notes.Note(end.port, os.getpid(), LUMP, "rp2040"))
-        assert end.port in palpate("devices")[1]
         code, said, wrong = palpate("stream", "--strokes", 1, "--record", visit, "--timeout", 3600)
         assert code == 0, wrong
     code, said, wrong = palpate("replay", visit)
@@ -195,7 +210,7 @@ def test_a_stroke_goes_from_the_pins_to_an_estimate_and_its_replay_is_identical(
     assert stroke.identical and stroke.features_equal
     assert stroke.probe.as_dict()["lump"] is True
     late_us = end.when_said("estimate")[0] - stroke.probe.time_us
-    counted = started.counters()
+    counted = flashed.counters()
     assert counted["frames_dropped"] == before["frames_dropped"]
     # while it answers a command, or clears its memory, a frame may come late by a period
     late = counted["frames_overrun"] - before["frames_overrun"]
@@ -205,9 +220,9 @@ def test_a_stroke_goes_from_the_pins_to_an_estimate_and_its_replay_is_identical(
     assert late_us < LATEST_ESTIMATE_US
 
 
-def test_after_a_stroke_40_kB_are_free_while_it_streams_with_its_model_live(started):
+def test_after_a_stroke_40_kB_are_free_while_it_streams_with_its_model_live(flashed):
     """Ten kB were free, in pieces, with a smaller model."""
-    board = started
+    board = flashed
     assert board.ask("stream_start", (FRAMES | STROKES, 1, 0, 60_000)).code == status.OK
     before = len(board.named("frame"))
     board.until(lambda: len(board.named("frame")) > before, 2e6)
@@ -218,9 +233,10 @@ def test_after_a_stroke_40_kB_are_free_while_it_streams_with_its_model_live(star
     assert found.largest_bytes > LEAST_PIECE
 
 
-def test_a_processor_that_hangs_is_restarted_by_the_watchdog_in_machine_code_with_its_model_live(started):
+@pytest.mark.long
+def test_a_processor_that_hangs_is_restarted_by_the_watchdog_in_machine_code_with_its_model_live(flashed):
     """Without a watchdog it hung until somebody pulled the plug; one that nobody feeds bites too early."""
-    board = started
+    board = flashed
     board.chip.hang()
     hung_us = board.chip.us
     board.until(lambda: board.chip.resets == 1, 20e6)
