@@ -17,7 +17,7 @@ from palpate.learn.thesis.fit import fit_thesis
 from palpate.learn.thesis.runs import features_table, read_strokes
 from palpate.learn.thesis.table_1 import TABLE_1
 from palpate.report import style, write_report
-from palpate.sim.tissue import Case
+from palpate.sim.tissue import Case, Settings, case_key, read_design, read_table
 
 RUNS = Path(__file__).parent / "data"
 """The thirty strokes, as `palpate sweep --design thesis --out tests/host/report/data` writes them."""
@@ -88,6 +88,12 @@ def written(strokes, tmp_path_factory):
     assert done.returncode == 0, done.stderr
     path = folder / "out" / "index.html"
     return path, Page(path), fit_thesis(features_table(strokes), permutations=0), done
+
+
+def test_the_kept_strokes_are_those_that_a_sweep_would_write_now():
+    """They were an earlier design's: every page and example that should have found them simulated them."""
+    keys = [case_key(case, Settings()) for case in read_design("thesis")]
+    assert list(read_table(RUNS)["key"]) == keys
 
 
 def slug(name: str) -> str:
