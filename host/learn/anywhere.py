@@ -30,6 +30,7 @@ from palpate.learn.model import FittedModel
 from palpate.learn.observed import Observed
 from palpate.learn.probe_model import E_INV23, HARD_BELOW, OUTPUTS, floats, standardised
 from palpate.learn.scopes import ANYWHERE, Parts, Scope, by_place, true_place
+from palpate.learn.score import of_output
 from palpate.learn.study import FOLDS, Study, TextTable
 from palpate.learn.table import r_squared
 from palpate.model_export.schema import Layers
@@ -106,12 +107,7 @@ class AnywhereStudy(Study):
     def row(self, words: str) -> dict[str, object]:
         """As of any tissue, and how much of the lump's height lies in the fat."""
         found, half, error = (part[:, _IN_FAT] for part in self._added)
-        return super().row(words) | {
-            "in_fat_r2": r_squared(found - error, found),
-            "in_fat_error": float(np.median(np.abs(error))),
-            "in_fat_covered": float((np.abs(error) <= half).mean()),
-            "in_fat_half": float(np.median(half)),
-        }
+        return super().row(words) | of_output("in_fat", found - error, found, half, absolute=True)
 
     def depths_mm(self) -> Floats:
         """As of any tissue, with intervals that need no tie."""
@@ -120,12 +116,7 @@ class AnywhereStudy(Study):
 
     def _depth(self) -> dict[str, float]:
         found, half, error = (part[:, _DEPTH] for part in self._added)
-        return {
-            "depth_r2": r_squared(found - error, found),
-            "depth_error": float(np.median(np.expm1(np.abs(error)))),
-            "depth_covered": float((np.abs(error) <= half).mean()),
-            "depth_half": float(np.median(half)),
-        }
+        return of_output("depth", found - error, found, half)
 
     @property
     def told(self) -> tuple[Floats, Floats, Floats]:

@@ -45,7 +45,6 @@ PILOT_FEATURES = (
 )
 """The features that pilot studies with realistic sensors settled on."""
 
-THESIS_SIX = ("ln_base", "asinh_amp", "ln_stdev", "inv_curvature", "ln_d28", "dip_0_2")
 FIELD_FEATURES = (
     *PILOT_FEATURES,
     "tilt_3_5",
@@ -179,10 +178,6 @@ def _told_recipe(name: str, displacement: bool) -> Recipe:
 FIELD = _told_recipe("field", True)
 PRESSURE_ONLY = _told_recipe("field, pressure only", False)
 """For recordings without displacement."""
-SIX_WITH_MAP = Recipe("thesis' six, force map", THESIS_SIX, 3)
-SIX_BARE = Recipe("thesis' six", THESIS_SIX, 3, force_map=False)
-RECIPES = (FIELD, PRESSURE_ONLY, SIX_WITH_MAP, SIX_BARE)
-"""Of the told model; `FIELD` is for use, the others are for comparison."""
 
 
 @dataclass(frozen=True)

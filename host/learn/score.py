@@ -64,6 +64,22 @@ def scores(observed: Observed, value: Floats, answered: Mask, border: float = HA
     return out
 
 
+def of_output(
+    name: str, true: Floats, value: Floats, half: Floats | None, absolute: bool = False
+) -> dict[str, float]:
+    """R2, median error, coverage and median half-width of one output, (n) each.
+
+    Errors of logarithms are given as shares, unless they are to be `absolute`; half: None where there are no
+    intervals.
+    """
+    error = np.abs(value - true)
+    size = float(np.median(error if absolute else np.expm1(error)))
+    out = {f"{name}_r2": r_squared(true, value), f"{name}_error": size}
+    if half is not None:
+        out |= {f"{name}_covered": float((error <= half).mean()), f"{name}_half": float(np.median(half))}
+    return out
+
+
 def quarters(observed: Observed) -> dict[str, Mask]:
     """Each quarter of d, h, E^-2/3 and F, by name."""
     out: dict[str, Mask] = {}

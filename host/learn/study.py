@@ -16,6 +16,7 @@ from palpate.learn.model import FittedModel, depth_mm, fit_model
 from palpate.learn.observed import Observed, joined
 from palpate.learn.probe_model import E_INV23, HARD_BELOW, OUTPUTS
 from palpate.learn.scopes import BORDER, Parts, Scope
+from palpate.learn.score import of_output
 from palpate.learn.table import r_squared
 
 if TYPE_CHECKING:
@@ -118,12 +119,7 @@ class Study:
         inside = np.abs(self.y - Y) <= self.half
         out: dict[str, object] = {"setting": words, "n": len(Y), "lumps": len(np.unique(self.seen.group))}
         for j, name in enumerate(OUTPUTS):
-            error = np.abs(self.y[:, j] - Y[:, j])
-            short = _short(name)
-            out[f"{short}_r2"] = r_squared(Y[:, j], self.y[:, j])
-            out[f"{short}_error"] = float(np.median(error if j == E_INV23 else np.expm1(error)))
-            out[f"{short}_covered"] = float(inside[:, j].mean())
-            out[f"{short}_half"] = float(np.median(self.half[:, j]))
+            out |= of_output(_short(name), Y[:, j], self.y[:, j], self.half[:, j], absolute=j == E_INV23)
         out |= self._depth()
         out["hard_soft"] = float((self.hard == (Y[:, E_INV23] <= HARD_BELOW)).mean())
         worst = [inside[rows].mean(0) for rows in self.parts.values() if rows.any()]

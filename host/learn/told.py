@@ -17,7 +17,7 @@ from palpate.learn.observed import Observed, noise_named
 from palpate.learn.other_tissues import strange_strokes
 from palpate.learn.probe_model import from_link, training_hash
 from palpate.learn.result import FieldFit
-from palpate.learn.scopes import FIELD, RECIPES, TOLD, Recipe
+from palpate.learn.scopes import FIELD, TOLD, Recipe
 from palpate.learn.score import (
     HeldOutRow,
     averaged,
@@ -46,12 +46,11 @@ def fit_field(
     noise: str = "typical",
     seed: int = 1,
     levels: Sequence[str] = LEVELS,
-    recipes: Sequence[Recipe] = RECIPES,
     recipe: Recipe = FIELD,
     workers: int | None = None,
     progress: ProgressCallback | None = None,
 ) -> FieldFit:
-    """Fit the field model at one noise level, and the held-out table over levels and recipes.
+    """Fit the field model at one noise level, and the held-out table over levels.
 
     Parameters
     ----------
@@ -60,10 +59,10 @@ def fit_field(
     noise : str
         Level that the model is for; it is among `levels` or added to them.
     seed : int
-    levels, recipes : sequences
+    levels : sequence of str
         Lines of the table.
     recipe : Recipe
-        What the model is made by; it is among `recipes` or added to them.
+        What the model is made by.
     workers : int, optional
         Processes that observe strokes; by default one for each core.
     progress : callable, optional
@@ -71,25 +70,18 @@ def fit_field(
     """
     noise_named(noise)
     levels = tuple(dict.fromkeys((*levels, noise)))
-    recipes = tuple(dict.fromkeys((recipe, *recipes)))
     rows: list[HeldOutRow] = []
     with Bench(strokes, seed, workers=workers, progress=progress) as bench:
-        count = _Counter(len(levels) * len(recipes), progress)
+        count = _Counter(len(levels), progress)
         for level in levels:
-            observed: dict[tuple[bool, bool], Parts] = {}
-            for tried in recipes:
-                moved = tried.force_map, tried.force_map and tried.displacement
-                if moved not in observed:
-                    observed[moved] = bench.parts(level, tried)
-                train, calibration, test, rim = observed[moved]
-                kept_one = level == noise and tried == recipe
-                strange = strange_strokes(bench, level, tried) if kept_one else None
-                checks = strange.checks if strange else None
-                model = fit_model(TOLD.of(tried), train, calibration, rim, checks, count)
-                rows += held_out(level, model, test, averages=tried == recipe)
-                count("models scored")
-                if kept_one:
-                    kept, parts = model, observed[moved]
+            train, calibration, test, rim = observed = bench.parts(level, recipe)
+            strange = strange_strokes(bench, level, recipe) if level == noise else None
+            checks = strange.checks if strange else None
+            model = fit_model(TOLD.of(recipe), train, calibration, rim, checks, count)
+            rows += held_out(level, model, test)
+            count("models scored")
+            if level == noise:
+                kept, parts = model, observed
         return _result(bench, kept, parts, noise, rows)
 
 
@@ -116,7 +108,7 @@ def _result(bench: Bench, model: FittedModel, parts: Parts, noise: str, rows: li
         for why, left_out in ({} if part is None else _left_out(part)).items():
             excluded[f"{name}: {why}"] = left_out
     force_map = bench.force_map_of(recipe)
-    main = next(r for r in rows if (r.noise, r.recipe, r.strokes) == (noise, recipe.name, 1))
+    main = next(r for r in rows if (r.noise, r.strokes) == (noise, 1))
     fitted_to = [train, calibration, *(() if rim is None else (rim,))]
     spec = replace(model, fat_kPa=bench.strokes.lumps[0].case.fat_kPa).spec(
         {
@@ -165,14 +157,14 @@ def _outside(bench: Bench, noise: str, model: FittedModel) -> tuple[Observed | N
     return outside, observed(bench.plain, DRAWS_PLAIN, _FIRST_PLAIN)
 
 
-def held_out(level: str, model: FittedModel, test: Observed, averages: bool) -> list[HeldOutRow]:
-    """The lines of one model: one stroke, and if `averages` says so four strokes averaged."""
+def held_out(level: str, model: FittedModel, test: Observed) -> list[HeldOutRow]:
+    """The lines of one model: one stroke, and where there is noise four strokes averaged."""
     answers = model.answer(test)
     terms = len(model.polynomial.terms)
     name = model.scope.recipe.name
     missed = int((~test.found).sum())
     out = [HeldOutRow(level, name, 1, terms, scores(test, answers.value, test.found, model.border), missed)]
-    if averages and level != "none":
+    if level != "none":
         mean, y, lost = averaged(test, answers.y, test.found)
         if len(mean) > 1:
             found = scores(mean, from_link(y), np.ones(len(mean), bool), model.border)

@@ -23,8 +23,8 @@ from palpate.learn.lumps import LumpStrokes
 from palpate.learn.model import FittedModel, fit_model
 from palpate.learn.observed import Observed, joined, observe_in_any_fat
 from palpate.learn.scopes import SOLID, Scope
+from palpate.learn.score import of_output
 from palpate.learn.study import Study
-from palpate.learn.table import r_squared
 from palpate.sim.tissue.solid.design import ball_cases
 
 EMULATED, DRAWS, FOLDS = 4000, 3, 4
@@ -87,12 +87,7 @@ class SolidStudy(Study):
         out = super().row(words)
         of_width, offset = across_truth(self.seen)
         if self.width is not None:
-            error = np.abs(self.width - of_width)
-            out["width_r2"] = r_squared(of_width, self.width)
-            out["width_error"] = float(np.median(np.expm1(error)))
-        if self.width is not None and self.width_half is not None:
-            out["width_covered"] = float((error <= self.width_half).mean())
-            out["width_half"] = float(np.median(self.width_half))
+            out |= of_output("width", of_width, self.width, self.width_half)
         if self.place is not None and self.place_half is not None and (offset > 0).any():
             error, beside = np.abs(self.place - offset), offset > 0
             out["place_error"] = float(np.median(error[beside]))

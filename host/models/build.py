@@ -103,7 +103,7 @@ def build(name: str, directory: Path, progress: Progress | None = None) -> Field
         counts = {part: made[part] for part in ("lumps", "rim", "plain", "wide")}
         strokes = prepare(directory, **counts, progress=progress)
         noise = made["noise"]
-        fit = fit_field(strokes, noise, made["seed"], levels=(noise,), recipes=(), progress=progress)
+        fit = fit_field(strokes, noise, made["seed"], levels=(noise,), progress=progress)
     fit.spec.save(path(name))
     write_recipe(name, fit.spec, fit.to_dict())
     return fit

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 INK = "#1d2b36"
 SOFT = "#5b6b78"
+BAND = "#e6ebef"
 BLUE = "#2366a8"
 ORANGE = "#c8641b"
 TEAL = "#0b7a75"
@@ -35,7 +36,7 @@ _RC: dict[Any, Any] = {
     "axes.grid": True,
     "axes.axisbelow": True,
     "axes.prop_cycle": cycler(color=COLORS),
-    "grid.color": "#e6ebef",
+    "grid.color": BAND,
     "grid.linewidth": 0.8,
     "legend.frameon": False,
     "legend.fontsize": 7.5,

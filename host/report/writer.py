@@ -93,10 +93,8 @@ def _items(
     simulate: bool,
     tell: Callable[[str], None],
 ) -> list[Item]:
-    from palpate.learn.result import TissueFit
     from palpate.report import (
-        any_tissue_figures,
-        field_figures,
+        held_out_figures,
         map_2d_figure,
         map_figures,
         model_figures,
@@ -123,10 +121,8 @@ def _items(
     else:
         found += _without_simulations()
     found += recording_figures.items(measured)
-    if isinstance(field, TissueFit):
-        found += any_tissue_figures.items(field)
-    elif field is not None:
-        found += field_figures.items(field)
+    if field is not None:
+        found += held_out_figures.items(field)
     return found
 
 

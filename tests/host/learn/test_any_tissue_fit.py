@@ -16,7 +16,7 @@ from palpate.learn.table import TableError
 from palpate.model_export import exporter
 from palpate.model_export import image_builder as image
 from palpate.model_export.schema import ModelSpec
-from palpate.report import any_tissue_figures
+from palpate.report import held_out_figures
 from palpate.wire.events import OUTPUTS
 from tests.docs.test_reference import fields_in_the_page
 from tests.host.learn.conftest import STROKES
@@ -80,7 +80,7 @@ def test_every_lump_is_judged_by_models_that_have_not_seen_it(fitted):
     assert set(result.study.seen.group) <= set(range(LUMPS))
     assert len(result.tables()) == 5 and result.missed_targets()
     assert said[-1][1] == said[-1][2], "progress ends where it said that it would"
-    for item in any_tissue_figures.items(result):
+    for item in held_out_figures.items(result):
         assert item.draw().axes and item.tables
 
 

@@ -16,6 +16,7 @@ from palpate.model_export import exporter
 from palpate.model_export import image_builder as image
 from palpate.model_export.fixed_point.reference import evaluate
 from palpate.model_export.schema import ModelSpec
+from palpate.report import held_out_figures
 from palpate.sim.probe.sensors import LEVELS
 from palpate.sim.tissue import Case
 from tests.host.learn.made_up import made_up
@@ -87,7 +88,7 @@ def test_plain_tissue_is_no_lump(bench, fitted):
 
 def test_the_whole_fit_is_one_json_document_that_names_what_it_left_out(strokes):
     said: list[tuple[str, int, int]] = []
-    result = told.fit_field(strokes, levels=(), recipes=(), progress=lambda *words: said.append(words))
+    result = told.fit_field(strokes, levels=(), progress=lambda *words: said.append(words))
     document = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     left_out = {why: n for why, n in document["excluded"].items() if why.startswith("test")}
     test_strokes = len(result.test)
@@ -95,6 +96,8 @@ def test_the_whole_fit_is_one_json_document_that_names_what_it_left_out(strokes)
     assert one["n"] + sum(left_out.values()) == test_strokes
     assert {"false_alarms", "flagged_inside", "decided", "E_is_a_bound"} <= set(document)
     assert len(result.tables()) == 7
+    for item in held_out_figures.items(result):
+        assert item.draw().axes and item.tables
     done = {what: (n, of) for what, n, of in said}
     assert {"strokes observed through the sensors", "terms chosen", "models fitted", "models scored"} == set(
         done

@@ -44,7 +44,7 @@ def test_the_emulated_probe(sensor):
 
 def test_a_field_model_is_trained_for_it(sensor, lumps):
     def fitted(noise):
-        training = told.fit_field(lumps, noise, levels=(), recipes=(), recipe=SMALL.recipe).spec.training
+        training = told.fit_field(lumps, noise, levels=(), recipe=SMALL.recipe).spec.training
         assert training["noise"] == Path(noise).name
         return training["hash"]
 

@@ -24,7 +24,7 @@ DECLARED = declaration.Declaration(16, 26, (1.5, 1.5), pressure="kPa", position=
 
 @pytest.fixture(scope="module")
 def spec(strokes):
-    return told.fit_field(strokes, levels=(), recipes=(), recipe=SMALL).spec
+    return told.fit_field(strokes, levels=(), recipe=SMALL).spec
 
 
 @pytest.fixture(scope="module")
