@@ -53,7 +53,8 @@ PRESS_OUTER = const(40)  # three more of the press, version 3's
 BUMP = const(43)  # it and the eleven behind it are version 4's
 _PULL = const(44)
 _LIFT = const(50)
-ACROSS = const(55)  # it and those behind it are version 5's
+ACROSS = const(55)  # it and the two behind it are version 5's
+ACROSS_END = const(58)
 # and of the Gaussian's parameters (gauss.py)
 _BASE = const(0)
 _AMP = const(1)
@@ -250,7 +251,7 @@ def finish(force, count_mpa, out):
     out[_LN_FORCE] = _ln(force) + LN_SUM_TO_N_PER_M + unit
     out[_BASE_SHARE] = out[_LN_BASE] - out[_LN_FORCE]
     no_press(out)
-    for i in range(ACROSS, COUNT):
+    for i in range(ACROSS, ACROSS_END):
         out[i] = ABSENT
     for i in range(COUNT):
         if out[i] > 0x1FFFFFFF:

@@ -20,7 +20,7 @@ OF_THE_PRESS = tuple(
     for name in feature_names.NAMES[first : first + n]
 )
 """The firmware's features that a stroke has only where a press preceded it."""
-OF_THE_COLUMNS = feature_names.NAMES[features.ACROSS : features.COUNT]
+OF_THE_COLUMNS = feature_names.NAMES[features.ACROSS : features.ACROSS_END]
 """Those of the columns that see the lump."""
 ABSENT = features.ABSENT / 2**24
 """What stands for a feature of the press where there was no press, or too little of one."""

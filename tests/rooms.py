@@ -1,10 +1,11 @@
 """The rooms of the sources, floor by floor, and the arrows between them: python -m tests.rooms
 
 Writes docs/pictures/rooms.svg and prints how many rooms, floors and arrows there are, and lines of Python and
-page outside tests and in them.
+page outside tests and in them. With --trips: what four calls take to follow (`trips.py`; some minutes).
 """
 
 import ast
+import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -175,10 +176,20 @@ def drawing() -> str:
     return "\n".join([*lines, "</svg>", ""])
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Draw and count."""
     PICTURE.write_text(drawing(), encoding="utf-8")
     found = arrows()
     upward = sum(FLOOR[b] >= FLOOR[a] for a, b in found)
     print(f"{len(FLOOR)} rooms on {len(FLOORS)} floors, {len(found)} arrows, {upward} of them upward")
     outside, inside = lines()
     print(f"{outside:,} lines of Python and page outside tests, {inside:,} in tests")
+
+
+if __name__ == "__main__":
+    if "--trips" in sys.argv:
+        from tests import trips
+
+        trips.main()
+    else:
+        main()

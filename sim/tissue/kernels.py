@@ -11,9 +11,13 @@ with k = lambda' + mu; tests/sim/tissue/test_reference.py holds them to the form
 # mypy: ignore-errors
 from __future__ import annotations
 
+from contextlib import suppress
+from pathlib import Path
+
 import numpy as np
 from numba import njit
 
+from palpate.sim.tissue import law as laws
 from palpate.sim.tissue.lanes import LANES, ROWS, eight_elements, fma
 from palpate.sim.tissue.law import slopes
 
@@ -231,3 +235,20 @@ def smallest_jacobian(u, elements, dN):
                 d += dN[e, p, 1, k] * u[n + 1]
             least = min(least, a * d - b * c)
     return least
+
+
+def renew(inlined, *functions):
+    """Compile functions anew whose kept machine code is older than the file `inlined`, which they call.
+
+    Numba looks only at the file that a function stands in: strokes would go on by the old law, silently.
+    """
+    changed = Path(inlined).stat().st_mtime
+    for function in functions:
+        kept = f"*.{function.__name__}-{function.py_func.__code__.co_firstlineno}.*.nbi"
+        with suppress(OSError):
+            for index in Path(function.stats.cache_path or "").glob(kept):
+                if index.stat().st_mtime < changed:
+                    index.unlink()
+
+
+renew(laws.__file__, stiffening_residual, stiffening_tangent)

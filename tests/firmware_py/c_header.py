@@ -4,7 +4,7 @@ import re
 import struct
 
 from firmware_py import messages, outputs, status, tables
-from tests.firmware_py.protocol_words import FIELDS
+from tests.firmware_py.protocol_words import meaning_of
 
 TYPES = {"B": "uint8_t", "b": "int8_t", "H": "uint16_t", "I": "uint32_t", "i": "int32_t"}
 BYTES = {"B": 1, "b": 1, "H": 2, "I": 4, "i": 4}
@@ -75,14 +75,14 @@ def structure(definition) -> list[str]:
     kind, name, fields, names, tail = definition
     out = [f"struct {c_name(kind, name)} {{"]
     for field, word in zip(fields_of(fields), names.split(), strict=True):
-        unit, meaning = FIELDS[f"{name}.{word}"]
+        unit, meaning = meaning_of(f"{name}.{word}")
         note = f"{unit}: {meaning}" if unit else meaning
         if field.endswith("s"):
             out.append(f"    uint8_t {word}[{field[:-1]}]; /* {note} */")
         else:
             out.append(f"    {TYPES[field]} {word}; /* {note} */")
     if tail:
-        unit, meaning = FIELDS[f"{name}.tail"]
+        unit, meaning = meaning_of(f"{name}.tail")
         what = "bytes" if tail == "B" else "32-bit numbers, for palpate_i32(tail + 4 * k)"
         out.append(f"    const uint8_t *tail; /* {f'{unit}: ' if unit else ''}{meaning} */")
         out.append(f"    size_t tail_n; /* {what} */")

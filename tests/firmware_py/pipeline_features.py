@@ -216,7 +216,7 @@ def _features(
     bump = np.sqrt((LEAST_CHANGE_MM**2 + changes @ changes) / len(changes))
     out["ln_bump"] = np.log(bump)
     out |= dict(zip(feature_names.NAMES[features.BUMP + 1 : features.ACROSS], changes / bump, strict=True))
-    out |= dict(zip(feature_names.NAMES[features.ACROSS :], across, strict=True))
+    out |= dict(zip(feature_names.NAMES[features.ACROSS : features.ACROSS_END], across, strict=True))
     out["base_share"] = out["ln_base"] - out["ln_force"]
     at_parts = press_float.at_parts(pressed, out["ln_force"])
     out |= dict(zip(press_features.NAMES, at_parts, strict=True))

@@ -17,7 +17,7 @@ from firmware_py import geometry, messages, status, tables, wire
 from palpate.link import devices, line, patience, remote, stream_wish
 from palpate.link import flash as flashing
 from tests.firmware_py import c_header, protocol_session
-from tests.firmware_py.protocol_words import DAMAGE, FIELDS
+from tests.firmware_py.protocol_words import DAMAGE, meaning_of
 
 ROOT = Path(__file__).parent.parent.parent
 PAGE = ROOT / "docs" / "protocol.md"
@@ -51,7 +51,7 @@ def field_rows(definitions) -> str:
     for _, name, _, names, tail in definitions:
         head = name
         for word in [*names.split(), *(["tail"] if tail else [])]:
-            unit, meaning = FIELDS[f"{name}.{word}"]
+            unit, meaning = meaning_of(f"{name}.{word}")
             shown = "(the rest)" if word == "tail" else f"`{word}`"
             rows.append(f"| {head} | {shown} | {unit} | {meaning} |")
             head = ""

@@ -5,7 +5,7 @@ import tempfile
 
 import numpy as np
 
-from firmware_py import messages, status, wire
+from firmware_py import messages, status, tables, wire
 from firmware_py.estimator import Estimator
 from firmware_py.store import FileStore
 from palpate.sim.probe import source
@@ -99,11 +99,12 @@ def meanings() -> list[dict]:
         0,
         5,
     )
+    more = (0,) * len(tables.FRAME_MORE)
     tactile = (STREAM, 7, 0, 4, 22, 3, -1, -2500, 6105, 2048 * 100, 2048 * 50, 65536, 65536 * 3 // 2)
     return [
         {
             "what": "a frame: counts by cell (row * 26 + column), place in mm",
-            "wire": _wire("frame", (messages.WRAP - 1, 1000, -28_000, 2_345), pack(counts)).hex(),
+            "wire": _wire("frame", (messages.WRAP - 1, 1000, -28_000, 2_345, *more), pack(counts)).hex(),
             "means": {"seq": messages.WRAP - 1, "time_us": 1000, "position_mm": -28.0,
                       "displacement_mm": 2.345, "counts": counts},
         },

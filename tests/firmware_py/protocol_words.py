@@ -160,3 +160,10 @@ FIELDS: dict[str, tuple[str, str]] = {
     "stream_end.next_stroke": NEXT_STROKE,
     "stream_end.time_us": TIME,
 }
+
+
+def meaning_of(field: str) -> tuple[str, str]:
+    """Unit and meaning of a field, `message.field`; ends where nobody has written it."""
+    if field not in FIELDS:
+        raise SystemExit(f"write the unit and meaning of {field} in tests/firmware_py/protocol_words.py")
+    return FIELDS[field]

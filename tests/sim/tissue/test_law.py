@@ -1,8 +1,13 @@
 """The laws of stiffening: what their papers say of a block in pure shear, and that none jumps."""
 
+import os
+from importlib import util
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from palpate.sim.tissue import kernels, law
 from palpate.sim.tissue.case import LAWS, Case
 from palpate.sim.tissue.errors import CaseError
 from palpate.sim.tissue.law import EXPONENTIAL, OGDEN, phi
@@ -60,3 +65,20 @@ def test_a_case_says_its_law_and_keeps_it():
     for wrong in ({"law": "hooke"}, {"law": "ogden", "shape": "ball"}):
         with pytest.raises(CaseError, match="law"):
             Case(10, 0.8, 10, **wrong)
+
+
+def test_kernels_are_compiled_again_when_the_law_that_they_call_has_changed(tmp_path):
+    """A law tried as a stranger was the exponential, silently, out of the kept machine code."""
+    path = tmp_path / "calls.py"
+    path.write_text("from numba import njit\n\n@njit(cache=True)\ndef twice(x):\n    return 2 * x\n")
+    spec = util.spec_from_file_location("calls", path)
+    module = util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert module.twice(1.0) == 2.0
+    (index,) = Path(module.twice.stats.cache_path).glob("calls.twice-*.nbi")
+    kernels.renew(path, module.twice)
+    assert index.exists(), "the code is younger"
+    long_ago = Path(law.__file__).stat().st_mtime - 1
+    os.utime(index, (long_ago, long_ago))
+    kernels.renew(law.__file__, module.twice)
+    assert not index.exists()
