@@ -11,11 +11,7 @@ The text of each is one sentence that says what was wrong and what to do.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 from palpate.errors import PalpateError, UsageError
-from palpate.fixedpoint.errors import CompileError
 
 
 class ExportError(PalpateError):
@@ -36,12 +32,3 @@ class SigningError(ExportError):
 
 class ImageError(ExportError, UsageError):
     """The bytes are not a model image of a version that we can read."""
-
-
-@contextmanager
-def told_as_ours() -> Iterator[None]:
-    """The general compiler's errors as ProofError; also a decorator."""
-    try:
-        yield
-    except CompileError as error:
-        raise ProofError(str(error)) from None

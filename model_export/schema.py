@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate.files import json_text, read_limited, whole_file
-from palpate.model_export import check
+from palpate.model_export.check import spec as check_spec
 from palpate.model_export.errors import ModelError
 from palpate.model_export.model_data import (
     Across,
@@ -61,7 +61,7 @@ class ModelSpec(ModelData):
 
     def validate(self) -> ModelSpec:
         """Check everything that can be checked without the firmware; return self, or raise ModelError."""
-        check.spec(self)
+        check_spec(self)
         return self
 
     def to_dict(self) -> dict[str, Any]:

@@ -24,17 +24,19 @@ FLOORS = (
     {
         "wire": ("palpate.wire",),
         "fixedpoint": ("palpate.fixedpoint",),
+        "firmware_twin": ("palpate.firmware_twin",),
+        "document": tuple(
+            f"palpate.model_export.{name}"
+            for name in ("errors", "vocabulary", "model_data", "check", "schema", "fixed_point.reference")
+        ),
         "sim.tissue": ("palpate.sim.tissue",),
-    },
-    {
-        "model_export": ("palpate.model_export",),
     },
     {
         "answer": ("palpate.answer",),
         "recording": ("palpate.recording",),
         "features": ("palpate.features",),
-        "firmware_twin": ("palpate.firmware_twin",),
         "models": ("palpate.models",),
+        "model_export": ("palpate.model_export",),
         "sim.probe": ("palpate.sim.probe",),
     },
     {

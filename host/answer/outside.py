@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from palpate.answer.across import Floats
 from palpate.answer.words import UNFAMILIAR, WITHOUT_PRESS
-from palpate.model_export.fixed_point import reference
+from palpate.model_export.fixed_point.reference import evaluate
 from palpate.model_export.schema import ModelSpec
 from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS
 from palpate.wire.events import OUTPUTS
@@ -24,7 +24,7 @@ def why_outside(spec: ModelSpec, x: Floats) -> tuple[str, ...]:
     """
     if any(name in OF_THE_PRESS and value == ABSENT for name, value in zip(spec.features, x[0])):
         return (WITHOUT_PRESS,)
-    said = reference.evaluate(spec, x)
+    said = evaluate(spec, x)
     checks = () if spec.checks is None else spec.checks.estimates
     why = [name for name, beyond in zip(OUTPUTS, said["beyond"][0]) if beyond]
     why += [check.name for check, above in zip(checks, said["unlike"][0]) if above]

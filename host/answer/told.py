@@ -21,7 +21,7 @@ from firmware_py.outputs import PARTS
 from palpate.answer.across import across
 from palpate.answer.layers import LumpLayer, lump_layer
 from palpate.answer.outside import why_outside
-from palpate.model_export.fixed_point import reference
+from palpate.model_export.fixed_point.reference import estimates, inputs, standardised
 from palpate.model_export.schema import Across, ModelSpec
 from palpate.spans import Span
 
@@ -108,10 +108,10 @@ def _told(
     x = None
     if features is not None and len(features) >= _least_count(spec):
         known = [*features, *[firmware_features.ABSENT] * (firmware_features.COUNT - len(features))]
-        x = reference.inputs(spec, np.array([known], float) / FEATURE_ONE)
+        x = inputs(spec, np.array([known], float) / FEATURE_ONE)
     layer = None
     if spec.layers is not None and x is not None and answer:
-        layer = lump_layer(spec.layers, reference.standardised(spec, x)[0], answer)
+        layer = lump_layer(spec.layers, standardised(spec, x)[0], answer)
     outside = () if in_domain or x is None else why_outside(spec, x)
     return Told(_across(spec, x, columns), layer, outside)
 
@@ -135,8 +135,8 @@ def _least_count(spec: ModelSpec) -> int:
 def _width(spec: ModelSpec, part: Across, inputs: np.ndarray) -> Span:
     own = [spec.features.index(name) for name in part.width.features]
     x = inputs[:, own]
-    (y,) = reference.estimates(part.width, x)[0]
-    (z,) = reference.standardised(part.width, x)
+    (y,) = estimates(part.width, x)[0]
+    (z,) = standardised(part.width, x)
     half = math.exp(float(np.dot(part.width_spread, [1.0, *z, y])))
     return math.exp(y), math.exp(y - half), math.exp(y + half)
 

@@ -13,7 +13,7 @@ from firmware_py import evaluator, fixed, polynomial, scales, stage
 from palpate.fixedpoint import intervals
 from palpate.fixedpoint.errors import ProofError
 from palpate.fixedpoint.intervals import LIMIT, Interval, Proof
-from palpate.model_export.errors import told_as_ours
+from palpate.model_export.fixed_point.errors import told_as_ours
 
 
 def _on_intervals() -> dict[str, Any]:
