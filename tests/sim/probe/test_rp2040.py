@@ -237,6 +237,7 @@ def test_after_a_stroke_40_kB_are_free_while_it_streams_with_its_model_live(flas
 def test_a_processor_that_hangs_is_restarted_by_the_watchdog_in_machine_code_with_its_model_live(flashed):
     """Without a watchdog it hung until somebody pulled the plug; one that nobody feeds bites too early."""
     board = flashed
+    assert board.ask("identify", (7,)).code == status.OK  # after a second at the signature it feeds it again
     board.chip.hang()
     hung_us = board.chip.us
     board.until(lambda: board.chip.resets == 1, 20e6)
