@@ -79,16 +79,22 @@ class Kept:
         Raises
         ------
         PalpateError
-            The file cannot be written; what was there is untouched.
+            The file cannot be written, or a number of the answer is not finite; what was there is untouched.
         """
         name = _name(strokes, noise, kind)
         kept = {"of": name, "answer": answer.as_dict(), "laid": [one.as_dict() for one in answer.laid]}
+        try:
+            json.dumps(kept, allow_nan=False)
+        except ValueError:
+            raise PalpateError(
+                f"stroke {answer.stroke} is not kept: a number of its answer is none"
+            ) from None
         with writing_alone(self.path):
             others = [entry for entry in self._read() if entry["of"] != name]
             self._entries = [entry for entry in others if entry["of"]["inversion"] == version()] + [kept]
             document = {"format": _FORMAT, "version": _VERSION, "answers": self._entries}
             with whole_file(self.path) as temporary:
-                temporary.write_text(json.dumps(document, allow_nan=False), encoding="utf-8")
+                temporary.write_text(json.dumps(document), encoding="utf-8")
 
     def _answer(self, name: dict[str, str]) -> Inverted | None:
         for entry in reversed(self._entries):

@@ -74,6 +74,14 @@ def test_another_version_s_answers_are_noticed_and_go(recording):
     assert not Kept(recording).outdated
 
 
+def test_an_answer_with_a_number_that_is_none_is_not_kept(recording):
+    """It ended in a traceback of the JSON writer."""
+    before = recording.with_name("visit.mcap.refined").read_bytes()
+    with pytest.raises(PalpateError, match="stroke 3 is not kept"):
+        Kept(recording).keep(felt(), TYPICAL, "border", replace(ANSWER, chi2=float("nan")))
+    assert recording.with_name("visit.mcap.refined").read_bytes() == before
+
+
 @pytest.mark.parametrize("text", ["", "notes of my own", '{"strokes": []}', '{"format": 3}'])
 def test_somebody_s_own_file_of_that_name_stays(tmp_path, text):
     path = tmp_path / "visit.mcap.refined"
