@@ -16,7 +16,7 @@ from palpate.learn.lumps import LumpStrokes, holds_solids, read_solid_rim
 from palpate.learn.observed import observe_in_any_fat
 from palpate.model_export.fixed_point import force_map
 from palpate.model_export.fixed_point.reference import evaluate, inputs
-from palpate.sim.tissue import Case, simulate
+from palpate.sim.tissue import Case, Settings, simulate
 from palpate.sim.tissue.any_tissue import (
     FORCE_PARTS,
     PRESS_PARTS,
@@ -28,6 +28,9 @@ from palpate.sim.tissue.any_tissue import (
     rim_lumps,
 )
 from palpate.sim.tissue.anywhere import anywhere_lumps, anywhere_rim
+from palpate.sim.tissue.solid.design import SolidRanges, ball_cases
+from palpate.sim.tissue.solid.press import press_before
+from palpate.sim.tissue.solid.stroke import simulate_forces as simulate_solid
 from palpate.wire.events import OUTPUTS
 from tests.studies.table import Asked, StudyTable, of_text
 
@@ -78,16 +81,40 @@ ROWS = (
     Row(f"one material, {ONE_MATERIAL_MM:g} mm thick", models.ANYWHERE, _one_material),
     Row("lumps outside the ranges", models.ANYWHERE, lambda n: anywhere_rim(n, SEED)),
 )
+
+
+@dataclass(frozen=True)
+class SolidRow:
+    """Lumps on the line for `balls`, and the mesh of their strokes."""
+
+    words: str
+    gland_ratio: tuple[float, float]
+    settings: Settings
+
+
+SOLID_ROWS = (
+    SolidRow("inside the ranges, columns of 1 mm", SolidRanges().gland_ratio, Settings(hx_mm=1.0)),
+    SolidRow("gland as stiff as fat", (1.0, 1.0), Settings()),
+)
+SOLID_LUMPS, SOLID_NOISES = 9, 8
+"""A lump takes half a minute, or a whole one: each is felt several times."""
 HEADS = ["model", "lumps", "strokes", "found", "flagged", "d %", "depth %", "t %", "E_fat %", "held, %"]
 
 
 def tables(asked: Asked) -> list[StudyTable]:
-    """One row for each of `ROWS`, and for kept solid lumps outside the ranges where DIRECTORY has them."""
+    """A row for each of `ROWS` and `SOLID_ROWS`, and for kept solid lumps outside the ranges where DIRECTORY
+    has them."""
     n, noise = asked.lumps or LUMPS, asked.noise or "typical"
     found = []
     for k, row in enumerate(ROWS):
         lumps = [_stroked(case) for case in row.lumps(n)]
         found.append([row.model, row.words, *_judged(row.model, lumps, row.fat_kPa, noise, asked.seed + k)])
+        asked.tell(" | ".join(found[-1]))
+    for solid in SOLID_ROWS:
+        lumps = _solids(solid, asked.lumps or SOLID_LUMPS) * SOLID_NOISES
+        found.append(
+            [models.BALLS, solid.words, *_judged(models.BALLS, lumps, (5.0, 25.0), noise, asked.seed)]
+        )
         asked.tell(" | ".join(found[-1]))
     if holds_solids(asked.directory):
         rim = read_solid_rim(asked.directory)
@@ -99,6 +126,17 @@ def tables(asked: Asked) -> list[StudyTable]:
 def _stroked(case: Case) -> LumpStrokes:
     strokes = tuple(simulate(c, STROKES) for c in at_forces([case], FORCE_PARTS))
     return LumpStrokes(strokes, tuple(simulate(c, PRESSES) for c in at_forces([case], PRESS_PARTS)))
+
+
+def _solids(row: SolidRow, n: int) -> list[LumpStrokes]:
+    ranges = replace(SolidRanges(), on_line=1.0, gland_ratio=row.gland_ratio)
+    cases, out = ball_cases(n, SEED, ranges), []
+    for first in range(0, len(cases), len(FORCE_PARTS)):
+        rising = cases[first : first + len(FORCE_PARTS)]
+        found = simulate_solid(rising[0], [case.F_rel for case in rising], row.settings, ramp=True)
+        strokes = tuple(replace(stroke, case=case) for stroke, case in zip(found, rising, strict=True))
+        out.append(LumpStrokes(strokes, press_before(strokes)))
+    return out
 
 
 def _judged(
