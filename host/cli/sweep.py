@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 @click.option(
     "--design",
     required=True,
-    help="thesis | one-factor | sobol:N[:SEED] | balls[:N[:SEED]] | balls-rim:N[:SEED] | any:N[:SEED] | "
-    "any-press:N[:SEED] | anywhere:N[:SEED] | anywhere-press:N[:SEED] | a file with one code per line.",
+    help="thesis | one-factor | sobol:N[:SEED] | balls[:N[:SEED]] | balls-soft:N[:SEED] | "
+    "balls-rim:N[:SEED] | any:N[:SEED] | any-press:N[:SEED] | anywhere:N[:SEED] | anywhere-press:N[:SEED] | "
+    "a file with one code per line; several joined by +.",
 )
 @click.option(
     "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Directory of the strokes."
@@ -62,6 +63,7 @@ def command(
       anywhere:N[:SEED]  N lumps in the fat, on its border or in the gland, in random tissue, at three forces
       anywhere-press:N[:SEED]  the press before each of these
       balls:N[:SEED]   N balls and ellipsoids in random tissue, at three forces each (seconds a stroke)
+      balls-soft:N[:SEED]  N of them over a gland less than twice as stiff as the fat
       balls-rim:N[:SEED]  N of them outside the sizes and stiffnesses that a model is for
       FILE             one case code per line
 

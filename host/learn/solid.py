@@ -41,7 +41,7 @@ from palpate.learn.training import (
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.progress import ProgressCallback, Steps
-from palpate.sim.tissue.solid.design import ball_cases
+from palpate.sim.tissue.solid.design import COVERED, ball_cases
 from palpate.sim.tissue.workers import pool
 
 _REFERRED = 1000
@@ -104,7 +104,7 @@ def fit_to_balls(
     left_out = [fold.studies[noise, True] for fold in folds]
     model = widened(trained.model, width_factors(left_out))
     width, place = trained.width.wider(across_factor(left_out)), fit_place([part.seen for part in left_out])
-    some = emulator.lumps(ball_cases(count, EMULATED_SEED)[: 3 * _REFERRED])
+    some = emulator.lumps(ball_cases(count, EMULATED_SEED, COVERED)[: 3 * _REFERRED])
     # the press where a stroke begins, well off the lump, stands for one beside it
     references = {tissue_of(lump.case): lump.press for lump in some}
     first = seen.take(seen.group < len(some))

@@ -25,7 +25,7 @@ from palpate.learn.observed import Observed, joined, observe_in_any_fat
 from palpate.learn.scopes import SOLID, Scope
 from palpate.learn.score import of_output
 from palpate.learn.study import Study
-from palpate.sim.tissue.solid.design import ball_cases
+from palpate.sim.tissue.solid.design import COVERED, ball_cases
 
 EMULATED, DRAWS, FOLDS = 4000, 3, 4
 OWN_DRAWS = 6
@@ -115,7 +115,7 @@ def emulated(
     emulator: StrokeEmulator, noise: str, seed: int, force_map: bytes, lumps: int = EMULATED
 ) -> Observed:
     """One stroke over each of so many emulated lumps."""
-    cases = ball_cases(lumps, EMULATED_SEED)
+    cases = ball_cases(lumps, EMULATED_SEED, COVERED)
     parts = [emulator.lumps(cases[k : k + _AT_ONCE]) for k in range(0, len(cases), _AT_ONCE)]
     return joined(
         [

@@ -43,20 +43,22 @@ _DRAWN: dict[str, Callable[[int, int], list[Case]]] = {
 
 def read_design(text: str) -> list[Case]:
     """Cases of `thesis`, `one-factor`, `sobol:N[:SEED]`, `balls[:N[:SEED]]`, `any:N[:SEED]`,
-    `balls-rim:N[:SEED]`, `any-press:N[:SEED]`, `anywhere:N[:SEED]`, `anywhere-press:N[:SEED]` or a file (CSV
-    of fields, or codes).
+    `balls-soft:N[:SEED]`, `balls-rim:N[:SEED]`, `any-press:N[:SEED]`, `anywhere:N[:SEED]`,
+    `anywhere-press:N[:SEED]` or a file (CSV of fields, or codes); of several joined by +, all.
 
     Raises
     ------
     CaseError
         The design or a case of it cannot be read.
     """
+    if "+" in text and not Path(text).exists():
+        return [case for part in text.split("+") for case in read_design(part)]
     if text == "thesis":
         return [Case.from_code(code) for code in THESIS_CODES]
     if text == "one-factor":
         return one_factor_cases()
     name, *numbers = text.split(":")
-    if name in ("sobol", "balls-rim", *_DRAWN) or (name == "balls" and not Path(text).exists()):
+    if name in ("sobol", "balls-rim", "balls-soft", *_DRAWN) or (name == "balls" and not Path(text).exists()):
         usual = [1000] if name == "balls" else []
         try:
             given = [int(number) for number in numbers] or usual
@@ -66,24 +68,34 @@ def read_design(text: str) -> list[Case]:
         if n < 1 or seed < 0 or len(numbers) > 2:
             raise CaseError(f"{text!r} is not a design; write {name}:N or {name}:N:SEED")
         if name.startswith("balls"):
-            from palpate.sim.tissue.solid.design import ball_cases, rim_cases
+            from palpate.sim.tissue.solid.design import ball_cases, rim_cases, soft_gland_cases
 
-            return ball_cases(n, seed) if name == "balls" else rim_cases(n, seed)
+            drawn = {"balls": ball_cases, "balls-rim": rim_cases, "balls-soft": soft_gland_cases}
+            return drawn[name](n, seed)
         return sobol_cases(n, seed) if name == "sobol" else _DRAWN[name](n, seed)
     path = Path(text)
     if not path.is_file():
         raise CaseError(
-            f"{text!r} is not a design (thesis, one-factor, sobol:N:SEED, balls:N:SEED, balls-rim:N:SEED, "
-            "any:N:SEED, any-press:N:SEED, anywhere:N:SEED, anywhere-press:N:SEED) and not a file of cases"
+            f"{text!r} is not a design (thesis, one-factor, sobol:N:SEED, balls:N:SEED, balls-soft:N:SEED, "
+            "balls-rim:N:SEED, any:N:SEED, any-press:N:SEED, anywhere:N:SEED, anywhere-press:N:SEED) and not "
+            "a file of cases"
         )
     return _read_file(path)
 
 
 def settings_of(text: str, hx_mm: float) -> Settings:
-    """How a design's cases are to be simulated: those of unknown tissue start further off, or press only."""
-    name = text.split(":")[0]
-    usual = STROKES if name in ("any", "anywhere") else PRESSES if name in _DRAWN else Settings()
-    return replace(usual, hx_mm=hx_mm)
+    """How a design's cases are to be simulated: those of unknown tissue start further off, or press only.
+
+    Raises
+    ------
+    CaseError
+        Designs are joined that are simulated differently.
+    """
+    names = [part.split(":")[0] for part in text.split("+")]
+    usual = {STROKES if n in ("any", "anywhere") else PRESSES if n in _DRAWN else Settings() for n in names}
+    if len(usual) > 1:
+        raise CaseError(f"{text!r}: strokes from elsewhere, or presses, are swept apart from the others")
+    return replace(usual.pop(), hx_mm=hx_mm)
 
 
 def sobol_cases(n: int, seed: int, ranges: Ranges = USUAL) -> list[Case]:

@@ -64,6 +64,12 @@ WIDEST = SolidRanges(
 )
 """All that the solver is asked to get through."""
 
+SOFT_GLAND = SolidRanges(gland_ratio=(1.0, 2.0), on_line=0.9)
+"""Tissue of nearly one material, as Samani (2007) finds it and as phantoms are made."""
+
+COVERED = SolidRanges(gland_ratio=(SOFT_GLAND.gland_ratio[0], SolidRanges.gland_ratio[1]))
+"""What a model of solid lumps is for: usual tissue and that of a soft gland."""
+
 
 def ball_cases(n: int, seed: int, ranges: SolidRanges | None = None) -> list[Case]:
     """3 n cases: `n` lumps of a scrambled Sobol sequence at three forces each; the same seed, the same cases.
@@ -95,6 +101,11 @@ def rim_cases(n: int, seed: int) -> list[Case]:
     middle = drawn[1 :: len(FORCE_PARTS)]
     outside = [k for k, case in enumerate(middle) if not _inside(case, usual)][:n]
     return [case for k in outside for case in drawn[len(FORCE_PARTS) * k : len(FORCE_PARTS) * (k + 1)]]
+
+
+def soft_gland_cases(n: int, seed: int) -> list[Case]:
+    """3 n cases of `SOFT_GLAND`, as `ball_cases`."""
+    return ball_cases(n, seed, SOFT_GLAND)
 
 
 def _inside(case: Case, ranges: SolidRanges) -> bool:

@@ -1,5 +1,5 @@
-"""The kept set of balls is what `palpate sweep --design balls:1000:1 --out DIR --keep FILE` gives,
-or near to it where `tests.studies.carried` has carried lumps over from an earlier mesh."""
+"""The kept set of balls is what `palpate sweep --design balls:1000:1+balls-soft:96:1 --out DIR
+--keep FILE` gives, or near to it: `tests.studies.carried` has carried lumps over from an earlier mesh."""
 
 from pathlib import Path
 

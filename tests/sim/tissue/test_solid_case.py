@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from palpate.sim.tissue import Case, CaseError, Settings, case_key, read_design
 from palpate.sim.tissue.case import SHAPES
+from palpate.sim.tissue.design import settings_of
 from palpate.sim.tissue.settings import SOLVER_VERSION
 
 
@@ -82,6 +83,18 @@ def test_the_design_of_balls_is_seeded_and_covers_what_it_says():
     assert 0.6 < sum(case.offset_mm == 0 for case in low) / 64 < 0.9
     assert min(case.gland_ratio for case in low) < 2.5
     assert max(case.gland_ratio for case in low) > 9
+
+
+def test_designs_joined_by_a_plus_are_run_one_after_the_other():
+    """So the kept set has tissue of nearly one material, too, without the other lumps drawn anew."""
+    soft = read_design("balls-soft:32:1")
+    assert read_design("balls:64:3+balls-soft:32:1") == read_design("balls:64:3") + soft
+    assert 1.0 <= min(case.gland_ratio for case in soft) < 1.1
+    assert 1.8 < max(case.gland_ratio for case in soft) <= 2.0
+    with pytest.raises(CaseError, match="'stones:3' is not a design"):
+        read_design("balls:64:3+stones:3")
+    with pytest.raises(CaseError, match="swept apart"):
+        settings_of("any:4+balls:4", 2.0)
 
 
 def test_another_body_is_one_row_of_the_table_of_shapes(monkeypatch):
