@@ -88,11 +88,7 @@ def time_rows() -> str:
             "host",
         ),
         ("to read_back", f"{remote.READ_BACK_S:g} s", "host"),
-        (
-            "to calibrate, reference: 1.5 times what frames take, and",
-            f"{remote.CALIBRATE_S:g} s",
-            "host",
-        ),
+        ("to calibrate, reference: 1.5 times what frames take, and", f"{remote.CALIBRATE_S:g} s", "host"),
         ("between two tries of what the probe was BUSY for", f"{remote.BUSY_WAIT_S:g} s", "host"),
         ("for an unplugged probe to come back, with a command", f"{line.AWAY_S:g} s", "host"),
         ("between two stream_renew", f"{stream_wish.RENEW_S:g} s", "host"),
