@@ -42,10 +42,7 @@ FLOORS = (
     {
         "stroke": ("palpate.stroke",),
         "link": ("palpate.link",),
-        "learn": (
-            "palpate.learn",
-            *(f"palpate.models.{name}" for name in ("build", "__main__")),
-        ),
+        "learn": ("palpate.learn", *(f"palpate.models.{name}" for name in ("build", "__main__"))),
     },
     {
         "report": ("palpate.report",),

@@ -18,6 +18,7 @@ def test_what_is_said_to_take_longest_exists():
         (PAGE.format("README.md"), "README.md"),
         (PAGE.format("docs/viewer.md"), "docs/tutorial/emulated.md"),
         ("tests/docs/test_code_blocks.py::test_most_blocks_run", "tests/docs/test_code_blocks.py"),
+        ("tests/sim/probe/test_rp2040_start.py::test_a_start_that_hangs_is_begun_again", workers.BOARD),
         ("tests/test_demo.py::test_the_estimate_is_near_the_truth", "tests/test_demo.py"),
     ],
 )

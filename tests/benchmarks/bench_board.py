@@ -130,11 +130,7 @@ def recorded() -> tuple[bytes, bytes]:
 def times_us(fast: bool) -> dict[str, float]:
     """Device time of each part."""
     image = emulator.image()
-    sizes = (
-        len(image) - signature.size(emulator.public_key()),
-        features.FEATURES_VERSION,
-        features.COUNT,
-    )
+    sizes = (len(image) - signature.size(emulator.public_key()), features.FEATURES_VERSION, features.COUNT)
     script = SCRIPT.read_text().replace("FAST = False", f"FAST = {fast}").replace("(0, 0, 0)", str(sizes))
     frames, calibration = recorded()
     files = {

@@ -17,6 +17,7 @@ from firmware_py import geometry, messages, status, tables, wire
 from palpate.link import devices, line, patience, remote, stream_wish
 from palpate.link import flash as flashing
 from tests.firmware_py import c_header, protocol_session
+from tests.firmware_py.c_header import fields_of
 from tests.firmware_py.protocol_words import DAMAGE, meaning_of
 
 ROOT = Path(__file__).parent.parent.parent
@@ -29,10 +30,6 @@ KINDS = {"B": "u8", "b": "i8", "H": "u16", "I": "u32", "i": "i32", "3s": "3 byte
 
 def schema() -> int:
     return binascii.crc32(tables.schema_text().encode())
-
-
-def fields_of(fields: str) -> list[str]:
-    return re.findall(r"\d+s|[BbHIi]", fields)
 
 
 def message_rows(definitions) -> str:
@@ -88,11 +85,7 @@ def time_rows() -> str:
             "host",
         ),
         ("to read_back", f"{remote.READ_BACK_S:g} s", "host"),
-        (
-            "to calibrate, reference: 1.5 times what frames take, and",
-            f"{remote.CALIBRATE_S:g} s",
-            "host",
-        ),
+        ("to calibrate, reference: 1.5 times what frames take, and", f"{remote.CALIBRATE_S:g} s", "host"),
         ("between two tries of what the probe was BUSY for", f"{remote.BUSY_WAIT_S:g} s", "host"),
         ("for an unplugged probe to come back, with a command", f"{line.AWAY_S:g} s", "host"),
         ("between two stream_renew", f"{stream_wish.RENEW_S:g} s", "host"),

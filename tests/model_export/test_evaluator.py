@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from array import array
-from itertools import product
 
 import numpy as np
 import pytest
@@ -154,32 +153,6 @@ def test_a_feature_outside_the_box_or_far_from_the_rest_is_out_of_domain(field, 
         inside[ident] = round((field.domain.hi[i] if i % 2 else field.domain.lo[i]) * 2**24)
     out = evaluate(field_tables, inside)[1]
     assert not out[evaluator.FLAGS] & evaluator.IN_DOMAIN and out[evaluator.DISTANCE] > 1000
-
-
-def test_hardness_follows_the_interval(field):
-    seen = set()
-    for row, threshold in product(accuracy_inputs(field, 8), range(10000, 1300000, 130000)):
-        tables = compiler.compile_model(dataclasses.replace(field, hard_below=threshold / 1e6))
-        out = evaluate(tables, row)[1]
-        flags = out[evaluator.FLAGS] & (evaluator.SOFT | evaluator.HARD)
-        if out[14] < threshold:
-            assert flags == evaluator.HARD
-        elif out[13] >= threshold:
-            assert flags == evaluator.SOFT
-        else:
-            assert flags == 0
-        seen.add(flags)
-    assert seen == {0, evaluator.SOFT, evaluator.HARD}
-
-
-def test_a_force_outside_the_models_range_is_flagged(field, field_tables):
-    (row,) = accuracy_inputs(field, 1)
-    force = evaluate(field_tables, row)[1][0] / 1e6
-    narrow = dataclasses.replace(field, force_range=(force + 1, force + 2))
-    flags = evaluate(compiler.compile_model(narrow), row)[1][evaluator.FLAGS]
-    assert flags & evaluator.FORCE_OUT
-    wide = dataclasses.replace(field, force_range=(force - 1, force + 1))
-    assert not evaluate(compiler.compile_model(wide), row)[1][evaluator.FLAGS] & evaluator.FORCE_OUT
 
 
 RANGED = [(0, 0), (0, 1), (2, 0), (2, 1), (3, 0), (3, 1), (4, 1)]

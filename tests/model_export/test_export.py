@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from firmware_py import feature_names
 from palpate.model_export import image_builder as image
 from palpate.model_export.errors import ExportError, ImageError, ModelError
 from palpate.model_export.exporter import export
@@ -114,10 +113,6 @@ def test_one_flipped_byte_gives_one_sentence(signed, public_key, flip):
     with pytest.raises(ImageError) as caught:
         image.inspect(bytes(data), public_key)
     assert "\n" not in str(caught.value)
-
-
-def test_the_features_are_the_firmwares(field):
-    assert set(field.features) <= set(feature_names.NAMES)
 
 
 @pytest.mark.parametrize("number", [1e308, -1e308, 1e19, 1e17])

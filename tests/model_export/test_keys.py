@@ -96,9 +96,6 @@ def test_counters_rise_by_the_clock_whichever_home_gives_them(key, tmp_path, mon
     assert [sign(key)[1].counter for _ in range(3)] == [1000, 1001, 1002]
     monkeypatch.setenv("SOURCE_DATE_EPOCH", str(keys.EPOCH_S + 60 * 2000))
     assert sign(tmp_path / "copy")[1].counter == 2000
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "tomorrow")
-    with pytest.raises(SigningError, match="SOURCE_DATE_EPOCH"):
-        sign(key)
 
 
 def test_a_directory_that_cannot_be_written_signs_all_the_same(key, monkeypatch):

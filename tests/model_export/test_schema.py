@@ -174,39 +174,32 @@ def test_an_integer_beyond_any_float_is_no_number(data):
         ModelSpec.from_dict(broken(data, set_("centre", 0, value=10**400)))
 
 
-# ---- what the host adds across the stroke
+# ---- what the host adds: width and place across the stroke, and the layer in which a lump lies
+
+
+def document(name):
+    """The bundled model of this name, as it is in its file."""
+    return json.loads(json.dumps(models.load(name).to_dict()))
 
 
 @pytest.fixture(scope="module")
 def solid():
-    """A model that tells width and place across."""
-    return json.loads(json.dumps(models.load(models.BALLS).to_dict()))
-
-
-def test_a_model_may_tell_of_across_the_stroke_or_not(solid):
-    whole = ModelSpec.from_dict(solid)
-    assert whole.across is not None and whole.to_dict() == models.load(models.BALLS).to_dict()
-    without = {key: value for key, value in solid.items() if key != "across"}
-    older = ModelSpec.from_dict(without)
-    assert older == dataclasses.replace(whole, across=None)
-    assert "across" not in older.to_dict()
-
-
-# ---- what the host adds of the layer
+    return document(models.BALLS)
 
 
 @pytest.fixture(scope="module")
 def anywhere():
-    """A model that tells the layer in which a lump lies."""
-    return json.loads(json.dumps(models.load(models.ANYWHERE).to_dict()))
+    return document(models.ANYWHERE)
 
 
-def test_a_model_may_tell_the_layer_or_not(anywhere):
-    whole = ModelSpec.from_dict(anywhere)
-    assert whole.layers is not None and whole.to_dict() == models.load(models.ANYWHERE).to_dict()
-    older = ModelSpec.from_dict({key: value for key, value in anywhere.items() if key != "layers"})
-    assert older == dataclasses.replace(whole, layers=None)
-    assert "layers" not in older.to_dict()
+@pytest.mark.parametrize(("name", "part"), [(models.BALLS, "across"), (models.ANYWHERE, "layers")])
+def test_a_model_may_tell_what_the_host_adds_or_not(name, part):
+    told = document(name)
+    whole = ModelSpec.from_dict(told)
+    assert getattr(whole, part) is not None and whole.to_dict() == models.load(name).to_dict()
+    older = ModelSpec.from_dict({key: value for key, value in told.items() if key != part})
+    assert older == dataclasses.replace(whole, **{part: None})
+    assert part not in older.to_dict()
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,7 @@ def test_a_store_that_gives_less_than_it_said_gives_no_signature(public, signed)
 def test_a_signature_of_nothing_and_a_key_of_another_kind_are_refused(public, signed):
     of_nothing = slh_sign.sign(SECRET, public, b"", signature.MODEL)
     assert verify(public, of_nothing) == status.BAD_SIGNATURE
-    for stranger in (b"XYZ" + public[3:], public[:3] + b"\x09" + public[4:], public[:-1]):
+    for stranger in (b"", bytes(36), b"XYZ" + public[3:], public[:3] + b"\x09" + public[4:], public[:-1]):
         assert slh_dsa.signature_size(stranger) == 0
         assert verify(stranger, signed) == status.BAD_SIGNATURE
 
@@ -105,17 +105,6 @@ def test_sets_of_any_shape_agree(numbers, monkeypatch):
         data = message + slh_sign.sign(secret, public, message, signature.MODEL)
         assert verify(public, data) == status.OK
         assert verify(public, b"?" + data[1:]) == status.BAD_SIGNATURE
-
-
-@pytest.mark.parametrize("key", [b"", bytes(36), b"SLH\x02" + bytes(32), b"SLH\x01" + bytes(31)])
-def test_what_is_no_key_verifies_nothing(key, signed):
-    assert verify(key, signed) == status.BAD_SIGNATURE and signature.size(key) == 0
-
-
-def test_a_store_that_ends_early_is_no_signature(public, signed):
-    for end in (0, 10, 800, 3000, len(signed) - 1):
-        code = signature.verify(public, lambda at, n, e=end: signed[at : min(at + n, e)], len(signed))
-        assert code == status.BAD_SIGNATURE
 
 
 def test_the_small_set_is_no_part_of_what_is_installed():

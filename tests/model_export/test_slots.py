@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
-from array import array
-
 import pytest
 
-from firmware_py import evaluator, forcemap, model_image, signature, slh_dsa, slots, status
-from firmware_py import features as firmware_features
+from firmware_py import forcemap, model_image, signature, slh_dsa, slots, status
 from firmware_py.store import FileStore
 from palpate.link import emulator_model as emulator
 from palpate.model_export import image_builder as host_image
 from palpate.model_export.fixed_point import compiler
 from palpate.model_export.fixed_point.force_map import blob as pack_force_map
 from palpate.sim.probe.flash_sim import FlashSim
-from tests.model_export import small_key, synthetic
+from tests.model_export import small_key
 from tests.model_export.flashing import a_force_map, flash, model_id, probe_of, send
 
 
@@ -311,22 +307,3 @@ def test_the_force_map_and_kind_travel(field, signer):
     assert flash(probe, sign(body)) == status.OK
     assert probe.live().force_map == forcemap.load(blob)
     assert probe.live().kind == 1
-
-
-def test_the_live_model_evaluates_as_the_compiled_one(signed, public_key):
-    probe = probe_of(FlashSim(), public_key)
-    flash(probe, signed[1])
-    tables = compiler.compile_model(synthetic.model("thesis", seed=1))
-    x = array("i", [0] * firmware_features.COUNT)
-    for ident in range(firmware_features.COUNT):
-        x[ident] = (ident - 3) << 22
-    first, second = (array("i", [0] * evaluator.OUT_SIZE) for _ in range(2))
-    assert probe.live().evaluate(x, first) == tables.evaluate(x, second)
-    assert first == second and any(first)
-
-
-def test_a_model_for_another_probe_is_named(thesis, signer):
-    other = dataclasses.replace(thesis, probe="another-probe")
-    body = host_image.build(other, compiler.compile_model(other), None, 1)
-    with pytest.raises(host_image.ImageError, match="another-probe"):
-        host_image.inspect(signer[1](body), signer[0])

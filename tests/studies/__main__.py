@@ -15,23 +15,20 @@ from palpate.errors import UsageError
 from palpate.sim.tissue.stroke import one_blas_thread
 from tests.studies.table import Asked
 
-TOLD = ("noise", "bits", "pitch", "gain", "dead", "position", "force", "displacement", "forces", "learning")
+TOLD = ("noise", "bits", "pitch", "dead", "force")
 MODULES = {
     **dict.fromkeys(TOLD, "settings"),
     "tissue": "tissues",
-    "computed": "computed",
     "coverage": "coverage",
-    "any-tissue": "any_tissue",
     "anywhere": "anywhere",
     "reference": "reference",
-    "balls": "balls",
     "inverted": "inverted",
     "pressed": "pressed",
     "ranges": "ranges",
 }
 """Name of a study -> its module, with `tables(Asked)`, or `STUDIES` of the told model by name."""
 
-DRAWN = (*TOLD, "tissue", "computed")
+RETRAINED = (*TOLD, "tissue")
 
 
 @click.command("study")
@@ -44,50 +41,32 @@ DRAWN = (*TOLD, "tissue", "computed")
     "--seed", type=SEED, default=1, show_default=True, help="Of the split and of the sensors' noise."
 )
 @click.option("--noise", default=None, help="Sensors: a level, or a file of palpate characterise.")
-@click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Draw it, as SVG or PNG.")
 @json_option
 def command(
-    name: str,
-    directory: Path,
-    lumps: int | None,
-    seed: int,
-    noise: str | None,
-    figure: Path | None,
-    as_json: bool,
+    name: str, directory: Path, lumps: int | None, seed: int, noise: str | None, as_json: bool
 ) -> None:
     """Judge the product: what the probe, the hand, the tissue or the noise does to estimates.
 
     \b
     of a model that is told its tissue, retrained (DIRECTORY: of palpate fit --kind field --tissue thesis)
-      noise bits pitch gain dead position force displacement forces learning
+      noise bits pitch dead force
       tissue      other tissues, simulated into DIRECTORY first (minutes)
-      computed    intervals on strokes computed at seven forces (minutes)
     of others (what DIRECTORY lacks is simulated into it)
-      any-tissue  tissue of all kinds, with and without the press
       anywhere    lumps in the fat, on its border or in the gland; what the map would allow
       reference   a press beside the lump, the right one or one of another place or person
       coverage    the intervals of the bundled told model, the depth's among them
-      balls       which solid lumps are found, and how well; of DIRECTORY/balls.parquet
       inverted    strokes fitted by the forward model: errors and intervals (half a minute each)
       pressed     presses alone, fitted by the forward model (minutes each)
       ranges      the bundled models at the ends of their ranges and beyond (minutes)
     """
     if name not in MODULES:
         raise UsageError(f"there is no study {name!r}; there are {', '.join(MODULES)}")
-    if figure is not None and name not in DRAWN:
-        raise UsageError(f"{name} has no figure: leave --figure out")
     module = importlib.import_module(f"tests.studies.{MODULES[name]}")
     with showing_progress() as progress, one_blas_thread():
         asked = Asked(directory, lumps, seed, noise, progress, note)
-        if name in DRAWN:
-            from tests.studies.figure import save_study_figure
-
+        if name in RETRAINED:
             study = module.STUDIES[name]
-            result = study.of_directory(asked)
-            if figure is not None:
-                save_study_figure(study, result, figure)
-                note(f"wrote {figure}")
-            found = [study.shown(result)]
+            found = [study.shown(study.of_directory(asked))]
         else:
             found = module.tables(asked)
     if as_json:

@@ -92,10 +92,7 @@ def tables(asked: Asked) -> list[StudyTable]:
 
 
 def tables_of(
-    seen: Observed,
-    on_border: Observed,
-    known: dict[int, Bound],
-    step: Step | None = None,
+    seen: Observed, on_border: Observed, known: dict[int, Bound], step: Step | None = None
 ) -> list[TextTable]:
     """The tables of strokes over lumps anywhere, and over lumps on the border to teach the tie."""
     found = AnywhereStudy.held_out(seen, step=step)

@@ -119,7 +119,7 @@ def table_of(
     seed: int = 1,
     step: Callable[[str], None] | None = None,
 ) -> pd.DataFrame:
-    """Rows as of `any_tissue.table_of`: with the press, with the reference, with wrong references."""
+    """Rows as of `palpate fit`: with the press, with the reference, with wrong references."""
     blob, found = force_map_of(lumps), read_references(directory / "reference")
     rows: list[dict[str, object]] = []
     for level in levels:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -68,10 +67,6 @@ def row_of(setting: str, model: FittedModel, test: Observed, answers: Answers | 
     return out | {"not_found": float((~found).mean()), "decided": hardness(test, answers, found)["decided"]}
 
 
-def _percent(row: Any, name: str) -> str:
-    return f"{100 * getattr(row, name):.0f}"
-
-
 def shown(study: Study, result: pd.DataFrame) -> StudyTable:
     """R2 and median errors in %, half-width of d's interval in %."""
     columns: dict[str, Callable[[Any], str]] = {
@@ -95,7 +90,5 @@ def shown(study: Study, result: pd.DataFrame) -> StudyTable:
             "flagged": lambda r: f"{100 * r.flagged:.0f}",
             "d missed, no flag": lambda r: f"{100 * r.silent:.0f}",
         }
-    if "covered_F" in result:
-        columns |= {f"{t} covered": partial(_percent, name=f"covered_{t}") for t in TARGETS}
     rows = [[str(r.setting), *(show(r) for show in columns.values())] for r in result.itertuples()]
     return StudyTable(study.title, [study.setting, *columns], rows, result)

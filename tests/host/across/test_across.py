@@ -8,21 +8,19 @@ from dataclasses import replace
 import pytest
 
 from palpate import models
-from palpate.demo.lump import LUMP as DEMO
-from palpate.demo.lump import NOISE, SEED
 from palpate.link import emulator_model as emulator
 from palpate.recording.channels import MODEL
 from palpate.recording.playback import open_recording
 from palpate.recording.reader import Recording
-from palpate.sim.probe.over_lump import strokes_over
-from palpate.sim.tissue import Case
+from palpate.sim.probe.emulated import EmulatedProbe
 from palpate.stroke.documents import Documents
 from palpate.stroke.read import follower_of, load_strokes
-from palpate.stroke.replay import replay
 from palpate.wire.events import Estimate, Features, Frame, Gap
 from tests.host.conftest import emulated
 from tests.host.link.test_streams import leave_a_stroke_behind
+from tests.host.processes import start_palpate
 from tests.host.view import balls
+from tests.waiting import PATIENCE_S
 
 __all__ = ["emulated"]
 
@@ -48,28 +46,23 @@ def beside():
     return lump, [balls.felt(lump, FRAMES), balls.felt(lump, FRAMES, turned=True)], balls.calibration()
 
 
-@pytest.fixture
-def visit(palpate, emulated, tmp_path, beside):
+@pytest.fixture(scope="module")
+def visit(beside, tmp_path_factory):
     """The same as estimates of a live probe, and its recording."""
-    return streamed(palpate, emulated, tmp_path, *beside[1:])
+    file = tmp_path_factory.mktemp("visit") / "visit.mcap"
+    given = {"public_key": emulator.public_key(), "model": emulator.image(models.BALLS), "roomy": True}
+    with EmulatedProbe("cpython", beside[1], calibration=beside[2], **given) as probe:
+        words = ("--port", probe.port, "--strokes", 2, "--record", file, "--json")
+        with start_palpate("stream", *words) as run:
+            out, err = run.communicate(timeout=PATIENCE_S)
+    assert run.returncode == 0, err
+    return json.loads(out)["strokes"], file
 
 
 def holds(interval, true):
     return (
         interval["low"] <= true <= interval["high"] and interval["low"] < interval["value"] < interval["high"]
     )
-
-
-@pytest.mark.timeout(300)
-def test_width_and_place_of_the_demo_s_ball_lie_in_their_intervals(palpate, emulated, tmp_path):
-    streams, calibration = strokes_over(DEMO, NOISE, SEED, 50, 1, press=True)
-    ((stroke,), visit) = streamed(palpate, emulated, tmp_path, streams, calibration)
-    case, said = Case.from_code(DEMO), stroke["across"]
-    assert said["level"] == 0.9
-    assert holds(said["width_mm"], 2 * case.half_axes_mm[1]) and holds(said["place_mm"], case.offset_mm)
-    assert said["width_mm"]["high"] < 3 * said["width_mm"]["low"]
-    (again,) = replay(visit)
-    assert again.identical and again.told.across.as_dict() == said
 
 
 def test_a_lump_beside_the_line_is_told_on_its_side_live_and_replayed(palpate, visit, beside):

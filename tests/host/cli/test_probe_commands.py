@@ -200,18 +200,8 @@ def test_a_rollback_reaches_what_another_home_signed_by_counter_or_by_asking_the
 
 def test_a_rollback_that_cannot_ask_the_probe_signs_nothing(key_dir, palpate, tmp_path):
     out = tmp_path / "back.palp"
-    words = (
-        "export",
-        "field",
-        "--key",
-        key_dir,
-        "--out",
-        out,
-        "--rollback",
-        "--port",
-        "socket://127.0.0.1:9",
-    )
-    status, _, err = palpate(*words)
+    asking = ("--rollback", "--port", "socket://127.0.0.1:9")
+    status, _, err = palpate("export", "field", "--key", key_dir, "--out", out, *asking)
     assert status == 1 and one_sentence(err) and not out.exists()
 
 
@@ -255,18 +245,8 @@ def test_a_probe_without_a_model_asks_to_be_flashed(key_dir):
 
 
 def test_emulate_is_found_streams_and_leaves_no_note(palpate):
-    words = (
-        "emulate",
-        LUMP,
-        "--runtime",
-        "cpython",
-        "--frames",
-        "30",
-        "--listen",
-        "tcp:127.0.0.1:0",
-        "--json",
-    )
-    with start_palpate(*words) as run:
+    words = ("--runtime", "cpython", "--frames", "30", "--listen", "tcp:127.0.0.1:0", "--json")
+    with start_palpate("emulate", LUMP, *words) as run:
         told = json.loads(run.stdout.readline())
         assert told["port"].startswith("socket://127.0.0.1:") and told["pid"] == run.pid
         status, out, _ = palpate("stream", "--strokes", 1)

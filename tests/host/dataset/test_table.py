@@ -120,10 +120,7 @@ def test_a_lump_with_one_stroke_is_remarked(tmp_path):
 @pytest.mark.parametrize(
     ("d", "sentence"),
     [
-        (
-            1.2,
-            "row 2, column d_mm: 1.2 is outside the model's range of 5 to 20; is it in cm. d_mm is in mm",
-        ),
+        (1.2, "row 2, column d_mm: 1.2 is outside the model's range of 5 to 20; is it in cm. d_mm is in mm"),
         (25, "row 2, column d_mm: 25 is outside the model's range of 5 to 20; leave such lumps out with"),
     ],
 )

@@ -3,17 +3,7 @@
 import numpy as np
 import pytest
 
-from palpate.answer.layers import (
-    BORDER,
-    FAT,
-    GLAND,
-    UNSURE,
-    half_widths,
-    lump_layer,
-    odds,
-    said,
-    values,
-)
+from palpate.answer.layers import BORDER, FAT, GLAND, UNSURE, half_widths, lump_layer, odds, said, values
 from palpate.answer.words import place_words, size_words
 from palpate.learn.anywhere import SURE, TOLD, AnywhereStudy, fit_layers, slope_of, true_values
 from palpate.learn.probe_model import OUTPUTS

@@ -32,21 +32,8 @@ def few(tmp_path):
 def test_one_command_goes_from_strokes_to_a_model_and_its_held_out_table(few, tmp_path):
     """On few lumps; nothing is simulated, since all parts are there."""
     out = tmp_path / "m.json"
-    words = [
-        str(few),
-        "--kind",
-        "field",
-        "--tissue",
-        "thesis",
-        "--out",
-        str(out),
-        "--noise",
-        "good",
-        "--workers",
-        "1",
-        "--json",
-    ]
-    result = CliRunner().invoke(fit.command, words)
+    words = ["--kind", "field", "--tissue", "thesis", "--noise", "good", "--workers", "1", "--json"]
+    result = CliRunner().invoke(fit.command, [str(few), "--out", str(out), *words])
     assert result.exception is None, result.output
     said = json.loads(result.stdout)
     assert {row["noise"] for row in said["held_out"]} == set(LEVELS)

@@ -5,11 +5,7 @@ from dataclasses import replace
 import pytest
 
 from firmware_py import messages, status
-from palpate.errors import (
-    FlashError,
-    ImageRefused,
-    PortMissing,
-)
+from palpate.errors import FlashError, ImageRefused, PortMissing
 from palpate.link.flash import flash
 from palpate.link.probe import Probe
 from palpate.link.transport import open_transport

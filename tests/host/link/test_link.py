@@ -10,13 +10,7 @@ from itertools import pairwise
 import pytest
 
 from firmware_py import messages, wire
-from palpate.errors import (
-    CommandRefused,
-    CommandTimeout,
-    LinkGone,
-    NotAProbe,
-    UsageError,
-)
+from palpate.errors import CommandRefused, CommandTimeout, LinkGone, NotAProbe, UsageError
 from palpate.link import emulated as notes
 from palpate.link.flash import flash
 from palpate.link.probe import Probe

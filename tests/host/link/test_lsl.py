@@ -11,15 +11,14 @@ import pylsl
 import pytest
 
 from palpate import models
-from palpate.demo.lump import LUMP, NOISE, SEED
 from palpate.link import emulator_model as emulator
 from palpate.link.flash import flash
 from palpate.link.lsl import ESTIMATES, EVENTS, FRAMES, Outlets
 from palpate.link.probe import Probe
-from palpate.sim.probe.over_lump import strokes_over
 from palpate.stroke.documents import Documents
 from palpate.stroke.follower import Follower
 from palpate.wire.events import Estimate, Frame
+from tests.host.view import balls
 
 PATIENCE_S = 60.0
 
@@ -71,9 +70,9 @@ def test_frames_and_estimate_arrive_with_their_numbers_and_times(emulated, image
 @pytest.mark.timeout(300)
 def test_width_and_place_across_arrive_with_the_estimate_and_are_described(emulated):
     """LSL carried only what the probe itself had said."""
-    streams, calibration = strokes_over(LUMP, NOISE, SEED, 50, 1, press=True)
+    streams = [balls.felt(balls.clear_beside(), 60)]
     given = {"public_key": emulator.public_key(), "model": emulator.image(models.BALLS)}
-    made = emulated("cpython", strokes=streams, calibration=calibration, **given)
+    made = emulated("cpython", strokes=streams, calibration=balls.calibration(), **given)
     with Probe.open(made.port) as probe:
         follower = Follower(Documents())
         follower.meet(probe)

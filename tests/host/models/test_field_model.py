@@ -29,8 +29,12 @@ def test_the_file_is_the_one_that_the_recipe_was_written_for(name):
     assert recipe["training"] == models.load(name).training["hash"]
 
 
-@each
+QUICK = [name for name in models.NAMES if name != models.BALLS]
+
+
+@pytest.mark.parametrize("name", [*QUICK, pytest.param(models.BALLS, marks=pytest.mark.long)])
 def test_a_sample_simulated_and_observed_anew_gets_the_same_answers(name):
+    """Solid lumps take twenty seconds; tests/sim/tissue/test_kept_balls.py simulates two in `make test`."""
     for kept, now in zip(models.recipe(name)["sample"], sample(name, models.load(name)), strict=True):
         assert now["code"] == kept["code"]
         assert now["features"] == pytest.approx(kept["features"], rel=2e-3, abs=2e-3)

@@ -2,39 +2,9 @@
 
 import importlib.util
 
-import numpy as np
-import pandas as pd
-import pytest
-
 from palpate.report import style
 from tests.docs.blocks import DOCS
 from tests.host.report.collisions import collisions
-from tests.studies import computed, settings, tissues
-from tests.studies.figure import study_figure
-
-STUDIES = {**settings.STUDIES, **tissues.STUDIES, **computed.STUDIES}
-LABELS = [
-    "as trained",
-    *(f"two lumps {apart:g} mm apart" for apart in tissues.TWO_APART_MM),
-    *tissues.TISSUES,
-]
-
-
-@pytest.mark.parametrize(
-    "name", ["position", "tissue", max(STUDIES, key=lambda one: len(STUDIES[one].title))]
-)
-def test_a_study_can_be_read(name):
-    """Tick labels of *position* and the two titles of *tissue* lay on each other."""
-    n = len(LABELS)
-    draw = np.random.default_rng(1)
-    result = pd.DataFrame({f"{x}_error": draw.uniform(0.005, 0.06, n) for x in "tdh"})
-    result = result.assign(
-        setting=LABELS,
-        d_half=draw.uniform(0.05, 0.3, n),
-        E_inv23_r2=draw.uniform(0.4, 0.9999, n),
-        hard_soft=draw.uniform(0.7, 1.0, n),
-    )
-    assert collisions(study_figure(STUDIES[name], result)) == []
 
 
 def test_the_figure_of_accuracy_can_be_read():

@@ -110,10 +110,7 @@ def test_a_recording_holds_what_was_streamed(tmp_path, capsys):
 )
 def test_what_cannot_be_read_is_said_in_one_sentence(data, said, monkeypatch):
     monkeypatch.setattr(bridge, "FIRST_S", 0.8)
-    with (
-        Speaker(PtyEndpoint(), lambda _: data, [AIR]) as speaker,
-        pytest.raises(PortError, match=said),
-    ):
+    with Speaker(PtyEndpoint(), lambda _: data, [AIR]) as speaker, pytest.raises(PortError, match=said):
         Probe.open(port_of(speaker))
 
 

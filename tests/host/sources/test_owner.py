@@ -45,6 +45,7 @@ def recorded(tmp_path_factory):
     return home
 
 
+@pytest.mark.long
 def test_a_calibrated_press_gives_an_estimate_with_intervals(recorded, capsys):
     capsys.readouterr()
     found = said(capsys, "refine", str(recorded / "after.mcap"), "--class", "border")

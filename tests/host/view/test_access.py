@@ -43,6 +43,9 @@ def test_axe_finds_nothing_wrong_live_picked_gone_or_with_a_dialog_open(viewer, 
     expect(page.locator("#dialog-help")).to_be_visible()
     assert complaints(page) == []
     page.keyboard.press("Escape")
+    page.keyboard.press("l")
+    expect(page.locator("#visit-map")).to_have_attribute("data-strips", "1 2 3")
+    assert complaints(page) == []
     page.locator("#export summary").click()
     source.plugged.clear()
     expect(page.locator("#banner")).to_be_visible()

@@ -14,17 +14,9 @@ from tests.host.view.waiting import settled
 pytestmark = pytest.mark.browser
 
 
-@pytest.mark.parametrize(
-    ("name", "width", "height", "scheme"),
-    [
-        ("desk", 1280, 800, "dark"),
-        ("desk", 1280, 800, "light"),
-        ("phone", 390, 844, "dark"),
-        ("phone", 390, 844, "light"),
-    ],
-)
-def test_everything_fits_the_window(viewer, open_page, name, width, height, scheme):
-    page = open_page(viewer(once(LUMP)), width, height, scheme)
+@pytest.mark.parametrize(("name", "width", "height"), [("desk", 1280, 800), ("phone", 390, 844)])
+def test_everything_fits_the_window(viewer, open_page, name, width, height):
+    page = open_page(viewer(once(LUMP)), width, height)
     expect(page.locator("#stroke-1")).to_be_visible()
     expect(page.locator("#card .verdict")).to_be_visible()
     settled(page)
@@ -54,8 +46,8 @@ def test_everything_fits_the_window(viewer, open_page, name, width, height, sche
     ids=["border", "solid", "anywhere"],
 )
 def test_the_comparison_of_visits_fits_below_the_longest_card(viewer, open_page, further):
-    """At 1280 x 800 its last line was cut when the stroke was outside what the model knows, and when a model
-    told the fat, or width and place across, too."""
+    """At 1280 x 800 two of its four rows were below the edge, or its last line: when the stroke was outside
+    what the model knows, and when a model told the fat, or width and place across, too."""
     fat = Bump(d_mm=10.0, E_fat_kPa=10.4, hardness="unsure", E_inv23=0.2, **further)
     source = once(fat, fat, fat)
     page = open_page(viewer(source), 1280, 800)
@@ -77,6 +69,7 @@ def test_the_comparison_of_visits_fits_below_the_longest_card(viewer, open_page,
     expect(page.locator("#comparison .result")).to_contain_text(
         "3.1 mm"
     )  # both strokes of the visit are in it
+    expect(page.locator("#comparison tbody tr")).to_have_count(4)
     settled(page)
     assert page.evaluate("(c => c.scrollHeight - c.clientHeight)(document.querySelector('#comparison'))") <= 1
 
@@ -95,47 +88,6 @@ def test_the_line_of_a_picked_stroke_stays_in_sight(viewer, open_page):
     settled(page)
     beyond = "document.querySelector('#{}').getBoundingClientRect().bottom"
     assert page.evaluate(f"{beyond.format('stroke-1')} - {beyond.format('strokes')}") <= 1
-
-
-@pytest.mark.parametrize("scheme", ["dark", "light"])
-def test_text_can_be_read_against_its_ground(viewer, open_page, scheme):
-    """WCAG 2 AA: contrast of 4.5 for all text on the page."""
-    page = open_page(viewer(once(LUMP)), scheme=scheme)
-    expect(page.locator("#card .verdict")).to_be_visible()
-    settled(page)
-    assert poor_contrast(page) == []
-    page.keyboard.press("l")
-    expect(page.locator("#visit-map")).to_have_attribute("data-strips", "1")
-    assert poor_contrast(page) == []
-
-
-def poor_contrast(page):
-    """Text that is hard to read as the page stands, with its contrast."""
-    return page.evaluate(
-        """() => {
-          const parse = (text) => (text.match(/[\\d.]+/g) ?? [0, 0, 0, 0]).map(Number);
-          const light = ([r, g, b]) => [r, g, b].map((v) => v / 255)
-            .map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4))
-            .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
-          const ground = (node) => {
-            for (; node; node = node.parentElement) {
-              const c = parse(getComputedStyle(node).backgroundColor);
-              if (c.length < 4 || c[3] > 0.9) return c;
-            }
-            return [255, 255, 255];
-          };
-          const poor = [];
-          for (const node of document.querySelectorAll("body *")) {
-            const text = [...node.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
-            if (!text || !node.offsetParent || node.closest("[aria-disabled=true], option")) continue;
-            const [a, b] = [light(parse(getComputedStyle(node).color)), light(ground(node))].sort((x, y) =>
-            y - x); const ratio = (a + 0.05) / (b + 0.05);
-            if (ratio < 4.5) poor.push(`${node.tagName} ${node.className} ${node.textContent.trim().slice(0,
-            20)} ${ratio.toFixed(2)}`);
-          }
-          return poor;
-        }"""
-    )
 
 
 def test_all_controls_can_be_reached_and_named_by_keyboard_and_screen_reader(viewer, open_page):

@@ -54,11 +54,11 @@ def test_a_page_hundreds_of_events_behind_is_told_everything_afresh():
 def test_memory_stays_bounded_when_no_page_reads():
     session = Session(mode="live", name="x")
     mailbox = session.join()
-    for number in range(400):
+    for number in range(150):
         for event in stroke(Bump(), number * 2.0, number * 15, 30.0, 0.5, number):
             session.on_event(event)
     assert len(mailbox) <= 262
-    assert len(session.visits.strokes()) == 400
+    assert len(session.visits.strokes()) == 150
     assert sum(len(s.images) > 0 for s in session.visits.strokes()) <= 101
 
 

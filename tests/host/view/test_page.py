@@ -189,19 +189,6 @@ def test_pictures_and_tables_can_be_taken_away(viewer, open_page):
     assert float(line["d_mm"]) == 10.0 and line["notice"] == "Research use, not a diagnosis."
 
 
-def test_it_says_when_the_probe_is_gone_and_goes_on_by_itself(viewer, open_page):
-    source = SyntheticSource([LUMP], seconds=0.6)
-    page = open_page(viewer(source))
-    expect(page.locator("#stroke-1")).to_be_visible()
-    source.plugged.clear()
-    expect(page.locator("#banner")).to_contain_text("The probe is gone")
-    expect(page.locator("#link-text")).to_have_text("Probe gone")
-    seen = page.locator("#strokes [data-number]").count()  # what was told before has been told in full
-    source.plugged.set()
-    expect(page.locator("#banner")).to_be_hidden()
-    expect(page.locator(f"#stroke-{seen + 1}")).to_be_visible()
-
-
 def test_the_page_outlives_the_viewer_program(viewer, open_page):
     port = free_port()
     first = viewer(SyntheticSource([LUMP], seconds=0.5), port=port)
@@ -226,24 +213,6 @@ def test_two_visits_say_what_their_comparison_takes_for_granted(viewer, open_pag
     source.limit = 5
     expect(page.locator("#stroke-5")).to_be_visible()
     expect(page.get_by_text("zero or gain")).to_be_visible()  # and is not shut in its reader's face
-
-
-def test_two_visits_are_compared_without_scrolling_at_1280_by_800(viewer, open_page):
-    """Two rows of four were below the edge."""
-    source = once(Bump(d_mm=10.0), Bump(d_mm=10.3))
-    page = open_page(viewer(source, fat_kPa=10.0))
-    expect(page.locator("#stroke-2")).to_be_visible()
-    page.keyboard.press("v")
-    page.keyboard.press("Enter")
-    expect(page.locator("#visit-b option")).to_have_count(2)
-    source.bumps, source.limit = [Bump(d_mm=13.0), Bump(d_mm=13.2)], 4
-    expect(page.locator("#stroke-4")).to_be_visible()
-    expect(page.locator("#comparison .result")).to_contain_text("beyond repeatability")
-    expect(page.locator("#comparison tbody tr")).to_have_count(4)
-    assert (
-        page.evaluate("(box => box.scrollHeight - box.clientHeight)(document.querySelector('#comparison'))")
-        <= 1
-    )
 
 
 def test_after_the_first_stroke_its_answer_is_awaited(viewer, open_page):

@@ -122,10 +122,7 @@ class Board:
         self._last = b""  # of what it said, for whoever waits in vain
 
     def stroke(
-        self,
-        strokes: Sequence[source.FramedStroke],
-        folder: Path,
-        lifted: int = source.LIFTED_AS_BY_HAND,
+        self, strokes: Sequence[source.FramedStroke], folder: Path, lifted: int = source.LIFTED_AS_BY_HAND
     ) -> None:
         """From the next stream on a hand leads the board over these strokes, one after the other."""
         way = source.write_source(folder / "way", strokes, lifted).read_bytes()

@@ -2,13 +2,13 @@
 
 import json
 import random
-import re
 
 import pytest
 
 from firmware_py import messages, status
 from palpate.sim.probe.emulated import EmulatedProbe
 from tests.benchmarks.bench_link import Still
+from tests.firmware_py import c_header
 from tests.firmware_py.talk import command
 from tests.sim.probe.test_emulated import Host
 
@@ -17,7 +17,7 @@ NAMES = [name for _, name, *_ in messages.COMMANDS]
 
 
 def fields_of(name):
-    return re.findall(r"\d+s|[BHIi]", messages.TABLE[messages.TYPE[name]][2])
+    return c_header.fields_of(messages.TABLE[messages.TYPE[name]][2])
 
 
 def extremes(field):

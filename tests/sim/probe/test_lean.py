@@ -1,6 +1,7 @@
 """What the board is given of the firmware: leaner, and to the same integers."""
 
 import ast
+import functools
 import subprocess
 import sys
 
@@ -16,6 +17,11 @@ from tests.sim.probe.test_three_runtimes import WHOLE, whole_strokes
 
 def firmware():
     return {name: (board_files.FIRMWARE / name).read_text() for name in board_files.modules()}
+
+
+@functools.cache
+def on_the_board():
+    return lean(firmware(), MAIN)
 
 
 def test_the_lean_firmware_under_borrowed_names_gives_the_same_integers_from_frames_to_estimates(tmp_path):
@@ -71,7 +77,7 @@ MODULES = {
 
 
 def test_whatever_a_module_takes_from_another_is_there():
-    found = {path: ast.parse(text) for path, text in lean(firmware(), MAIN).items()}
+    found = {path: ast.parse(text) for path, text in on_the_board().items()}
     there = {path: bound_at_the_top(tree) for path, tree in found.items()}
     for path, tree in found.items():
         names = imported(tree)
@@ -85,7 +91,7 @@ def test_whatever_a_module_takes_from_another_is_there():
 
 
 def test_a_table_that_is_worked_out_while_loading_is_worked_out_beforehand():
-    found = lean(firmware(), MAIN)
+    found = on_the_board()
     assert set(found) & {"status.py", "outputs.py"} == set()
     assert "FORMATS = {1: ('<I', '')" in found["messages.py"]
     assert "TYPE" not in found["messages.py"] and "identify" not in found["tables.py"]

@@ -22,7 +22,7 @@ from tests.sim.probe import mpy_file
 from tests.sim.probe.machine_code import PROCESSORS, BadAccess, MachineCode
 from tests.sim.probe.viper_source import compile_viper
 
-VECTORS = {"armv6m": 100, "armv7m": 20, "armv7emsp": 100}
+VECTORS = {"armv6m": 40, "armv7m": 20, "armv7emsp": 40}
 """In every `make test`; the M3's code is the M4's. `make test-long` draws a thousand."""
 MANY = 1000
 SOURCES = (twins.HOT, twins.STROKE, twins.EVALUATOR, twins.LINK)

@@ -76,11 +76,7 @@ class Punch:
 
     def height(self, s):
         edge = np.maximum(np.abs(s) - self.half_mm, 0.0)
-        return (
-            edge**2 / 2 / self.radius_mm,
-            edge * np.sign(s) / self.radius_mm,
-            (edge > 0) / self.radius_mm,
-        )
+        return (edge**2 / 2 / self.radius_mm, edge * np.sign(s) / self.radius_mm, (edge > 0) / self.radius_mm)
 
 
 def half_space(hx, a, young, nu, deep=400.0):

@@ -8,16 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from palpate.features.map_features import stroke_features
-from palpate.sim.tissue import (
-    Case,
-    CaseError,
-    Settings,
-    case_key,
-    load_strokes,
-    read_design,
-    simulate,
-    sweep,
-)
+from palpate.sim.tissue import Case, CaseError, Settings, case_key, load_strokes, read_design, simulate, sweep
 from palpate.sim.tissue.any_tissue import TissueRanges
 from palpate.sim.tissue.anywhere import (
     PlaceRanges,

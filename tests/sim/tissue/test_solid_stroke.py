@@ -99,19 +99,8 @@ def test_the_emulated_sensors_see_the_images():
     stroke = ball()
     field = StrokeField(stroke)
     model = SensorModel(field, replace(stroke_noise(), quantise=True), 0)
-    kPa = (
-        np.array(
-            [
-                unpack(p)
-                for p in model.stroke(
-                    57,
-                ).packed
-            ]
-        ).reshape(-1, 16, 26)
-        / 4095
-        * 25
-        - 0.5
-    )
+    counts = np.array([unpack(packed) for packed in model.stroke(57).packed])
+    kPa = counts.reshape(-1, 16, 26) / 4095 * 25 - 0.5
     assert kPa[28] == pytest.approx(stroke.images_kPa[-1], abs=0.0031)
     assert stroke_frames(stroke, "none").truth.case.d_mm == 10
     with pytest.raises(UsageError, match="width"):

@@ -72,7 +72,7 @@ def test_a_fine_mesh_is_pressed_with_less_work_to_the_same_state(code, monkeypat
 
 def test_a_probe_pressed_through_the_tissue_is_an_error_that_names_place_and_reason():
     with pytest.raises(StrokeError, match=r"failed at -28\.0 mm: pressing") as error:
-        simulate(Case(10, 0.8, 10, F_rel=100))
+        simulate(Case(10, 0.8, 10, F_rel=100), Settings(hx_mm=4.0))
     assert error.value.position_mm == -28
 
 

@@ -21,13 +21,13 @@ from palpate.sim.tissue.store import StrokeStore
 from tests.docs.blocks import ROOT
 from tests.waiting import wait_until
 
-QUICK = Settings(start_mm=-4.0)
+QUICK = Settings(hx_mm=4.0, start_mm=-4.0)
 
 SCRIPT = """
 import sys
 from palpate.sim.tissue import Settings, sobol_cases, sweep
 if __name__ == "__main__":
-    sweep(sobol_cases(24, 9), Settings(start_mm=-4.0), sys.argv[1], workers=2)
+    sweep(sobol_cases(24, 9), Settings(hx_mm=4.0, start_mm=-4.0), sys.argv[1], workers=2)
 """
 
 
