@@ -26,6 +26,7 @@ MODULES = {
     "reference": "reference",
     "balls": "balls",
     "inverted": "inverted",
+    "inverted_solid": "inverted_solid",
     "pressed": "pressed",
     "ranges": "ranges",
 }
@@ -69,6 +70,7 @@ def command(
       coverage    the intervals of the bundled told model, the depth's among them
       balls       which solid lumps are found, and how well; of DIRECTORY/balls.parquet
       inverted    strokes fitted by the forward model: errors and intervals (half a minute each)
+      inverted_solid  the same over balls and ellipsoids (minutes each, and two to compute each)
       pressed     presses alone, fitted by the forward model (minutes each)
       ranges      the bundled models at the ends of their ranges and beyond (minutes)
     """
