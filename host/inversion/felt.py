@@ -21,9 +21,10 @@ LEAST_RISE = 2.0
 _TOUCHES = 0.1
 _OWN = Face(40.0)
 """Of our probe."""
-_UNEVEN = 0.03
-"""A column's share of the force changes by so much of itself, noise apart, where a lump ends across: by .04
-and more over balls, by .02 at most over cylinders, for the gains of cells."""
+_UNEVEN, _SIDE_BY_SIDE = 0.010, 4
+"""The share of the force on columns side by side changes by so much of itself, noise apart, where a lump ends
+across: over sixty cylinders by .008 at most, for the gains of cells; over balls by more, unless they are deep
+or soft."""
 
 _PRESSED_UNEVENLY = 0.06
 """In a press over five balls a column gains .09 to .19 more or less than its rows; over twelve cylinders, by
@@ -206,9 +207,12 @@ def _even(pressure_kPa: Floats, dead: NDArray[np.bool_]) -> bool:
     alive = np.where(dead, np.nan, pressure_kPa)
     across = np.nanmean(alive, axis=1)  # (n, 26): the force on each column
     share = across / np.nanmean(across, axis=1, keepdims=True)
-    apart = share - np.nanmean(share, axis=0)
-    white = np.nanmean(np.diff(share, axis=0) ** 2, axis=0) / 2
-    return bool(np.nanmax(np.nanmean(apart**2, axis=0) - white) <= _UNEVEN**2)
+    share = np.where(np.isfinite(share), share, 1.0)
+    sums = np.cumsum(np.pad(share, ((0, 0), (1, 0))), axis=1)
+    share = (sums[:, _SIDE_BY_SIDE:] - sums[:, :-_SIDE_BY_SIDE]) / _SIDE_BY_SIDE
+    apart = share - share.mean(axis=0)
+    white = (np.diff(share, axis=0) ** 2).mean(axis=0) / 2
+    return bool(((apart**2).mean(axis=0) - white).max() <= _UNEVEN**2)
 
 
 def _check_pressed_evenly(pressure_kPa: Floats, dead: NDArray[np.bool_], name: str) -> None:

@@ -15,7 +15,7 @@ from palpate.sim.tissue import Case
 Floats = NDArray[np.float64]
 
 WIDTH, HEIGHT, OFFSET = "ln width/d", "ln height/d", "offset"
-_RATIO = "ln gland ratio"
+RATIO = "ln gland ratio"
 ERROR = "emulator's error"
 _FIELDS = ("t_mm", "depth_mm", "d_mm", "E_ratio", "gland_ratio", "gland_mm", "offset_mm")
 
@@ -25,7 +25,7 @@ _STIFFNESS = Unknown("E^-2/3", 0.32, 0.18, 0.003, 0.72, 0.08)
 _ASPECT_SD = 0.28
 """Of ln width and ln height over ln d, where the lump is no ball."""
 _TISSUE = (
-    log_even(_RATIO, 1.0, 10.0, 0.9, 12.0, 0.4),
+    log_even(RATIO, 1.0, 10.0, 0.9, 12.0, 0.4),
     Unknown("ln gland", np.log(17.5), 0.38, np.log(7.0), np.log(36.0), 0.3),
     Unknown("b of the fat", 1.5, 0.87, 0.0, 3.6, 0.8),
     Unknown("b of the gland", 1.5, 0.87, 0.0, 3.6, 0.8),
@@ -67,8 +67,8 @@ def learnt(of: Class, ratios: tuple[float, float], components: int) -> Class:
         What it may get wrong, each of unit spread: further unknowns.
     """
     low, high = ratios
-    ratio = log_even(_RATIO, low, high, 0.93 * low, 1.1 * high, 0.4)
-    unknowns = tuple(ratio if unknown.name == _RATIO else unknown for unknown in of.unknowns)
+    ratio = log_even(RATIO, low, high, 0.93 * low, 1.1 * high, 0.4)
+    unknowns = tuple(ratio if unknown.name == RATIO else unknown for unknown in of.unknowns)
     wrong = tuple(Unknown(f"{ERROR} {k}", 0.0, 1.0, -5.0, 5.0, 1.5) for k in range(components))
     return Class(of.name, (*unknowns, *wrong), of.case, of.fields)
 

@@ -20,7 +20,7 @@ from palpate.inversion.mirror import mirrored_about
 from palpate.inversion.press import together
 from palpate.inversion.result import told
 from palpate.inversion.search import Mode, search
-from palpate.inversion.solid_classes import BALL, ELLIPSOID, OFFSET, SOLIDS, learnt
+from palpate.inversion.solid_classes import BALL, ELLIPSOID, OFFSET, RATIO, SOLIDS, learnt
 from palpate.inversion.solid_forward import Correction, SolidForward, bundled, correction_at
 from palpate.inversion.solid_posterior import SolidPosterior, binned
 from palpate.inversion.start import MIDDLE, Start
@@ -43,12 +43,16 @@ _HOPELESS = 150.0
 _SOFT, _HARD = 0.45, 0.1
 _SIZE_BY_STIFFNESS = 0.97
 """As in `start`."""
+_SIZED, _LESS, _MORE = 1.3, -0.5, 0.4
+"""Sizes of further first guesses, and ln of their glands' stiffness over the usual."""
 _ROUNDS = 3
 _STAYS = 0.5
 """The mode stays where no number of the lump moves by so much of its standard deviation."""
 _LUMP = ("ln d", "ln depth", "E^-2/3")
 _RARE = 0.01
-"""An interval holds those of every class with greater odds."""
+_AS_WELL, _SAME = 10.0, 0.5
+"""An interval holds those of every mode of a class with greater odds whose misfit is within so much of its
+best one's: the valley is long, and curved. Modes nearer than so many standard deviations are one."""
 _ON_LINE_MM = 2.5
 """A bump whose middle is so near that of the face is looked for on the line."""
 
@@ -65,10 +69,6 @@ class Found:
         """The class."""
         return self.posterior.of
 
-    def better_than(self, other: Found) -> bool:
-        """Whether its misfit is less."""
-        return self.mode.misfit.total < other.mode.misfit.total
-
     def theta(self, of: Class) -> Floats:
         """Its mode as a guess for another class; what that lacks is left out."""
         known = dict(zip((unknown.name for unknown in self.of.unknowns), self.mode.z))
@@ -81,24 +81,24 @@ def invert_solid(stroke: FeltStroke, start: Start, noise: Noise) -> Inverted:
     emulator, errors = bundled()
     ratios = emulator.learnt(_RATIO)
     classes = [learnt(of, ratios, len(errors.image)) for of in (ELLIPSOID, BALL)]
-    tried = _first(classes, some, start, noise)
-    if not tried:
+    modes = _first(classes, some, start, noise)
+    if not modes:
         return Inverted(stroke.stroke, problem=f"stroke {stroke.stroke}: no solid lump could be computed")
-    best = _best(tried)
     rounds, stays = 0, False
     while rounds < _ROUNDS and not stays:
+        before = _best(modes)
         try:
-            correction = correction_at(_case(best), emulator)
+            correction = correction_at(_case(before), emulator)
         except (CaseError, StrokeError):
             break
-        before, rounds = best, rounds + 1
-        tried = _again(tried, some, noise, correction)
-        best = _best(tried)
-        stays = _moved(before, best) < _STAYS and best.mode.settled
-    odds = _odds(tried)
-    said = {name: _told(tried[name], odds, stays) for name, share in odds.items() if share > _RARE}
+        rounds += 1
+        modes = _again(modes, some, noise, correction) or modes
+        stays = _moved(before, _best(modes)) < _STAYS
+    best, odds = _best(modes), _odds(modes)
+    said = [_told(one, odds, stays) for one in modes if odds[one.of.name] > _RARE]
     laid = best.posterior.laid(best.mode.z, best.mode.found)  # type: ignore[arg-type]
-    return replace(said[best.of.name], values=together(said[best.of.name], [*said.values()]), laid=(laid,))
+    first = _told(best, odds, stays)
+    return replace(first, values=together(first, said), laid=(laid,))
 
 
 def _told(found: Found, odds: dict[str, float], stays: bool) -> Inverted:
@@ -106,44 +106,48 @@ def _told(found: Found, odds: dict[str, float], stays: bool) -> Inverted:
     return told(found.posterior, mode, odds, found.posterior.places(mode.z), WIDER_SOLID)
 
 
-def _first(classes: list[Class], stroke: FeltStroke, start: Start, noise: Noise) -> dict[str, Found]:
-    """The best modes by the emulator alone, from several starts; the later classes begin at the first's."""
-    tried: dict[str, Found] = {}
+def _first(classes: list[Class], stroke: FeltStroke, start: Start, noise: Noise) -> list[Found]:
+    """The modes by the emulator alone, from several starts; the later classes begin at the first's."""
+    modes: list[Found] = []
     place = mirrored_about(stroke)
     lump_mm = start.lump_mm if place is None else place
     for of in classes:
         forward = SolidForward(of, stroke.press)
-        guesses: list[Floats] = [one.theta(of) for one in tried.values()]
-        best: Found | None = None
-        for theta in guesses or _starts(of, stroke, start, lump_mm):
+        of_class: list[Found] = []
+        for theta in [one.theta(of) for one in modes] or _starts(of, stroke, start, lump_mm):
             posterior = SolidPosterior(of, stroke, noise)
-            least = np.inf if best is None else best.mode.misfit.total
+            least = min((one.mode.misfit.total for one in of_class), default=np.inf)
             z = posterior.start(theta, start.E_kPa, lump_mm)
-            found = _searched(posterior, forward, z, least + _HOPELESS)
-            if found is not None and found.mode.misfit.total < least:
-                best = found
-        if best is not None:
-            tried[of.name] = best
-    return tried
+            _take(of_class, _searched(posterior, forward, z, least + _HOPELESS))
+        modes += _near(of_class)
+    return modes
 
 
-def _again(
-    tried: dict[str, Found], stroke: FeltStroke, noise: Noise, correction: Correction
-) -> dict[str, Found]:
-    """The classes' modes by the emulator set right, from where they and the others were."""
-    out = {}
-    for name, one in tried.items():
-        own = len(SOLIDS[name].unknowns)
-        for other in tried.values():
+def _again(modes: list[Found], stroke: FeltStroke, noise: Noise, correction: Correction) -> list[Found]:
+    """The modes by the emulator set right, from where they were."""
+    out: list[Found] = []
+    for name in SOLIDS:
+        of_class: list[Found] = []
+        for one in (one for one in modes if one.of.name == name):
             posterior = SolidPosterior(one.of, stroke, noise)
             posterior.mean[:] = one.posterior.mean
             z = one.mode.z.copy()
-            z[: len(one.of.unknowns)] = other.theta(one.of)
-            z[own : len(one.of.unknowns)] = 0.0
-            found = _searched(posterior, SolidForward(one.of, stroke.press, correction), z)
-            if found is not None and (name not in out or found.better_than(out[name])):
-                out[name] = found
-    return out or tried
+            z[len(SOLIDS[name].unknowns) : len(one.of.unknowns)] = 0.0
+            _take(of_class, _searched(posterior, SolidForward(one.of, stroke.press, correction), z))
+        out += _near(of_class)
+    return out
+
+
+def _take(modes: list[Found], found: Found | None) -> None:
+    """Add a mode that is not there yet."""
+    if found is not None and all(_moved(other, found) > _SAME for other in modes):
+        modes.append(found)
+
+
+def _near(modes: list[Found]) -> list[Found]:
+    """Those that explain the stroke about as well as the best."""
+    least = min((one.mode.misfit.total for one in modes), default=0.0)
+    return [one for one in modes if one.mode.misfit.total <= least + _AS_WELL]
 
 
 def _searched(
@@ -157,16 +161,23 @@ def _searched(
 
 
 def _starts(of: Class, stroke: FeltStroke, start: Start, lump_mm: float) -> Iterator[Floats]:
-    """First guesses: the estimate, the same lump softer and harder, and the middle of all lumps."""
+    """First guesses: the estimate, softer and harder, smaller and larger over other glands, and the middle."""
     offset = _across(stroke, lump_mm)
     valley = [
         replace(start, E_inv23=s, d_mm=start.d_mm * float(np.exp(_SIZE_BY_STIFFNESS * (s - start.E_inv23))))
         for s in (start.E_inv23, _SOFT, _HARD)
     ]
-    for one in (*valley, replace(MIDDLE, lump_mm=lump_mm)):
+    names = [unknown.name for unknown in of.unknowns]
+    sized = [
+        (replace(start, d_mm=start.d_mm * by, depth_mm=start.depth_mm * by), ratio)
+        for by, ratio in ((1 / _SIZED, _LESS), (_SIZED, _MORE))
+    ]
+    middle = replace(MIDDLE, lump_mm=lump_mm)
+    for one, ratio in (*((one, 0.0) for one in valley), *sized, (middle, 0.0)):
         theta = of.column("mean")
         theta[:3] = np.log(one.d_mm), np.log(one.depth_mm), one.E_inv23
-        theta[[unknown.name for unknown in of.unknowns].index(OFFSET)] = offset
+        theta[names.index(OFFSET)] = offset
+        theta[names.index(RATIO)] += ratio
         yield theta
 
 
@@ -202,15 +213,19 @@ def _case(found: Found) -> Case:
     return replace(case, F_rel=force / FORCE_UNIT_N_PER_M)
 
 
-def _best(tried: dict[str, Found]) -> Found:
-    return max(tried.values(), key=lambda found: found.mode.log_evidence)
+def _best(modes: list[Found]) -> Found:
+    return max(modes, key=lambda found: found.mode.log_evidence)
 
 
-def _odds(tried: dict[str, Found]) -> dict[str, float]:
-    """Of the classes, all as likely beforehand."""
-    most = max(found.mode.log_evidence for found in tried.values())
-    share = {name: float(np.exp(found.mode.log_evidence - most)) for name, found in tried.items()}
-    return {name: share[name] / sum(share.values()) for name in SOLIDS if name in share}
+def _odds(modes: list[Found]) -> dict[str, float]:
+    """Of the classes, by their best modes, all as likely beforehand."""
+    evidence = {
+        name: max(one.mode.log_evidence for one in modes if one.of.name == name)
+        for name in SOLIDS
+        if any(one.of.name == name for one in modes)
+    }
+    share = {name: float(np.exp(value - max(evidence.values()))) for name, value in evidence.items()}
+    return {name: share[name] / sum(share.values()) for name in share}
 
 
 def _moved(before: Found, now: Found) -> float:
