@@ -161,7 +161,7 @@ def _searched(
 
 
 def _starts(of: Class, stroke: FeltStroke, start: Start, lump_mm: float) -> Iterator[Floats]:
-    """First guesses: the estimate, softer and harder, smaller and larger over other glands, and the middle."""
+    """First guesses: the estimate, softer, harder, smaller and larger over other glands; the middle."""
     offset = _across(stroke, lump_mm)
     valley = [
         replace(start, E_inv23=s, d_mm=start.d_mm * float(np.exp(_SIZE_BY_STIFFNESS * (s - start.E_inv23))))
