@@ -2,7 +2,7 @@
 
 The emulator's derivatives are smooth, the solver's are not: nodes enter and leave the contact. So the search
 goes by the emulator, and what the solver says otherwise at one guess is added to it from then on. What it
-may still get wrong are further unknowns of the class (`solid_classes.with_errors`).
+may still get wrong are further unknowns of the class (`solid_classes.learnt`).
 
 In fat of 10 kPa. Units: mm, kPa, N/m. A table has the stroke's images, position by position from before the
 lump to over it, and its displacements; a frame's image is binned, `BINS`.

@@ -46,11 +46,11 @@ WIDER = {
 """By unknown; docs/inversion.md says how they are known."""
 
 WIDER_SOLID = {
-    "ln d": Widening(1.0, 1.0, 0.0),
-    "ln width": Widening(1.0, 1.0, 0.0),
-    "ln depth": Widening(1.0, 1.0, 0.0),
-    "ln t": Widening(1.0, 1.0, 0.0),
+    "ln d": Widening(1.2, 1.2, 0.0),
+    "ln width": Widening(1.4, 1.4, 0.0),
+    "ln depth": Widening(1.8, 1.8, 0.0),
+    "ln t": Widening(2.5, 2.5, 0.0),
     "E^-2/3": Widening(1.0, 1.0, 0.0),
-    "ln_E": Widening(1.0, 1.0, 0.0),
+    "ln_E": Widening(1.4, 1.4, 0.0),
 }
-"""The same over solid lumps."""
+"""The same over solid lumps: provisional, from a dozen strokes whose intervals held one mode alone."""

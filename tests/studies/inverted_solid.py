@@ -44,7 +44,7 @@ def tables(asked: Asked) -> list[StudyTable]:
 
 
 def inverted(case: Case, asked: Asked, k: int) -> dict[str, Any]:
-    """One stroke: how far the regression and the inversion are from the truth, and its half-intervals."""
+    """One stroke: how far regression and inversion are from the truth, and half-intervals before widening."""
     worlds = asked.directory / "worlds"
     worlds.mkdir(parents=True, exist_ok=True)
     noise = asked.noise or "typical"
@@ -74,7 +74,8 @@ def inverted(case: Case, asked: Asked, k: int) -> dict[str, Any]:
         )
         apart = middle - true
         half = middle - low if apart > 0 else high - middle
-        row[name] = {"apart": apart, "half": half, "first": before - true, "truth": truth[name]}
+        used = WIDER_SOLID[WORDS[name]].settled
+        row[name] = {"apart": apart, "half": half / used, "first": before - true, "truth": truth[name]}
     likely = (found.values["E_inv23"].value < HARD) == (case.E_inv23 < HARD)
     return row | {
         "chi2": found.chi2, "fits": found.fits, "settled": found.settled, "likely": bool(likely),
@@ -93,6 +94,7 @@ def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
         apart, half, first = (
             np.array([row[name][key] for row in whole]) for key in ("apart", "half", "first")
         )
+        half = half * wider.settled
         over = np.abs(apart) / half
         crossed = [
             one <= quantile_of_part(over, np.arange(len(over)) % 2 != k % 2, LEVEL)
