@@ -48,9 +48,9 @@ WIDER = {
 WIDER_SOLID = {
     "ln d": Widening(1.2, 1.2, 0.0),
     "ln width": Widening(1.4, 1.4, 0.0),
-    "ln depth": Widening(1.8, 1.8, 0.0),
-    "ln t": Widening(2.5, 2.5, 0.0),
+    "ln depth": Widening(1.9, 1.9, 0.0),
+    "ln t": Widening(3.3, 3.3, 0.0),
     "E^-2/3": Widening(1.0, 1.0, 0.0),
-    "ln_E": Widening(1.4, 1.4, 0.0),
+    "ln_E": Widening(1.5, 1.5, 0.0),
 }
-"""The same over solid lumps: provisional, from a dozen strokes whose intervals held one mode alone."""
+"""The same over solid lumps: provisional, what ten strokes ask for, and tried on no others."""
