@@ -24,7 +24,13 @@ ROWS = (
     ("E_fat_kPa", "Fat's modulus", "kPa"),
 )
 """What is shown of it: name, words, unit."""
-TITLES = {"none": "Fitted: no lump", "border": "Fitted: a lump on the border", "anywhere": "Fitted: a lump"}
+TITLES = {
+    "none": "Fitted: no lump",
+    "border": "Fitted: a lump on the border",
+    "anywhere": "Fitted: a lump",
+    "ball": "Fitted: a ball",
+    "ellipsoid": "Fitted: an ellipsoid",
+}
 _LEAST = 0.005
 """Odds below are not worth a word."""
 _DIGITS = 3
@@ -97,7 +103,7 @@ class Inverted:
         Its number on the probe; of a press alone in its recording.
     values : dict
         `Value` by name: t_mm, E_fat_kPa, F_N_per_m, gland_mm, gland_ratio; with a lump d_mm, h, depth_mm,
-        E_inv23, E_ratio and E_kPa.
+        E_inv23, E_ratio and E_kPa; of a solid one width_mm, across the stroke.
     kind : str
         The class that the values belong to.
     classes : dict

@@ -53,7 +53,8 @@ def command(
 
     The probe's own answer is a regression. This takes seconds to a minute a stroke and works in any tissue
     that the solver knows; it says "does not fit" where no class of tissue and lump explains the stroke, or
-    where two lumps, undulating tissue or friction would do so better. Lumps are endless cylinders.
+    where two lumps, undulating tissue or friction would do so better. Lumps are endless cylinders; where the
+    image changes across the stroke, balls and ellipsoids, which take minutes.
     A recording without a stroke has its presses fitted: they tell less, and the intervals say how much.
 
     Answers are kept in RECORDING.refined, and taken from there until --again, another --class or --noise, or

@@ -45,18 +45,18 @@ class Unknown:
     step: float
 
 
-def _log(name: str, low: float, high: float, least: float, most: float, step: float) -> Unknown:
+def log_even(name: str, low: float, high: float, least: float, most: float, step: float) -> Unknown:
     """A logarithm, even between low and high; the search ends at least and most."""
     a, b = np.log(low), np.log(high)
     return Unknown(name, (a + b) / 2, (b - a) / np.sqrt(12), np.log(least), np.log(most), step)
 
 
 _D = Unknown("ln d", np.log(11.5), 0.40, np.log(3.0), np.log(35.0), 0.2)
-_DEPTH = _log("ln depth", 2.0, 30.0, 1.0, 60.0, 0.25)
-_FAT = _log("ln t", 4.0, 30.0, 2.5, 60.0, 0.25)
+_DEPTH = log_even("ln depth", 2.0, 30.0, 1.0, 60.0, 0.25)
+_FAT = log_even("ln t", 4.0, 30.0, 2.5, 60.0, 0.25)
 _STIFFNESS = Unknown("E^-2/3", 0.32, 0.18, 0.003, 0.97, 0.08)
 _TISSUE = (
-    _log("ln gland ratio", 1.0, 10.0, 0.7, 16.0, 0.4),
+    log_even("ln gland ratio", 1.0, 10.0, 0.7, 16.0, 0.4),
     Unknown("ln gland", np.log(17.5), 0.38, np.log(5.0), np.log(45.0), 0.3),
     Unknown("b of the fat", 1.27, 0.96, 0.0, 6.0, 0.8),
     Unknown("b of the gland", 1.27, 0.96, 0.0, 6.0, 0.8),
@@ -86,7 +86,7 @@ class Class:
     @property
     def lump(self) -> bool:
         """Whether there is one."""
-        return self.unknowns[0] is _D
+        return self.unknowns[0].name == _D.name
 
     def values(self, theta: Floats) -> Floats:
         """The case's `fields`."""

@@ -21,9 +21,10 @@ LEAST_RISE = 2.0
 _TOUCHES = 0.1
 _OWN = Face(40.0)
 """Of our probe."""
-_UNEVEN = 0.03
-"""A column's share of the force changes by so much of itself, noise apart, where a lump ends across: by .04
-and more over balls, by .02 at most over cylinders, for the gains of cells."""
+_UNEVEN, _SIDE_BY_SIDE = 0.010, 4
+"""The share of the force on columns side by side changes by so much of itself, noise apart, where a lump ends
+across: over sixty cylinders by .008 at most, for the gains of cells; over balls by more, unless they are deep
+or soft."""
 
 _PRESSED_UNEVENLY = 0.06
 """In a press over five balls a column gains .09 to .19 more or less than its rows; over twelve cylinders, by
@@ -59,6 +60,8 @@ class FeltStroke:
         Whether the displacement is; else it is 0 and counts for nothing.
     curve_kPa : float
         Standard deviation of what the cells' response curves get wrong, row by row.
+    image_kPa : ndarray (n, rows, columns), optional
+        Where a lump ends across the stroke: every cell, dead ones NaN.
     """
 
     rows_kPa: Floats
@@ -72,6 +75,12 @@ class FeltStroke:
     face: Face = _OWN
     measured: bool = True
     curve_kPa: float = 0.0
+    image_kPa: Floats | None = None
+
+    @property
+    def solid(self) -> bool:
+        """Whether the lump under it ends across the stroke."""
+        return self.image_kPa is not None
 
     @property
     def alone(self) -> bool:
@@ -84,6 +93,7 @@ class FeltStroke:
         return replace(
             self, rows_kPa=self.rows_kPa[k], displacement_mm=self.displacement_mm[k],
             place_mm=self.place_mm[k], share=self.share[k], along_mm=self.along_mm[k], press=len(press),
+            image_kPa=None if self.image_kPa is None else self.image_kPa[k],
         )  # fmt: skip
 
 
@@ -97,7 +107,7 @@ def felt_stroke(
     stroke: int = 0,
     face: Face | None = None,
 ) -> FeltStroke:
-    """Row means of n frames of a stroke.
+    """Row means of n frames of a stroke; every cell, where the lump ends across it.
 
     Parameters
     ----------
@@ -114,8 +124,8 @@ def felt_stroke(
     Raises
     ------
     NotInvertible
-        No press, no displacement, too short a stroke, a row without a live cell, or a lump that ends across
-        the stroke.
+        No press, no displacement, too short a stroke, a row without a live cell, or another face over a lump
+        that ends across the stroke.
     """
     if press < LEAST_PRESS:
         raise NotInvertible(f"stroke {stroke} has no press before it: lift the probe, press, then stroke")
@@ -126,7 +136,12 @@ def felt_stroke(
     if np.ptp(displacement_mm) < LEAST_DISPLACEMENT_MM:
         raise NotInvertible(f"stroke {stroke} has no displacement: the probe's sensor for it does not move")
     rows = _rows(pressure_kPa, dead, f"stroke {stroke}")
-    _check_even(pressure_kPa[press:], dead, f"stroke {stroke}")
+    even = _even(pressure_kPa[press:], dead)
+    if not even and face is not None:
+        raise NotInvertible(
+            f"stroke {stroke}: its image changes across the stroke, as over a ball, which the inversion "
+            "knows under Palpate's own probe only"
+        )
     start = place_mm[press]
     share = np.concatenate([np.zeros(press), np.linspace(0.0, 1.0, len(place_mm) - press)])
     before = start + _CREEP_MM_PER_S * (time_s[:press] - time_s[press])
@@ -134,7 +149,8 @@ def felt_stroke(
     place = np.concatenate([np.full(press, start), place_mm[press:]])
     face = face or _OWN
     live = (~dead).sum(1)
-    return FeltStroke(rows, live, displacement_mm, place, share, along, press, stroke, face)
+    image = None if even else np.where(dead, np.nan, pressure_kPa)
+    return FeltStroke(rows, live, displacement_mm, place, share, along, press, stroke, face, image_kPa=image)
 
 
 def felt_press(
@@ -186,29 +202,27 @@ def _rows(pressure_kPa: Floats, dead: NDArray[np.bool_], name: str) -> Floats:
     return rows
 
 
-def _check_even(pressure_kPa: Floats, dead: NDArray[np.bool_], name: str) -> None:
-    """NotInvertible where columns differ by more than gains: such a lump ends across the stroke."""
+def _even(pressure_kPa: Floats, dead: NDArray[np.bool_]) -> bool:
+    """Whether columns differ by gains alone; else the lump ends across the stroke."""
     alive = np.where(dead, np.nan, pressure_kPa)
     across = np.nanmean(alive, axis=1)  # (n, 26): the force on each column
     share = across / np.nanmean(across, axis=1, keepdims=True)
-    apart = share - np.nanmean(share, axis=0)
-    white = np.nanmean(np.diff(share, axis=0) ** 2, axis=0) / 2
-    if np.nanmax(np.nanmean(apart**2, axis=0) - white) > _UNEVEN**2:
-        raise _uneven(name)
+    share = np.where(np.isfinite(share), share, 1.0)
+    sums = np.cumsum(np.pad(share, ((0, 0), (1, 0))), axis=1)
+    share = (sums[:, _SIDE_BY_SIDE:] - sums[:, :-_SIDE_BY_SIDE]) / _SIDE_BY_SIDE
+    apart = share - share.mean(axis=0)
+    white = (np.diff(share, axis=0) ** 2).mean(axis=0) / 2
+    return bool(((apart**2).mean(axis=0) - white).max() <= _UNEVEN**2)
 
 
 def _check_pressed_evenly(pressure_kPa: Floats, dead: NDArray[np.bool_], name: str) -> None:
-    """As `_check_even` of a press, by what each column gains while the force grows: zeros drop out."""
+    """NotInvertible where columns differ in a press, by what each gains with the force: zeros drop out."""
     alive = np.where(dead, np.nan, pressure_kPa)
     rise = alive - alive.mean(axis=0)
     of_row = np.where(dead, np.nan, np.nanmean(rise, axis=2, keepdims=True))
     gain = np.nansum(rise * of_row, axis=(0, 1)) / np.nansum(of_row**2, axis=(0, 1))
     if np.abs(gain - 1).max() > _PRESSED_UNEVENLY:
-        raise _uneven(name)
-
-
-def _uneven(name: str) -> NotInvertible:
-    return NotInvertible(
-        f"{name}: its image changes across the stroke, as over a ball; "
-        "the inversion knows endless cylinders only, so take the probe's own estimate"
-    )
+        raise NotInvertible(
+            f"{name}: its image changes across the stroke, as over a ball; "
+            "of a press alone the inversion knows endless cylinders only"
+        )

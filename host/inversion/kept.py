@@ -26,6 +26,7 @@ from palpate.inversion.recorded import felt_strokes
 from palpate.inversion.start import Start
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue import SOLVER_VERSION
+from palpate.sim.tissue.settings import SOLID_SOLVER_VERSION
 
 Felt = tuple[FeltStroke, Start]
 """A stroke and a first estimate of what lies under it."""
@@ -142,11 +143,13 @@ def kept_answers(recording: Path) -> list[Inverted]:
 
 @lru_cache(maxsize=1)
 def version() -> str:
-    """Hash of the inversion's source, of its first guesses' model, and the solver's version."""
+    """Hash of the inversion's source, of its models and its emulator, and the solvers' versions."""
     own = files("palpate.inversion")
     names = sorted(one.name for one in own.iterdir() if one.name.endswith(".py"))
     parts = [(own / name).read_bytes() for name in names]
-    parts += [models.file_hash(models.path(models.ANYWHERE)).encode(), SOLVER_VERSION.encode()]
+    learnt = models.path(models.ANYWHERE), models.path(models.BALLS), models.emulator_path()
+    parts += [models.file_hash(path).encode() for path in learnt]
+    parts += [SOLVER_VERSION.encode(), SOLID_SOLVER_VERSION.encode()]
     return _hash(*parts)
 
 

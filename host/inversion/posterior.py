@@ -28,7 +28,7 @@ from palpate.wire.cells import FULL_SCALE_KPA, PITCH_MM
 
 Floats = NDArray[np.float64]
 
-_COUNTS = 4095
+COUNTS = 4095
 _START_SD_MM = 15.0
 _PRESS_SD_MM = 6.0
 """So far from the middle of the face may lie what a press alone is over."""
@@ -39,7 +39,7 @@ _LN_E, _LN_F = (np.log(10.8), 0.58), (np.log(5.46), 0.48)
 
 _MESH_ERROR = {2.0: (0.05, 0.004), 1.0: (0.015, 0.001)}
 """By column width, what the mesh gets wrong: of the step from row to row, and of the pressure itself."""
-_DEPTH_ERROR_MM = 0.002
+DEPTH_ERROR_MM = 0.002
 _LEAST_SD = 1e-5
 
 SINGLE = ("ln_E", "ln_F", "start", "scale", "creep", "zero", "drift", "depth_zero", "depth_drift")
@@ -59,12 +59,21 @@ class Misfit:
 
 
 class Posterior:
-    """One stroke under one class on one mesh; a guess is a vector z of all unknowns."""
+    """One stroke under one class on one mesh; a guess is a vector z of all unknowns.
+
+    Attributes
+    ----------
+    own_channels : bool
+        Whether each row's own gain and zero are among them.
+    """
+
+    own_channels = True
 
     def __init__(self, of: Class, stroke: FeltStroke, noise: Noise, hx_mm: float) -> None:
         self.of, self.stroke, self.noise = of, stroke, noise
         n, p, rows = len(stroke.displacement_mm), stroke.press, stroke.rows_kPa.shape[1]
-        sizes = {"tissue": len(of.unknowns), **dict.fromkeys(SINGLE, 1), "gain": rows, "offset": rows}
+        own = rows if self.own_channels else 0
+        sizes = {"tissue": len(of.unknowns), **dict.fromkeys(SINGLE, 1), "gain": own, "offset": own}
         sizes |= {"place": n - p, "force": n}
         ends = np.cumsum([0, *sizes.values()])
         self.at = {name: slice(int(a), int(b)) for name, a, b in zip(sizes, ends, ends[1:])}
@@ -88,11 +97,12 @@ class Posterior:
             "drift": 2 * zero,
             "depth_zero": noise.displacement_zero_mm,
             "depth_drift": noise.displacement_drift_mm,
-            "gain": np.sqrt(noise.gain**2 / live + noise.row_gain**2),
-            "offset": noise.offset * FULL_SCALE_KPA / np.sqrt(live),
             "place": noise.position_mm,
             "force": np.inf,
         }
+        if self.own_channels:
+            spread["gain"] = np.sqrt(noise.gain**2 / live + noise.row_gain**2)
+            spread["offset"] = noise.offset * FULL_SCALE_KPA / np.sqrt(live)
         mean, sd = np.zeros(self.size), np.empty(self.size)
         for name, value in spread.items():
             sd[self.at[name]] = np.maximum(value, _LEAST_SD)
@@ -104,13 +114,13 @@ class Posterior:
     def _weights(self, hx_mm: float) -> Floats:
         """One over the standard deviation of rows and displacement, (n, rows + 1); 0: not measured."""
         s, noise = self.stroke, self.noise
-        count = FULL_SCALE_KPA / _COUNTS
+        count = FULL_SCALE_KPA / COUNTS
         white = np.hypot(noise.white * FULL_SCALE_KPA, count / np.sqrt(12)) / np.sqrt(s.live)
         steps = np.abs(np.diff(np.pad(s.rows_kPa, ((0, 0), (1, 1)), mode="edge"), axis=1))
         step, share = _MESH_ERROR[hx_mm]
         mesh = np.hypot(step * np.maximum(steps[:, 1:], steps[:, :-1]), share * np.maximum(s.rows_kPa, 0.0))
         stuck = noise.hysteresis * np.maximum(s.rows_kPa, 0.0)
-        depth = np.full(len(s.displacement_mm), np.hypot(noise.displacement_noise_mm, _DEPTH_ERROR_MM))
+        depth = np.full(len(s.displacement_mm), np.hypot(noise.displacement_noise_mm, DEPTH_ERROR_MM))
         rows = np.sqrt(white**2 + mesh**2 + stuck**2 + s.curve_kPa**2)
         weight = 1.0 / np.column_stack([np.maximum(rows, 1e-3), depth])
         weight[:, -1] *= s.measured
@@ -123,10 +133,15 @@ class Posterior:
         z[self.at["ln_E"]], z[self.at["start"]] = np.log(E_kPa), lump_mm
         middle = lump_mm if self.stroke.alone else self.stroke.place_mm[self.stroke.press :].mean()
         self.mean[self.at["start"]] = middle
-        force = np.log(np.maximum(self.stroke.rows_kPa.sum(1) * PITCH_MM, 1.0) / E_kPa)
+        force = np.log(np.maximum(self.felt_N_per_m(), 1.0) / E_kPa)
         z[self.at["force"]] = force
         z[self.at["ln_F"]] = force.max() if self.stroke.alone else force[self.stroke.press :].mean()
         return z
+
+    def felt_N_per_m(self) -> Floats:
+        """What the rows add up to, frame by frame."""
+        force: Floats = self.stroke.rows_kPa.sum(1) * PITCH_MM
+        return force
 
     @property
     def measured(self) -> int:
@@ -172,8 +187,15 @@ class Posterior:
         rows = self._lagged(z) @ (np.exp(self.one(z, "ln_E")) / FAT_KPA * change[:, :-1])
         return np.column_stack([rows * (1 + z[self.at["gain"]]), change[:, -1]]) * self._weight
 
+    def by_row(self, data: Floats) -> Floats:
+        """Weighted residuals (n, rows + 1) of rows and displacement."""
+        return data
+
     def _pressure(self, z: Floats, found: Computed) -> Floats:
-        return np.exp(self.one(z, "ln_E")) / FAT_KPA * found.images
+        return self._scale(z) * found.images
+
+    def _scale(self, z: Floats) -> float:
+        return float(np.exp(self.one(z, "ln_E"))) / FAT_KPA
 
     def _lagged(self, z: Floats) -> Floats:
         creep = 2 * self.one(z, "creep")
@@ -216,13 +238,14 @@ class Posterior:
             P[frame, :, own], D[frame, own] = -by_place / longer, -of_depth / longer
         force = at["force"].start + frame
         P[frame, :, force], D[frame, force] = E * images[:, :, -1], depth[:, -1]
-        operator, gain = self._lagged(z), 1 + z[at["gain"]]
+        operator, gain = self._lagged(z), 1 + z[at["gain"]] if self.own_channels else np.ones(rows)
         P = (operator @ P.reshape(n, -1)).reshape(P.shape) * gain[:, None]
         pressure = self._pressure(z, found)
-        row = np.arange(rows)
         P[:, :, at["creep"]] = (2 * (self._lag @ pressure - pressure) * gain)[:, :, None]
-        P[:, row, at["gain"].start + row] = operator @ pressure
-        P[:, row, at["offset"].start + row] = 1.0
+        if self.own_channels:
+            row = np.arange(rows)
+            P[:, row, at["gain"].start + row] = operator @ pressure
+            P[:, row, at["offset"].start + row] = 1.0
         P[:, :, at["zero"]], P[:, :, at["drift"]] = 1.0, share[:, None, None]
         D[:, at["depth_zero"]], D[:, at["depth_drift"]] = 1.0, (2 * share - 1)[:, None]
         data = np.concatenate([P, D[:, None]], 1) * self._weight[:, :, None]

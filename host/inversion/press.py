@@ -55,7 +55,7 @@ def invert_press(press: FeltStroke, noise: Noise, kind: str = AUTO) -> Inverted:
     first = min(range(len(said)), key=lambda k: said[k].chi2 or 0.0)
     posterior, mode = near[first]
     laid = (posterior.laid(mode.z, mode.found),)
-    return replace(said[first], values=_together(said[first], said), laid=laid)
+    return replace(said[first], values=together(said[first], said), laid=laid)
 
 
 def _modes(of: Class, press: FeltStroke, begin: Start, noise: Noise) -> list[Found]:
@@ -95,7 +95,7 @@ def _thinned(press: FeltStroke) -> FeltStroke:
     return press.take(chosen, np.empty(0, np.int64))
 
 
-def _together(best: Inverted, all_of: Sequence[Inverted]) -> dict[str, Value]:
+def together(best: Inverted, all_of: Sequence[Inverted]) -> dict[str, Value]:
     """The best one's values, with intervals that hold every one's."""
     out = {}
     for name, value in best.values.items():

@@ -177,6 +177,7 @@ def _of(said: Estimate, frames: StrokeFrames, own: calib.Calibration, face: Face
         ([f.packed for f in stroke], [f.position_um for f in stroke], [f.displacement_um for f in stroke]),
         own,
         middle,
+        models.BALLS if felt.solid else models.ANYWHERE,
     )
     return felt, start
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +11,8 @@ from palpate.answer.fitted import Inverted, Value
 from palpate.inversion.departures import DEPARTURES, FRICTION, TWO_LUMPS, UNDULATING
 from palpate.inversion.posterior import Posterior
 from palpate.inversion.search import Mode
-from palpate.inversion.widening import WIDER
+from palpate.inversion.solid_classes import HEIGHT, WIDTH
+from palpate.inversion.widening import WIDER, Widening
 
 Floats = NDArray[np.float64]
 
@@ -26,9 +29,21 @@ _DEPARTED = {
 
 
 def told(
-    posterior: Posterior, mode: Mode, odds: dict[str, float], places_mm: Floats | None = None
+    posterior: Posterior,
+    mode: Mode,
+    odds: dict[str, float],
+    places_mm: Floats | None = None,
+    wider: Mapping[str, Widening] = WIDER,
 ) -> Inverted:
-    """The values and intervals of a mode; places_mm (n,) of the misfit's frames, if of more than its own."""
+    """The values and intervals of a mode.
+
+    Parameters
+    ----------
+    places_mm : ndarray (n,), optional
+        Of the misfit's frames, if of more than its own.
+    wider : mapping of Widening
+        By unknown.
+    """
     names = [unknown.name for unknown in posterior.of.unknowns]
     z, C = mode.z, mode.covariance
     case = posterior.of.case(z[: len(names)])
@@ -41,7 +56,7 @@ def told(
         w = np.zeros(len(z))
         for key, weight in weights.items():
             w[names.index(key) if isinstance(key, str) else key] += weight
-        return WIDER[like].half(float(np.sqrt(w @ C @ w + more**2)), mode.settled)
+        return wider[like].half(float(np.sqrt(w @ C @ w + more**2)), mode.settled)
 
     def log(value: float, by: float) -> Value:
         return Value(value, value * float(np.exp(-by)), value * float(np.exp(by)))
@@ -49,7 +64,10 @@ def told(
     E = float(np.exp(z[fat]))
     thick: dict[str | int, float] = {"ln t": 1.0}
     if "ln t" not in names:  # on the border it is depth + d/2
-        thick = {"ln depth": case.depth_mm / case.t_mm, "ln d": case.d_mm / 2 / case.t_mm}
+        down = case.half_down / case.t_mm
+        thick = {"ln depth": case.depth_mm / case.t_mm, "ln d": down}
+        if HEIGHT in names:
+            thick[HEIGHT] = down
     values = {
         "F_N_per_m": log(E * float(np.exp(z[force])), half({fat: 1.0, force: 1.0}, "ln_E", common)),
         "t_mm": log(case.t_mm, half(thick, "ln t")),
@@ -72,6 +90,9 @@ def told(
             "E_kPa": Value(*(None if v is None else v * E for v in (ratio.value, ratio.low, ratio.high))),  # type: ignore[arg-type]
         }
         centre = posterior.one(z, "start")
+    if case.solid:
+        across: dict[str | int, float] = {"ln d": 1.0, **({WIDTH: 1.0} if WIDTH in names else {})}
+        values["width_mm"] = log(2 * case.half_axes_mm[1], half(across, "ln width"))
     other = max(DEPARTURES, key=lambda name: odds.get(name, 0.0))
     why = ""
     if odds.get(other, 0.0) > _SURE:
@@ -79,7 +100,9 @@ def told(
     elif mode.chi2 >= FITS:
         why = "no class of tissue and lump explains it"
     layers = _layers(names, z, C) if "ln d" in names else {}
-    worst = worst_part(mode.misfit.data, posterior.places(z) if places_mm is None else places_mm)
+    worst = worst_part(
+        posterior.by_row(mode.misfit.data), posterior.places(z) if places_mm is None else places_mm
+    )
     return Inverted(
         posterior.stroke.stroke, values, posterior.of.name, odds, mode.chi2, not why, mode.settled, worst,
         centre, why, layers, press=posterior.stroke.alone,

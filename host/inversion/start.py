@@ -1,4 +1,4 @@
-"""Where the search begins: the answer of the bundled regression for lumps anywhere."""
+"""Where the search begins: the answer of a bundled regression, for lumps anywhere or for solid ones."""
 
 from __future__ import annotations
 
@@ -91,9 +91,9 @@ def _bump_mm(felt: FeltStroke) -> float:
     return float(middle[found.argmax()])
 
 
-@lru_cache(maxsize=1)
-def _model() -> tuple[ModelSpec, Replay]:
-    spec = models.load(models.ANYWHERE)
+@lru_cache(maxsize=2)
+def _model(name: str) -> tuple[ModelSpec, Replay]:
+    spec = models.load(name)
     return spec, Replay(None if spec.force_map is None else force_map.blob(spec.force_map), plain=True)
 
 
@@ -103,6 +103,7 @@ def start_of(
     frames: tuple[Sequence[bytes], Sequence[int], Sequence[int]],
     calibration: object,
     lump_mm: float,
+    model: str = models.ANYWHERE,
 ) -> Start:
     """The regression's answer for a stroke; the middle of the design where it finds no lump.
 
@@ -113,8 +114,10 @@ def start_of(
     calibration : firmware_py.calib.Calibration
     lump_mm : float
         Where the lump lies if the map does not say.
+    model : str
+        One of `palpate.models.NAMES`.
     """
-    spec, replay = _model()
+    spec, replay = _model(model)
     code = replay.stroke(*frames, calibration, press)  # type: ignore[arg-type]
     middle = replace(MIDDLE, stroke=stroke, lump_mm=lump_mm)
     if code != 0:

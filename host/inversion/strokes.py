@@ -24,6 +24,7 @@ from palpate.inversion.press import invert_press
 from palpate.inversion.recorded import felt_strokes
 from palpate.inversion.result import FITS, told
 from palpate.inversion.search import Mode, search
+from palpate.inversion.solids import invert_solid
 from palpate.inversion.start import MIDDLE, Start
 from palpate.inversion.under import AUTO, classes_over, forward_of, odds_of
 from palpate.link.face import Face
@@ -106,6 +107,14 @@ def invert_stroke(stroke: FeltStroke, start: Start, noise: Noise, kind: str = AU
 
 def invert_together(strokes: Sequence[Felt], noise: Noise, kind: str = AUTO) -> Inverted:
     """Invert strokes over one lump: they share it and the tissue; places, forces and gains are their own."""
+    if any(stroke.solid for stroke, _ in strokes):
+        if len(strokes) == 1 and kind == AUTO:
+            return invert_solid(*strokes[0], noise)
+        number, asked = strokes[0][0].stroke, "several together" if len(strokes) > 1 else f"--class {kind}"
+        problem = (
+            f"stroke {number}: its image changes across the stroke, as over a ball; {asked} is for others"
+        )
+        return Inverted(number, problem=problem)
     tried: dict[str, Found] = {}
     for of in classes_over(strokes[0][0], kind):
         found = coarse(of, strokes, noise, tried)

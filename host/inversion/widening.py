@@ -44,3 +44,13 @@ WIDER = {
     "ln_E": Widening(1.3, 1.4, 0.057),
 }
 """By unknown; docs/inversion.md says how they are known."""
+
+WIDER_SOLID = {
+    "ln d": Widening(1.2, 1.2, 0.0),
+    "ln width": Widening(1.4, 1.4, 0.0),
+    "ln depth": Widening(1.9, 1.9, 0.0),
+    "ln t": Widening(3.3, 3.3, 0.0),
+    "E^-2/3": Widening(1.0, 1.0, 0.0),
+    "ln_E": Widening(1.5, 1.5, 0.0),
+}
+"""The same over solid lumps: provisional, what ten strokes ask for, and tried on no others."""

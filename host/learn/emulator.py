@@ -31,12 +31,12 @@ _PRESS_PARTS, _LUMP_PARTS, _DIP_PARTS = (10, 0.99995), (24, 0.9995), (4, 0.9999)
 
 _LEAST = 1e-4
 """Of what the lump changes, over the press, beside which it counts as nothing."""
-_NO_CONTACT = 2e-3
+NO_CONTACT = 2e-3
 """Of the mean pressure: cells under it do not touch the skin."""
 
 
 @dataclass(frozen=True)
-class _Parts:
+class Parts:
     """Principal components of rows, (parts, cells) about their mean, with a process for each."""
 
     mean: Floats
@@ -60,11 +60,11 @@ class StrokeEmulator:
     shape: tuple[int, ...]
     ln_depth: GaussianProcess
     ln_mean: GaussianProcess
-    press: _Parts
+    press: Parts
     ln_bump: GaussianProcess
-    bump: _Parts
+    bump: Parts
     ln_dip: GaussianProcess
-    dip: _Parts
+    dip: Parts
 
     def lumps(self, cases: Sequence[Case]) -> list[LumpStrokes]:
         """The lumps of a design such as `ball_cases`: three cases each, at rising forces."""
@@ -89,10 +89,16 @@ class StrokeEmulator:
             out.append(LumpStrokes(tuple(own), tuple(press)))
         return out
 
+    def learnt(self, k: int) -> tuple[float, float]:
+        """Least and greatest of one of `inputs_of`, a logarithm, that it was fitted to; the number itself."""
+        of = self.ln_depth
+        seen = np.exp(of.z[:, k] * of.scale[k] + of.centre[k])
+        return float(seen.min()), float(seen.max())
+
     def pressed(self, x: Floats) -> tuple[Floats, Floats]:
         """Images (n, rows, columns) and displacements (n,) where strokes begin."""
         shapes = self.press.predict(x)
-        shapes[shapes < _NO_CONTACT] = 0.0
+        shapes[shapes < NO_CONTACT] = 0.0
         mean = np.exp(self.ln_mean.predict(x) + x[:, -1])
         images = shapes * (mean / shapes.mean(1))[:, None]
         return images.reshape(-1, *self.shape), np.exp(self.ln_depth.predict(x))
@@ -147,7 +153,7 @@ def _change(images_kPa: Floats) -> Floats:
     return out
 
 
-def _fit_change(x: Floats, rows: Floats, most: int, share: float) -> tuple[GaussianProcess, _Parts]:
+def _fit_change(x: Floats, rows: Floats, most: int, share: float) -> tuple[GaussianProcess, Parts]:
     """ln of the rows' size, and the rows over the size that is expected."""
     size = np.sqrt((rows**2).mean(1))
     ln_size = fit_process(_unsigned(x), np.log(size + _LEAST))
@@ -155,13 +161,13 @@ def _fit_change(x: Floats, rows: Floats, most: int, share: float) -> tuple[Gauss
     return ln_size, _fit_parts(x, rows / expected[:, None], most, share)
 
 
-def _fit_parts(x: Floats, rows: Floats, most: int, share: float) -> _Parts:
+def _fit_parts(x: Floats, rows: Floats, most: int, share: float) -> Parts:
     mean = rows.mean(0)
     _, spread, parts = np.linalg.svd(rows - mean, full_matrices=False)
     explained = np.cumsum(spread**2) / (spread**2).sum()
     parts = parts[: min(most, int(np.searchsorted(explained, share)) + 1)]
     scores = (rows - mean) @ parts.T
-    return _Parts(mean, parts, tuple(fit_process(x, score) for score in scores.T))
+    return Parts(mean, parts, tuple(fit_process(x, score) for score in scores.T))
 
 
 def _unsigned(x: Floats) -> Floats:

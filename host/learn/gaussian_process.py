@@ -62,6 +62,19 @@ class GaussianProcess:
         out: Floats = _line(z) @ self.line + self.unit * np.concatenate(bent)
         return out
 
+    def with_slopes(self, x: Floats) -> tuple[Floats, Floats]:
+        """Values (n,) at inputs x (n, inputs) and their derivatives by them, (n, inputs)."""
+        z = (x - self.centre) / self.scale
+        lengths = np.exp(self.theta[1:-1])
+        a, b = z / lengths, self.z / lengths
+        squared = (a**2).sum(1)[:, None] + (b**2).sum(1) - 2 * a @ b.T
+        r = np.sqrt(5 * np.maximum(squared, 0.0))
+        size = np.exp(2 * self.theta[0] - r)
+        values = _line(z) @ self.line + self.unit * ((size * (1 + r + r * r / 3)) @ self.weights)
+        steep = size * (1 + r) * self.weights
+        bent = -5 / 3 * (a * steep.sum(1)[:, None] - steep @ b) / lengths
+        return values, (self.line[1:] + self.unit * bent) / self.scale
+
 
 def fit_process(x: Floats, y: Floats, seed: int = 0) -> GaussianProcess:
     """Learn y (n,) as a function of x (n, inputs); the same seed finds the same lengths."""

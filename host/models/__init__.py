@@ -73,3 +73,8 @@ def recipe(name: str = FIELD) -> dict[str, Any]:
 def file_hash(of: Path | None = None) -> str:
     """SHA-256 of a model's file, in hexadecimal; by default the field model's."""
     return sha256((of or path()).read_bytes()).hexdigest()
+
+
+def emulator_path() -> Path:
+    """Where the emulator of strokes over solid lumps lies (`palpate.learn.emulator_file`)."""
+    return Path(__file__).with_name("balls.emulator.npz")

@@ -17,7 +17,9 @@ from palpate.learn.anywhere import AnywhereStudy
 from palpate.learn.data import prepare, prepare_strokes
 from palpate.learn.design import FIELD_SETTINGS
 from palpate.learn.design import at_forces as at_three_forces
-from palpate.learn.lumps import LumpStrokes, read_solid_rim, read_solids
+from palpate.learn.emulator import fit_emulator
+from palpate.learn.emulator_file import errors_of, write_emulator
+from palpate.learn.lumps import SET, LumpStrokes, read_solid_rim, read_solids, solid_lumps
 from palpate.learn.observed import observe, observe_in_any_fat
 from palpate.learn.result import FieldFit, TissueFit
 from palpate.learn.solid import fit_to_balls
@@ -26,10 +28,12 @@ from palpate.learn.told import fit_field
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.model_export.schema import ModelSpec
-from palpate.models import ANYWHERE, BALLS, FIELD, TOLD, file_hash, path, recipe_path
+from palpate.models import ANYWHERE, BALLS, FIELD, TOLD, emulator_path, file_hash, path, recipe_path
 from palpate.sim.probe.sensors import StrokeField
 from palpate.sim.tissue import Case, simulate
 from palpate.sim.tissue.any_tissue import FORCE_PARTS, PRESS_PARTS, PRESSES, STROKES, at_forces
+from palpate.sim.tissue.solid.kept import read_kept
+from palpate.sim.tissue.solid.kept import read_recipe as read_kept_recipe
 from palpate.sim.tissue.solid.press import press_before
 from palpate.sim.tissue.solid.stroke import simulate_forces as simulate_solid
 from palpate.wire.events import OUTPUTS
@@ -73,6 +77,8 @@ SAMPLES: dict[str, Sequence[tuple[Case, float]]] = {
 _KINDS: dict[str, type[Study]] = {FIELD: Study, ANYWHERE: AnywhereStudy}
 
 SAMPLE_SEED = 7
+EMULATOR = "emulator"
+"""Stands for a model's name where the emulator is to be made."""
 
 Progress = Callable[[str, int, int], None]
 
@@ -107,6 +113,30 @@ def build(name: str, directory: Path, progress: Progress | None = None) -> Field
     fit.spec.save(path(name))
     write_recipe(name, fit.spec, fit.to_dict())
     return fit
+
+
+def build_emulator(sets: Sequence[Path]) -> None:
+    """Fit the emulator of strokes over solid lumps; write it and its recipe into this package.
+
+    Parameters
+    ----------
+    sets : sequence of Path
+        Files of `palpate sweep --keep`, or directories that hold a balls.parquet.
+    """
+    files = [path / SET if path.is_dir() else path for path in sets]
+    lumps = [lump for path in files for lump in solid_lumps(read_kept(path))]
+    kept = [{"set": path.name, "sha256": read_kept_recipe(path)["sha256"]} for path in files]
+    errors = errors_of(lumps)
+    write_emulator(emulator_path(), fit_emulator(lumps), errors)
+    record = {
+        "command": f"python -m palpate.models {EMULATOR} {' '.join(path.name for path in files)}",
+        "sets": kept,
+        "lumps": len(lumps),
+        "errors_left": round(errors.left, 4),
+        "sha256": file_hash(emulator_path()),
+    }
+    with whole_file(emulator_path().with_suffix(".recipe.json")) as part:
+        part.write_text(json_text(record) + "\n", encoding="utf-8")
 
 
 def write_recipe(name: str, spec: ModelSpec, scores: dict[str, Any]) -> None:

@@ -23,6 +23,7 @@ MODULES = {
     "anywhere": "anywhere",
     "reference": "reference",
     "inverted": "inverted",
+    "inverted_solid": "inverted_solid",
     "pressed": "pressed",
     "ranges": "ranges",
 }
@@ -56,6 +57,7 @@ def command(
       reference   a press beside the lump, the right one or one of another place or person
       coverage    the intervals of the bundled told model, the depth's among them
       inverted    strokes fitted by the forward model: errors and intervals (half a minute each)
+      inverted_solid  the same over balls and ellipsoids (minutes each, and two to compute each)
       pressed     presses alone, fitted by the forward model (minutes each)
       ranges      the bundled models at the ends of their ranges and beyond (minutes)
     """

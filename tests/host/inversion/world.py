@@ -12,6 +12,7 @@ from firmware_py import calib
 from palpate.inversion.felt import FeltStroke, felt_press, felt_stroke
 from palpate.inversion.start import Start, start_of
 from palpate.link.face import Face
+from palpate.models import ANYWHERE, BALLS
 from palpate.sim.probe.noise import level_named
 from palpate.sim.probe.packed_frames import FrameStream
 from palpate.sim.probe.sensors import PRESS_FRAMES, SensorModel
@@ -79,6 +80,7 @@ def of_stream(stream: FrameStream, calibration: calib.Calibration) -> tuple[Felt
         (stream.packed[p:], stream.positions_um[p:], stream.displacements_um[p:]),
         calibration,
         0.0,
+        BALLS if felt.solid else ANYWHERE,
     )
     return felt, start
 

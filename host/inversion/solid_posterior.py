@@ -1,0 +1,127 @@
+"""How well a guess explains a stroke over a solid lump: rows and pairs of columns instead of rows alone.
+
+As `posterior`, but every bin's own gain and zero are taken out of the data beforehand: with B their effect on
+a bin's weighted residuals r (n,), r is replaced by (1 + B B^T)^-1/2 r, which has the same density. Beside the
+white noise a bin has what the mesh gets wrong: a part of the steps to its neighbours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.answer.fitted import Laid
+from palpate.inversion.classes import Class
+from palpate.inversion.felt import FeltStroke
+from palpate.inversion.forward import Slopes
+from palpate.inversion.posterior import COUNTS, DEPTH_ERROR_MM, Misfit, Posterior
+from palpate.inversion.solid_forward import BINS, Emulated
+from palpate.sim.probe.noise import Noise
+from palpate.wire.cells import FULL_SCALE_KPA, PITCH_MM
+
+Floats = NDArray[np.float64]
+
+_STEP_ERROR, _SHARE_ERROR = 0.05, 0.004
+"""What the mesh gets wrong: of the steps to the next rows and columns, and of the pressure itself."""
+_EDGE_ERROR = 0.04
+"""Of the pressure in the outermost columns, where the face ends."""
+
+
+def binned(stroke: FeltStroke) -> FeltStroke:
+    """The stroke with the means of `BINS` for rows, (n, bins); one without a live cell counts for nothing."""
+    assert stroke.image_kPa is not None
+    n = len(stroke.image_kPa)
+    pairs = stroke.image_kPa.reshape(n, *BINS, 2)
+    live = np.isfinite(pairs[0]).sum(-1)
+    mean = np.where(np.isfinite(pairs), pairs, 0.0).sum(-1) / np.maximum(live, 1)
+    return replace(stroke, rows_kPa=mean.reshape(n, -1), live=live.ravel())
+
+
+class SolidPosterior(Posterior):
+    """One stroke, `binned`, under one class of solid lumps; a guess is a vector z of all unknowns."""
+
+    own_channels = False
+
+    def __init__(self, of: Class, stroke: FeltStroke, noise: Noise) -> None:
+        super().__init__(of, stroke, noise, 0.0)
+        self._whiten = self._whitening()
+
+    def _weights(self, hx_mm: float) -> Floats:
+        s, noise = self.stroke, self.noise
+        p = np.maximum(s.rows_kPa, 0.0).reshape(-1, *BINS)
+        count = FULL_SCALE_KPA / COUNTS
+        live = np.maximum(s.live, 0.25)
+        white = np.hypot(noise.white * FULL_SCALE_KPA, count / np.sqrt(12)) / np.sqrt(live)
+        steps = np.zeros_like(p)
+        for axis in (1, 2):
+            apart = np.abs(np.diff(p, axis=axis))
+            for part in (
+                np.pad(apart, [(0, 0), *((0, int(axis == a)) for a in (1, 2))]),
+                np.pad(apart, [(0, 0), *((int(axis == a), 0) for a in (1, 2))]),
+            ):
+                steps = np.maximum(steps, part)
+        share = np.full(BINS, np.hypot(_SHARE_ERROR, noise.hysteresis))
+        share[:, [0, -1]] = np.hypot(share[:, [0, -1]], _EDGE_ERROR)
+        mesh = np.hypot(_STEP_ERROR * steps, share * p).reshape(len(p), -1)
+        depth = np.full(len(p), np.hypot(noise.displacement_noise_mm, DEPTH_ERROR_MM))
+        rows = np.maximum(np.sqrt(white**2 + mesh**2 + s.curve_kPa**2), 1e-3)
+        weight = 1.0 / np.column_stack([rows, depth])
+        weight[:, :-1] *= s.live > 0
+        return weight
+
+    def _whitening(self) -> Floats:
+        """(bins, n, n): what takes each bin's own gain and zero out of its weighted residuals."""
+        s, noise = self.stroke, self.noise
+        live = np.maximum(s.live, 1)
+        gain = np.sqrt(noise.gain**2 / live + noise.row_gain**2)
+        zero = noise.offset * FULL_SCALE_KPA / np.sqrt(live)
+        weight = self._weight[:, :-1]
+        B = np.stack([s.rows_kPa * gain * weight, zero * weight], -1).transpose(1, 0, 2)
+        U, size, _ = np.linalg.svd(B, full_matrices=False)
+        less = 1 - 1 / np.sqrt(1 + size**2)
+        out: Floats = np.eye(len(weight)) - np.einsum("bik,bk,bjk->bij", U, less, U, optimize=True)
+        return out
+
+    def _white(self, residual: Floats) -> Floats:
+        """Weighted residuals (n, bins + 1) without what a bin's gain and zero explain."""
+        rows = np.einsum("bij,jb->ib", self._whiten, residual[:, :-1], optimize=True)
+        return np.column_stack([rows, residual[:, -1]])
+
+    def felt_N_per_m(self) -> Floats:
+        """The force on each row of cells, all in all."""
+        force: Floats = self.stroke.rows_kPa.sum(1) / BINS[1] * PITCH_MM
+        return force
+
+    def predicted(self, z: Floats, found: Emulated) -> Floats:  # type: ignore[override]
+        """Bins and displacement as these sensors would have read them but for their own gains and zeros."""
+        share = self.stroke.share[:, None]
+        rows = self._lagged(z) @ (self._scale(z) * found.images)
+        rows = rows + self.one(z, "zero") + self.one(z, "drift") * share
+        depth = found.depth + self.one(z, "depth_zero") + self.one(z, "depth_drift") * (2 * share[:, 0] - 1)
+        return np.column_stack([rows, depth])
+
+    def misfit(self, z: Floats, found: Emulated) -> Misfit:  # type: ignore[override]
+        """Of a guess and its emulated frames."""
+        plain = super().misfit(z, found)  # type: ignore[arg-type]
+        return Misfit(self._white(plain.data), plain.prior)
+
+    def jacobian(self, z: Floats, found: Emulated, slopes: Slopes) -> tuple[Floats, Floats]:  # type: ignore[override]
+        """Of the misfit's data (n (bins + 1), size) and prior, as `Posterior.jacobian`."""
+        data, prior = super().jacobian(z, found, slopes)  # type: ignore[arg-type]
+        n = len(found.depth)
+        data = data.reshape(n, -1, self.size)
+        rows = np.matmul(self._whiten, data[:, :-1].transpose(1, 0, 2)).transpose(1, 0, 2)
+        return np.concatenate([rows, data[:, -1:]], 1).reshape(-1, self.size), prior
+
+    def by_row(self, data: Floats) -> Floats:
+        """Root mean squares of each row's bins, and the displacement's residuals, (n, rows + 1)."""
+        rows = np.sqrt((data[:, :-1] ** 2).reshape(-1, *BINS).mean(2))
+        return np.column_stack([rows, data[:, -1]])
+
+    def laid(self, z: Floats, found: Emulated) -> Laid:  # type: ignore[override]
+        """The fitted stroke over the measured one, row by row."""
+        s, fitted = self.stroke, self.predicted(z, found)
+        rows, of = (one.reshape(-1, *BINS).mean(2) for one in (s.rows_kPa, fitted[:, :-1]))
+        return Laid(s.place_mm, s.press, rows, of, s.displacement_mm, fitted[:, -1])

@@ -1,0 +1,111 @@
+"""A stroke over a ball is inverted by the emulator, and the solver sets that right."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from palpate.inversion import solid_forward, solids
+from palpate.inversion.felt import NotInvertible, felt_stroke
+from palpate.inversion.solid_classes import ELLIPSOID, SOLIDS, learnt
+from palpate.inversion.solid_forward import SolidForward, bundled, correction_at
+from palpate.inversion.solid_posterior import BINS
+from palpate.inversion.strokes import invert_stroke, invert_together
+from palpate.link.face import Face
+from palpate.sim.probe.noise import level_named
+from palpate.sim.tissue import Case, StrokeError
+from palpate.sim.tissue.any_tissue import FORCE_PARTS
+from palpate.sim.tissue.solid.kept import read_kept
+from tests.host.inversion.solid_world import felt_over
+from tests.host.inversion.test_inversion import as_over_a_ball, frames
+
+SET = Path(__file__).parents[2] / "sim" / "tissue" / "data" / "balls.parquet"
+BALL = Case(12.0, 0.6, 20.0, 0.4, gland_ratio=4.0, shape="ball")
+
+
+def emulated(case):
+    """Three strokes over a lump and the press before them, by the emulator alone."""
+    (lump,) = bundled()[0].lumps([replace(case, F_rel=case.F_rel * part) for part in FORCE_PARTS])
+    return lump.strokes, lump.press
+
+
+def without_solver(monkeypatch):
+    def none(*_):
+        raise StrokeError("nothing", 0.0, "is computed here")
+
+    monkeypatch.setattr(solids, "correction_at", none)
+
+
+def test_a_lump_that_ends_across_is_a_solid_one():
+    assert not felt_stroke(**frames()).solid
+    found = felt_stroke(**frames(pressure_kPa=as_over_a_ball()))
+    assert found.solid and found.take(np.array([3]), np.array([2, 5])).image_kPa.shape == (3, 16, 26)
+    with pytest.raises(NotInvertible, match="own probe only"):
+        felt_stroke(**frames(pressure_kPa=as_over_a_ball()), face=Face(40.0))
+
+
+def test_the_slopes_of_emulated_frames_are_their_derivatives():
+    of = learnt(ELLIPSOID, (2.0, 10.0), len(bundled()[1].image))
+    forward, rng = SolidForward(of, 2), np.random.default_rng(3)
+    theta = of.column("mean") + 0.1 * of.column("sd") * rng.standard_normal(len(of.unknowns))
+    places = np.array([-31.0, -31.0, -19.0, -7.0, -1.0, 4.0, 13.0])
+    forces = np.array([20.0, 40.0, 50.0, 52.0, 47.0, 50.0, 51.0])
+    slopes = forward(theta, places, forces).slopes
+    for _ in range(3):
+        step, moved = 1e-4 * of.column("sd") * rng.standard_normal(len(theta)), 1e-4 * rng.standard_normal(7)
+        more, less = (forward(theta + s * step, places + s * moved, forces) for s in (1, -1))
+        led = slopes.images[:, :, : len(theta)] @ step + slopes.images[:, :, -2] * moved[:, None]
+        apart = (more.images - less.images) / 2
+        assert np.abs(led - apart).max() < 0.03 * np.abs(apart).max()
+        deep = slopes.depth[:, : len(theta)] @ step + slopes.depth[:, -2] * moved
+        assert np.allclose(deep, (more.depth - less.depth) / 2, rtol=1e-2, atol=1e-7)
+
+
+def test_what_the_solver_says_is_what_is_predicted_there(monkeypatch):
+    """A lump of the kept set stands for the solver's stroke."""
+    kept = read_kept(SET)[3:6]
+    monkeypatch.setattr(solid_forward, "simulate_forces", lambda *_, **__: [_timed(one) for one in kept])
+    case = kept[1].case
+    emulator = bundled()[0]
+    correction = correction_at(case, emulator)
+    of = learnt(ELLIPSOID, (2.0, 10.0), len(bundled()[1].image))
+    theta = of.column("mean")
+    along, across, down = case.half_axes_mm
+    lengths = np.log([2 * along, case.depth_mm, case.gland_ratio, case.gland_mm, case.probe_radius_mm])
+    theta[[0, 1, 3, 4, 7]] = lengths
+    theta[[2, 5, 6, 8]] = case.E_inv23, case.fat_stiffening, case.gland_stiffening, case.offset_mm
+    theta[9:11] = np.log(across / along), np.log(down / along)
+    places = np.concatenate([[-30.0], emulator.positions_mm])
+    force = np.full(len(places), case.F_N_per_m * 10 / case.fat_kPa)
+    computed = kept[1].images_kPa.reshape(len(places) - 1, *BINS, 2).mean(-1).reshape(len(places) - 1, -1)
+    off = [
+        np.abs(SolidForward(of, 1, by)(theta, places, force).images[1:] * case.fat_kPa / 10 - computed).max()
+        for by in (None, correction)
+    ]
+    assert off[1] < 0.02 and off[1] < 0.3 * off[0]
+
+
+def _timed(one):
+    from types import SimpleNamespace
+
+    return SimpleNamespace(**vars(one), cpu_s=0.0)
+
+
+def test_an_emulated_ball_is_found_again(monkeypatch):
+    without_solver(monkeypatch)
+    felt, start, stream = felt_over(*emulated(BALL), 4)
+    assert felt.solid
+    found = invert_stroke(felt, start, level_named("typical"))
+    assert found.fits and found.kind in SOLIDS, found
+    true = {"d_mm": 12.0, "width_mm": 12.0, "depth_mm": 7.2, "t_mm": 13.2, "E_inv23": BALL.E_inv23}
+    for name, value in (true | {"E_fat_kPa": stream.truth.fat_kPa}).items():
+        said = found.values[name]
+        assert said.low < value < said.high, (name, said)
+    assert abs(found.centre_mm - stream.truth.centre_mm) < 1.0
+
+    (laid,) = found.laid
+    assert laid.measured_kPa.shape[1] == 16
+    both = invert_together([(felt, start)] * 2, level_named("typical"))
+    assert "as over a ball; several together" in both.problem
+    assert "--class border" in invert_stroke(felt, start, level_named("typical"), "border").problem

@@ -1,0 +1,118 @@
+"""Strokes over balls and ellipsoids fitted by emulator and solver: how far off, and how often intervals hold.
+
+Lumps of `ball_cases` that no emulator has met, each stroked once: computed on narrower columns than the
+inversion's, at places and forces of its own (`tests.host.inversion.solid_world`), then felt by a probe of
+that noise. Computed strokes are kept in DIRECTORY/worlds, rows in DIRECTORY/inverted_solid.jsonl; a study
+that was ended goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from palpate.answer.fitted import HARD, LEVEL
+from palpate.errors import PalpateError
+from palpate.inversion.result import FITS
+from palpate.inversion.strokes import invert_stroke
+from palpate.inversion.widening import WIDER_SOLID
+from palpate.learn.conformal import quantile_of_part
+from palpate.sim.probe.noise import level_named
+from palpate.sim.tissue import Case
+from palpate.sim.tissue.solid.design import ball_cases
+from tests.host.inversion.solid_world import felt_over, kept_strokes
+from tests.studies.table import Asked, StudyTable, kept_rows, of_text
+
+LUMPS = 24
+WORDS = {
+    "d_mm": "ln d", "width_mm": "ln width", "depth_mm": "ln depth", "t_mm": "ln t", "E_inv23": "E^-2/3",
+    "E_fat_kPa": "ln_E",
+}  # fmt: skip
+"""What is judged, and what widens it."""
+
+
+def tables(asked: Asked) -> list[StudyTable]:
+    """Invert what is not yet there; then accuracy, and factors from one half for the other."""
+    cases = ball_cases(asked.lumps or LUMPS, asked.seed)[1::3]
+
+    def invert(k: int) -> dict[str, Any]:
+        return inverted(cases[k], asked, k)
+
+    return judged(kept_rows(asked, "inverted_solid.jsonl", len(cases), invert))
+
+
+def inverted(case: Case, asked: Asked, k: int) -> dict[str, Any]:
+    """One stroke: how far regression and inversion are from the truth, and half-intervals before widening."""
+    worlds = asked.directory / "worlds"
+    worlds.mkdir(parents=True, exist_ok=True)
+    noise = asked.noise or "typical"
+    try:
+        strokes = kept_strokes(worlds / f"{asked.seed}-{k}.npz", case)
+        felt, start, stream = felt_over(*strokes, 1000 * asked.seed + k, noise)
+    except PalpateError as error:
+        return {"code": case.code, "problem": str(error)}
+    if not felt.solid:
+        return {"code": case.code, "problem": "its columns are even"}
+    begun = time.process_time()
+    found = invert_stroke(felt, start, level_named(noise))
+    row: dict[str, Any] = {
+        "code": case.code, "cpu_s": time.process_time() - begun, "problem": found.problem, "kind": found.kind,
+    }  # fmt: skip
+    if found.problem:
+        return row
+    truth = {name: getattr(case, name) for name in ("d_mm", "depth_mm", "t_mm", "E_inv23")}
+    truth |= {"width_mm": 2 * case.half_axes_mm[1], "E_fat_kPa": stream.truth.fat_kPa}
+    first = {"d_mm": start.d_mm, "width_mm": start.d_mm, "depth_mm": start.depth_mm, "t_mm": start.t_mm,
+             "E_inv23": start.E_inv23, "E_fat_kPa": start.E_kPa}  # fmt: skip
+    for name in WORDS:
+        value, scale = found.values[name], (lambda v: v) if name == "E_inv23" else np.log
+        assert value.low is not None and value.high is not None
+        low, middle, high, true, before = (
+            float(scale(v)) for v in (value.low, value.value, value.high, truth[name], first[name])
+        )
+        apart = middle - true
+        half = middle - low if apart > 0 else high - middle
+        used = WIDER_SOLID[WORDS[name]].settled
+        row[name] = {"apart": apart, "half": half / used, "first": before - true, "truth": truth[name]}
+    likely = (found.values["E_inv23"].value < HARD) == (case.E_inv23 < HARD)
+    return row | {
+        "chi2": found.chi2, "fits": found.fits, "settled": found.settled, "likely": bool(likely),
+        "offset_mm": case.offset_mm,
+    }  # fmt: skip
+
+
+def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
+    """Errors and intervals of the rows, and what their intervals ask for; held out by halves."""
+    whole = [row for row in rows if not row["problem"]]
+    fits = np.array([row["chi2"] < FITS for row in whole])
+    settled = np.array([row["settled"] for row in whole], bool)
+    out = []
+    for name, factor in WORDS.items():
+        wider = WIDER_SOLID[factor]
+        apart, half, first = (
+            np.array([row[name][key] for row in whole]) for key in ("apart", "half", "first")
+        )
+        half = half * wider.settled
+        over = np.abs(apart) / half
+        crossed = [
+            one <= quantile_of_part(over, np.arange(len(over)) % 2 != k % 2, LEVEL)
+            for k, one in enumerate(over)
+        ]
+        out.append([
+            name, *(f"{100 * np.median(np.abs(e)):.1f}" for e in (first, apart, apart[fits])),
+            f"{100 * np.median(half):.1f}", f"{100 * np.mean(over <= 1):.0f}",
+            f"{wider.settled:.2f}", f"{np.quantile(over, LEVEL) * wider.settled:.2f}",
+            f"{100 * np.mean(crossed):.0f}",
+        ])  # fmt: skip
+    likely = np.array([row["likely"] for row in whole])
+    title = (
+        f"{len(rows)} strokes over balls and ellipsoids: {len(rows) - len(whole)} not inverted, "
+        f"{100 * fits.mean():.0f} % fit, {100 * settled.mean():.0f} % settled; "
+        f"nearer to hard or soft, rightly, {100 * likely.mean():.0f} %; "
+        f"{np.median([row['cpu_s'] for row in whole]):.0f} CPU s in the median"
+    )
+    heads = ["", "regression", "inversion", "those that fit", "half-width", "held", "factor used",
+             "asked", "held, halves crossed"]  # fmt: skip
+    return [of_text(title, heads, out)]
