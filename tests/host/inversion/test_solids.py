@@ -45,6 +45,17 @@ def test_a_lump_that_ends_across_is_a_solid_one():
         felt_stroke(**frames(pressure_kPa=as_over_a_ball()), face=Face(40.0))
 
 
+def test_dead_cells_make_no_ball_of_a_narrow_cylinder():
+    """A shallow cylinder was refused for five dead cells, which took a bump from their columns."""
+    made = frames()
+    rows = 1.5 * (np.arange(16) - 7.5)
+    bump = 12.0 * np.exp(-(((rows + made["place_mm"][:, None]) / 4.0) ** 2))
+    pressure = made["pressure_kPa"] + bump[:, :, None]
+    dead = np.zeros((16, 26), bool)
+    dead[[5, 6, 7, 9, 11], [8, 8, 9, 9, 10]] = True
+    assert not felt_stroke(**(made | {"pressure_kPa": np.where(dead, 0.0, pressure), "dead": dead})).solid
+
+
 def test_the_slopes_of_emulated_frames_are_their_derivatives():
     of = learnt(ELLIPSOID, (2.0, 10.0), len(bundled()[1].image))
     forward, rng = SolidForward(of, 2), np.random.default_rng(3)

@@ -208,3 +208,15 @@ def test_a_slow_program_loses_the_oldest_frames_and_no_results():
     assert [e.seq for e in got if isinstance(e, Frame)] == list(range(43, 51))
     assert len([e for e in got if isinstance(e, Estimate)]) == 1
     assert queue.dropped == 43
+
+
+def test_the_hosts_clock_of_a_session_takes_no_steps(monkeypatch):
+    """A step forward by nine minutes shifted all later device times by turns of 17.9 minutes, in silence."""
+    from palpate.link import host_clock
+
+    clock = host_clock.HostClock()
+    before, true = clock.now_ns(), host_clock.time.time_ns()
+    assert abs(before - true) < 1_000_000_000
+    for step_s in (600, -86400 * 365, 86400 * 365 * 80):
+        monkeypatch.setattr(host_clock.time, "time_ns", lambda step_s=step_s: true + step_s * 1_000_000_000)
+        assert 0 <= clock.now_ns() - before < 60_000_000_000
