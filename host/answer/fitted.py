@@ -18,6 +18,7 @@ HARD = BORDER ** (-2 / 3)
 """E^-2/3 of a lump between hard and soft."""
 ROWS = (
     ("d_mm", "Diameter", "mm"),
+    ("width_mm", "Width across", "mm"),
     ("depth_mm", "Depth", "mm"),
     ("E_kPa", "Lump's modulus", "kPa"),
     ("t_mm", "Fat's thickness", "mm"),

@@ -181,10 +181,17 @@ def _odds(shares: dict[str, float]) -> str:
     return ", ".join(f"{name} {share:.0%}" for name, share in shares.items())
 
 
-_KIND = {"anywhere": "a lump", "border": "a lump on the border of fat and gland", "none": "no lump"}
+_KIND = {
+    "anywhere": "a lump",
+    "border": "a lump on the border of fat and gland",
+    "ball": "a ball",
+    "ellipsoid": "an ellipsoid",
+    "none": "no lump",
+}
 _WIDE = 4.0
 _SHOWN = (
     ("d_mm", "diameter", "mm", 1),
+    ("width_mm", "width across", "mm", 1),
     ("depth_mm", "tissue over it", "mm", 1),
     ("E_ratio", "stiffness over fat", "", 1),
     ("t_mm", "fat", "mm", 1),

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from palpate.cli.refine import lines_of
 from palpate.inversion import solid_forward, solids
 from palpate.inversion.felt import NotInvertible, felt_stroke
 from palpate.inversion.solid_classes import ELLIPSOID, SOLIDS, learnt
@@ -113,6 +114,9 @@ def test_an_emulated_ball_is_found_again(monkeypatch):
     for name, value in (true | {"E_fat_kPa": stream.truth.fat_kPa}).items():
         said = found.values[name]
         assert said.low < value < said.high, (name, said)
+    lines = lines_of(found)  # its name was missing there: every ball ended in a KeyError
+    assert ": a ball; fits" in lines[0] or ": an ellipsoid; fits" in lines[0]
+    assert any(line.strip().startswith("width across") for line in lines)
     assert abs(found.centre_mm - stream.truth.centre_mm) < 1.0
 
     (laid,) = found.laid
