@@ -20,8 +20,9 @@ from scipy.interpolate import CubicSpline
 from palpate import models
 from palpate.inversion.classes import FAT_KPA, Class
 from palpate.inversion.forward import Slopes
-from palpate.learn.emulator import NO_CONTACT, Parts, StrokeEmulator, inputs_of
+from palpate.learn.emulator import NO_CONTACT, OFFSET, Parts, StrokeEmulator, inputs_of, unsigned
 from palpate.learn.emulator_file import Errors, read_emulator
+from palpate.learn.gaussian_process import GaussianProcess
 from palpate.sim.tissue import Case
 from palpate.sim.tissue.any_tissue import FORCE_PARTS
 from palpate.sim.tissue.solid.stroke import RAMP, simulate_forces
@@ -136,6 +137,8 @@ class SolidForward:
     def __init__(self, of: Class, press: int, correction: Correction | None = None) -> None:
         self.of, self.press, self.correction = of, press, correction
         self.emulator, self.errors = bundled()
+        image = self.errors.image
+        self._wrong_image = _binned(image.reshape(*image.shape[:2], *_CELLS))
         self.scale = np.concatenate([of.column("sd"), [1.0, 0.1]])
 
     def slopes(self, at: Emulated) -> Slopes:
@@ -235,7 +238,7 @@ class SolidForward:
         errors, places = self.errors, len(self.emulator.positions_mm)
         less = 1.0 if self.correction is None else _STILL_WRONG
         nodes = np.append(np.log(RAMP) + _NODES[0], 0.0)
-        image = _binned(errors.image.reshape(*errors.image.shape[:2], *_CELLS))
+        image = self._wrong_image
         out = np.repeat(image[:, None, :places], len(over_middle), axis=1)
         deep = np.repeat(errors.depth[:, None, :places], len(over_middle), axis=1)
         low = over_middle < 1.2 * _NODES[0]
@@ -313,20 +316,14 @@ def _parts(of: Parts, x: Floats) -> tuple[Floats, Floats]:
     return of.mean + scores @ of.parts, np.einsum("mjk,jc->mck", slopes, of.parts, optimize=True)
 
 
-def _sized(of: Parts, ln_size: object, x: Floats) -> tuple[Floats, Floats]:
+def _sized(of: Parts, ln_size: GaussianProcess, x: Floats) -> tuple[Floats, Floats]:
     """What the lump changes, and its slopes: parts over a size that the lump's side does not matter to."""
-    unsigned, sign = x.copy(), np.sign(x[:, _OFFSET])
-    unsigned[:, _OFFSET] = np.abs(x[:, _OFFSET])
-    ln, of_ln = ln_size.with_slopes(unsigned)  # type: ignore[attr-defined]
-    of_ln[:, _OFFSET] *= sign
+    ln, of_ln = ln_size.with_slopes(unsigned(x))
+    of_ln[:, OFFSET] *= np.sign(x[:, OFFSET])
     values, slopes = _parts(of, x)
     size = np.exp(ln)
     values = values * size[:, None]
     return values, slopes * size[:, None, None] + values[..., None] * of_ln[:, None]
-
-
-_OFFSET = 11
-"""Of `inputs_of`."""
 
 
 def _binned(cells: Floats) -> Floats:

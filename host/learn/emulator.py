@@ -23,7 +23,7 @@ from palpate.sim.tissue import Case
 from palpate.sim.tissue.solid.press import felt
 from palpate.sim.tissue.solid.stroke import RAMP
 
-_OFFSET = 11
+OFFSET = 11
 """Of `inputs_of`: mirrored lumps differ in its sign."""
 
 _PRESS_PARTS, _LUMP_PARTS, _DIP_PARTS = (10, 0.99995), (24, 0.9995), (4, 0.9999)
@@ -108,11 +108,11 @@ class StrokeEmulator:
         n, places = len(x), len(self.positions_mm) - 1
         first = images.reshape(n, 1, -1)
         mean = first.mean(2, keepdims=True)
-        bump = self.bump.predict(x) * np.exp(self.ln_bump.predict(_unsigned(x)))[:, None]
+        bump = self.bump.predict(x) * np.exp(self.ln_bump.predict(unsigned(x)))[:, None]
         on = np.maximum(first + mean * bump.reshape(n, places, -1), 0.0)
         # the hand's force is the same all along
         on *= mean / on.mean(2, keepdims=True)
-        dip = self.dip.predict(x) * np.exp(self.ln_dip.predict(_unsigned(x)))[:, None]
+        dip = self.dip.predict(x) * np.exp(self.ln_dip.predict(unsigned(x)))[:, None]
         depth = depths[:, None] * np.column_stack([np.ones(n), 1 + dip])
         return np.concatenate([first, on], axis=1).reshape(n, places + 1, *self.shape), depth
 
@@ -156,8 +156,8 @@ def _change(images_kPa: Floats) -> Floats:
 def _fit_change(x: Floats, rows: Floats, most: int, share: float) -> tuple[GaussianProcess, Parts]:
     """ln of the rows' size, and the rows over the size that is expected."""
     size = np.sqrt((rows**2).mean(1))
-    ln_size = fit_process(_unsigned(x), np.log(size + _LEAST))
-    expected = np.exp(ln_size.predict(_unsigned(x)))
+    ln_size = fit_process(unsigned(x), np.log(size + _LEAST))
+    expected = np.exp(ln_size.predict(unsigned(x)))
     return ln_size, _fit_parts(x, rows / expected[:, None], most, share)
 
 
@@ -170,9 +170,10 @@ def _fit_parts(x: Floats, rows: Floats, most: int, share: float) -> Parts:
     return Parts(mean, parts, tuple(fit_process(x, score) for score in scores.T))
 
 
-def _unsigned(x: Floats) -> Floats:
+def unsigned(x: Floats) -> Floats:
+    """Inputs (n, 13) with all lumps on one side of the stroke's line."""
     out = x.copy()
-    out[:, _OFFSET] = np.abs(out[:, _OFFSET])
+    out[:, OFFSET] = np.abs(out[:, OFFSET])
     return out
 
 

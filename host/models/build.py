@@ -127,7 +127,8 @@ def build_emulator(sets: Sequence[Path]) -> None:
     lumps = [lump for path in files for lump in solid_lumps(read_kept(path))]
     kept = [{"set": path.name, "sha256": read_kept_recipe(path)["sha256"]} for path in files]
     errors = errors_of(lumps)
-    write_emulator(emulator_path(), fit_emulator(lumps), errors)
+    with whole_file(emulator_path()) as part:
+        write_emulator(part, fit_emulator(lumps), errors)
     record = {
         "command": f"python -m palpate.models {EMULATOR} {' '.join(path.name for path in files)}",
         "sets": kept,
