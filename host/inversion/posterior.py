@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from palpate.answer.fitted import Laid
 from palpate.inversion.classes import FAT_KPA, PADDING, Class
-from palpate.inversion.felt import FeltStroke
+from palpate.inversion.felt import FeltStroke, Ints
 from palpate.inversion.forward import Computed, Slopes
 from palpate.sim.probe.creep import LAG_MM
 from palpate.sim.probe.noise import Noise
@@ -28,7 +28,7 @@ from palpate.wire.cells import FULL_SCALE_KPA, PITCH_MM
 
 Floats = NDArray[np.float64]
 
-COUNTS = 4095
+_COUNTS = 4095
 _START_SD_MM = 15.0
 _PRESS_SD_MM = 6.0
 """So far from the middle of the face may lie what a press alone is over."""
@@ -39,7 +39,7 @@ _LN_E, _LN_F = (np.log(10.8), 0.58), (np.log(5.46), 0.48)
 
 _MESH_ERROR = {2.0: (0.05, 0.004), 1.0: (0.015, 0.001)}
 """By column width, what the mesh gets wrong: of the step from row to row, and of the pressure itself."""
-DEPTH_ERROR_MM = 0.002
+_DEPTH_ERROR_MM = 0.002
 _LEAST_SD = 1e-5
 
 SINGLE = ("ln_E", "ln_F", "start", "scale", "creep", "zero", "drift", "depth_zero", "depth_drift")
@@ -114,17 +114,22 @@ class Posterior:
     def _weights(self, hx_mm: float) -> Floats:
         """One over the standard deviation of rows and displacement, (n, rows + 1); 0: not measured."""
         s, noise = self.stroke, self.noise
-        count = FULL_SCALE_KPA / COUNTS
-        white = np.hypot(noise.white * FULL_SCALE_KPA, count / np.sqrt(12)) / np.sqrt(s.live)
+        white, depth = self._sensors(s.live)
         steps = np.abs(np.diff(np.pad(s.rows_kPa, ((0, 0), (1, 1)), mode="edge"), axis=1))
         step, share = _MESH_ERROR[hx_mm]
         mesh = np.hypot(step * np.maximum(steps[:, 1:], steps[:, :-1]), share * np.maximum(s.rows_kPa, 0.0))
         stuck = noise.hysteresis * np.maximum(s.rows_kPa, 0.0)
-        depth = np.full(len(s.displacement_mm), np.hypot(noise.displacement_noise_mm, DEPTH_ERROR_MM))
         rows = np.sqrt(white**2 + mesh**2 + stuck**2 + s.curve_kPa**2)
         weight = 1.0 / np.column_stack([np.maximum(rows, 1e-3), depth])
         weight[:, -1] *= s.measured
         return weight
+
+    def _sensors(self, live: Floats | Ints) -> tuple[Floats, Floats]:
+        """Standard deviations of white noise in the mean of so many live cells, and of displacements (n,)."""
+        noise, count = self.noise, FULL_SCALE_KPA / _COUNTS
+        white = np.hypot(noise.white * FULL_SCALE_KPA, count / np.sqrt(12)) / np.sqrt(live)
+        depth = np.full(len(self.stroke.place_mm), np.hypot(noise.displacement_noise_mm, _DEPTH_ERROR_MM))
+        return white, depth
 
     def start(self, theta: Floats, E_kPa: float, lump_mm: float) -> Floats:
         """A first guess: tissue and lump (k,), the fat's modulus, where along the stroke the lump lies."""

@@ -16,7 +16,7 @@ from palpate.answer.fitted import Laid
 from palpate.inversion.classes import Class
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import Slopes
-from palpate.inversion.posterior import COUNTS, DEPTH_ERROR_MM, Misfit, Posterior
+from palpate.inversion.posterior import Misfit, Posterior
 from palpate.inversion.solid_forward import BINS, Emulated
 from palpate.sim.probe.noise import Noise
 from palpate.wire.cells import FULL_SCALE_KPA, PITCH_MM
@@ -51,9 +51,7 @@ class SolidPosterior(Posterior):
     def _weights(self, hx_mm: float) -> Floats:
         s, noise = self.stroke, self.noise
         p = np.maximum(s.rows_kPa, 0.0).reshape(-1, *BINS)
-        count = FULL_SCALE_KPA / COUNTS
-        live = np.maximum(s.live, 0.25)
-        white = np.hypot(noise.white * FULL_SCALE_KPA, count / np.sqrt(12)) / np.sqrt(live)
+        white, depth = self._sensors(np.maximum(s.live, 0.25))
         steps = np.zeros_like(p)
         for axis in (1, 2):
             apart = np.abs(np.diff(p, axis=axis))
@@ -65,7 +63,6 @@ class SolidPosterior(Posterior):
         share = np.full(BINS, np.hypot(_SHARE_ERROR, noise.hysteresis))
         share[:, [0, -1]] = np.hypot(share[:, [0, -1]], _EDGE_ERROR)
         mesh = np.hypot(_STEP_ERROR * steps, share * p).reshape(len(p), -1)
-        depth = np.full(len(p), np.hypot(noise.displacement_noise_mm, DEPTH_ERROR_MM))
         rows = np.maximum(np.sqrt(white**2 + mesh**2 + s.curve_kPa**2), 1e-3)
         weight = 1.0 / np.column_stack([rows, depth])
         weight[:, :-1] *= s.live > 0
