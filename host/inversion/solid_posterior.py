@@ -27,6 +27,8 @@ _STEP_ERROR, _SHARE_ERROR = 0.05, 0.004
 """What the mesh gets wrong: of the steps to the next rows and columns, and of the pressure itself."""
 _EDGE_ERROR = 0.04
 """Of the pressure in the outermost columns, where the face ends."""
+_SHARED = 10.0
+"""A press' columns and frames err alike, at the edge of the contact: a hundred bins count as one there."""
 
 
 def binned(stroke: FeltStroke) -> FeltStroke:
@@ -63,6 +65,7 @@ class SolidPosterior(Posterior):
         share = np.full(BINS, np.hypot(_SHARE_ERROR, noise.hysteresis))
         share[:, [0, -1]] = np.hypot(share[:, [0, -1]], _EDGE_ERROR)
         mesh = np.hypot(_STEP_ERROR * steps, share * p).reshape(len(p), -1)
+        mesh[: s.press] *= _SHARED
         rows = np.maximum(np.sqrt(white**2 + mesh**2 + s.curve_kPa**2), 1e-3)
         weight = 1.0 / np.column_stack([rows, depth])
         weight[:, :-1] *= s.live > 0

@@ -77,7 +77,10 @@ class Found:
 
 def invert_solid(stroke: FeltStroke, start: Start, noise: Noise) -> Inverted:
     """Invert one stroke over a lump that ends across it; as `palpate.inversion.strokes.invert_stroke`."""
-    some = binned(_thinned(stroke, start))
+    place = mirrored_about(stroke)
+    if place is not None:
+        start = replace(start, lump_mm=place)
+    some = binned(_thinned(stroke, start.lump_mm))
     emulator, errors = bundled()
     ratios = emulator.learnt(_RATIO)
     classes = [learnt(of, ratios, len(errors.image)) for of in (ELLIPSOID, BALL)]
@@ -109,15 +112,13 @@ def _told(found: Found, odds: dict[str, float], stays: bool) -> Inverted:
 def _first(classes: list[Class], stroke: FeltStroke, start: Start, noise: Noise) -> list[Found]:
     """The modes by the emulator alone, from several starts; the later classes begin at the first's."""
     modes: list[Found] = []
-    place = mirrored_about(stroke)
-    lump_mm = start.lump_mm if place is None else place
     for of in classes:
         forward = SolidForward(of, stroke.press)
         of_class: list[Found] = []
-        for theta in [one.theta(of) for one in modes] or _starts(of, stroke, start, lump_mm):
+        for theta in [one.theta(of) for one in modes] or _starts(of, stroke, start):
             posterior = SolidPosterior(of, stroke, noise)
             least = min((one.mode.misfit.total for one in of_class), default=np.inf)
-            z = posterior.start(theta, start.E_kPa, lump_mm)
+            z = posterior.start(theta, start.E_kPa, start.lump_mm)
             _take(of_class, _searched(posterior, forward, z, least + _HOPELESS))
         modes += _near(of_class)
     return modes
@@ -160,9 +161,9 @@ def _searched(
     return Found(posterior, mode)
 
 
-def _starts(of: Class, stroke: FeltStroke, start: Start, lump_mm: float) -> Iterator[Floats]:
+def _starts(of: Class, stroke: FeltStroke, start: Start) -> Iterator[Floats]:
     """First guesses: the estimate, softer, harder, smaller and larger over other glands; the middle."""
-    offset = _across(stroke, lump_mm)
+    offset = _across(stroke, start.lump_mm)
     valley = [
         replace(start, E_inv23=s, d_mm=start.d_mm * float(np.exp(_SIZE_BY_STIFFNESS * (s - start.E_inv23))))
         for s in (start.E_inv23, _SOFT, _HARD)
@@ -172,8 +173,7 @@ def _starts(of: Class, stroke: FeltStroke, start: Start, lump_mm: float) -> Iter
         (replace(start, d_mm=start.d_mm * by, depth_mm=start.depth_mm * by), ratio)
         for by, ratio in ((1 / _SIZED, _LESS), (_SIZED, _MORE))
     ]
-    middle = replace(MIDDLE, lump_mm=lump_mm)
-    for one, ratio in (*((one, 0.0) for one in valley), *sized, (middle, 0.0)):
+    for one, ratio in (*((one, 0.0) for one in valley), *sized, (MIDDLE, 0.0)):
         theta = of.column("mean")
         theta[:3] = np.log(one.d_mm), np.log(one.depth_mm), one.E_inv23
         theta[names.index(OFFSET)] = offset
@@ -195,11 +195,9 @@ def _across(stroke: FeltStroke, lump_mm: float) -> float:
     return middle if abs(middle) > _ON_LINE_MM else 0.0
 
 
-def _thinned(stroke: FeltStroke, start: Start) -> FeltStroke:
+def _thinned(stroke: FeltStroke, lump_mm: float) -> FeltStroke:
     """Every frame near the lump, some of the others."""
     p, n = stroke.press, len(stroke.place_mm) - stroke.press
-    place = mirrored_about(stroke)
-    lump_mm = start.lump_mm if place is None else place
     number = np.arange(n)
     chosen = np.flatnonzero((np.abs(stroke.place_mm[p:] - lump_mm) < _NEAR_MM) | (number % _THIN == 0))
     return stroke.take(np.arange(_THIN - 1, p, _THIN), chosen)
