@@ -25,9 +25,10 @@ FIELDS = (
 )  # fmt: skip
 _DEEPEST = 0.93
 """A lump ends so far down the gland at most; a search that would go deeper moves the chest wall with it."""
+_CORNER = 6.0
 _PLAIN_D_MM = 10.0
 _STEP = 1e-6
-PADDING = "ln padding"
+PADDING, GLAND = "ln padding", "ln gland"
 _FLAT_MM = 1e4
 _EDGE_MM = 2.0
 """The face is rounded off so far from where its cells end, as our probe's."""
@@ -57,7 +58,7 @@ _FAT = log_even("ln t", 4.0, 30.0, 2.5, 60.0, 0.25)
 _STIFFNESS = Unknown("E^-2/3", 0.32, 0.18, 0.003, 0.97, 0.08)
 _TISSUE = (
     log_even("ln gland ratio", 1.0, 10.0, 0.7, 16.0, 0.4),
-    Unknown("ln gland", np.log(17.5), 0.38, np.log(5.0), np.log(45.0), 0.3),
+    Unknown(GLAND, np.log(17.5), 0.38, np.log(5.0), np.log(45.0), 0.3),
     Unknown("b of the fat", 1.27, 0.96, 0.0, 6.0, 0.8),
     Unknown("b of the gland", 1.27, 0.96, 0.0, 6.0, 0.8),
     Unknown("ln R", np.log(40.0), 0.029, np.log(34.0), np.log(46.0), 0.03),
@@ -108,11 +109,16 @@ def _tissue(values: Floats, least_gland_mm: float) -> dict[str, Any]:
     ratio, gland, fat_b, gland_b, radius = values
     return {
         "gland_ratio": float(np.exp(ratio)),
-        "gland_mm": float(max(np.exp(gland), least_gland_mm)),
+        "gland_mm": _at_least(float(np.exp(gland)), least_gland_mm),
         "fat_stiffening": float(max(fat_b, 0.0)),
         "gland_stiffening": float(max(gland_b, 0.0)),
         "probe_radius_mm": float(np.exp(radius)),
     }
+
+
+def _at_least(value: float, least: float) -> float:
+    """The greater of the two, round its corner: where there is no slope no search comes back."""
+    return value if least <= 0 else float((value**_CORNER + least**_CORNER) ** (1 / _CORNER))
 
 
 def _anywhere(theta: Floats) -> Case:

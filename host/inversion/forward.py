@@ -5,12 +5,14 @@ In fat of 10 kPa. Units: mm, kPa, N/m.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.inversion.classes import Class
+from palpate.inversion.track import Track, side_by_side, track
 from palpate.sim.tissue import Settings
 from palpate.sim.tissue.contact import OWN_PLACES
 from palpate.sim.tissue.derivatives import Derivatives, differentiate
@@ -27,27 +29,34 @@ _PRESS_REACH_MM = 24.0
 """Frames at one place need no more."""
 _FAR = 2.0
 """Guesses by derivatives are for steps within so many of the priors' standard deviations."""
+_ELSEWHERE_MM = 2.5
+"""Nor where a place has moved by more."""
 
 
 @dataclass
 class Computed:
-    """Frames of one guess: its unknowns, places and forces, and what they give."""
+    """Frames of one guess: its unknowns, places and forces, and what they give.
+
+    Attributes
+    ----------
+    images : ndarray (n, rows)
+        kPa.
+    depth : ndarray (n,)
+        mm.
+    solved : SolvedFrames
+        What the solver has said, on a mesh of the topology.
+    track : Track or None
+        How it leads to the frames; None: they are the frames.
+    """
 
     theta: Floats
     places_mm: Floats
     forces_N_per_m: Floats
-    frames: SolvedFrames
+    images: Floats
+    depth: Floats
+    solved: SolvedFrames
     topology: Topology
-
-    @property
-    def images(self) -> Floats:
-        """(n, rows), kPa."""
-        return self.frames.images_kPa
-
-    @property
-    def depth(self) -> Floats:
-        """(n,), mm."""
-        return self.frames.displacement_mm
+    track: Track | None
 
     def on_mesh_of(self, other: Computed) -> bool:
         """Whether another guess was computed on a mesh of the same topology."""
@@ -86,13 +95,26 @@ class Slopes:
 
 
 class Forward:
-    """Computes frames of one class on one mesh, whose topology stays as long as the guesses are near."""
+    """Computes frames of one class on one mesh, whose topology stays as long as the guesses are near.
 
-    def __init__(self, of: Class, settings: Settings, sensors: Floats = OWN_PLACES) -> None:
-        self.of, self.settings, self.sensors = of, settings, sensors
+    Parameters
+    ----------
+    strokes : sequence of (int, int)
+        How many frames each stroke has, and how many of them are its press; none: every frame is solved.
+    """
+
+    def __init__(
+        self,
+        of: Class,
+        settings: Settings,
+        sensors: Floats = OWN_PLACES,
+        strokes: Sequence[tuple[int, int]] = (),
+    ) -> None:
+        self.of, self.settings, self.sensors, self.strokes = of, settings, sensors, tuple(strokes)
         self.scale = np.concatenate([of.column("sd"), [1.0, 0.1]])
         self._topology: Topology | None = None
-        self._derivatives: tuple[Topology, Derivatives] | None = None
+        self._tracks: Sequence[Track | None] = ()
+        self._derivatives: tuple[SolvedFrames, Topology, Derivatives] | None = None
         self._last: Computed | None = None
 
     def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> Computed:
@@ -116,11 +138,45 @@ class Forward:
             reach = _REACH_MM if np.ptp(places_mm) else _PRESS_REACH_MM
             topology = Topology(case, self.settings, -reach, reach)
             geometry = topology.geometry(case)
-        guesses = self._guesses(theta, places_mm, forces_N_per_m, topology)
-        frames = solve_frames(case, self.settings, geometry, places_mm, forces_N_per_m, guesses, self.sensors)
+        on = self._track(places_mm, forces_N_per_m)
+        there = (places_mm, forces_N_per_m) if on is None else (on.places_mm, on.forces_N_per_m)
+        guesses = self._guesses(theta, *there, topology)
+        solved = solve_frames(case, self.settings, geometry, *there, guesses, self.sensors)
+        images, depth = solved.images_kPa, solved.displacement_mm
+        if on is not None:
+            by_image, by_depth = self._by_force(solved, topology)
+            images, depth = on.frames(images, by_image), on.frames(depth, by_depth)
         self._topology = topology
-        self._last = Computed(theta.copy(), places_mm, forces_N_per_m, frames, topology)
+        self._last = Computed(theta.copy(), places_mm, forces_N_per_m, images, depth, solved, topology, on)
         return self._last
+
+    def _track(self, places_mm: Floats, forces_N_per_m: Floats) -> Track | None:
+        if not self.strokes:
+            return None
+        ends = np.cumsum([frames for frames, _ in self.strokes])[:-1]
+        pairs = zip(np.split(places_mm, ends), np.split(forces_N_per_m, ends))
+        before, column_mm = self._tracks or [None] * len(self.strokes), self.settings.hx_mm
+        tracks = [
+            track(*pair, press, column_mm, last)
+            for pair, (_, press), last in zip(pairs, self.strokes, before)
+        ]
+        self._tracks = tracks
+        return side_by_side(tracks)
+
+    def _by_force(self, solved: SolvedFrames, topology: Topology) -> tuple[Floats, Floats]:
+        """Derivatives of images and depth by ln F; the last ones there are will do."""
+        known = self._derivatives
+        if known is None or known[1] is not topology or len(known[0].states) != len(solved.states):
+            known = self._differentiated(solved, topology)
+        force, found = solved.forces_N_per_m, known[2]
+        return found.images[:, :, -1] * force[:, None], found.displacement[:, -1] * force
+
+    def _differentiated(
+        self, solved: SolvedFrames, topology: Topology
+    ) -> tuple[SolvedFrames, Topology, Derivatives]:
+        if self._derivatives is None or self._derivatives[0] is not solved:
+            self._derivatives = solved, topology, differentiate(solved, topology, self.of.fields)
+        return self._derivatives
 
     def like(self, other: Forward) -> None:
         """Begin on a mesh of the topology that another has come to; its solver is the other's own."""
@@ -129,35 +185,43 @@ class Forward:
 
     def slopes(self, at: Computed) -> Slopes:
         """Derivatives at a guess."""
-        found = differentiate(at.frames, at.topology, self.of.fields)
-        self._derivatives = at.topology, found
-        fields, k = len(self.of.fields), len(at.theta)
-        chain = np.zeros((fields + 2, k + 2))
-        chain[:fields, :k] = self.of.chain(at.theta)
-        chain[fields, k] = 1.0
-        images, depth = found.images @ chain, found.displacement @ chain
-        images[:, :, k + 1] = found.images[:, :, -1] * at.forces_N_per_m[:, None]
-        depth[:, k + 1] = found.displacement[:, -1] * at.forces_N_per_m
-        return Slopes(images, depth)
+        found = self._differentiated(at.solved, at.topology)[2]
+        chain = self.of.chain(at.theta)
+        solved, force = at.solved, at.solved.forces_N_per_m
+        each = []
+        for values, by in ((solved.images_kPa, found.images), (solved.displacement_mm, found.displacement)):
+            by_force = by[..., -1] * (force[:, None] if by.ndim == 3 else force)
+            by_theta, by_place = by[..., :-2] @ chain, by[..., -2]
+            if (on := at.track) is not None:
+                by_theta, by_place = on.of_shares(by_theta), on.by_place(values, by_force)
+                by_force = on.of_shares(by_force)
+            each.append(np.concatenate([by_theta, by_place[..., None], by_force[..., None]], -1))
+        return Slopes(*each)
 
     def by_friction(self, at: Computed) -> Floats:
         """Derivatives of images and displacement, (n, 17), by the friction of the face, from none at all."""
-        found = differentiate(at.frames, at.topology, ("friction",))
-        return np.column_stack([found.images[:, :, 0], found.displacement[:, 0]])
+        found = differentiate(at.solved, at.topology, ("friction",))
+        there = np.column_stack([found.images[:, :, 0], found.displacement[:, 0]])
+        return there if at.track is None else at.track.of_shares(there)
 
     def _guesses(
         self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, topology: Topology
     ) -> list[State] | None:
         """The last guess's states carried on by the newest derivatives there are."""
-        last = self._last
-        if last is None or self._derivatives is None:
+        last, known = self._last, self._derivatives
+        if last is None or known is None:
             return None
-        if last.topology is not topology or self._derivatives[0] is not topology:
+        if last.topology is not topology or known[1] is not topology:
+            return None
+        before = last.solved
+        if len(before.states) != len(places_mm) or len(known[0].states) != len(places_mm):
+            return None
+        if np.abs(places_mm - before.places_mm).max() > _ELSEWHERE_MM:
             return None
         if np.abs((theta - last.theta) / self.of.column("sd")).max() > _FAR:
             return None
         steps = np.empty((len(places_mm), len(self.of.fields) + 2))
         steps[:, :-2] = self.of.values(theta) - self.of.values(last.theta)
-        steps[:, -2] = places_mm - last.places_mm
-        steps[:, -1] = forces_N_per_m - last.forces_N_per_m
-        return self._derivatives[1].carried(last.frames, steps)
+        steps[:, -2] = places_mm - before.places_mm
+        steps[:, -1] = forces_N_per_m - before.forces_N_per_m
+        return known[2].carried(before, steps)

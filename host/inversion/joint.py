@@ -113,10 +113,10 @@ class Together:
 
 def _some(found: Computed, frames: slice) -> Computed:
     """One stroke's frames of all."""
-    images, depth = found.images[frames], found.depth[frames]
     return replace(
         found,
         places_mm=found.places_mm[frames],
         forces_N_per_m=found.forces_N_per_m[frames],
-        frames=replace(found.frames, images_kPa=images, displacement_mm=depth),
+        images=found.images[frames],
+        depth=found.depth[frames],
     )

@@ -66,7 +66,7 @@ def _modes(of: Class, press: FeltStroke, begin: Start, noise: Noise) -> list[Fou
         posterior = Posterior(of, press, noise, COARSE.hx_mm)
         try:
             z = posterior.start(next(start.thetas(of)), start.E_kPa, start.lump_mm)
-            mode = search(posterior, forward_of(of, COARSE, press), z, _STEPS, enough=0.5)
+            mode = search(posterior, forward_of(of, COARSE, [press]), z, _STEPS, enough=0.5)
         except (CaseError, StrokeError):
             continue
         at = posterior.at["tissue"]
@@ -81,7 +81,7 @@ def _finer(posterior: Posterior, mode: Mode) -> Found:
     other = Posterior(posterior.of, posterior.stroke, posterior.noise, FINE.hx_mm)
     other.mean[other.at["start"]] = posterior.mean[posterior.at["start"]]
     try:
-        forward = forward_of(posterior.of, FINE, posterior.stroke)
+        forward = forward_of(posterior.of, FINE, [posterior.stroke])
         return other, search(other, forward, mode.z.copy(), _FINE_STEPS, enough=0.5, damping=1e-3)
     except (CaseError, StrokeError):
         return posterior, mode

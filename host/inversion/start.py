@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from palpate import models
 from palpate.firmware_twin.replay_core import Replay
-from palpate.inversion.classes import ANYWHERE, BORDER, Class
+from palpate.inversion.classes import ANYWHERE, BORDER, GLAND, Class
 from palpate.inversion.felt import FeltStroke
 from palpate.model_export.fixed_point import force_map, reference
 from palpate.model_export.schema import ModelSpec
@@ -26,6 +26,9 @@ _OUTPUTS = ("ln F", "ln t", "ln d", "ln h", "E^-2/3", "ln E_fat")
 _SOFT, _HARD = 0.5, 0.12
 _SIZE_BY_STIFFNESS = 0.97
 """Along ln d = const + this E^-2/3 images hardly change: a soft, large lump feels like a hard, small one."""
+
+_ROOM = 1.4
+"""A gland begins so much deeper than a lump in it reaches."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,10 @@ class Start:
                 else []
             )
             theta[: len(own) or 1] = own or [np.log(self.t_mm)]
+            if of.name == ANYWHERE.name:
+                gland = [unknown.name for unknown in of.unknowns].index(GLAND)
+                under = max(d + self.depth_mm - self.t_mm, 1.0)
+                theta[gland] = max(theta[gland], np.log(_ROOM * under))
             yield theta
 
 

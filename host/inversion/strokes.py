@@ -157,7 +157,7 @@ Assemble = Callable[[Sequence[Posterior], Settings], tuple[Together, Forward]]
 
 def one_lump(parts: Sequence[Posterior], settings: Settings) -> tuple[Together, Forward]:
     """Of strokes over one lump."""
-    return Together(parts), forward_of(parts[0].of, settings, parts[0].stroke)
+    return Together(parts), forward_of(parts[0].of, settings, [part.stroke for part in parts])
 
 
 def coarse(

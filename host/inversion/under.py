@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,11 +28,12 @@ def classes_over(felt: FeltStroke, kind: str) -> list[Class]:
     return [under(felt.face, of, _HALF_MM) for of in chosen]
 
 
-def forward_of(of: Class, settings: Settings, felt: FeltStroke) -> Forward:
-    """The forward model of a class on one mesh."""
-    if _HALF_MM > _USUAL_HALF_MM and not felt.alone:  # a wide face must not come too near the tissue's sides
+def forward_of(of: Class, settings: Settings, strokes: Sequence[FeltStroke]) -> Forward:
+    """The forward model of a class on one mesh, for strokes over one lump, or for one press alone."""
+    sizes = [(len(felt.place_mm), felt.press) for felt in strokes if not felt.alone]
+    if _HALF_MM > _USUAL_HALF_MM and sizes:  # a wide face must not come too near the tissue's sides
         settings = replace(settings, left_mm=-_SIDES_MM, right_mm=_SIDES_MM)
-    return Forward(of, settings, places_read(SHAPE[0], PITCH_MM))
+    return Forward(of, settings, places_read(SHAPE[0], PITCH_MM), sizes)
 
 
 def odds_of(evidence: Mapping[str, float]) -> dict[str, float]:

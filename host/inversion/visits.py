@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from palpate.answer.fitted import Change, Inverted, Value
 from palpate.errors import PalpateError
 from palpate.inversion.classes import ANYWHERE, Class, Unknown
+from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import Computed, Forward, Slopes
 from palpate.inversion.joint import Together
 from palpate.inversion.kept import Felt
@@ -68,8 +69,8 @@ def invert_visits(
     of = _changing(single)
 
     def assemble(parts: Sequence[Posterior], settings: Settings) -> tuple[Together, Forward]:
-        first = sum(len(part.stroke.place_mm) for part in parts[: len(before)])
-        forward = TwoVisits(of, single, settings, parts[0], first)
+        strokes = [part.stroke for part in parts]
+        forward = TwoVisits(of, single, settings, strokes[: len(before)], strokes[len(before) :])
         return Together(parts, _OF_THE_PROBE if same_probe else ()), forward
 
     found = coarse(of, strokes, noise, {}, assemble)
@@ -129,10 +130,17 @@ class ComputedVisits(Computed):
 class TwoVisits(Forward):
     """Computes the frames of two visits, each over its own lump."""
 
-    def __init__(self, of: Class, single: Class, settings: Settings, part: Posterior, first: int) -> None:
+    def __init__(
+        self,
+        of: Class,
+        single: Class,
+        settings: Settings,
+        before: Sequence[FeltStroke],
+        after: Sequence[FeltStroke],
+    ) -> None:
         super().__init__(of, settings)
-        self._first = first
-        self._each = tuple(forward_of(single, settings, part.stroke) for _ in range(2))
+        self._first = sum(len(stroke.place_mm) for stroke in before)
+        self._each = tuple(forward_of(single, settings, strokes) for strokes in (before, after))
 
     def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> ComputedVisits:
         """Frames (n,) of a guess; as `Forward`."""
@@ -144,10 +152,10 @@ class TwoVisits(Forward):
             np.concatenate([getattr(visit, name) for visit in (before, after)])
             for name in ("images", "depth")
         )
-        frames = replace(before.frames, images_kPa=images, displacement_mm=depth)
         return ComputedVisits(
-            theta.copy(), places_mm, forces_N_per_m, frames, before.topology, (before, after)
-        )
+            theta.copy(), places_mm, forces_N_per_m, images, depth, before.solved, before.topology, None,
+            (before, after),
+        )  # fmt: skip
 
     def slopes(self, at: Computed) -> Slopes:
         """Derivatives at a guess."""

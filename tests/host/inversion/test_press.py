@@ -30,7 +30,10 @@ def test_the_jacobian_of_a_padded_press_is_its_derivative():
         np.array([-20.0, -10.0, 0.0]), 3, face=FLAT, measured=False,
     )  # fmt: skip
     of = under(FLAT, ANYWHERE, 12.0)
-    posterior, forward = Posterior(of, press, LEVELS["typical"], COARSE.hx_mm), forward_of(of, COARSE, press)
+    posterior, forward = (
+        Posterior(of, press, LEVELS["typical"], COARSE.hx_mm),
+        forward_of(of, COARSE, [press]),
+    )
     z = posterior.start(of.column("mean"), 9.0, 2.0)
     z[posterior.at["force"]] = np.log([2.0, 4.0, 6.0])
 

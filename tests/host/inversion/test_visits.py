@@ -22,12 +22,13 @@ def test_the_jacobian_of_two_visits_is_their_misfit_s_derivative():
     of = _changing(ANYWHERE)
     parts, own = zip(*(a_few_frames(of, rng) for _ in range(2)))
     both = Together(parts, ("gain",))
-    forward = TwoVisits(of, ANYWHERE, COARSE, parts[0], len(parts[0].stroke.place_mm))
+    forward = TwoVisits(of, ANYWHERE, COARSE, *([part.stroke] for part in parts))
     z = both.joined(own)
     z[both.at["tissue"]][-2:] = 0.1, -0.05
     assert both.size == 2 * parts[0].size - len(of.unknowns) - 1 - 16
 
-    check_jacobian(both, forward, z, rng)
+    # between so few frames what a force does at its neighbours' places is not followed
+    check_jacobian(both, forward, z, rng, within=0.1)
 
 
 @pytest.mark.long
