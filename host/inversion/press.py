@@ -5,17 +5,16 @@ The intervals hold those of every lump that explains the press about as well as 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from palpate.answer.fitted import Inverted, Value
+from palpate.answer.fitted import Inverted
 from palpate.inversion.classes import Class
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import COARSE, FINE
 from palpate.inversion.posterior import Posterior
-from palpate.inversion.result import told
+from palpate.inversion.result import of_modes, told
 from palpate.inversion.search import Mode, search
 from palpate.inversion.start import Start, first_guess
 from palpate.inversion.under import AUTO, LUMPS, classes_over, forward_of, odds_of
@@ -51,11 +50,10 @@ def invert_press(press: FeltStroke, noise: Noise, kind: str = AUTO) -> Inverted:
     near = [_finer(*one) for one in found[best] if one[1].misfit.total < least + 3 * _AS_WELL]
     least = min(mode.misfit.total for _, mode in near)
     near = [one for one in near if one[1].misfit.total <= least + _AS_WELL]
-    said = [told(*one, odds) for one in near]
-    first = min(range(len(said)), key=lambda k: said[k].chi2 or 0.0)
-    posterior, mode = near[first]
-    laid = (posterior.laid(mode.z, mode.found),)
-    return replace(said[first], values=together(said[first], said), laid=laid)
+    near.sort(key=lambda one: one[1].chi2)
+    posterior, mode = near[0]
+    said = of_modes([told(*one, odds) for one in near], [other.log_evidence for _, other in near])
+    return replace(said, laid=(posterior.laid(mode.z, mode.found),))
 
 
 def _modes(of: Class, press: FeltStroke, begin: Start, noise: Noise) -> list[Found]:
@@ -65,7 +63,7 @@ def _modes(of: Class, press: FeltStroke, begin: Start, noise: Noise) -> list[Fou
         start = replace(begin, d_mm=begin.d_mm * size, depth_mm=begin.depth_mm * depth)
         posterior = Posterior(of, press, noise, COARSE.hx_mm)
         try:
-            z = posterior.start(next(start.thetas(of)), start.E_kPa, start.lump_mm)
+            z = posterior.start(start.theta(of), start.E_kPa, start.lump_mm)
             mode = search(posterior, forward_of(of, COARSE, [press]), z, _STEPS, enough=0.5)
         except (CaseError, StrokeError):
             continue
@@ -93,17 +91,3 @@ def _thinned(press: FeltStroke) -> FeltStroke:
     wanted = np.linspace(force.min(), force.max(), _FRAMES + 1)[1:]
     chosen = np.unique([int(np.abs(force - F).argmin()) for F in wanted])
     return press.take(chosen, np.empty(0, np.int64))
-
-
-def together(best: Inverted, all_of: Sequence[Inverted]) -> dict[str, Value]:
-    """The best one's values, with intervals that hold every one's."""
-    out = {}
-    for name, value in best.values.items():
-        lows = [one.values[name].low for one in all_of]
-        highs = [one.values[name].high for one in all_of]
-        out[name] = Value(
-            value.value,
-            None if None in lows else min(lows),  # type: ignore[type-var]
-            None if None in highs else max(highs),  # type: ignore[type-var]
-        )
-    return out

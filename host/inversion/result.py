@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,6 +108,23 @@ def told(
         posterior.stroke.stroke, values, posterior.of.name, odds, mode.chi2, not why, mode.settled, worst,
         centre, why, layers, press=posterior.stroke.alone,
     )  # fmt: skip
+
+
+def of_modes(said: Sequence[Inverted], log_evidence: Sequence[float]) -> Inverted:
+    """What modes say together: the first one's values, intervals that hold every one's, layers by odds."""
+    first = said[0]
+    values = {}
+    for name, value in first.values.items():
+        lows, highs = ([getattr(one.values[name], end) for one in said] for end in ("low", "high"))
+        low, high = None if None in lows else min(lows), None if None in highs else max(highs)
+        values[name] = Value(value.value, low, high)
+    share = np.exp(np.array(log_evidence) - max(log_evidence))
+    share /= share.sum()
+    layers = {
+        name: float(sum(p * one.layers.get(name, 0.0) for p, one in zip(share, said)))
+        for name in first.layers
+    }
+    return replace(first, values=values, layers=layers)
 
 
 def _layers(names: list[str], z: Floats, C: Floats) -> dict[str, float]:

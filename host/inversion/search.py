@@ -78,11 +78,17 @@ def search(
     enough: float = 1.0,
     damping: float = 0.02,
     hopeless: float = np.inf,
+    least: float = 0.0,
+    stride: float = 1.0,
 ) -> Mode:
     """Go down from z in `most` steps, until an undamped one promises less than `enough` of the misfit.
 
     hopeless : float
         A misfit that is over this after four steps is not followed further.
+    least : float
+        A step that gains less is the last.
+    stride : float
+        Over the unknowns' own longest steps.
 
     Raises
     ------
@@ -97,13 +103,13 @@ def search(
         A, B = posterior.jacobian(z, found, slopes)
         H = A.T @ A + B.T @ B
         g = A.T @ misfit.data.ravel() + B.T @ misfit.prior
-        undamped = _promise(_step(posterior, z, H, g, 0.0), H, g)
+        undamped = _promise(_step(posterior, z, H, g, 0.0, stride), H, g)
         settled = undamped < enough
         if settled or steps >= most or (steps >= 4 and misfit.total > hopeless):
             break
-        before, taken, good, promised = found, False, False, np.inf
+        before, last, taken, good, promised = found, misfit.total, False, False, np.inf
         for _ in range(_TRIES if exact else 2):
-            step = _step(posterior, z, H, g, damping)
+            step = _step(posterior, z, H, g, damping, stride)
             promised = _promise(step, H, g)
             try:
                 other = _computed(posterior, forward, z + step)
@@ -126,6 +132,8 @@ def search(
             settled = undamped < _FLAT
             break
         steps += taken
+        if taken and last - misfit.total < least:
+            break
     covariance: Floats = np.linalg.inv(H).astype(np.float64)
     dof = posterior.measured - float(np.trace(covariance @ (A.T @ A)))
     known = np.isfinite(posterior.sd)
@@ -142,7 +150,9 @@ def _promise(step: Floats, H: Floats, g: Floats) -> float:
     return -float(2 * g @ step + step @ H @ step)
 
 
-def _step(posterior: Posterior | Together, z: Floats, H: Floats, g: Floats, damping: float) -> Floats:
+def _step(
+    posterior: Posterior | Together, z: Floats, H: Floats, g: Floats, damping: float, stride: float
+) -> Floats:
     """A damped step; what would leave its range stays at its end, and a long step is shortened."""
     of = posterior.of
     k = len(of.unknowns)
@@ -159,6 +169,6 @@ def _step(posterior: Posterior | Together, z: Floats, H: Floats, g: Floats, damp
         if not (pushed & free[:k]).any():
             break
         free[:k] &= ~pushed
-    step /= max(1.0, float(np.abs(step[:k] / longest).max()))
+    step /= max(1.0, float(np.abs(step[:k] / (stride * longest)).max()))
     step[:k] = np.clip(z[:k] + step[:k], low, high) - z[:k]
     return step

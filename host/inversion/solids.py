@@ -17,8 +17,8 @@ from palpate.answer.fitted import Inverted
 from palpate.inversion.classes import Class
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.mirror import mirrored_about
-from palpate.inversion.press import together
-from palpate.inversion.result import told
+from palpate.inversion.pooled import pooled
+from palpate.inversion.result import of_modes, told
 from palpate.inversion.search import Mode, search
 from palpate.inversion.solid_classes import BALL, ELLIPSOID, OFFSET, RATIO, SOLIDS, learnt
 from palpate.inversion.solid_forward import Correction, SolidForward, bundled, correction_at
@@ -97,16 +97,18 @@ def invert_solid(stroke: FeltStroke, start: Start, noise: Noise) -> Inverted:
         rounds += 1
         modes = _again(modes, some, noise, correction) or modes
         stays = _moved(before, _best(modes)) < _STAYS
-    best, odds = _best(modes), _odds(modes)
-    said = [_told(one, odds, stays) for one in modes if odds[one.of.name] > _RARE]
+    modes = [replace(one, mode=replace(one.mode, settled=one.mode.settled and stays)) for one in modes]
+    weighed = [replace(one, mode=pooled(one.posterior, one.mode, start)) for one in modes]
+    odds = _odds(weighed)
+    order = np.argsort([-one.mode.log_evidence for one in weighed], kind="stable")
+    near = [weighed[k] for k in order if k == order[0] or odds[weighed[k].of.name] > _RARE]
+    said = of_modes(
+        [told(p := one.posterior, one.mode, odds, p.places(one.mode.z), WIDER_SOLID) for one in near],
+        [one.mode.log_evidence for one in near],
+    )
+    best = modes[order[0]]
     laid = best.posterior.laid(best.mode.z, best.mode.found)  # type: ignore[arg-type]
-    first = _told(best, odds, stays)
-    return replace(first, values=together(first, said), laid=(laid,))
-
-
-def _told(found: Found, odds: dict[str, float], stays: bool) -> Inverted:
-    mode = replace(found.mode, settled=found.mode.settled and stays)
-    return told(found.posterior, mode, odds, found.posterior.places(mode.z), WIDER_SOLID)
+    return replace(said, laid=(laid,))
 
 
 def _first(classes: list[Class], stroke: FeltStroke, start: Start, noise: Noise) -> list[Found]:

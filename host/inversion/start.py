@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate import models
 from palpate.firmware_twin.replay_core import Replay
-from palpate.inversion.classes import ANYWHERE, BORDER, GLAND, Class
+from palpate.inversion.classes import GLAND, Class
 from palpate.inversion.felt import FeltStroke
+from palpate.inversion.widening import NORMAL
 from palpate.model_export.fixed_point import force_map, reference
 from palpate.model_export.schema import ModelSpec
 from palpate.sim.tissue.face_sensors import places_mm
@@ -27,13 +29,26 @@ _SOFT, _HARD = 0.5, 0.12
 _SIZE_BY_STIFFNESS = 0.97
 """Along ln d = const + this E^-2/3 images hardly change: a soft, large lump feels like a hard, small one."""
 
+_BORDERS = ((1.0, 1.2), (1.0, 0.5), (0.75, 0.0))
+"""Where the border may run: at such a share of the lump's depth and of its diameter."""
+_T_MM = 3.0, 45.0
+_ELSEWHERE = 0.12
+"""A border that is nearer to another one, as a logarithm, is the same."""
+_UNLIKE = 2.0
+"""So much farther off may be an estimate of a stroke that is unlike those the regression was fitted to."""
 _ROOM = 1.4
 """A gland begins so much deeper than a lump in it reaches."""
 
 
 @dataclass(frozen=True)
 class Start:
-    """A first estimate: lengths in mm, and where along the stroke the lump lies."""
+    """A first estimate: lengths in mm, and where along the stroke the lump lies.
+
+    Attributes
+    ----------
+    sd : tuple of float
+        Standard deviations of ln d, ln h, ln t, E^-2/3 and ln E_fat; none where no regression has said it.
+    """
 
     stroke: int
     d_mm: float
@@ -42,26 +57,51 @@ class Start:
     E_inv23: float
     E_kPa: float
     lump_mm: float
+    sd: tuple[float, ...] = ()
 
-    def thetas(self, of: Class) -> Iterator[Floats]:
-        """First guesses (k,) for a class: the estimate, then the same lump softer and harder."""
-        for s in (self.E_inv23, _SOFT, _HARD):
-            d = self.d_mm * float(np.exp(_SIZE_BY_STIFFNESS * (s - self.E_inv23)))
-            theta = of.column("mean")
-            size = [np.log(d), np.log(self.depth_mm)]
-            own = (
-                [*size, np.log(self.t_mm), s]
-                if of.name == ANYWHERE.name
-                else [*size, s]
-                if of.name == BORDER.name
-                else []
-            )
-            theta[: len(own) or 1] = own or [np.log(self.t_mm)]
-            if of.name == ANYWHERE.name:
-                gland = [unknown.name for unknown in of.unknowns].index(GLAND)
-                under = max(d + self.depth_mm - self.t_mm, 1.0)
-                theta[gland] = max(theta[gland], np.log(_ROOM * under))
-            yield theta
+    def theta(self, of: Class) -> Floats:
+        """The estimate as a first guess (k,) for a class."""
+        known = {
+            "ln d": np.log(self.d_mm), "ln depth": np.log(self.depth_mm), "ln t": np.log(self.t_mm),
+            "E^-2/3": self.E_inv23,
+        }  # fmt: skip
+        mean = zip(of.unknowns, of.column("mean"))
+        return _with_room(of, np.array([known.get(unknown.name, value) for unknown, value in mean]))
+
+    def softer_and_harder(self, of: Class) -> Iterator[Floats]:
+        """Further guesses (k,): lumps that feel like it."""
+        for s in (_SOFT, _HARD):
+            by = float(np.exp(_SIZE_BY_STIFFNESS * (s - self.E_inv23)))
+            yield replace(self, d_mm=self.d_mm * by, E_inv23=s).theta(of)
+
+
+def with_other_borders(of: Class, theta: Floats) -> Iterator[Floats]:
+    """A guess (k,) with its lump in the fat, across the border and in the gland, where it is not so yet.
+
+    None where the class does not know where the border runs.
+    """
+    names = [unknown.name for unknown in of.unknowns]
+    if not {"ln d", "ln t"} <= set(names):
+        return
+    at = names.index("ln t")
+    d, depth = (float(np.exp(theta[names.index(name)])) for name in ("ln d", "ln depth"))
+    tried = [theta[at]]
+    for by_depth, by_d in _BORDERS:
+        ln_t = float(np.log(np.clip(by_depth * depth + by_d * d, *_T_MM)))
+        if all(abs(ln_t - other) > _ELSEWHERE for other in tried):
+            tried.append(ln_t)
+            moved = theta.copy()
+            moved[at] = ln_t
+            yield _with_room(of, moved)
+
+
+def _with_room(of: Class, theta: Floats) -> Floats:
+    """With a gland that the lump does not fill."""
+    at = {unknown.name: k for k, unknown in enumerate(of.unknowns)}
+    if {"ln d", "ln t"} <= set(at):
+        d, depth, t = np.exp(theta[[at["ln d"], at["ln depth"], at["ln t"]]])
+        theta[at[GLAND]] = max(theta[at[GLAND]], np.log(_ROOM * max(d + depth - t, 1.0)))
+    return theta
 
 
 MIDDLE = Start(0, 11.0, 6.0, 11.0, 0.3, 11.0, 0.0)
@@ -145,6 +185,13 @@ def start_of(
     centre = float(replay.results()["centre_mm"])
     centre = centre if low < centre < high else lump_mm
     return Start(
-        stroke, float(np.clip(d, 4, 25)), float(np.clip(depth, 1.2, 40)), float(np.clip(t, 3, 45)),
-        float(np.clip(s, 0.02, 0.7)), float(np.clip(E, 2, 60)), centre,
+        stroke, float(np.clip(d, 4, 25)), float(np.clip(depth, 1.2, 40)), float(np.clip(t, *_T_MM)),
+        float(np.clip(s, 0.02, 0.7)), float(np.clip(E, 2, 60)), centre, _sd(spec, said),
     )  # fmt: skip
+
+
+def _sd(spec: ModelSpec, said: dict[str, Any]) -> tuple[float, ...]:
+    """As `Start.sd`, of 90 % intervals."""
+    by = (1.0 if said["in_domain"][0] else _UNLIKE) / NORMAL
+    half = dict(zip(_OUTPUTS, reference.half_widths(spec, said["y"], said["sigma"])[0]))
+    return tuple(by * float(half[name]) for name in ("ln d", "ln h", "ln t", "E^-2/3", "ln E_fat"))

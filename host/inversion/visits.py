@@ -19,10 +19,9 @@ from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import Computed, Forward, Slopes
 from palpate.inversion.joint import Together
 from palpate.inversion.kept import Felt
+from palpate.inversion.modes import Found, coarse, finest
 from palpate.inversion.posterior import Posterior
-from palpate.inversion.result import told
-from palpate.inversion.search import Mode
-from palpate.inversion.strokes import coarse, finest
+from palpate.inversion.result import of_modes, told
 from palpate.inversion.under import classes_over, forward_of
 from palpate.inversion.widening import WIDER, Widening
 from palpate.sim.probe.noise import Noise
@@ -36,6 +35,8 @@ _CHANGES = (
     Unknown("change of ln depth", 0.0, 0.3, -1.2, 1.2, 0.2),
 )
 """Of the first two unknowns of every class with a lump."""
+_RATIOS = {"d_mm": "ln d", "depth_mm": "ln depth"}
+"""Those changes' names, and what widens them."""
 _OF_THE_PROBE = ("gain", "scale", "creep")
 """Shared besides where both visits were made with one probe; its zeros may have drifted in between."""
 
@@ -73,23 +74,22 @@ def invert_visits(
         forward = TwoVisits(of, single, settings, strokes[: len(before)], strokes[len(before) :])
         return Together(parts, _OF_THE_PROBE if same_probe else ()), forward
 
-    found = coarse(of, strokes, noise, {}, assemble)
-    if found is None:
+    modes = coarse(of, strokes, noise, {}, assemble)
+    if not modes:
         raise PalpateError("no lump could be computed that both visits are over")
-    found = finest(strokes, noise, found, assemble)
-    posterior, mode = found.posterior, found.mode
-    said = [_visit(posterior, mode, k, later) for k, later in ((0, False), (len(before), True))]
+    modes = finest(strokes, noise, modes, assemble)
+    evidence = [found.mode.log_evidence for found in modes]
+    visits = [
+        of_modes([_visit(found, part, later) for found in modes], evidence)
+        for part, later in ((0, False), (len(before), True))
+    ]
+    laid = modes[0].posterior.laid(modes[0].mode.z, modes[0].mode.found)
     k = len(single.unknowns)
-    ratio = {
-        name: _ratio(mode, k + i, WIDER[f"ln {name.removesuffix('_mm')}"])
-        for i, name in enumerate(("d_mm", "depth_mm"))
-    }
-    laid = posterior.laid(mode.z, mode.found)
     return Change(
-        replace(said[0], laid=laid[: len(before)], together=len(before)),
-        replace(said[1], laid=laid[len(before) :], together=len(after)),
-        ratio,
-        said[0].fits,
+        replace(visits[0], laid=laid[: len(before)], together=len(before)),
+        replace(visits[1], laid=laid[len(before) :], together=len(after)),
+        {name: _ratio(modes, k + i, WIDER[like]) for i, (name, like) in enumerate(_RATIOS.items())},
+        visits[0].fits,
     )
 
 
@@ -174,20 +174,22 @@ def _with_change(slopes: Floats, k: int, later: int) -> Floats:
     return np.concatenate([slopes[..., :k], change, slopes[..., k:]], axis=-1)
 
 
-def _visit(posterior: Together, mode: Mode, part: int, later: bool) -> Inverted:
+def _visit(found: Found, part: int, later: bool) -> Inverted:
     """What one visit's lump is, by one of its strokes."""
-    index = posterior.index[part]
-    z, C = mode.z[index].copy(), mode.covariance[np.ix_(index, index)]
+    posterior, index = found.posterior, found.posterior.index[part]
+    z, C = found.mode.z[index].copy(), found.mode.covariance[np.ix_(index, index)]
     if later:
         n, T = len(_CHANGES), np.eye(len(z))
         last = posterior.at["tissue"].stop
         T[np.arange(n), np.arange(last - n, last)] = 1.0
         z, C = T @ z, T @ C @ T.T
-    own = replace(mode, z=z, covariance=C)
-    return told(posterior.parts[part], own, {posterior.of.name: 1.0}, posterior.places(mode.z))
+    own = replace(found.mode, z=z, covariance=C)
+    return told(posterior.parts[part], own, {posterior.of.name: 1.0}, posterior.places(found.mode.z))
 
 
-def _ratio(mode: Mode, k: int, wider: Widening) -> Value:
-    """Of the second visit's over the first one's."""
-    half = wider.half(float(np.sqrt(mode.covariance[k, k])), mode.settled)
-    return Value(*(float(np.exp(mode.z[k] + sign * half)) for sign in (0, -1, 1)))
+def _ratio(modes: Sequence[Found], k: int, wider: Widening) -> Value:
+    """Of the second visit's over the first one's, by the first mode; the interval holds every one's."""
+    halves = [wider.half(float(np.sqrt(one.mode.covariance[k, k])), one.mode.settled) for one in modes]
+    low = min(one.mode.z[k] - half for one, half in zip(modes, halves))
+    high = max(one.mode.z[k] + half for one, half in zip(modes, halves))
+    return Value(*(float(np.exp(v)) for v in (modes[0].mode.z[k], low, high)))

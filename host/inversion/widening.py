@@ -37,21 +37,20 @@ class Widening:
 
 
 WIDER = {
-    "ln d": Widening(1.6, 2.5, 0.018),
-    "ln depth": Widening(1.2, 2.1, 0.028),
-    "ln t": Widening(2.3, 2.4, 0.025),
-    "E^-2/3": Widening(1.3, 2.0, 0.015),
-    "ln_E": Widening(1.3, 1.4, 0.057),
+    "ln d": Widening(1.3, 1.5, 0.018),
+    "ln depth": Widening(1.25, 1.9, 0.028),
+    "ln t": Widening(1.9, 4.0, 0.025),
+    "E^-2/3": Widening(1.75, 2.2, 0.015),
+    "ln_E": Widening(0.8, 1.3, 0.057),
 }
 """By unknown; docs/inversion.md says how they are known."""
 
 WIDER_SOLID = {
-    "ln d": Widening(1.2, 1.2, 0.018),
-    "ln width": Widening(1.4, 1.4, 0.018),
-    "ln depth": Widening(1.9, 1.9, 0.028),
-    "ln t": Widening(3.3, 3.3, 0.025),
-    "E^-2/3": Widening(1.0, 1.0, 0.015),
-    "ln_E": Widening(1.5, 1.5, 0.057),
+    "ln d": Widening(1.3, 1.3, 0.0),
+    "ln width": Widening(1.0, 1.0, 0.0),
+    "ln depth": Widening(1.25, 1.25, 0.0),
+    "ln t": Widening(1.2, 1.2, 0.0),
+    "E^-2/3": Widening(1.05, 1.05, 0.0),
+    "ln_E": Widening(0.8, 0.8, 0.0),
 }
-"""The same over solid lumps: provisional factors, what ten strokes ask for, tried on no others; floors as in
-the plane."""
+"""The same over solid lumps, where `pooled` has widened the spread already."""

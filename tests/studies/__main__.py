@@ -22,6 +22,7 @@ MODULES = {
     "coverage": "coverage",
     "anywhere": "anywhere",
     "reference": "reference",
+    "departed": "departed",
     "inverted": "inverted",
     "inverted_solid": "inverted_solid",
     "pressed": "pressed",
@@ -56,6 +57,7 @@ def command(
       anywhere    lumps in the fat, on its border or in the gland; what the map would allow
       reference   a press beside the lump, the right one or one of another place or person
       coverage    the intervals of the bundled told model, the depth's among them
+      departed    what no class holds (waves, friction, two lumps): how often a fit says so (minutes each)
       inverted    strokes fitted by the forward model: errors and intervals (half a minute each)
       inverted_solid  the same over balls and ellipsoids (minutes each, and two to compute each)
       pressed     presses alone, fitted by the forward model (minutes each)

@@ -78,8 +78,8 @@ def inverted(case: Case, asked: Asked, k: int) -> dict[str, Any]:
         row[name] = {"apart": apart, "half": half / used, "first": before - true, "truth": truth[name]}
     likely = (found.values["E_inv23"].value < HARD) == (case.E_inv23 < HARD)
     return row | {
-        "chi2": found.chi2, "fits": found.fits, "settled": found.settled, "likely": bool(likely),
-        "offset_mm": case.offset_mm,
+        "chi2": found.chi2, "fits": found.fits, "settled": found.settled,
+        "likely": bool(likely), "offset_mm": case.offset_mm,
     }  # fmt: skip
 
 
@@ -89,22 +89,19 @@ def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
     fits = np.array([row["chi2"] < FITS for row in whole])
     settled = np.array([row["settled"] for row in whole], bool)
     out = []
-    for name, factor in WORDS.items():
-        wider = WIDER_SOLID[factor]
+    for name, word in WORDS.items():
         apart, half, first = (
             np.array([row[name][key] for row in whole]) for key in ("apart", "half", "first")
         )
-        half = half * wider.settled
-        over = np.abs(apart) / half
+        used, asked = WIDER_SOLID[word].settled, np.abs(apart) / half
         crossed = [
-            one <= quantile_of_part(over, np.arange(len(over)) % 2 != k % 2, LEVEL)
-            for k, one in enumerate(over)
+            one <= quantile_of_part(asked, np.arange(len(asked)) % 2 != k % 2, LEVEL)
+            for k, one in enumerate(asked)
         ]
         out.append([
             name, *(f"{100 * np.median(np.abs(e)):.1f}" for e in (first, apart, apart[fits])),
-            f"{100 * np.median(half):.1f}", f"{100 * np.mean(over <= 1):.0f}",
-            f"{wider.settled:.2f}", f"{np.quantile(over, LEVEL) * wider.settled:.2f}",
-            f"{100 * np.mean(crossed):.0f}",
+            f"{100 * np.median(used * half):.1f}", f"{100 * np.mean(asked <= used):.0f}",
+            f"{used:.2f}", f"{np.quantile(asked, LEVEL):.2f}", f"{100 * np.mean(crossed):.0f}",
         ])  # fmt: skip
     likely = np.array([row["likely"] for row in whole])
     title = (

@@ -13,7 +13,7 @@ from palpate.inversion.felt import FeltStroke, felt_press, felt_stroke
 from palpate.inversion.start import Start, start_of
 from palpate.link.face import Face
 from palpate.models import ANYWHERE, BALLS
-from palpate.sim.probe.noise import level_named
+from palpate.sim.probe.noise import Noise, level_named
 from palpate.sim.probe.packed_frames import FrameStream
 from palpate.sim.probe.sensors import PRESS_FRAMES, SensorModel
 from palpate.sim.tissue import Case, Settings
@@ -46,14 +46,32 @@ class ExactField:
         return found.images_kPa, found.displacement_mm
 
 
+class TwoAlike(ExactField):
+    """Over two such lumps: what each changes over plain tissue is added up, as `sim.probe.two_lumps` does."""
+
+    def __init__(self, case: Case, apart_mm: float) -> None:
+        super().__init__(case)
+        self._apart_mm = apart_mm
+
+    def at(self, position_mm, force_N_per_m):
+        """As `ExactField.at`."""
+        x = np.asarray(position_mm, float)
+        far = np.full_like(x, _SPAN_MM[0] + 8.0)
+        places = (x + self._apart_mm / 2, x - self._apart_mm / 2, far)
+        one, other, plain = (ExactField.at(self, place, force_N_per_m) for place in places)
+        return tuple(a + b - c for a, b, c in zip(one, other, plain))
+
+
 def felt_of(
-    case: Case, seed: int, noise: str = "typical", probe: int | None = None
-) -> tuple[FeltStroke, Start, FrameStream, calib.Calibration]:
+    case: Case, seed: int, noise: str | Noise = "typical", probe: int | None = None,
+    field: ExactField | None = None,
+) -> tuple[FeltStroke, Start, FrameStream, calib.Calibration]:  # fmt: skip
     """One stroke over a lump by a probe and a hand of this seed, or by the probe of another."""
-    field = ExactField(case)
-    sensors = SensorModel(field, level_named(noise), seed)  # type: ignore[arg-type]
+    field = field or ExactField(case)
+    level = level_named(noise) if isinstance(noise, str) else noise
+    sensors = SensorModel(field, level, seed)  # type: ignore[arg-type]
     if probe is not None:
-        other = SensorModel(field, level_named(noise), probe)  # type: ignore[arg-type]
+        other = SensorModel(field, level, probe)  # type: ignore[arg-type]
         for name in ("gain", "dead", "known_dead", "position_scale"):
             setattr(sensors, name, getattr(other, name))
     field.reach_mm = (-40.0 + sensors.start_mm, 44.0)  # the press stands where the stroke begins

@@ -1,0 +1,276 @@
+"""The modes of one class over strokes: searches from several starts on the usual mesh, then on the fine one.
+
+Where the border of fat and gland runs is what a stroke tells least: a lump in the fat, across the border and
+in the gland may all explain it. So each is looked for. Units: mm, kPa.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.inversion.classes import ANYWHERE, Class
+from palpate.inversion.felt import FeltStroke
+from palpate.inversion.forward import COARSE, FINE, Forward
+from palpate.inversion.joint import Together
+from palpate.inversion.kept import Felt
+from palpate.inversion.mirror import mirrored_about
+from palpate.inversion.posterior import SINGLE, Posterior
+from palpate.inversion.result import FITS
+from palpate.inversion.search import Mode, search
+from palpate.inversion.start import MIDDLE, Start, with_other_borders
+from palpate.inversion.under import forward_of
+from palpate.sim.probe.noise import Noise
+from palpate.sim.tissue import CaseError, Settings, StrokeError
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_NEAR_MM = 16.0
+"""Farther from the lump every fourth frame will do."""
+_ELSEWHERE_MM = 4.0
+"""A first estimate whose lump is so far from the stroke's is not of that lump."""
+_ILL = 1.3
+_COARSE_STEPS, _FINE_STEPS = 10, 7
+_COARSE_ENOUGH, _FINE_ENOUGH = 4.0, 2.0
+"""The coarse mesh need not be followed to the bottom: the fine one's lies elsewhere."""
+_WORSE, _STRIDE = 1000.0, 2.0
+"""With its border moved a mode is far from where it leads to: steps are longer, and one whose misfit is so
+much over the best one's after some is not followed further."""
+_HOPELESS = 6.0
+"""A class whose misfit is so many times the data's number is not followed further."""
+_LOST = 2.0
+"""The same on the fine mesh."""
+_SAME = 4.0
+"""Modes nearer than so many standard deviations are one."""
+_NEARLY, _MOST = 30.0, 3
+"""Modes whose misfit on the usual mesh is within so much of the best one's, a stroke, are looked at on the
+fine one: so much the mesh may get wrong."""
+_AS_WELL = 5.0
+"""A mode whose evidence is within so much of the best one's, as a logarithm, may be the one."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A class's mode on one mesh."""
+
+    posterior: Together
+    forward: Forward
+    mode: Mode
+    kept: list[Ints]
+    """The frames of each stroke that were used."""
+
+
+Assemble = Callable[[Sequence[Posterior], Settings], tuple[Together, Forward]]
+"""Makes one posterior of several strokes', and what computes their frames."""
+
+
+def one_lump(parts: Sequence[Posterior], settings: Settings) -> tuple[Together, Forward]:
+    """Of strokes over one lump."""
+    return Together(parts), forward_of(parts[0].of, settings, [part.stroke for part in parts])
+
+
+def coarse(
+    of: Class,
+    strokes: Sequence[Felt],
+    noise: Noise,
+    tried: Mapping[str, Sequence[Found]],
+    assemble: Assemble = one_lump,
+) -> list[Found]:
+    """The modes of a class on the usual mesh, the best first; none where no start can be computed.
+
+    tried : mapping of sequences of Found
+        Of the classes before, by name.
+    """
+    hopeless = min((3 * one[0].mode.misfit.total + 200 for one in tried.values()), default=np.inf)
+    searches = _Coarse(of, strokes, noise, assemble, hopeless)
+    known = tried.get(ANYWHERE.name, ())
+    if known and known[0].mode.chi2 < _ILL:
+        names = [unknown.name for unknown in known[0].posterior.of.unknowns]
+        mode = dict(zip(names, known[0].mode.z))
+        searches.go_on([np.array([mode[unknown.name] for unknown in of.unknowns])])
+        return searches.modes
+    searches.go_on([searches.starts[0].theta(of)])
+    if of.lump and not _fit(searches.modes):
+        searches.go_on(searches.others())
+    searches.move_border()
+    return searches.modes
+
+
+def _fit(modes: Sequence[Found]) -> bool:
+    """Whether the best of them does on the usual mesh."""
+    return bool(modes) and modes[0].mode.chi2 < _ILL
+
+
+class _Coarse:
+    """Searches on the usual mesh, one after the other; each lump that they find is kept once.
+
+    Attributes
+    ----------
+    modes : list of Found
+        The best first.
+    starts : list of Start
+        Of each stroke, where the stroke itself says that the lump lies.
+    """
+
+    def __init__(
+        self, of: Class, strokes: Sequence[Felt], noise: Noise, assemble: Assemble, hopeless: float
+    ) -> None:
+        placed = [_placed(stroke, start) for stroke, start in strokes]
+        self.starts = [some[0] for some in placed]
+        self.modes: list[Found] = []
+        self._of, self._of_first, self._assemble, self._hopeless = of, placed[0], assemble, hopeless
+        taken = [
+            _thinned(stroke, start.lump_mm, press=6, near=3, far=4)
+            for (stroke, _), start in zip(strokes, self.starts)
+        ]
+        self._parts = [Posterior(of, some, noise, COARSE.hx_mm) for some, _ in taken]
+        self._kept = [kept for _, kept in taken]
+
+    def others(self) -> Iterator[Floats]:
+        """Further guesses (k,) where the first one leads to nothing that fits."""
+        yield from self._of_first[0].softer_and_harder(self._of)
+        for start in self._of_first[1:]:
+            yield start.theta(self._of)
+
+    def go_on(self, thetas: Iterable[Floats]) -> None:
+        """Search from each of the guesses (k,)."""
+        E_kPa = float(np.median([start.E_kPa for start in self.starts]))
+        for theta in thetas:
+            own = [part.start(theta, E_kPa, start.lump_mm) for part, start in zip(self._parts, self.starts)]
+            self._search(own, np.inf)
+
+    def move_border(self) -> None:
+        """Search from the best mode with its lump in the fat, across the border and in the gland."""
+        if not self.modes:
+            return
+        best = self.modes[0]
+        for theta in with_other_borders(self._of, best.mode.z[best.posterior.at["tissue"]]):
+            z = best.mode.z.copy()
+            z[best.posterior.at["tissue"]] = theta
+            self._search(
+                [z[index] for index in best.posterior.index], _WORSE, least=_COARSE_ENOUGH, stride=_STRIDE
+            )
+
+    def _search(self, own: Sequence[Floats], worse: float, **how: float) -> None:
+        posterior, forward = self._assemble(self._parts, COARSE)
+        least = min((one.mode.misfit.total for one in self.modes), default=np.inf)
+        try:
+            mode = search(
+                posterior, forward, posterior.joined(own), _COARSE_STEPS, enough=_COARSE_ENOUGH,
+                hopeless=min(self._hopeless, least + worse), **how,
+            )  # fmt: skip
+        except (CaseError, StrokeError):
+            return
+        self._take(Found(posterior, forward, mode, self._kept))
+
+    def _take(self, found: Found) -> None:
+        self.modes = _distinct([*self.modes, found], lambda one: one.mode.misfit.total)
+
+
+def _distinct(modes: Sequence[Found], by: Callable[[Found], float]) -> list[Found]:
+    """Each lump once, in this order."""
+    out: list[Found] = []
+    for one in sorted(modes, key=by):
+        if all(_apart(one, other) > _SAME for other in out):
+            out.append(one)
+    return out
+
+
+def _apart(one: Found, other: Found) -> float:
+    """How far modes of a class are from each other, in standard deviations of the wider one."""
+    at = other.posterior.at["tissue"]
+    apart = one.mode.z[at] - other.mode.z[at]
+    square = min(apart @ np.linalg.solve(of.mode.covariance[at, at], apart) for of in (one, other))
+    return float(np.sqrt(square))
+
+
+def _placed(stroke: FeltStroke, start: Start) -> list[Start]:
+    """First estimates where the stroke itself says that the lump lies."""
+    place = mirrored_about(stroke)
+    if place is None:
+        return [start]
+    here = replace(start, lump_mm=place)
+    if abs(place - start.lump_mm) < _ELSEWHERE_MM:
+        return [here]
+    # what the estimate says of a lump it has from another part of the stroke
+    return [here, replace(here, d_mm=MIDDLE.d_mm, depth_mm=MIDDLE.depth_mm, E_inv23=MIDDLE.E_inv23)]
+
+
+def finest(
+    strokes: Sequence[Felt], noise: Noise, modes: Sequence[Found], assemble: Assemble = one_lump
+) -> list[Found]:
+    """The modes on the fine mesh that may be the one, the best first.
+
+    Those that explain the strokes about as well as the best on the usual mesh are followed; all where
+    none of these fits: the usual mesh's errors hide a wrong lump.
+    """
+    least = modes[0].mode.misfit.total + _NEARLY * len(strokes)
+    near = [one for one in modes[:_MOST] if one.mode.misfit.total <= least]
+    fine = _followed(strokes, noise, near, assemble)
+    of = modes[0].posterior.of
+    if of.lump and not any(one.mode.chi2 < FITS for one in fine):
+        others = _Coarse(of, strokes, noise, assemble, np.inf)
+        if _fit(modes):  # else they have been tried
+            others.go_on(others.others())
+        fine += _followed(strokes, noise, [*modes[len(near) :], *others.modes], assemble)
+    fine = _distinct(fine, lambda one: -one.mode.log_evidence) or [modes[0]]
+    return [one for one in fine if one.mode.log_evidence >= fine[0].mode.log_evidence - _AS_WELL]
+
+
+def _followed(
+    strokes: Sequence[Felt], noise: Noise, modes: Sequence[Found], assemble: Assemble
+) -> list[Found]:
+    """On the fine mesh, but for those that it would not explain either, or that it cannot compute."""
+    there = [_fine(strokes, noise, one, assemble) for one in modes if one.mode.chi2 < _HOPELESS]
+    return [one for one in there if one is not None]
+
+
+def _fine(strokes: Sequence[Felt], noise: Noise, found: Found, assemble: Assemble) -> Found | None:
+    """Go on from a mode with more frames on the fine mesh."""
+    of, parts, zs, kept = found.posterior.of, [], [], []
+    for (stroke, _), part, index, before in zip(
+        strokes, found.posterior.parts, found.posterior.index, found.kept
+    ):
+        own = found.mode.z[index]
+        more, now = _thinned(stroke, part.one(own, "start"), press=6, near=1, far=4)
+        parts.append(Posterior(of, more, noise, FINE.hx_mm))
+        zs.append(_carried(part, own, before, parts[-1], now))
+        kept.append(now)
+    posterior, forward = assemble(parts, FINE)
+    try:
+        mode = search(
+            posterior, forward, posterior.joined(zs), _FINE_STEPS, enough=_FINE_ENOUGH, damping=1e-3,
+            hopeless=_LOST * posterior.measured,
+        )  # fmt: skip
+    except (CaseError, StrokeError):
+        return None
+    return Found(posterior, forward, mode, kept)
+
+
+def _carried(part: Posterior, z: Floats, before: Ints, other: Posterior, now: Ints) -> Floats:
+    """A guess for other frames of the same stroke."""
+    out = other.start(z[part.at["tissue"]], float(np.exp(part.one(z, "ln_E"))), part.one(z, "start"))
+    for name in (*SINGLE, "gain", "offset"):
+        out[other.at[name]] = z[part.at[name]]
+    force = np.log(np.maximum(part.stroke.rows_kPa.sum(1), 1.0))
+    apart = z[part.at["force"]] - force
+    out[other.at["force"]] = np.log(np.maximum(other.stroke.rows_kPa.sum(1), 1.0)) + np.interp(
+        now, before, apart
+    )
+    known = dict(zip(before[part.stroke.press :].tolist(), z[part.at["place"]]))
+    out[other.at["place"]] = [known.get(k, 0.0) for k in now[other.stroke.press :].tolist()]
+    return out
+
+
+def _thinned(stroke: FeltStroke, lump_mm: float, press: int, near: int, far: int) -> tuple[FeltStroke, Ints]:
+    """Every so-manieth frame, and their numbers: the lump is what the others are compared with."""
+    p, n = stroke.press, len(stroke.place_mm) - stroke.press
+    number = np.arange(n)
+    close = np.abs(stroke.place_mm[p:] - lump_mm) < _NEAR_MM
+    chosen = np.flatnonzero(np.where(close, number % near == 0, number % far == 0))
+    pressed = np.arange(press - 1, p, press)
+    return stroke.take(pressed, chosen), np.concatenate([pressed, p + chosen])
