@@ -53,7 +53,7 @@ def departed(case: Case, world: str, seed: int, noise: str | None) -> dict[str, 
     except PalpateError as error:
         return {"problem": str(error)}
     found = invert_stroke(felt, start, level, ANYWHERE.name)
-    return {"problem": found.problem, "odds": found.odds, "chi2": found.chi2, "fits": found.fits}
+    return {"problem": found.problem, "odds": found.classes, "chi2": found.chi2, "fits": found.fits}
 
 
 def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
