@@ -26,6 +26,7 @@ FIELDS = (
 _DEEPEST = 0.93
 """A lump ends so far down the gland at most; a search that would go deeper moves the chest wall with it."""
 _CORNER = 6.0
+"""How sharp the corner of that bound is."""
 _PLAIN_D_MM = 10.0
 _STEP = 1e-6
 PADDING, GLAND = "ln padding", "ln gland"

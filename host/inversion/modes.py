@@ -157,17 +157,15 @@ class _Coarse:
 
     def _search(self, own: Sequence[Floats], worse: float, **how: float) -> None:
         posterior, forward = self._assemble(self._parts, COARSE)
-        least = min((one.mode.misfit.total for one in self.modes), default=np.inf)
+        best = self.modes[0].mode.misfit.total if self.modes else np.inf
         try:
             mode = search(
                 posterior, forward, posterior.joined(own), _COARSE_STEPS, enough=_COARSE_ENOUGH,
-                hopeless=min(self._hopeless, least + worse), **how,
+                hopeless=min(self._hopeless, best + worse), **how,
             )  # fmt: skip
         except (CaseError, StrokeError):
             return
-        self._take(Found(posterior, forward, mode, self._kept))
-
-    def _take(self, found: Found) -> None:
+        found = Found(posterior, forward, mode, self._kept)
         self.modes = _distinct([*self.modes, found], lambda one: one.mode.misfit.total)
 
 

@@ -58,7 +58,7 @@ def command(
       reference   a press beside the lump, the right one or one of another place or person
       coverage    the intervals of the bundled told model, the depth's among them
       departed    what no class holds (waves, friction, two lumps): how often a fit says so (minutes each)
-      inverted    strokes fitted by the forward model: errors and intervals (half a minute each)
+      inverted    strokes fitted by the forward model: errors and intervals (a minute each)
       inverted_solid  the same over balls and ellipsoids (minutes each, and two to compute each)
       pressed     presses alone, fitted by the forward model (minutes each)
       ranges      the bundled models at the ends of their ranges and beyond (minutes)
