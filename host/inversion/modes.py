@@ -37,9 +37,8 @@ _ILL = 1.3
 _COARSE_STEPS, _FINE_STEPS = 10, 7
 _COARSE_ENOUGH, _FINE_ENOUGH = 4.0, 2.0
 """The coarse mesh need not be followed to the bottom: the fine one's lies elsewhere."""
-_WORSE, _STRIDE = 1000.0, 2.0
-"""With its border moved a mode is far from where it leads to: steps are longer, and one whose misfit is so
-much over the best one's after some is not followed further."""
+_STRIDE = 2.0
+"""With its border moved a mode is far from where it leads to: steps are longer."""
 _HOPELESS = 6.0
 """A class whose misfit is so many times the data's number is not followed further."""
 _LOST = 2.0
@@ -141,7 +140,7 @@ class _Coarse:
         E_kPa = float(np.median([start.E_kPa for start in self.starts]))
         for theta in thetas:
             own = [part.start(theta, E_kPa, start.lump_mm) for part, start in zip(self._parts, self.starts)]
-            self._search(own, np.inf)
+            self._search(own)
 
     def move_border(self) -> None:
         """Search from the best mode with its lump in the fat, across the border and in the gland."""
@@ -152,16 +151,17 @@ class _Coarse:
             z = best.mode.z.copy()
             z[best.posterior.at["tissue"]] = theta
             self._search(
-                [z[index] for index in best.posterior.index], _WORSE, least=_COARSE_ENOUGH, stride=_STRIDE
+                [z[index] for index in best.posterior.index],
+                best=self.modes[0].mode.misfit.total,
+                stride=_STRIDE,
             )
 
-    def _search(self, own: Sequence[Floats], worse: float, **how: float) -> None:
+    def _search(self, own: Sequence[Floats], **how: float) -> None:
         posterior, forward = self._assemble(self._parts, COARSE)
-        best = self.modes[0].mode.misfit.total if self.modes else np.inf
         try:
             mode = search(
                 posterior, forward, posterior.joined(own), _COARSE_STEPS, enough=_COARSE_ENOUGH,
-                hopeless=min(self._hopeless, best + worse), **how,
+                hopeless=self._hopeless, least=_COARSE_ENOUGH, **how,
             )  # fmt: skip
         except (CaseError, StrokeError):
             return

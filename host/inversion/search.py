@@ -28,6 +28,8 @@ _LITTLE = 1e-3
 _KEEPS = 0.5
 _NEAR = 400.0
 """Derivatives stay, but for Broyden's update, while steps keep so much of a promise that is no larger."""
+_WORSE, _LEAST_WORSE = {0: np.inf, 1: np.inf, 2: 1e4, 3: 1e3, 4: 1e3}, 200.0
+"""After so many steps, and more, a misfit so much over another mode's will not come down to it."""
 
 
 @dataclass
@@ -78,6 +80,7 @@ def search(
     enough: float = 1.0,
     damping: float = 0.02,
     hopeless: float = np.inf,
+    best: float = np.inf,
     least: float = 0.0,
     stride: float = 1.0,
 ) -> Mode:
@@ -85,6 +88,8 @@ def search(
 
     hopeless : float
         A misfit that is over this after four steps is not followed further.
+    best : float
+        Another mode's misfit; one that stays far over it is not followed further either.
     least : float
         A step that gains less is the last.
     stride : float
@@ -105,7 +110,8 @@ def search(
         g = A.T @ misfit.data.ravel() + B.T @ misfit.prior
         undamped = _promise(_step(posterior, z, H, g, 0.0, stride), H, g)
         settled = undamped < enough
-        if settled or steps >= most or (steps >= 4 and misfit.total > hopeless):
+        far = misfit.total - best > _WORSE.get(steps, _LEAST_WORSE)
+        if settled or steps >= most or far or (steps >= 4 and misfit.total > hopeless):
             break
         before, last, taken, good, promised = found, misfit.total, False, False, np.inf
         for _ in range(_TRIES if exact else 2):

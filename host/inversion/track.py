@@ -2,8 +2,8 @@
 
 While the face slides, nodes enter and leave its contact, and pressures ripple with the mesh's columns. What a
 frame says of its place would be that ripple: in the plane the derivative is off by more than itself. A whole
-number of columns on, the ripple is the same. So the solver is asked at such places, and cubic splines lead
-to the frames: at place x and force F,
+number of columns on, the ripple is the same. So the solver is asked at the column next to each frame, and
+cubic splines lead from there to the frames: at place x and force F,
 
     I = S(x) + S_F(x) (ln F - S_lnF(x))
 
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +24,10 @@ from scipy.linalg import block_diag
 
 Floats = NDArray[np.float64]
 
-_STEPS_MM = ((50.0, 4.0), (18.0, 2.0), (10.0, 1.0))
-"""So far from the lump, so far apart, but never by less than a column."""
+_CLOSE_MM = 7.0
+"""So near the lump every column is a place: a small lump under thin skin shows in one row after the other."""
+_NEAR_MM, _APART_MM = 24.0, 4.0
+"""And so near it places are no farther apart than that, however few frames there are."""
 
 
 @dataclass(frozen=True)
@@ -65,13 +68,21 @@ class Track:
         return _times(self.shares, there)
 
 
-def nodes_mm(column_mm: float) -> Floats:
-    """Where a stroke is computed on a mesh of such columns: at multiples of them, ascending."""
-    nodes: set[float] = set()
-    for reach, apart in _STEPS_MM:
-        nodes = {x for x in nodes if abs(x) >= reach}
-        nodes.update(np.arange(-reach, reach + 1e-9, max(apart, column_mm)).tolist())
-    return np.array(sorted(nodes))
+def nodes_mm(places_mm: Floats, column_mm: float) -> Floats:
+    """Where a stroke whose frames stand at these places is computed on a mesh of such columns, ascending.
+
+    At the column next to every frame, whose force is then nearly the frame's own; one more at either end.
+    """
+    at = set(np.rint(places_mm / column_mm).astype(int).tolist())
+    first, last = min(at) - 1, max(at) + 1
+    close = int(_CLOSE_MM / column_mm)
+    at |= {first, last, *range(max(first, -close), min(last, close) + 1)}
+    apart, near = int(_APART_MM / column_mm), _NEAR_MM / column_mm
+    for a, b in pairwise(sorted(at)):
+        if min(abs(a), abs(b)) < near:
+            pieces = -(-(b - a) // apart)
+            at |= {a + round((b - a) * k / pieces) for k in range(1, pieces)}
+    return column_mm * np.array(sorted(at), float)
 
 
 def track(
@@ -88,14 +99,12 @@ def track(
     column_mm : float
         Of the mesh.
     before : Track, optional
-        Of a guess nearby: places stay while they will do.
+        Of a guess nearby: places stay while every frame is within a column of one.
     """
     x, ln_F = places_mm[press:], np.log(forces_N_per_m)
     nodes = np.empty(0) if before is None else before.places_mm[: before.places_mm.size - press]
-    if not nodes.size or not nodes[0] <= x.min() <= x.max() <= nodes[-1]:
-        every = nodes_mm(column_mm)
-        first, last = np.searchsorted(every, [x.min(), x.max()], side="right")
-        nodes = every[max(first - 2, 0) : last + 1]
+    if not nodes.size or np.abs(x[:, None] - nodes).min(1).max() > column_mm:
+        nodes = nodes_mm(x, column_mm)
     order = np.argsort(x, kind="stable")
     ln_there = np.interp(nodes, x[order], ln_F[press:][order])
     spline = CubicSpline(nodes, np.eye(len(nodes)))
@@ -103,6 +112,8 @@ def track(
     shares, steep = spline(within), spline(within, 1)
     steep[within != places_mm] = 0.0
     stands = nodes[np.abs(nodes - places_mm[0]).argmin()]
+    if press and before is not None and abs(before.places_mm[-1] - places_mm[0]) <= column_mm:
+        stands = before.places_mm[-1]
     shares[:press] -= spline(stands)
     apart = ln_F - shares @ ln_there
     apart[:press] = 0.0

@@ -5,7 +5,7 @@ import pytest
 
 from palpate.inversion.classes import ANYWHERE
 from palpate.inversion.forward import COARSE, FINE, Forward
-from palpate.inversion.track import nodes_mm, side_by_side, track
+from palpate.inversion.track import side_by_side, track
 
 THETA = ANYWHERE.column("mean")
 
@@ -29,21 +29,26 @@ def test_what_frames_say_of_their_place_is_no_ripple_of_the_mesh():
     assert np.linalg.norm(apart) < 0.05 * np.linalg.norm(difference)
 
 
-@pytest.mark.parametrize("settings", [COARSE, FINE])
-def test_between_places_they_are_what_the_solver_says_there(settings):
+@pytest.mark.parametrize(("settings", "moved_mm"), [(COARSE, 0.0), (FINE, 1.0)])
+def test_between_places_they_are_what_the_solver_says_there(settings, moved_mm):
     """At the nodes to rounding; midway on the fine mesh to .2 % of the pressure."""
-    _, force = a_stroke(np.random.default_rng(2))
-    nodes = nodes_mm(settings.hx_mm)
-    there = nodes = nodes[np.abs(nodes) < 37]
-    if settings is FINE:
-        there = np.append(there, [-17.0, -15.0, -13.0, -11.0, 11.0, 13.0, 15.0, 17.0])
-    steady = np.full(len(there) + 1, force[-1])
-    solved = Forward(ANYWHERE, settings)(THETA, there, steady[1:])
-    read = Forward(ANYWHERE, settings, strokes=[(len(steady), 1)])(THETA, np.append(-37.0, there), steady)
-    apart = np.abs(read.images[1:] - solved.images).max(1)
-    assert apart[: len(nodes)].max() < 1e-5
-    assert apart.max() < 2e-3 * solved.images.max()
+    place, force = a_stroke(np.random.default_rng(2), press=1)
+    there, steady = np.rint(place / 2) * 2, np.full(len(place), force[-1])
+    forward = Forward(ANYWHERE, settings, strokes=[(len(place), 1)])
+    forward(THETA, there, steady)
+    read = forward(THETA, there + moved_mm, steady)
+    solved = Forward(ANYWHERE, settings)(THETA, there[1:] + moved_mm, steady[1:])
+    apart = np.abs(read.images[1:] - solved.images).max()
+    assert apart < (2e-3 * solved.images.max() if moved_mm else 1e-5)
     assert np.abs(read.depth[1:] - solved.depth).max() < 1e-3
+
+
+def test_where_the_hand_presses_harder_for_a_moment_the_solver_is_asked_with_that_force():
+    """Places 4 mm apart, whatever the frames, had cost a chi2 of 15 where the force went up between them."""
+    place, force = a_stroke(np.random.default_rng(5))
+    force[10] *= 1.2
+    on = track(place + 0.3, force, 3, 1.0)
+    assert np.abs(on.apart).max() < 0.05
 
 
 def test_each_stroke_has_its_own_forces_and_a_press_its_place():
