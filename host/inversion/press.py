@@ -18,6 +18,7 @@ from palpate.inversion.result import of_modes, told
 from palpate.inversion.search import Mode, search
 from palpate.inversion.start import Start, first_guess
 from palpate.inversion.under import AUTO, LUMPS, classes_over, forward_of, odds_of
+from palpate.inversion.widening import WIDER_PRESS
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue import CaseError, StrokeError
 
@@ -52,7 +53,9 @@ def invert_press(press: FeltStroke, noise: Noise, kind: str = AUTO) -> Inverted:
     near = [one for one in near if one[1].misfit.total <= least + _AS_WELL]
     near.sort(key=lambda one: one[1].chi2)
     posterior, mode = near[0]
-    said = of_modes([told(*one, odds) for one in near], [other.log_evidence for _, other in near])
+    said = of_modes(
+        [told(*one, odds, wider=WIDER_PRESS) for one in near], [other.log_evidence for _, other in near]
+    )
     return replace(said, laid=(posterior.laid(mode.z, mode.found),))
 
 
