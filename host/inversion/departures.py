@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.inversion.forward import Forward
+from palpate.inversion.forward import Predicts, Rubs
 from palpate.inversion.joint import Together
 from palpate.inversion.search import Mode
 
@@ -47,7 +47,7 @@ class _Columns:
     spread: float
 
 
-def odds_of_departures(posterior: Together, mode: Mode, forward: Forward) -> dict[str, float]:
+def odds_of_departures(posterior: Together, mode: Mode, forward: Predicts) -> dict[str, float]:
     """How likely each departure is over the class of the mode, by name."""
     said: dict[str, list[float]] = {}
     for name, columns in _departures(posterior, mode, forward):
@@ -64,7 +64,7 @@ def _evidence(mode: Mode, columns: _Columns) -> float:
     return 0.5 * float(b @ np.linalg.solve(M, b)) - 0.5 * float(np.linalg.slogdet(M)[1])
 
 
-def _departures(posterior: Together, mode: Mode, forward: Forward) -> Iterator[tuple[str, _Columns]]:
+def _departures(posterior: Together, mode: Mode, forward: Predicts) -> Iterator[tuple[str, _Columns]]:
     found, slopes = mode.found, mode.slopes
     place = found.places_mm
     by_force = np.concatenate([slopes.images[:, :, -1], slopes.depth[:, None, -1]], 1)
@@ -77,7 +77,7 @@ def _departures(posterior: Together, mode: Mode, forward: Forward) -> Iterator[t
     if posterior.of.lump:
         for apart in _APART_MM:
             yield TWO_LUMPS, _columns(posterior, mode, [_second(mode, apart)], _SECOND)
-    if mode.chi2 > _FRICTION_FROM:
+    if mode.chi2 > _FRICTION_FROM and isinstance(forward, Rubs):
         yield FRICTION, _columns(posterior, mode, [forward.by_friction(found)], _RUBS)
 
 

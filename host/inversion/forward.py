@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +37,7 @@ _ELSEWHERE_MM = 2.5
 
 
 @dataclass
-class Computed:
+class Predicted:
     """Frames of one guess: its unknowns, places and forces, and what they give.
 
     Attributes
@@ -45,10 +46,6 @@ class Computed:
         kPa.
     depth : ndarray (n,)
         mm.
-    solved : SolvedFrames
-        What the solver has said, on a mesh of the topology.
-    track : Track or None
-        How it leads to the frames; None: they are the frames.
     """
 
     theta: Floats
@@ -56,24 +53,42 @@ class Computed:
     forces_N_per_m: Floats
     images: Floats
     depth: Floats
-    solved: SolvedFrames
-    topology: Topology
-    track: Track | None
 
-    def on_mesh_of(self, other: Computed) -> bool:
-        """Whether another guess was computed on a mesh of the same topology."""
-        return self.topology is other.topology
-
-    def of(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> bool:
-        """Whether these are the guess's own."""
-        pairs = (self.theta, theta), (self.places_mm, places_mm), (self.forces_N_per_m, forces_N_per_m)
-        return all(np.array_equal(mine, other) for mine, other in pairs)
+    def on_mesh_of(self, other: Predicted) -> bool:
+        """Whether another guess was computed on a mesh whose derivatives may be carried on to this one."""
+        return False
 
     @property
     def own(self) -> Floats:
         """What each frame's pressures depend on, (n, k + 2): tissue and lump, place, ln force."""
         n = len(self.places_mm)
         return np.column_stack([np.tile(self.theta, (n, 1)), self.places_mm, np.log(self.forces_N_per_m)])
+
+
+@dataclass
+class Computed(Predicted):
+    """Frames that the solver has computed.
+
+    Attributes
+    ----------
+    solved : SolvedFrames
+        What it has said, on a mesh of the topology.
+    track : Track or None
+        How that leads to the frames; None: they are the frames.
+    """
+
+    solved: SolvedFrames
+    topology: Topology
+    track: Track | None
+
+    def on_mesh_of(self, other: Predicted) -> bool:
+        """Whether both are on meshes of one topology."""
+        return isinstance(other, Computed) and self.topology is other.topology
+
+    def of(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> bool:
+        """Whether these are the guess's own."""
+        pairs = (self.theta, theta), (self.places_mm, places_mm), (self.forces_N_per_m, forces_N_per_m)
+        return all(np.array_equal(mine, other) for mine, other in pairs)
 
 
 @dataclass(frozen=True)
@@ -83,7 +98,7 @@ class Slopes:
     images: Floats
     depth: Floats
 
-    def secant(self, before: Computed, now: Computed, scale: Floats) -> Slopes:
+    def secant(self, before: Predicted, now: Predicted, scale: Floats) -> Slopes:
         """The nearest slopes that lead from one guess to the next: Broyden's update, frame by frame."""
         step = now.own - before.own
         weighted = step / scale**2
@@ -94,6 +109,53 @@ class Slopes:
         return Slopes(
             self.images + wrong[:, :, None] * weighted[:, None], self.depth + deeper[:, None] * weighted
         )
+
+
+@dataclass
+class Emulated(Predicted):
+    """Frames that an emulator has said, with their derivatives by tissue and lump, place, ln force."""
+
+    slopes: Slopes
+
+
+class Predicts(Protocol):
+    """A forward model: `Forward`, and the emulators set right."""
+
+    scale: Floats
+
+    def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> Predicted:
+        """Frames (n,) of a guess; CaseError or StrokeError where there are none."""
+        ...
+
+    def slopes(self, at: Any) -> Slopes:
+        """Derivatives at a guess of its own."""
+        ...
+
+
+@runtime_checkable
+class Rubs(Protocol):
+    """A forward model that knows what a face that rubs would change."""
+
+    def by_friction(self, at: Any) -> Floats:
+        """Derivatives of images and displacement, (n, 17), by the friction of the face, from none at all."""
+        ...
+
+
+@runtime_checkable
+class Emulates(Predicts, Protocol):
+    """An emulator that the solver sets right."""
+
+    def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, steep: bool) -> None:
+        """Let the solver compute a guess, and its derivatives; CaseError or StrokeError where it cannot."""
+        ...
+
+    def go_back(self) -> None:
+        """The last guess but one was better."""
+        ...
+
+    def like(self, other: Any) -> None:
+        """Begin with what another mode over the same strokes has in common with this one."""
+        ...
 
 
 class Forward:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.answer.fitted import Laid
-from palpate.inversion.forward import Computed, Slopes
+from palpate.inversion.forward import Predicted, Slopes
 from palpate.inversion.posterior import Misfit, Posterior
 
 Floats = NDArray[np.float64]
@@ -73,7 +73,7 @@ class Together:
         """Of all frames of all strokes in fat of 10 kPa, N/m."""
         return np.concatenate([part.forces(z[index]) for part, index in zip(self.parts, self.index)])
 
-    def misfit(self, z: Floats, found: Computed) -> Misfit:
+    def misfit(self, z: Floats, found: Predicted) -> Misfit:
         """Of all strokes; what is known of their tissue counts once."""
         each = [
             part.misfit(z[index], _some(found, frames))
@@ -82,7 +82,7 @@ class Together:
         prior = [one.prior if i == 0 else np.delete(one.prior, self._known) for i, one in enumerate(each)]
         return Misfit(np.concatenate([one.data for one in each]), np.concatenate(prior))
 
-    def jacobian(self, z: Floats, found: Computed, slopes: Slopes) -> tuple[Floats, Floats]:
+    def jacobian(self, z: Floats, found: Predicted, slopes: Slopes) -> tuple[Floats, Floats]:
         """Of the misfit's data and prior, as `Posterior.jacobian`."""
         data: list[Floats] = []
         prior: list[Floats] = []
@@ -96,7 +96,7 @@ class Together:
                 blocks.append(wide)
         return np.vstack(data), np.vstack(prior)
 
-    def laid(self, z: Floats, found: Computed) -> tuple[Laid, ...]:
+    def laid(self, z: Floats, found: Predicted) -> tuple[Laid, ...]:
         """Of each stroke, the fitted one over the measured one."""
         return tuple(
             part.laid(z[index], _some(found, frames))
@@ -111,7 +111,7 @@ class Together:
         ])  # fmt: skip
 
 
-def _some(found: Computed, frames: slice) -> Computed:
+def _some(found: Predicted, frames: slice) -> Predicted:
     """One stroke's frames of all."""
     return replace(
         found,

@@ -143,11 +143,12 @@ def kept_answers(recording: Path) -> list[Inverted]:
 
 @lru_cache(maxsize=1)
 def version() -> str:
-    """Hash of the inversion's source, of its models and its emulator, and the solvers' versions."""
+    """Hash of the inversion's source, of its models and emulators, and the solvers' versions."""
     own = files("palpate.inversion")
     names = sorted(one.name for one in own.iterdir() if one.name.endswith(".py"))
     parts = [(own / name).read_bytes() for name in names]
-    learnt = models.path(models.ANYWHERE), models.path(models.BALLS), models.emulator_path()
+    emulators = models.emulator_path(), models.plane_emulator_path()
+    learnt = models.path(models.ANYWHERE), models.path(models.BALLS), *emulators
     parts += [models.file_hash(path).encode() for path in learnt]
     parts += [SOLVER_VERSION.encode(), SOLID_SOLVER_VERSION.encode()]
     return _hash(*parts)

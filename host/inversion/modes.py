@@ -7,24 +7,26 @@ in the gland may all explain it. So each is looked for. Units: mm, kPa.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.inversion.classes import ANYWHERE, Class
+from palpate.inversion.emulated import emulates
 from palpate.inversion.felt import FeltStroke
-from palpate.inversion.forward import COARSE, FINE, Forward
-from palpate.inversion.joint import Together
+from palpate.inversion.forward import COARSE, FINE
+from palpate.inversion.found import Assemble, Found, one_lump
 from palpate.inversion.kept import Felt
 from palpate.inversion.mirror import mirrored_about
-from palpate.inversion.posterior import SINGLE, Posterior
+from palpate.inversion.posterior import EMULATED, SINGLE, Posterior
 from palpate.inversion.result import FITS
-from palpate.inversion.search import Mode, search
+from palpate.inversion.search import search
+from palpate.inversion.set_right import set_right
 from palpate.inversion.start import MIDDLE, Start, with_other_borders
-from palpate.inversion.under import forward_of
 from palpate.sim.probe.noise import Noise
-from palpate.sim.tissue import CaseError, Settings, StrokeError
+from palpate.sim.tissue import CaseError, StrokeError
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -37,6 +39,8 @@ _ILL = 1.3
 _COARSE_STEPS, _FINE_STEPS = 10, 7
 _COARSE_ENOUGH, _FINE_ENOUGH = 4.0, 2.0
 """The coarse mesh need not be followed to the bottom: the fine one's lies elsewhere."""
+_EMULATED_STEPS, _EMULATED_ENOUGH = 20, 4.0
+_E_STEPS = np.exp(np.linspace(-1.5, 1.5, 9))
 _STRIDE = 2.0
 """With its border moved a mode is far from where it leads to: steps are longer."""
 _HOPELESS = 6.0
@@ -50,26 +54,6 @@ _NEARLY, _MOST = 30.0, 3
 fine one: so much the mesh may get wrong."""
 _AS_WELL = 5.0
 """A mode whose evidence is within so much of the best one's, as a logarithm, may be the one."""
-
-
-@dataclass(frozen=True)
-class Found:
-    """A class's mode on one mesh."""
-
-    posterior: Together
-    forward: Forward
-    mode: Mode
-    kept: list[Ints]
-    """The frames of each stroke that were used."""
-
-
-Assemble = Callable[[Sequence[Posterior], Settings], tuple[Together, Forward]]
-"""Makes one posterior of several strokes', and what computes their frames."""
-
-
-def one_lump(parts: Sequence[Posterior], settings: Settings) -> tuple[Together, Forward]:
-    """Of strokes over one lump."""
-    return Together(parts), forward_of(parts[0].of, settings, [part.stroke for part in parts])
 
 
 def coarse(
@@ -93,7 +77,7 @@ def coarse(
         searches.go_on([np.array([mode[unknown.name] for unknown in of.unknowns])])
         return searches.modes
     searches.go_on([searches.starts[0].theta(of)])
-    if of.lump and not _fit(searches.modes):
+    if of.lump and (searches.emulated or not _fit(searches.modes)):
         searches.go_on(searches.others())
     searches.move_border()
     return searches.modes
@@ -122,25 +106,49 @@ class _Coarse:
         self.starts = [some[0] for some in placed]
         self.modes: list[Found] = []
         self._of, self._of_first, self._assemble, self._hopeless = of, placed[0], assemble, hopeless
+        self.emulated = emulates(of)
+        near = 1 if self.emulated else 3
         taken = [
-            _thinned(stroke, start.lump_mm, press=6, near=3, far=4)
+            _thinned(stroke, start.lump_mm, press=6, near=near, far=4)
             for (stroke, _), start in zip(strokes, self.starts)
         ]
-        self._parts = [Posterior(of, some, noise, COARSE.hx_mm) for some, _ in taken]
+        mesh = EMULATED if self.emulated else COARSE.hx_mm
+        self._parts = [Posterior(of, some, noise, mesh) for some, _ in taken]
         self._kept = [kept for _, kept in taken]
 
     def others(self) -> Iterator[Floats]:
         """Further guesses (k,) where the first one leads to nothing that fits."""
+        if self.emulated:
+            for start in self._of_first:
+                yield from start.everywhere(self._of)
+            return
         yield from self._of_first[0].softer_and_harder(self._of)
         for start in self._of_first[1:]:
             yield start.theta(self._of)
 
     def go_on(self, thetas: Iterable[Floats]) -> None:
         """Search from each of the guesses (k,)."""
-        E_kPa = float(np.median([start.E_kPa for start in self.starts]))
         for theta in thetas:
-            own = [part.start(theta, E_kPa, start.lump_mm) for part, start in zip(self._parts, self.starts)]
-            self._search(own)
+            self._search(self._begin(theta, self._E_kPa))
+
+    def _begin(self, theta: Floats, E_kPa: float) -> list[Floats]:
+        """Each stroke's own numbers where a search begins."""
+        return [part.start(theta, E_kPa, start.lump_mm) for part, start in zip(self._parts, self.starts)]
+
+    @cached_property
+    def _E_kPa(self) -> float:
+        """The fat's modulus to begin with: the estimate, or what fits far better where emulating is cheap."""
+        said = float(np.median([start.E_kPa for start in self.starts]))
+        if not self.emulated:
+            return said
+        theta = self.starts[0].theta(self._of)
+        posterior, forward = self._assemble(self._parts, None)
+        misfits = {}
+        for E_kPa in (said * _E_STEPS).tolist():
+            z = posterior.joined(self._begin(theta, E_kPa))
+            found = forward(theta, posterior.places(z), posterior.forces(z))
+            misfits[E_kPa] = posterior.misfit(z, found).total
+        return min(misfits, key=lambda E_kPa: misfits[E_kPa])
 
     def move_border(self) -> None:
         """Search from the best mode with its lump in the fat, across the border and in the gland."""
@@ -157,11 +165,16 @@ class _Coarse:
             )
 
     def _search(self, own: Sequence[Floats], **how: float) -> None:
-        posterior, forward = self._assemble(self._parts, COARSE)
+        posterior, forward = self._assemble(self._parts, None if self.emulated else COARSE)
+        steps, enough = (
+            (_EMULATED_STEPS, _EMULATED_ENOUGH) if self.emulated else (_COARSE_STEPS, _COARSE_ENOUGH)
+        )
+        if self.emulated:
+            how["best"] = np.inf
         try:
             mode = search(
-                posterior, forward, posterior.joined(own), _COARSE_STEPS, enough=_COARSE_ENOUGH,
-                hopeless=self._hopeless, least=_COARSE_ENOUGH, **how,
+                posterior, forward, posterior.joined(own), steps, enough=enough,
+                hopeless=self._hopeless, least=1.0 if self.emulated else _COARSE_ENOUGH, **how,
             )  # fmt: skip
         except (CaseError, StrokeError):
             return
@@ -207,12 +220,12 @@ def finest(
     none of these fits: the usual mesh's errors hide a wrong lump.
     """
     least = modes[0].mode.misfit.total + _NEARLY * len(strokes)
-    near = [one for one in modes[:_MOST] if one.mode.misfit.total <= least]
+    near = [one for one in modes if one.mode.misfit.total <= least]
     fine = _followed(strokes, noise, near, assemble)
     of = modes[0].posterior.of
     if of.lump and not any(one.mode.chi2 < FITS for one in fine):
         others = _Coarse(of, strokes, noise, assemble, np.inf)
-        if _fit(modes):  # else they have been tried
+        if _fit(modes) and not others.emulated:  # else they have been tried
             others.go_on(others.others())
         fine += _followed(strokes, noise, [*modes[len(near) :], *others.modes], assemble)
     fine = _distinct(fine, lambda one: -one.mode.log_evidence) or [modes[0]]
@@ -223,7 +236,10 @@ def _followed(
     strokes: Sequence[Felt], noise: Noise, modes: Sequence[Found], assemble: Assemble
 ) -> list[Found]:
     """On the fine mesh, but for those that it would not explain either, or that it cannot compute."""
-    there = [_fine(strokes, noise, one, assemble) for one in modes if one.mode.chi2 < _HOPELESS]
+    likely = [one for one in modes if one.mode.chi2 < _HOPELESS]
+    if likely and emulates(likely[0].posterior.of):
+        return set_right(noise, likely, assemble)
+    there = [_fine(strokes, noise, one, assemble) for one in likely[:_MOST]]
     return [one for one in there if one is not None]
 
 

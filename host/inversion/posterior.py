@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from palpate.answer.fitted import Laid
 from palpate.inversion.classes import FAT_KPA, PADDING, Class
 from palpate.inversion.felt import FeltStroke, Ints
-from palpate.inversion.forward import Computed, Slopes
+from palpate.inversion.forward import Predicted, Slopes
 from palpate.sim.probe.creep import LAG_MM
 from palpate.sim.probe.noise import Noise
 from palpate.wire.cells import FULL_SCALE_KPA, PITCH_MM
@@ -37,8 +37,11 @@ _PADDING_SD = 0.25
 _LN_E, _LN_F = (np.log(10.8), 0.58), (np.log(5.46), 0.48)
 """Mean and spread of the fat's modulus in kPa and of the force over it in mm, over the models' design."""
 
-_MESH_ERROR = {2.0: (0.05, 0.004), 1.0: (0.015, 0.001)}
-"""By column width, what the mesh gets wrong: of the step from row to row, and of the pressure itself."""
+EMULATED = 0.0
+"""Stands for a column width where frames are emulated."""
+_MESH_ERROR = {2.0: (0.05, 0.004), 1.0: (0.015, 0.001), EMULATED: (0.03, 0.005)}
+"""By column width, what is wrong: of the step from row to row, and of the pressure itself."""
+_EMULATED_DEPTH_ERROR = 0.005
 _DEPTH_ERROR_MM = 0.002
 _LEAST_SD = 1e-5
 
@@ -115,6 +118,8 @@ class Posterior:
         """One over the standard deviation of rows and displacement, (n, rows + 1); 0: not measured."""
         s, noise = self.stroke, self.noise
         white, depth = self._sensors(s.live)
+        if hx_mm == EMULATED:
+            depth = np.hypot(depth, _EMULATED_DEPTH_ERROR * s.displacement_mm)
         steps = np.abs(np.diff(np.pad(s.rows_kPa, ((0, 0), (1, 1)), mode="edge"), axis=1))
         step, share = _MESH_ERROR[hx_mm]
         mesh = np.hypot(step * np.maximum(steps[:, 1:], steps[:, :-1]), share * np.maximum(s.rows_kPa, 0.0))
@@ -173,7 +178,7 @@ class Posterior:
         """Of all frames in fat of 10 kPa, N/m (n,)."""
         return FAT_KPA * np.exp(z[self.at["force"]])
 
-    def predicted(self, z: Floats, found: Computed) -> Floats:
+    def predicted(self, z: Floats, found: Predicted) -> Floats:
         """Row means and displacement as these sensors would have read them, (n, 17)."""
         share = self.stroke.share[:, None]
         lagged = self._lagged(z) @ self._pressure(z, found)
@@ -182,7 +187,7 @@ class Posterior:
         depth = found.depth + self.one(z, "depth_zero") + self.one(z, "depth_drift") * (2 * share[:, 0] - 1)
         return np.column_stack([rows, depth])
 
-    def laid(self, z: Floats, found: Computed) -> Laid:
+    def laid(self, z: Floats, found: Predicted) -> Laid:
         """The fitted stroke over the measured one."""
         s, fitted = self.stroke, self.predicted(z, found)
         return Laid(s.place_mm, s.press, s.rows_kPa, fitted[:, :-1], s.displacement_mm, fitted[:, -1])
@@ -196,7 +201,7 @@ class Posterior:
         """Weighted residuals (n, rows + 1) of rows and displacement."""
         return data
 
-    def _pressure(self, z: Floats, found: Computed) -> Floats:
+    def _pressure(self, z: Floats, found: Predicted) -> Floats:
         return self._scale(z) * found.images
 
     def _scale(self, z: Floats) -> float:
@@ -206,7 +211,7 @@ class Posterior:
         creep = 2 * self.one(z, "creep")
         return (1 - creep) * np.eye(len(self._lag)) + creep * self._lag
 
-    def misfit(self, z: Floats, found: Computed) -> Misfit:
+    def misfit(self, z: Floats, found: Predicted) -> Misfit:
         """Of a guess and its computed frames."""
         felt = np.column_stack([self.stroke.rows_kPa, self.stroke.displacement_mm])
         prior = (z - self.mean) / self.sd
@@ -224,7 +229,7 @@ class Posterior:
         told = np.log(self.stroke.face.yields_mm_per_kPa / FAT_KPA) + self.one(z, "ln_E")
         return float((z[names.index(PADDING)] - told) / _PADDING_SD)
 
-    def jacobian(self, z: Floats, found: Computed, slopes: Slopes) -> tuple[Floats, Floats]:
+    def jacobian(self, z: Floats, found: Predicted, slopes: Slopes) -> tuple[Floats, Floats]:
         """Of the misfit's data (n (rows + 1), size) and prior (size + frames of the stroke + 1, size)."""
         images, depth = slopes.images, slopes.depth
         n, p, at, rows = len(depth), self.stroke.press, self.at, self.stroke.rows_kPa.shape[1]

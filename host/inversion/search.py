@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.inversion.forward import Computed, Forward, Slopes
+from palpate.inversion.forward import Predicted, Predicts, Slopes
 from palpate.inversion.joint import Together
 from palpate.inversion.posterior import Misfit, Posterior
 from palpate.sim.tissue import CaseError, StrokeError
@@ -49,7 +49,7 @@ class Mode:
         Whether an undamped step would promise nothing that counts.
     log_evidence : float
         Laplace's approximation, but for a constant that all classes share.
-    found, slopes : Computed, Slopes
+    found, slopes : Predicted, Slopes
         The frames there and their derivatives.
     jacobian : ndarray (n (rows + 1), size)
         Of the weighted residuals of the data.
@@ -62,7 +62,7 @@ class Mode:
     settled: bool
     steps: int
     log_evidence: float
-    found: Computed
+    found: Predicted
     slopes: Slopes
     jacobian: Floats
 
@@ -74,7 +74,7 @@ class Mode:
 
 def search(
     posterior: Posterior | Together,
-    forward: Forward,
+    forward: Predicts,
     z: Floats,
     most: int,
     enough: float = 1.0,
@@ -147,7 +147,7 @@ def search(
     return Mode(z, covariance, misfit, dof, settled, steps, evidence, found, slopes, A)
 
 
-def _computed(posterior: Posterior | Together, forward: Forward, z: Floats) -> Computed:
+def _computed(posterior: Posterior | Together, forward: Predicts, z: Floats) -> Predicted:
     return forward(z[posterior.at["tissue"]], posterior.places(z), posterior.forces(z))
 
 

@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 
 from palpate import models
 from palpate.inversion.classes import FAT_KPA, Class
-from palpate.inversion.forward import Slopes
+from palpate.inversion.forward import Emulated, Slopes
 from palpate.learn.emulator import NO_CONTACT, OFFSET, Parts, StrokeEmulator, inputs_of, unsigned
 from palpate.learn.emulator_file import Errors, read_emulator
 from palpate.learn.gaussian_process import GaussianProcess
@@ -106,21 +106,6 @@ def correction_at(case: Case, emulator: StrokeEmulator) -> Correction:
     )  # fmt: skip
 
 
-@dataclass
-class Emulated:
-    """Frames of one guess, with their derivatives by tissue and lump, place, ln force."""
-
-    places_mm: Floats
-    forces_N_per_m: Floats
-    images: Floats
-    depth: Floats
-    slopes: Slopes
-
-    def on_mesh_of(self, other: object) -> bool:
-        """There is no mesh whose derivatives could be carried on: they are always there."""
-        return False
-
-
 class SolidForward:
     """Emulates frames of one class.
 
@@ -181,7 +166,7 @@ class SolidForward:
         # of a press' frame the force is its table's own
         of_image[:p, :, k + 1] = np.einsum("nx,nxc->nc", weights[:p], of_tables[:p, ..., k], optimize=True)
         of_depth[:p, k + 1] = np.einsum("nx,nx->n", weights[:p], of_deep[:p, ..., k], optimize=True)
-        return Emulated(places_mm, forces_N_per_m, images, depth, Slopes(of_image, of_depth))
+        return Emulated(theta, places_mm, forces_N_per_m, images, depth, Slopes(of_image, of_depth))
 
     def _inputs(self, theta: Floats, own: int) -> tuple[Floats, Floats]:
         """The emulator's inputs but for the force, (12,), and their derivatives by the unknowns."""

@@ -157,7 +157,7 @@ def _searched(
     posterior: SolidPosterior, forward: SolidForward, z: Floats, hopeless: float = np.inf
 ) -> Found | None:
     try:
-        mode = search(posterior, forward, z, _STEPS, enough=_ENOUGH, hopeless=hopeless)  # type: ignore[arg-type]
+        mode = search(posterior, forward, z, _STEPS, enough=_ENOUGH, hopeless=hopeless)
     except (CaseError, StrokeError):
         return None
     return Found(posterior, mode)

@@ -31,6 +31,9 @@ _SIZE_BY_STIFFNESS = 0.97
 
 _BORDERS = ((1.0, 1.2), (1.0, 0.5), (0.75, 0.0))
 """Where the border may run: at such a share of the lump's depth and of its diameter."""
+_MORE_BORDERS = (0.5, 0.0), (1.0, 2.0), (1.0, 3.5)
+_STIFFNESSES, _AS_STIFF = (0.1, 0.3, 0.55), 0.08
+_D_MM = 3.5, 30.0
 _T_MM = 3.0, 45.0
 _ELSEWHERE = 0.12
 """A border that is nearer to another one, as a logarithm, is the same."""
@@ -73,6 +76,18 @@ class Start:
         for s in (_SOFT, _HARD):
             by = float(np.exp(_SIZE_BY_STIFFNESS * (s - self.E_inv23)))
             yield replace(self, d_mm=self.d_mm * by, E_inv23=s).theta(of)
+
+    def everywhere(self, of: Class) -> Iterator[Floats]:
+        """Guesses (k,) of many kinds: soft and hard lumps that feel like it, under many a border."""
+        for s in (self.E_inv23, *(s for s in _STIFFNESSES if abs(s - self.E_inv23) > _AS_STIFF)):
+            by = float(np.exp(_SIZE_BY_STIFFNESS * (s - self.E_inv23)))
+            d = float(np.clip(self.d_mm * by, *_D_MM))
+            tried: list[float] = []
+            for t in (self.t_mm, *(a * self.depth_mm + b * d for a, b in _BORDERS + _MORE_BORDERS)):
+                t_mm = float(np.clip(t, *_T_MM))
+                if all(abs(np.log(t_mm / other)) > _ELSEWHERE for other in tried):
+                    tried.append(t_mm)
+                    yield replace(self, d_mm=d, E_inv23=s, t_mm=t_mm).theta(of)
 
 
 def with_other_borders(of: Class, theta: Floats) -> Iterator[Floats]:

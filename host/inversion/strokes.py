@@ -13,8 +13,9 @@ from palpate.errors import UsageError
 from palpate.inversion.classes import ANYWHERE, BORDER, CLASSES
 from palpate.inversion.departures import odds_of_departures
 from palpate.inversion.felt import FeltStroke, NotInvertible
+from palpate.inversion.found import Found
 from palpate.inversion.kept import Felt
-from palpate.inversion.modes import Found, coarse, finest
+from palpate.inversion.modes import coarse, finest
 from palpate.inversion.press import invert_press
 from palpate.inversion.recorded import felt_strokes
 from palpate.inversion.result import of_modes, told

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from palpate.inversion.classes import ANYWHERE, BORDER, CLASSES, Class, under
+from palpate.inversion.emulated import EmulatedForward
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import Forward
 from palpate.sim.tissue import Settings
@@ -26,6 +27,11 @@ def classes_over(felt: FeltStroke, kind: str) -> list[Class]:
     """The classes that are compared, the one with most unknowns first, as this face feels them."""
     chosen = [CLASSES[kind]] if kind != AUTO else list(reversed(CLASSES.values()))
     return [under(felt.face, of, _HALF_MM) for of in chosen]
+
+
+def emulated_of(of: Class, strokes: Sequence[FeltStroke]) -> EmulatedForward:
+    """The emulator of a class, for strokes over one lump."""
+    return EmulatedForward(of, [(len(felt.place_mm), felt.press) for felt in strokes])
 
 
 def forward_of(of: Class, settings: Settings, strokes: Sequence[FeltStroke]) -> Forward:

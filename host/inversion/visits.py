@@ -15,14 +15,16 @@ from numpy.typing import NDArray
 from palpate.answer.fitted import Change, Inverted, Value
 from palpate.errors import PalpateError
 from palpate.inversion.classes import ANYWHERE, Class, Unknown
+from palpate.inversion.emulated import EmulatedForward
 from palpate.inversion.felt import FeltStroke
-from palpate.inversion.forward import Computed, Forward, Slopes
+from palpate.inversion.forward import Forward, Predicted, Predicts, Slopes
+from palpate.inversion.found import Found
 from palpate.inversion.joint import Together
 from palpate.inversion.kept import Felt
-from palpate.inversion.modes import Found, coarse, finest
+from palpate.inversion.modes import coarse, finest
 from palpate.inversion.posterior import Posterior
 from palpate.inversion.result import of_modes, told
-from palpate.inversion.under import classes_over, forward_of
+from palpate.inversion.under import classes_over, emulated_of, forward_of
 from palpate.inversion.widening import WIDER, Widening
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue import Settings
@@ -69,7 +71,7 @@ def invert_visits(
     (single,) = classes_over(strokes[0][0], kind)
     of = _changing(single)
 
-    def assemble(parts: Sequence[Posterior], settings: Settings) -> tuple[Together, Forward]:
+    def assemble(parts: Sequence[Posterior], settings: Settings | None) -> tuple[Together, Predicts]:
         strokes = [part.stroke for part in parts]
         forward = TwoVisits(of, single, settings, strokes[: len(before)], strokes[len(before) :])
         return Together(parts, _OF_THE_PROBE if same_probe else ()), forward
@@ -108,64 +110,86 @@ def _later(theta: Floats) -> Floats:
 
 
 @dataclass
-class ComputedVisits(Computed):
+class PredictedVisits(Predicted):
     """Frames of both visits, the first `len(each[0].depth)` of them the first one's."""
 
-    each: tuple[Computed, Computed]
+    each: tuple[Predicted, Predicted]
 
-    def on_mesh_of(self, other: Computed) -> bool:
+    def on_mesh_of(self, other: Predicted) -> bool:
         """Whether each visit is on the topology that it was on."""
-        assert isinstance(other, ComputedVisits)
+        assert isinstance(other, PredictedVisits)
         return all(mine.on_mesh_of(its) for mine, its in zip(self.each, other.each))
 
     @property
     def own(self) -> Floats:
-        """As `Computed.own`: the first visit's frames know of no change."""
+        """As `Predicted.own`: the first visit's frames know of no change."""
         out = super().own
         k = len(self.theta)
         out[: len(self.each[0].places_mm), k - len(_CHANGES) : k] = 0.0
         return out
 
 
-class TwoVisits(Forward):
-    """Computes the frames of two visits, each over its own lump."""
+class TwoVisits:
+    """Predicts the frames of two visits, each over its own lump."""
 
     def __init__(
         self,
         of: Class,
         single: Class,
-        settings: Settings,
+        settings: Settings | None,
         before: Sequence[FeltStroke],
         after: Sequence[FeltStroke],
     ) -> None:
-        super().__init__(of, settings)
+        self.scale = np.concatenate([of.column("sd"), [1.0, 0.1]])
         self._first = sum(len(stroke.place_mm) for stroke in before)
-        self._each = tuple(forward_of(single, settings, strokes) for strokes in (before, after))
+        self._each = tuple(
+            emulated_of(single, strokes) if settings is None else forward_of(single, settings, strokes)
+            for strokes in (before, after)
+        )
 
-    def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> ComputedVisits:
+    def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> PredictedVisits:
         """Frames (n,) of a guess; as `Forward`."""
         n, (one, other) = self._first, self._each
         before = one(theta[: -len(_CHANGES)], places_mm[:n], forces_N_per_m[:n])
-        other.like(one)
+        if isinstance(one, Forward) and isinstance(other, Forward):
+            other.like(one)
         after = other(_later(theta), places_mm[n:], forces_N_per_m[n:])
         images, depth = (
             np.concatenate([getattr(visit, name) for visit in (before, after)])
             for name in ("images", "depth")
         )
-        return ComputedVisits(
-            theta.copy(), places_mm, forces_N_per_m, images, depth, before.solved, before.topology, None,
-            (before, after),
+        return PredictedVisits(
+            theta.copy(), places_mm, forces_N_per_m, images, depth, (before, after)
         )  # fmt: skip
 
-    def slopes(self, at: Computed) -> Slopes:
+    def slopes(self, at: PredictedVisits) -> Slopes:
         """Derivatives at a guess."""
-        assert isinstance(at, ComputedVisits)
-        found = [one.slopes(visit) for one, visit in zip(self._each, at.each)]
+        found = [one.slopes(visit) for one, visit in zip(self._each, at.each)]  # type: ignore[arg-type]
         k = found[0].depth.shape[1] - 2
         return Slopes(
             np.concatenate([_with_change(one.images, k, later) for later, one in enumerate(found)]),
             np.concatenate([_with_change(one.depth, k, later) for later, one in enumerate(found)]),
         )
+
+    def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, steep: bool) -> None:
+        """Let the solver compute both visits of a guess, and their derivatives."""
+        n = self._first
+        thetas = theta[: -len(_CHANGES)], _later(theta)
+        for one, its, frames in zip(self._each, thetas, (slice(0, n), slice(n, None))):
+            assert isinstance(one, EmulatedForward)
+            one.set_right(its, places_mm[frames], forces_N_per_m[frames], steep)
+
+    def go_back(self) -> None:
+        """The last guess but one was better."""
+        for one in self._each:
+            assert isinstance(one, EmulatedForward)
+            one.go_back()
+
+    def like(self, other: TwoVisits) -> None:
+        """Begin with what another mode over the same strokes has in common with this one."""
+        for one, its in zip(self._each, other._each):
+            assert isinstance(one, EmulatedForward) and isinstance(its, EmulatedForward)
+            one.like(its)
 
 
 def _with_change(slopes: Floats, k: int, later: int) -> Floats:

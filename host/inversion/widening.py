@@ -37,11 +37,11 @@ class Widening:
 
 
 WIDER = {
-    "ln d": Widening(1.1, 1.3, 0.015),
-    "ln depth": Widening(1.2, 2.8, 0.02),
-    "ln t": Widening(1.5, 3.2, 0.02),
-    "E^-2/3": Widening(1.2, 4.0, 0.015),
-    "ln_E": Widening(0.9, 1.6, 0.057),
+    "ln d": Widening(1.2, 3.3, 0.015),
+    "ln depth": Widening(1.4, 1.7, 0.02),
+    "ln t": Widening(1.4, 1.9, 0.02),
+    "E^-2/3": Widening(1.3, 2.8, 0.015),
+    "ln_E": Widening(1.3, 0.9, 0.04),
 }
 """By unknown; docs/inversion.md says how they are known."""
 

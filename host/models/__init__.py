@@ -78,3 +78,8 @@ def file_hash(of: Path | None = None) -> str:
 def emulator_path() -> Path:
     """Where the emulator of strokes over solid lumps lies (`palpate.learn.emulator_file`)."""
     return Path(__file__).with_name("balls.emulator.npz")
+
+
+def plane_emulator_path() -> Path:
+    """Where the emulator of frames over cylinders lies (`palpate.learn.plane_emulator`)."""
+    return Path(__file__).with_name("plane.emulator.npz")

@@ -1,6 +1,7 @@
 """`python -m palpate.models NAME DIRECTORY`: make a model that comes with Palpate again.
 
-`python -m palpate.models emulator SET...` makes the emulator of strokes over solid lumps from kept sets.
+`python -m palpate.models emulator SET...` makes the emulator of strokes over solid lumps from kept sets, and
+`python -m palpate.models plane DIRECTORY` that of frames over cylinders, computed into the directory.
 """
 
 from __future__ import annotations
@@ -9,8 +10,8 @@ import sys
 from pathlib import Path
 
 from palpate.console import console, note, showing_progress
-from palpate.models import NAMES, emulator_path, path, recipe_path
-from palpate.models.build import EMULATOR, build, build_emulator
+from palpate.models import NAMES, emulator_path, path, plane_emulator_path, recipe_path
+from palpate.models.build import EMULATOR, PLANE, build, build_emulator, build_plane_emulator
 
 
 def main() -> None:
@@ -19,10 +20,16 @@ def main() -> None:
         build_emulator([Path(word) for word in sys.argv[2:]])
         note(f"wrote {emulator_path()} and {emulator_path().with_suffix('.recipe.json')}")
         return
+    if len(sys.argv) == 3 and sys.argv[1] == PLANE:
+        with showing_progress() as progress:
+            wrong = build_plane_emulator(Path(sys.argv[2]), progress)
+        note(", ".join(f"{words} {error:.2f} %" for words, error in wrong.items()))
+        note(f"wrote {plane_emulator_path()}")
+        return
     if len(sys.argv) != 3 or sys.argv[1] not in NAMES:
         note(
-            f"palpate: name the model ({', '.join([*NAMES, EMULATOR])}) and its strokes' directory, as in: "
-            "python -m palpate.models field out/field"
+            f"palpate: name the model ({', '.join([*NAMES, EMULATOR, PLANE])}) and its strokes' directory, "
+            "as in: python -m palpate.models field out/field"
         )
         raise SystemExit(2)
     name = sys.argv[1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,10 @@ from palpate.learn.emulator import fit_emulator
 from palpate.learn.emulator_file import errors_of, write_emulator
 from palpate.learn.lumps import SET, LumpStrokes, read_solid_rim, read_solids, solid_lumps
 from palpate.learn.observed import observe, observe_in_any_fat
+from palpate.learn.plane_emulator import write_plane_emulator
+from palpate.learn.plane_fit import errors_of as errors_of_plane
+from palpate.learn.plane_fit import fit_plane_emulator
+from palpate.learn.plane_frames import BLOCKS, plane_frames
 from palpate.learn.result import FieldFit, TissueFit
 from palpate.learn.solid import fit_to_balls
 from palpate.learn.study import Study
@@ -28,7 +33,17 @@ from palpate.learn.told import fit_field
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.model_export.schema import ModelSpec
-from palpate.models import ANYWHERE, BALLS, FIELD, TOLD, emulator_path, file_hash, path, recipe_path
+from palpate.models import (
+    ANYWHERE,
+    BALLS,
+    FIELD,
+    TOLD,
+    emulator_path,
+    file_hash,
+    path,
+    plane_emulator_path,
+    recipe_path,
+)  # fmt: skip
 from palpate.sim.probe.sensors import StrokeField
 from palpate.sim.tissue import Case, simulate
 from palpate.sim.tissue.any_tissue import FORCE_PARTS, PRESS_PARTS, PRESSES, STROKES, at_forces
@@ -77,8 +92,10 @@ SAMPLES: dict[str, Sequence[tuple[Case, float]]] = {
 _KINDS: dict[str, type[Study]] = {FIELD: Study, ANYWHERE: AnywhereStudy}
 
 SAMPLE_SEED = 7
-EMULATOR = "emulator"
-"""Stands for a model's name where the emulator is to be made."""
+EMULATOR, PLANE = "emulator", "plane"
+"""Stand for a model's name where an emulator is to be made: of solid lumps, of cylinders."""
+_KNOWN_OF = 25
+"""Every so-manieth cylinder is not met by its emulator: that is what its errors are of."""
 
 Progress = Callable[[str, int, int], None]
 
@@ -138,6 +155,33 @@ def build_emulator(sets: Sequence[Path]) -> None:
     }
     with whole_file(emulator_path().with_suffix(".recipe.json")) as part:
         part.write_text(json_text(record) + "\n", encoding="utf-8")
+
+
+def build_plane_emulator(directory: Path, progress: Progress | None = None) -> dict[str, float]:
+    """Compute into `directory` what it lacks, fit the emulator of cylinders, write it and its recipe.
+
+    Returns
+    -------
+    dict
+        What it gets wrong of cases that it has not met, in per cent.
+    """
+    frames, cases = plane_frames(directory, progress=progress)
+    met = cases % _KNOWN_OF > 0
+    emulator = fit_plane_emulator(frames.some(met), progress=progress)
+    wrong = errors_of_plane(emulator, frames.some(~met), cases[~met])
+    with whole_file(plane_emulator_path()) as part:
+        write_plane_emulator(part, emulator)
+    record = {
+        "command": f"python -m palpate.models {PLANE} {directory}",
+        "cases": [asdict(block) for block in BLOCKS],
+        "computed": int(cases.max()) + 1,
+        "frames": len(cases),
+        "wrong": {words: round(error, 3) for words, error in wrong.items()},
+        "sha256": file_hash(plane_emulator_path()),
+    }
+    with whole_file(plane_emulator_path().with_suffix(".recipe.json")) as part:
+        part.write_text(json_text(record) + "\n", encoding="utf-8")
+    return wrong
 
 
 def write_recipe(name: str, spec: ModelSpec, scores: dict[str, Any]) -> None:

@@ -11,6 +11,7 @@ from palpate.inversion.result import of_modes
 from palpate.inversion.start import MIDDLE, with_other_borders
 from palpate.inversion.strokes import invert_stroke
 from palpate.sim.probe.noise import level_named
+from palpate.sim.tissue import Case
 from tests.host.inversion.world import felt_of
 from tests.studies.inverted import lumps
 
@@ -67,3 +68,20 @@ def test_the_right_border_is_found_however_far_off_the_regression_has_it(lump):
     assert start.t_mm > 1.6 * case.t_mm
     said = invert_stroke(felt, start, level_named("typical"), ANYWHERE.name)
     assert said.fits and said.values["t_mm"].low < case.t_mm < said.values["t_mm"].high, said
+
+
+def test_over_plain_tissue_there_is_no_lump():
+    """A lump of the fat's own modulus is none; each class is emulated, so none is favoured."""
+    case = Case(6.0, 1.0, 1.0, 0.5, fat_mm=18.0, gland_ratio=4.0, gland_mm=18.0)
+    felt, start, _, _ = felt_of(case, 2)
+    said = invert_stroke(felt, start, level_named("typical"))
+    assert said.fits and said.classes[NONE.name] > 0.9, said.classes
+
+
+@pytest.mark.long
+def test_an_estimate_whose_fat_is_five_times_too_soft_leads_to_the_lump_all_the_same():
+    """Forces over its modulus were beyond all that the emulator knows, and every search went astray."""
+    case = lumps(4, 13)[3]
+    felt, start, _, _ = felt_of(case, 13003)
+    said = invert_stroke(felt, replace(start, E_kPa=start.E_kPa / 5), level_named("typical"), ANYWHERE.name)
+    assert said.fits and said.values["d_mm"].low < case.d_mm < said.values["d_mm"].high, said.values

@@ -1,0 +1,344 @@
+"""The forward model of lumps in the plane: an emulator of frames, set right by the solver.
+
+The solver computes a few places of one guess, of half a stroke: the other half is its mirror image. What it
+says otherwise is added to the emulator from then on (space mapping, as in `solids`). In fat of 10 kPa.
+Units: mm, kPa, N/m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate import models
+from palpate.inversion.classes import FAT_KPA, Class
+from palpate.inversion.forward import FINE, Emulated, Forward, Slopes
+from palpate.learn.plane_emulator import (
+    FORCE,
+    LOW,
+    PLACE,
+    ROWS,
+    PlaneEmulator,
+    inputs_of,
+    read_plane_emulator,
+)
+from palpate.sim.tissue import Case, CaseError, StrokeError
+from palpate.sim.tissue.contact import places_read
+from palpate.sim.tissue.derivatives import differentiate
+from palpate.sim.tissue.frames import SolvedFrames, solve_frames
+from palpate.sim.tissue.topology import OutsideTopology, Topology
+from palpate.wire.cells import PITCH_MM
+
+Floats = NDArray[np.float64]
+
+_FACE_MM = ROWS * PITCH_MM
+_STEP = 1e-6
+_AFAR_MM, _END_MM = LOW[PLACE], 50.0
+"""So far before the lump there is none, as far as the emulator knows; so far away the solver is asked."""
+_APART_MM, _SHALLOW_MM = 3.0, 4.0
+_CLOSE_MM, _CLOSER_MM = (14.0, 8.0), (1.0, 2.0)
+"""The solver is asked so often along the stroke, and so near the lump more often: under thin skin, and under
+thicker."""
+_PLAIN_APART_MM = 12.0
+"""Without a lump."""
+_LEVELS = 5
+"""And under so many forces where the stroke begins."""
+_ALL, _ALONG = 0.01, ((0.004, 1.2), (0.004, 2.5), (0.005, 10.0))
+_LN_F = 0.8
+_OF_THE_MESH = 0.003
+"""The spreads of corrections: of all frames alike, along the stroke by mm, by the logarithm of the force, and
+of what the contact's nodes make of a single frame."""
+_LARGER = 1.0, 2.0, 4.0
+"""So much larger they may be, all alike: as is likeliest."""
+_SIDES_MM = 14.0, 34.0
+"""There the sides of the lump are compared: tissue ends nearer behind it than before it."""
+_PAST, _LITTLE = 3, 0.03
+"""So many guesses before the last tell how the correction changes, unless they are so near, in the priors'
+standard deviations."""
+_LUMP, _SOME_LUMP = [0, 1, 3], (np.log(8.0), np.log(8.0), 0.3)
+
+
+@lru_cache(maxsize=1)
+def bundled() -> PlaneEmulator:
+    """The emulator that comes with Palpate."""
+    return read_plane_emulator(models.plane_emulator_path())
+
+
+@dataclass(frozen=True)
+class _Correction:
+    """What the solver says otherwise of one guess, of m frames before the lump.
+
+    Rows over the mean pressure, ln displacement. What the mesh makes of a single frame is no part of it, so a
+    Gaussian process leads from frame to frame, over the place and the force.
+    """
+
+    theta: Floats
+    solved: SolvedFrames
+    topology: Topology
+    weights: Floats
+    """(m, 17)"""
+    turns: Floats | None
+    """(m, 17 (k + 1)): of the derivatives by the unknowns and by ln F; None where they were not asked for."""
+
+    def at(self, before: Floats, ln_F: Floats) -> tuple[Floats, Floats, Floats]:
+        """Of frames (n, 17), and their derivatives by place and ln F."""
+        own = self.solved.places_mm, np.log(self.solved.forces_N_per_m / FAT_KPA)
+        value, by_place, by_force = (part @ self.weights for part in _kernel(before, ln_F, *own))
+        return value, by_place, by_force
+
+    def turned(self, before: Floats, ln_F: Floats) -> Floats:
+        """Of the derivatives, (n, 17, k + 1)."""
+        assert self.turns is not None
+        own = self.solved.places_mm, np.log(self.solved.forces_N_per_m / FAT_KPA)
+        said = _kernel(before, ln_F, *own)[0] @ self.turns
+        return said.reshape(len(said), -1, ROWS + 1).transpose(0, 2, 1)
+
+
+def _kernel(x: Floats, ln_F: Floats, x2: Floats, ln_F2: Floats) -> tuple[Floats, Floats, Floats]:
+    """Covariances (n, m) of corrections, and their derivatives by the first place and force."""
+    u, v = (np.clip(one, -_END_MM, _END_MM) for one in (x[:, None], x2))
+    moves = np.where(np.abs(x) < _END_MM, 1.0, 0.0)[:, None]
+    apart = u - v
+    shapes = [(sd**2 * np.exp(-((apart / length) ** 2) / 2), length) for sd, length in _ALONG]
+    along = _ALL**2 + sum(shape for shape, _ in shapes)
+    slope = moves * sum(-apart / length**2 * shape for shape, length in shapes)
+    off = (ln_F[:, None] - ln_F2) / _LN_F
+    force = np.exp(-(off**2) / 2)
+    return along * force, slope * force, -along * force * off / _LN_F
+
+
+def _smoothed(K: Floats, apart: Floats) -> Floats:
+    """Weights (m, q) of a Gaussian process through what is apart (m, q), as smooth as is likeliest."""
+    best = np.inf, apart
+    for larger in _LARGER:
+        L = np.linalg.cholesky(larger**2 * K + _OF_THE_MESH**2 * np.eye(len(K)))
+        weights = np.linalg.solve(L.T, np.linalg.solve(L, apart))
+        spread = float((apart * weights).mean()) + 1e-30
+        unlikely = len(K) * float(np.log(spread)) + 2 * float(np.log(np.diag(L)).sum())
+        if unlikely < best[0]:
+            best = unlikely, larger**2 * weights
+    return best[1]
+
+
+class EmulatedForward:
+    """Emulates frames of one class, under the usual face.
+
+    Parameters
+    ----------
+    strokes : sequence of (int, int)
+        How many frames each stroke has, and how many of them are its press.
+    """
+
+    def __init__(self, of: Class, strokes: Sequence[tuple[int, int]]) -> None:
+        self.of, self.strokes = of, tuple(strokes)
+        self.scale = np.concatenate([of.column("sd"), [1.0, 0.1]])
+        self._press = np.concatenate([np.arange(frames) < press for frames, press in strokes])
+        self._emulator = bundled()
+        self._right: list[_Correction] = []
+        self._places_mm = self._ln_F = np.empty(0)
+        self._behind: Floats | None = None
+
+    def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> Emulated:
+        """Frames (n,) of a guess.
+
+        Raises
+        ------
+        CaseError
+            There is no such tissue.
+        """
+        base, chain = self._inputs(theta)
+        ln_F = np.log(forces_N_per_m / FAT_KPA)
+        y, by = self._frames(base, places_mm, ln_F)
+        slopes = np.concatenate([by[..., :PLACE] @ chain, by[..., PLACE:]], -1)
+        if self._right:
+            more, by_more = self._corrections(theta, places_mm, ln_F)
+            y, slopes = y + more, slopes + by_more
+        unit = forces_N_per_m / _FACE_MM
+        images, depth = y[:, :ROWS] * unit[:, None], np.exp(y[:, ROWS])
+        slopes *= np.column_stack([np.tile(unit[:, None], (1, ROWS)), depth])[..., None]
+        slopes[:, :ROWS, -1] += images
+        return Emulated(
+            theta, places_mm, forces_N_per_m, images, depth, Slopes(slopes[:, :ROWS], slopes[:, ROWS])
+        )
+
+    def slopes(self, at: Emulated) -> Slopes:
+        """Derivatives at a guess."""
+        return at.slopes
+
+    def set_right(
+        self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, steep: bool = False
+    ) -> None:
+        """Let the solver compute a guess, and its derivatives, too.
+
+        Raises
+        ------
+        CaseError, StrokeError
+            There is no such tissue, or no equilibrium in it.
+        """
+        case = self.of.case(theta)
+        if not self._right:
+            self._lay(places_mm, np.log(forces_N_per_m / FAT_KPA), int(case.d_mm * case.h > _SHALLOW_MM))
+            if self.of.lump and self._behind is None:
+                self._behind = _other_side(case, float(FAT_KPA * np.exp(self._ln_F[-1])))
+        topology = self._topology(case)
+        geometry, forces = topology.geometry(case), FAT_KPA * np.exp(self._ln_F)
+        solved = solve_frames(case, FINE, geometry, self._places_mm, forces)
+        base, chain = self._inputs(theta)
+        y, by = self._frames(base, self._places_mm, self._ln_F)
+        mean_kPa, depth = forces / _FACE_MM, solved.displacement_mm
+        apart = np.column_stack([solved.images_kPa / mean_kPa[:, None], np.log(depth)]) - y
+        K = _kernel(self._places_mm, self._ln_F, self._places_mm, self._ln_F)[0]
+        turns = None
+        if steep:
+            emulated = np.concatenate([by[..., :PLACE] @ chain, by[..., FORCE:]], -1)
+            apart_too = self._slopes_of(theta, solved, topology) - emulated
+            turns = np.concatenate([_smoothed(K, one) for one in apart_too.transpose(2, 0, 1)], 1)
+        self._right.append(_Correction(theta.copy(), solved, topology, _smoothed(K, apart), turns))
+
+    def _slopes_of(self, theta: Floats, solved: SolvedFrames, topology: Topology) -> Floats:
+        """The solver's derivatives of rows over the mean pressure and ln displacement, (m, 17, k + 1)."""
+        found = differentiate(solved, topology, self.of.fields)
+        F, chain = solved.forces_N_per_m[:, None], self.of.chain(theta)
+        rows = solved.images_kPa * _FACE_MM / F
+        steep, deeper = (
+            found.images * _FACE_MM / F[..., None],
+            found.displacement / solved.displacement_mm[:, None],
+        )
+        of_rows = np.concatenate(
+            [steep[..., :-2] @ chain, steep[..., -1:] * F[..., None] - rows[..., None]], -1
+        )
+        of_depth = np.concatenate([deeper[:, :-2] @ chain, deeper[:, -1:] * F], -1)
+        return np.concatenate([of_rows, of_depth[:, None]], 1)
+
+    def like(self, other: EmulatedForward) -> None:
+        """Behind the lump tissue is as another guess of the same strokes has it: that varies little."""
+        self._behind = other._behind
+
+    def go_back(self) -> None:
+        """The last guess but one is the better one; what the last has told is kept."""
+        self._right[-2:] = self._right[:-3:-1]
+
+    def _lay(self, places_mm: Floats, ln_F: Floats, deep: int) -> None:
+        """Choose where the solver is asked, and under which forces."""
+        press = self._press
+        within = np.clip(places_mm, -_END_MM, _END_MM)
+        first = float(max(np.abs(within).max(), _CLOSE_MM[deep]))
+        close = np.arange(0.0, min(first, _CLOSE_MM[deep]) + 0.5, _CLOSER_MM[deep])
+        far = np.arange(close[-1] + _APART_MM, first + _APART_MM / 2, _APART_MM)
+        nodes = -np.concatenate([close, far])[::-1]
+        if not self.of.lump:
+            nodes = np.arange(np.rint(within.min()), within.max() + 1.0, _PLAIN_APART_MM)
+        levels = np.linspace(ln_F[press].min(), ln_F[press].max(), _LEVELS) if press.any() else np.empty(0)
+        self._places_mm = np.concatenate([np.full(len(levels), nodes[0]), nodes])
+        self._ln_F = np.concatenate([levels, np.full(len(nodes), float(ln_F[~press].mean()))])
+
+    def by_friction(self, at: Emulated) -> Floats:
+        """Derivatives of images and displacement, (n, 17), by the friction of the face, from none at all.
+
+        Both sides of the lump are computed: a face that rubs leans to one.
+        """
+        solver = Forward(self.of, FINE, places_read(ROWS, PITCH_MM), self.strokes)
+        try:
+            return solver.by_friction(solver(at.theta, at.places_mm, at.forces_N_per_m))
+        except (CaseError, StrokeError):
+            return np.zeros((len(at.depth), ROWS + 1))
+
+    def _before(self, places_mm: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """Where frames behind the lump have their mirror images, and which those are; none without a lump."""
+        behind = (places_mm > 0) & self.of.lump
+        return np.where(behind, -places_mm, places_mm), behind
+
+    def _topology(self, case: Case) -> Topology:
+        for right in self._right[-1:]:
+            try:
+                right.topology.grid(case)
+                return right.topology
+            except OutsideTopology:
+                pass
+        return Topology(case, FINE, float(self._places_mm.min()) - 1.0, float(self._places_mm.max()) + 1.0)
+
+    def _inputs(self, theta: Floats) -> tuple[Floats, Floats]:
+        """The emulator's inputs of tissue and lump, (9,), and their derivatives by the unknowns."""
+        here = self._lump_inputs(theta)
+        apart = [self._lump_inputs(theta + step) - here for step in _STEP * np.eye(len(theta))]
+        return here, np.array(apart).T / _STEP
+
+    def _lump_inputs(self, theta: Floats) -> Floats:
+        """Without a lump, those of some lump that is far away."""
+        out = inputs_of(self.of.case(theta))
+        if not self.of.lump:
+            out[_LUMP] = _SOME_LUMP
+        return out
+
+    def _frames(self, base: Floats, places_mm: Floats, ln_F: Floats) -> tuple[Floats, Floats]:
+        """The emulator's values (n, 17) and slopes (n, 17, 11) on both sides of the lump."""
+        before, behind = self._before(places_mm)
+        if not self.of.lump:
+            before = np.full(len(places_mm), _AFAR_MM)
+        y, by = self._emulator(np.column_stack([np.tile(base, (len(before), 1)), before, ln_F]))
+        y[behind] = _turned(y[behind])
+        if self._behind is not None:
+            beyond = np.minimum(places_mm[behind], _END_MM)[:, None]
+            y[behind] += beyond * self._behind[0] + beyond**2 * self._behind[1]
+        by[behind, :ROWS] = by[behind, :ROWS][:, ::-1]
+        by[behind, :, PLACE] *= -1
+        if not self.of.lump:
+            by[..., PLACE] = 0.0
+        return y, by
+
+    def _corrections(self, theta: Floats, places_mm: Floats, ln_F: Floats) -> tuple[Floats, Floats]:
+        """To be added to frames (n, 17), and derivatives (n, 17, k + 2) by the unknowns, place and ln F.
+
+        What the solver said of guesses before tells how the correction changes on the way from there.
+        """
+        *past, last = self._right[-_PAST - 1 :]
+        before, behind = self._before(places_mm)
+        there = np.where(self._press, ln_F, self._ln_F[-1])
+        out, by_place, by_force = last.at(before, there)
+        slopes, of_force = np.zeros((*out.shape, len(theta))), by_force
+        steep = [right for right in (*past, last) if right.turns is not None]
+        if steep:
+            turned = steep[-1].turned(before, there)
+            slopes, of_force = turned[..., :-1], np.where(self._press[:, None], by_force, turned[..., -1])
+        if past:
+            sd = self.of.column("sd")
+            steps = np.array([right.theta - last.theta for right in past])
+            part = steps / sd
+            shares = np.linalg.solve(part @ part.T + _LITTLE**2 * np.eye(len(past)), part) / sd
+            changes = np.array([right.at(before, there)[0] - out for right in past])
+            changes -= np.einsum("nok,jk->jno", slopes, steps)
+            slopes = slopes + np.einsum("jno,jk->nok", changes, shares)
+        out = out + slopes @ (theta - last.theta) + of_force * (ln_F - there)[:, None]
+        by = np.concatenate([slopes, by_place[..., None], of_force[..., None]], -1)
+        out[behind], by[behind, :ROWS] = _turned(out[behind]), by[behind, :ROWS][:, ::-1]
+        by[behind, :, -2] *= -1
+        return out, by
+
+
+def emulates(of: Class) -> bool:
+    """Whether the emulator knows the face of a class."""
+    case = of.case(of.column("mean"))
+    return (
+        case.padding_mm_per_kPa == 0 and case.face_half_mm == 10.0 and abs(case.probe_radius_mm - 40.0) < 1.0
+    )
+
+
+def _other_side(case: Case, force_N_per_m: float) -> Floats:
+    """What is otherwise behind the lump than before it: (2, 17), by the place and by its square."""
+    x = np.array(_SIDES_MM)
+    topology = Topology(case, FINE, -x[-1], x[-1])
+    places = np.concatenate([-x[::-1], x])
+    solved = solve_frames(case, FINE, topology.geometry(case), places, np.full(len(places), force_N_per_m))
+    values = np.column_stack([solved.images_kPa / (force_N_per_m / _FACE_MM), np.log(solved.displacement_mm)])
+    apart = values[len(x) :] - _turned(values[: len(x)][::-1])
+    out: Floats = np.linalg.solve(np.column_stack([x, x**2]), apart)
+    return out
+
+
+def _turned(frames: Floats) -> Floats:
+    """Frames (n, 17) on the other side of the lump."""
+    return np.concatenate([frames[:, :ROWS][:, ::-1], frames[:, ROWS:]], 1)

@@ -1,0 +1,45 @@
+"""What a search has found, and what a posterior of several strokes is assembled from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.inversion.forward import Predicts
+from palpate.inversion.joint import Together
+from palpate.inversion.posterior import Posterior
+from palpate.inversion.search import Mode
+from palpate.inversion.under import emulated_of, forward_of
+from palpate.sim.tissue import Settings
+
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Found:
+    """A class's mode on one mesh, or by the emulator.
+
+    Attributes
+    ----------
+    kept : list of ndarray
+        The frames of each stroke that were used.
+    """
+
+    posterior: Together
+    forward: Predicts
+    mode: Mode
+    kept: list[Ints]
+
+
+Assemble = Callable[[Sequence[Posterior], Settings | None], tuple[Together, Predicts]]
+"""Makes one posterior of several strokes', and what predicts their frames: emulated, without settings."""
+
+
+def one_lump(parts: Sequence[Posterior], settings: Settings | None) -> tuple[Together, Predicts]:
+    """Of strokes over one lump."""
+    of, strokes = parts[0].of, [part.stroke for part in parts]
+    both = Together(parts)
+    return (both, emulated_of(of, strokes)) if settings is None else (both, forward_of(of, settings, strokes))

@@ -1,0 +1,105 @@
+"""Modes of the emulator, followed with what the solver says otherwise there, until it has no more to say.
+
+Values first: they tell which of the modes last. Where one is nearly at rest derivatives are set right, too:
+in directions that a stroke tells little of, small errors of theirs look like knowledge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from palpate.inversion.forward import FINE, Emulates
+from palpate.inversion.found import Assemble, Found
+from palpate.inversion.posterior import Posterior
+from palpate.inversion.search import Mode, search
+from palpate.sim.probe.noise import Noise
+from palpate.sim.tissue import CaseError, StrokeError
+
+_FIRST, _MOST, _NEARLY = 6, 3, 40.0
+"""So many modes are asked about once; so many of them, within so much of the best one a stroke, go on."""
+_ROUNDS, _NEARLY_STAYS, _STAYS = 4, 6.0, 2.0
+"""Guesses of one mode, at most: until it promises so little of the misfit, with values alone, and with
+derivatives."""
+_RIPPLE = 5.0
+"""Of two guesses the contact's nodes may make the better one worse by so much."""
+_STEPS, _ENOUGH, _DAMPING = 20, 0.1, 1e-3
+
+
+def set_right(noise: Noise, modes: Sequence[Found], assemble: Assemble) -> list[Found]:
+    """The modes as the solver has them, but for those that it does not explain or cannot compute."""
+    begun: list[_Followed] = []
+    for one in modes[:_FIRST]:
+        follow = _Followed(noise, one, assemble)
+        if follow.on(begun[0] if begun else None):
+            begun.append(follow)
+    begun.sort(key=lambda one: one.promised)
+    going = [one for one in begun[:_MOST] if one.promised < begun[0].promised + _NEARLY * len(one.found.kept)]
+    for follow in going:
+        while follow.goes_on:
+            follow.on()
+    return [one.told() for one in going]
+
+
+class _Followed:
+    """One mode on its way.
+
+    Attributes
+    ----------
+    promised : float
+        The misfit where it goes next.
+    goes_on : bool
+    """
+
+    def __init__(self, noise: Noise, found: Found, assemble: Assemble) -> None:
+        parts = []
+        for part in found.posterior.parts:
+            parts.append(Posterior(found.posterior.of, part.stroke, noise, FINE.hx_mm))
+            parts[-1].mean[:] = part.mean
+        self.found, self.promised, self.goes_on = found, np.inf, True
+        self._posterior, forward = assemble(parts, None)
+        assert isinstance(forward, Emulates)
+        self._forward = forward
+        self._next = self._best = found.mode.z
+        self._least, self._done, self._steep, self._stays = np.inf, 0, False, False
+        self._mode: Mode | None = None
+
+    def on(self, like: _Followed | None = None) -> bool:
+        """Ask the solver about the next guess, and search on; whether that could be done at all.
+
+        like : _Followed, optional
+            Another mode over the same strokes: what the tissue's ends change it has from there.
+        """
+        posterior, forward, z = self._posterior, self._forward, self._next
+        tissue = z[posterior.at["tissue"]]
+        self._done += 1
+        self.goes_on = self._done < _ROUNDS
+        if like is not None:
+            forward.like(like._forward)
+        try:
+            forward.set_right(tissue, posterior.places(z), posterior.forces(z), self._steep)
+        except (CaseError, StrokeError):
+            self._next = (self._best + z) / 2
+            return self._mode is not None
+        there = posterior.misfit(z, forward(tissue, posterior.places(z), posterior.forces(z))).total
+        if there < self._least + _RIPPLE:
+            self._best, self._least = z, min(there, self._least)
+        else:
+            forward.go_back()
+        self._mode = search(posterior, forward, self._best, _STEPS, enough=_ENOUGH, damping=_DAMPING)
+        self._next, self.promised = self._mode.z, self._mode.misfit.total
+        gains = self._least - self.promised
+        self._stays = self._steep and gains < _STAYS
+        self.goes_on &= not self._stays
+        self._steep |= gains < _NEARLY_STAYS or self._done >= _ROUNDS // 2
+        return True
+
+    def told(self) -> Found:
+        """Where it has come to."""
+        mode = self._mode
+        assert mode is not None
+        if not self._stays:  # what the last search promises has not been computed
+            mode = replace(search(self._posterior, self._forward, self._best, 0), settled=False)
+        return Found(self._posterior, self._forward, mode, self.found.kept)
