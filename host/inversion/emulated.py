@@ -1,8 +1,8 @@
 """The forward model of lumps in the plane: an emulator of frames, set right by the solver.
 
-The solver computes a few places of one guess, of half a stroke: the other half is its mirror image. What it
-says otherwise is added to the emulator from then on (space mapping, as in `solids`). In fat of 10 kPa.
-Units: mm, kPa, N/m.
+The solver computes a few places of one guess, of half a stroke: the other half is nearly its mirror image.
+What it says otherwise, smoothed along the stroke, is added to the emulator from then on (space mapping, as in
+`solids`); what guesses before have told leads from one to the next. In fat of 10 kPa. Units: mm, kPa, N/m.
 """
 
 from __future__ import annotations
@@ -31,11 +31,12 @@ from palpate.sim.tissue.contact import places_read
 from palpate.sim.tissue.derivatives import differentiate
 from palpate.sim.tissue.frames import SolvedFrames, solve_frames
 from palpate.sim.tissue.topology import OutsideTopology, Topology
-from palpate.wire.cells import PITCH_MM
+from palpate.wire.cells import PITCH_MM, SHAPE
 
 Floats = NDArray[np.float64]
 
-_FACE_MM = ROWS * PITCH_MM
+_PITCH_MM = 1.5
+_FACE_MM = ROWS * _PITCH_MM
 _STEP = 1e-6
 _AFAR_MM, _END_MM = LOW[PLACE], 50.0
 """So far before the lump there is none, as far as the emulator knows; so far away the solver is asked."""
@@ -320,8 +321,10 @@ class EmulatedForward:
 
 
 def emulates(of: Class) -> bool:
-    """Whether the emulator knows the face of a class."""
+    """Whether the emulator knows the face of a class, and its rows."""
     case = of.case(of.column("mean"))
+    if (SHAPE[0], PITCH_MM) != (ROWS, _PITCH_MM):
+        return False
     return (
         case.padding_mm_per_kPa == 0 and case.face_half_mm == 10.0 and abs(case.probe_radius_mm - 40.0) < 1.0
     )

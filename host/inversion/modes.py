@@ -31,8 +31,8 @@ from palpate.sim.tissue import CaseError, StrokeError
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_NEAR_MM = 16.0
-"""Farther from the lump every fourth frame will do."""
+_NEAR_MM, _MOST_NEAR = 16.0, 40
+"""Farther from the lump every fourth frame will do, nearer so many."""
 _ELSEWHERE_MM = 4.0
 """A first estimate whose lump is so far from the stroke's is not of that lump."""
 _ILL = 1.3
@@ -107,9 +107,10 @@ class _Coarse:
         self.modes: list[Found] = []
         self._of, self._of_first, self._assemble, self._hopeless = of, placed[0], assemble, hopeless
         self.emulated = emulates(of)
-        near = 1 if self.emulated else 3
         taken = [
-            _thinned(stroke, start.lump_mm, press=6, near=near, far=4)
+            _thinned(
+                stroke, start.lump_mm, press=6, near=_every(stroke, start) if self.emulated else 3, far=4
+            )
             for (stroke, _), start in zip(strokes, self.starts)
         ]
         mesh = EMULATED if self.emulated else COARSE.hx_mm
@@ -146,9 +147,12 @@ class _Coarse:
         misfits = {}
         for E_kPa in (said * _E_STEPS).tolist():
             z = posterior.joined(self._begin(theta, E_kPa))
-            found = forward(theta, posterior.places(z), posterior.forces(z))
-            misfits[E_kPa] = posterior.misfit(z, found).total
-        return min(misfits, key=lambda E_kPa: misfits[E_kPa])
+            try:
+                found = forward(theta, posterior.places(z), posterior.forces(z))
+            except CaseError:
+                continue
+            misfits[E_kPa] = float(np.nan_to_num(posterior.misfit(z, found).total, nan=np.inf))
+        return min(misfits, key=lambda E_kPa: misfits[E_kPa], default=said)
 
     def move_border(self) -> None:
         """Search from the best mode with its lump in the fat, across the border and in the gland."""
@@ -278,6 +282,12 @@ def _carried(part: Posterior, z: Floats, before: Ints, other: Posterior, now: In
     known = dict(zip(before[part.stroke.press :].tolist(), z[part.at["place"]]))
     out[other.at["place"]] = [known.get(k, 0.0) for k in now[other.stroke.press :].tolist()]
     return out
+
+
+def _every(stroke: FeltStroke, start: Start) -> int:
+    """So-manieth frame near the lump: a slow stroke's neighbours say the same."""
+    close = np.abs(stroke.place_mm[stroke.press :] - start.lump_mm) < _NEAR_MM
+    return max(1, -(-int(close.sum()) // _MOST_NEAR))
 
 
 def _thinned(stroke: FeltStroke, lump_mm: float, press: int, near: int, far: int) -> tuple[FeltStroke, Ints]:

@@ -138,3 +138,13 @@ def test_what_earlier_guesses_told_leads_from_one_to_the_next():
     forward.go_back()
     assert np.abs(forward(second, places, forces).images - there).max() < 0.003 * there.max()
     assert np.abs(forward(first, places, forces).images - right).max() < 1e-9
+
+
+@pytest.mark.parametrize(("shape", "pitch_mm"), [((20, 26), 1.2), ((12, 16), 2.0), ((16, 26), 1.2)])
+def test_an_array_with_other_rows_is_not_emulated_though_its_face_may_be_as_wide(
+    monkeypatch, shape, pitch_mm
+):
+    assert emulates(ANYWHERE)
+    monkeypatch.setattr("palpate.inversion.emulated.SHAPE", shape)
+    monkeypatch.setattr("palpate.inversion.emulated.PITCH_MM", pitch_mm)
+    assert not emulates(ANYWHERE)
