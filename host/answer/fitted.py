@@ -20,6 +20,9 @@ ROWS = (
     ("d_mm", "Diameter", "mm"),
     ("width_mm", "Width across", "mm"),
     ("depth_mm", "Depth", "mm"),
+    ("d2_mm", "Second diameter", "mm"),
+    ("depth2_mm", "Second depth", "mm"),
+    ("apart_mm", "Apart", "mm"),
     ("E_kPa", "Lump's modulus", "kPa"),
     ("t_mm", "Fat's thickness", "mm"),
     ("E_fat_kPa", "Fat's modulus", "kPa"),
@@ -31,6 +34,7 @@ TITLES = {
     "anywhere": "Fitted: a lump",
     "ball": "Fitted: a ball",
     "ellipsoid": "Fitted: an ellipsoid",
+    "two lumps": "Fitted: two lumps",
 }
 _LEAST = 0.005
 """Odds below are not worth a word."""
@@ -104,7 +108,8 @@ class Inverted:
         Its number on the probe; of a press alone in its recording.
     values : dict
         `Value` by name: t_mm, E_fat_kPa, F_N_per_m, gland_mm, gland_ratio; with a lump d_mm, h, depth_mm,
-        E_inv23, E_ratio and E_kPa; of a solid one width_mm, across the stroke.
+        E_inv23, E_ratio and E_kPa; of a solid one width_mm, across the stroke; of two d2_mm, depth2_mm and
+        apart_mm, middle to middle: the second lies farther along the stroke and is as stiff.
     kind : str
         The class that the values belong to.
     classes : dict

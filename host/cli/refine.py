@@ -53,7 +53,7 @@ def command(
 
     The probe's own answer is a regression. This takes seconds to a minute a stroke and works in any tissue
     that the solver knows; it says "does not fit" where no class of tissue and lump explains the stroke, or
-    where two lumps, undulating tissue or friction would do so better. Lumps are endless cylinders; where the
+    where undulating tissue or friction would do so better. Lumps are endless cylinders, one or two; where the
     image changes across the stroke, balls and ellipsoids, which take minutes.
     A recording without a stroke has its presses fitted: they tell less, and the intervals say how much.
 
@@ -186,6 +186,7 @@ _KIND = {
     "border": "a lump on the border of fat and gland",
     "ball": "a ball",
     "ellipsoid": "an ellipsoid",
+    "two lumps": "two lumps",
     "none": "no lump",
 }
 _WIDE = 4.0
@@ -193,6 +194,9 @@ _SHOWN = (
     ("d_mm", "diameter", "mm", 1),
     ("width_mm", "width across", "mm", 1),
     ("depth_mm", "tissue over it", "mm", 1),
+    ("d2_mm", "diameter of second", "mm", 1),
+    ("depth2_mm", "tissue over second", "mm", 1),
+    ("apart_mm", "middles apart", "mm", 1),
     ("E_ratio", "stiffness over fat", "", 1),
     ("t_mm", "fat", "mm", 1),
     ("E_fat_kPa", "fat's modulus", "kPa", 1),

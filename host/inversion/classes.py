@@ -30,6 +30,8 @@ _CORNER = 6.0
 _PLAIN_D_MM = 10.0
 _STEP = 1e-6
 PADDING, GLAND = "ln padding", "ln gland"
+LARGER, DEEPER, APART = "ln d2 / d", "ln depth2 / depth", "apart"
+"""Of a second lump."""
 _FLAT_MM = 1e4
 _EDGE_MM = 2.0
 """The face is rounded off so far from where its cells end, as our probe's."""

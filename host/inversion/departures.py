@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logsumexp
 
 from palpate.inversion.forward import Predicts, Rubs
 from palpate.inversion.joint import Together
@@ -24,8 +25,8 @@ Floats = NDArray[np.float64]
 
 TWO_LUMPS, UNDULATING, FRICTION = "two lumps", "undulating", "friction"
 DEPARTURES = (TWO_LUMPS, UNDULATING, FRICTION)
-_RARE = 0.02
-"""How likely each is beforehand, over the class that it departs from."""
+RARE = float(np.log(0.02))
+"""How likely each is beforehand, over the class that it departs from, as a logarithm."""
 
 _APART_MM = np.concatenate([-np.arange(6.0, 31.0, 2.0), np.arange(6.0, 31.0, 2.0)])
 _SECOND = 0.7
@@ -48,11 +49,11 @@ class _Columns:
 
 
 def odds_of_departures(posterior: Together, mode: Mode, forward: Predicts) -> dict[str, float]:
-    """How likely each departure is over the class of the mode, by name."""
+    """How likely each departure is over the class of the mode, as logarithms, by name."""
     said: dict[str, list[float]] = {}
     for name, columns in _departures(posterior, mode, forward):
         said.setdefault(name, []).append(_evidence(mode, columns))
-    return {name: _RARE * float(np.mean(np.exp(np.minimum(some, 600.0)))) for name, some in said.items()}
+    return {name: RARE + float(logsumexp(some)) - np.log(len(some)) for name, some in said.items()}
 
 
 def _evidence(mode: Mode, columns: _Columns) -> float:

@@ -8,7 +8,7 @@ What it says otherwise, smoothed along the stroke, is added to the emulator from
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -38,9 +38,11 @@ Floats = NDArray[np.float64]
 _PITCH_MM = 1.5
 _FACE_MM = ROWS * _PITCH_MM
 _STEP = 1e-6
-_AFAR_MM, _END_MM = LOW[PLACE], 50.0
+AFAR_MM, _END_MM = LOW[PLACE], 50.0
 """So far before the lump there is none, as far as the emulator knows; so far away the solver is asked."""
 _APART_MM, _SHALLOW_MM = 3.0, 4.0
+_THIN_MM, _THIN = 3.0, replace(FINE, hx_mm=0.5)
+"""Over a lump so near the skin the usual columns are up to nine standard deviations off."""
 _CLOSE_MM, _CLOSER_MM = (14.0, 8.0), (1.0, 2.0)
 """The solver is asked so often along the stroke, and so near the lump more often: under thin skin, and under
 thicker."""
@@ -142,6 +144,7 @@ class EmulatedForward:
         self._right: list[_Correction] = []
         self._places_mm = self._ln_F = np.empty(0)
         self._behind: Floats | None = None
+        self._settings = FINE
 
     def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> Emulated:
         """Frames (n,) of a guess.
@@ -182,12 +185,13 @@ class EmulatedForward:
         """
         case = self.of.case(theta)
         if not self._right:
-            self._lay(places_mm, np.log(forces_N_per_m / FAT_KPA), int(case.d_mm * case.h > _SHALLOW_MM))
+            self._settings = _THIN if case.depth_mm < _THIN_MM else FINE
+            self._lay(places_mm, np.log(forces_N_per_m / FAT_KPA), int(case.depth_mm > _SHALLOW_MM))
             if self.of.lump and self._behind is None:
                 self._behind = _other_side(case, float(FAT_KPA * np.exp(self._ln_F[-1])))
         topology = self._topology(case)
         geometry, forces = topology.geometry(case), FAT_KPA * np.exp(self._ln_F)
-        solved = solve_frames(case, FINE, geometry, self._places_mm, forces)
+        solved = solve_frames(case, self._settings, geometry, self._places_mm, forces)
         base, chain = self._inputs(theta)
         y, by = self._frames(base, self._places_mm, self._ln_F)
         mean_kPa, depth = forces / _FACE_MM, solved.displacement_mm
@@ -260,7 +264,8 @@ class EmulatedForward:
                 return right.topology
             except OutsideTopology:
                 pass
-        return Topology(case, FINE, float(self._places_mm.min()) - 1.0, float(self._places_mm.max()) + 1.0)
+        span = float(self._places_mm.min()) - 1.0, float(self._places_mm.max()) + 1.0
+        return Topology(case, self._settings, *span)
 
     def _inputs(self, theta: Floats) -> tuple[Floats, Floats]:
         """The emulator's inputs of tissue and lump, (9,), and their derivatives by the unknowns."""
@@ -279,7 +284,7 @@ class EmulatedForward:
         """The emulator's values (n, 17) and slopes (n, 17, 11) on both sides of the lump."""
         before, behind = self._before(places_mm)
         if not self.of.lump:
-            before = np.full(len(places_mm), _AFAR_MM)
+            before = np.full(len(places_mm), AFAR_MM)
         y, by = self._emulator(np.column_stack([np.tile(base, (len(before), 1)), before, ln_F]))
         y[behind] = _turned(y[behind])
         if self._behind is not None:

@@ -39,7 +39,7 @@ _ILL = 1.3
 _COARSE_STEPS, _FINE_STEPS = 10, 7
 _COARSE_ENOUGH, _FINE_ENOUGH = 4.0, 2.0
 """The coarse mesh need not be followed to the bottom: the fine one's lies elsewhere."""
-_EMULATED_STEPS, _EMULATED_ENOUGH = 20, 4.0
+EMULATED_STEPS, EMULATED_ENOUGH = 20, 4.0
 _E_STEPS = np.exp(np.linspace(-1.5, 1.5, 9))
 _STRIDE = 2.0
 """With its border moved a mode is far from where it leads to: steps are longer."""
@@ -171,7 +171,7 @@ class _Coarse:
     def _search(self, own: Sequence[Floats], **how: float) -> None:
         posterior, forward = self._assemble(self._parts, None if self.emulated else COARSE)
         steps, enough = (
-            (_EMULATED_STEPS, _EMULATED_ENOUGH) if self.emulated else (_COARSE_STEPS, _COARSE_ENOUGH)
+            (EMULATED_STEPS, EMULATED_ENOUGH) if self.emulated else (_COARSE_STEPS, _COARSE_ENOUGH)
         )
         if self.emulated:
             how["best"] = np.inf
@@ -183,10 +183,10 @@ class _Coarse:
         except (CaseError, StrokeError):
             return
         found = Found(posterior, forward, mode, self._kept)
-        self.modes = _distinct([*self.modes, found], lambda one: one.mode.misfit.total)
+        self.modes = distinct([*self.modes, found], lambda one: one.mode.misfit.total)
 
 
-def _distinct(modes: Sequence[Found], by: Callable[[Found], float]) -> list[Found]:
+def distinct(modes: Sequence[Found], by: Callable[[Found], float]) -> list[Found]:
     """Each lump once, in this order."""
     out: list[Found] = []
     for one in sorted(modes, key=by):
@@ -232,7 +232,7 @@ def finest(
         if _fit(modes) and not others.emulated:  # else they have been tried
             others.go_on(others.others())
         fine += _followed(strokes, noise, [*modes[len(near) :], *others.modes], assemble)
-    fine = _distinct(fine, lambda one: -one.mode.log_evidence) or [modes[0]]
+    fine = distinct(fine, lambda one: -one.mode.log_evidence) or [modes[0]]
     return [one for one in fine if one.mode.log_evidence >= fine[0].mode.log_evidence - _AS_WELL]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.answer.fitted import Inverted, Value
+from palpate.inversion.classes import APART, DEEPER, LARGER
 from palpate.inversion.departures import DEPARTURES, FRICTION, TWO_LUMPS, UNDULATING
 from palpate.inversion.posterior import Posterior
 from palpate.inversion.search import Mode
@@ -20,7 +21,7 @@ Floats = NDArray[np.float64]
 
 FITS = 1.3
 """A misfit below this, for each degree of freedom, fits: computed strokes have 0.6 to 1.1."""
-_SURE = 0.9
+SURE = 0.9
 _SAMPLES = 4000
 _DEPARTED = {
     TWO_LUMPS: "a second lump beside the first",
@@ -94,9 +95,21 @@ def told(
     if case.solid:
         across: dict[str | int, float] = {"ln d": 1.0, **({WIDTH: 1.0} if WIDTH in names else {})}
         values["width_mm"] = log(2 * case.half_axes_mm[1], half(across, "ln width"))
-    other = max(DEPARTURES, key=lambda name: odds.get(name, 0.0))
+    if LARGER in names:
+        values |= {
+            "d2_mm": log(
+                case.d_mm * np.exp(z[names.index(LARGER)]), half({"ln d": 1.0, LARGER: 1.0}, "ln d")
+            ),
+            "depth2_mm": log(
+                case.depth_mm * np.exp(z[names.index(DEEPER)]),
+                half({"ln depth": 1.0, DEEPER: 1.0}, "ln depth"),
+            ),
+        }
+        apart, more = z[names.index(APART)], half({APART: 1.0}, "apart")
+        values["apart_mm"] = Value(apart, apart - more, apart + more)
+    other = max((name for name in DEPARTURES if name != posterior.of.name), key=lambda it: odds.get(it, 0.0))
     why = ""
-    if odds.get(other, 0.0) > _SURE:
+    if odds.get(other, 0.0) > SURE:
         why = f"{_DEPARTED[other]} would explain it better (odds {odds[other]:.0%})"
     elif mode.chi2 >= FITS:
         why = "no class of tissue and lump explains it"

@@ -11,21 +11,25 @@ import numpy as np
 from palpate.answer.fitted import Inverted
 from palpate.errors import UsageError
 from palpate.inversion.classes import ANYWHERE, BORDER, CLASSES
-from palpate.inversion.departures import odds_of_departures
+from palpate.inversion.departures import RARE, TWO_LUMPS, odds_of_departures
 from palpate.inversion.felt import FeltStroke, NotInvertible
+from palpate.inversion.forward import Emulates
 from palpate.inversion.found import Found
 from palpate.inversion.kept import Felt
 from palpate.inversion.modes import coarse, finest
 from palpate.inversion.press import invert_press
 from palpate.inversion.recorded import felt_strokes
-from palpate.inversion.result import of_modes, told
+from palpate.inversion.result import SURE, of_modes, told
 from palpate.inversion.solids import invert_solid
 from palpate.inversion.start import Start
+from palpate.inversion.two_lumps import as_two
 from palpate.inversion.under import AUTO, classes_over, odds_of
 from palpate.link.face import Face
 from palpate.sim.probe.noise import Noise, level_named
 
 KINDS = (AUTO, *CLASSES)
+_MAYBE = float(np.log(0.01))
+"""Two lumps that are as likely to first order are fitted."""
 
 
 def invert(
@@ -109,8 +113,15 @@ def invert_together(strokes: Sequence[Felt], noise: Noise, kind: str = AUTO) -> 
     modes = finest(strokes, noise, tried[best])
     first = modes[0]
     others = odds_of_departures(first.posterior, first.mode, first.forward)
-    sum_of_all = 1 + sum(others.values())
-    odds = {name: share / sum_of_all for name, share in {**odds, **others}.items()}
+    maybe = others.get(TWO_LUMPS, -np.inf) > _MAYBE and isinstance(first.forward, Emulates)
+    two = as_two(noise, tried[best][0]) if maybe else []
+    if two:
+        others[TWO_LUMPS] = RARE + two[0].mode.log_evidence - first.mode.log_evidence
+    all_of_them = float(np.logaddexp.reduce([0.0, *others.values()]))
+    odds = {name: share * float(np.exp(-all_of_them)) for name, share in odds.items()}
+    odds |= {name: float(np.exp(share - all_of_them)) for name, share in others.items()}
+    if kind == AUTO and two and odds[TWO_LUMPS] > SURE:
+        modes, first = two, two[0]
     said = of_modes([_told(one, odds) for one in modes], [one.mode.log_evidence for one in modes])
     said = replace(said, laid=first.posterior.laid(first.mode.z, first.mode.found))
     return said if len(strokes) == 1 else replace(said, together=len(strokes), centre_mm=None)

@@ -42,6 +42,7 @@ WIDER = {
     "ln t": Widening(1.4, 1.9, 0.02),
     "E^-2/3": Widening(1.3, 2.8, 0.015),
     "ln_E": Widening(1.3, 0.9, 0.04),
+    "apart": Widening(1.3, 3.3, 0.3),
 }
 """By unknown; docs/inversion.md says how they are known."""
 

@@ -1,0 +1,169 @@
+"""Two lumps of one stiffness, one behind the other along the stroke: the class, its forward model, its modes.
+
+What each changes of pressure and displacement over plain tissue is added up, as `sim.probe.two_lumps` does:
+lumps nearer than their diameter feel each other, which is left out. Units: mm, kPa, N/m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.inversion.classes import APART, DEEPER, LARGER, Class, Unknown
+from palpate.inversion.departures import TWO_LUMPS
+from palpate.inversion.emulated import AFAR_MM, EmulatedForward
+from palpate.inversion.forward import Emulated, Slopes
+from palpate.inversion.found import Found
+from palpate.inversion.joint import Together
+from palpate.inversion.modes import EMULATED_ENOUGH, EMULATED_STEPS, distinct
+from palpate.inversion.posterior import EMULATED, Posterior
+from palpate.inversion.search import search
+from palpate.inversion.set_right import set_right
+from palpate.sim.probe.noise import Noise
+from palpate.sim.tissue import CaseError, Settings, StrokeError
+
+Floats = NDArray[np.float64]
+
+_MORE = (
+    Unknown(LARGER, 0.0, 0.35, -1.2, 1.2, 0.2),
+    Unknown(DEEPER, 0.0, 0.2, -0.8, 0.8, 0.15),
+    Unknown(APART, 14.0, 7.0, 5.0, 45.0, 2.5),
+)
+_STARTS = (8.0, -0.5, 0.75), (13.0, -0.5, 0.85), (18.0, 0.0, 0.95), (18.0, -1.0, 0.95)
+"""How far apart; how much of that the first lies from where one lump would; their diameter over its."""
+_FOLLOWED = 2
+"""So many modes are set right."""
+
+
+def two_of(one: Class) -> Class:
+    """The class of two such lumps as `one` has; its case is the first's."""
+    k = len(one.unknowns)
+    return replace(
+        one, name=TWO_LUMPS, unknowns=(*one.unknowns, *_MORE), case=lambda theta: one.case(theta[:k])
+    )
+
+
+def as_two(noise: Noise, one: Found) -> list[Found]:
+    """The modes of two lumps set right, the best first, where the emulator finds them.
+
+    Parameters
+    ----------
+    one : Found
+        The emulator's best mode of one lump.
+    """
+    of = two_of(one.posterior.of)
+
+    def assemble(parts: Sequence[Posterior], settings: Settings | None) -> tuple[Together, TwoForward]:
+        sizes = [(len(part.stroke.place_mm), part.stroke.press) for part in parts]
+        return Together(parts), TwoForward(of, one.posterior.of, sizes)
+
+    parts = [Posterior(of, part.stroke, noise, EMULATED) for part in one.posterior.parts]
+    posterior, forward = assemble(parts, None)
+    found = []
+    for start in _starts(one, parts):
+        try:
+            mode = search(
+                posterior, forward, posterior.joined(start), EMULATED_STEPS, enough=EMULATED_ENOUGH, least=1.0
+            )
+        except (CaseError, StrokeError):
+            continue
+        found.append(Found(posterior, forward, mode, one.kept))
+    likely = distinct(found, lambda it: it.mode.misfit.total)[:_FOLLOWED]
+    right = set_right(noise, likely, assemble) if likely else []
+    return sorted(right, key=lambda it: -it.mode.log_evidence)
+
+
+def _starts(one: Found, parts: Sequence[Posterior]) -> Iterator[list[Floats]]:
+    """Each stroke's own numbers where a search for two lumps begins."""
+    z, before = one.mode.z, one.posterior
+    for apart, share, size in _STARTS:
+        theta = np.concatenate([z[before.at["tissue"]], [0.0, 0.0, apart]])
+        theta[0] += np.log(size)
+        begun = []
+        for alone, part, index in zip(before.parts, parts, before.index):
+            own = z[index]
+            E_kPa, lump_mm = float(np.exp(alone.one(own, "ln_E"))), alone.one(own, "start")
+            begun.append(part.start(theta, E_kPa, lump_mm + share * apart))
+            part.mean[part.at["start"]] = alone.mean[alone.at["start"]]
+        yield begun
+
+
+class TwoForward:
+    """Emulates frames over two lumps, set right over each of them alone.
+
+    Parameters
+    ----------
+    of, one : Class
+        Of both, and of one of them.
+    strokes : sequence of (int, int)
+        How many frames each stroke has, and how many of them are its press.
+    """
+
+    def __init__(self, of: Class, one: Class, strokes: Sequence[tuple[int, int]]) -> None:
+        self.of = of
+        self.scale = np.concatenate([of.column("sd"), [1.0, 0.1]])
+        self._first, self._second = EmulatedForward(one, strokes), EmulatedForward(one, strokes)
+        names = [unknown.name for unknown in of.unknowns]
+        k = len(one.unknowns)
+        self._own, self._apart = np.eye(k, len(names)), names.index(APART)
+        self._others = self._own.copy()
+        self._others[names.index("ln d"), names.index(LARGER)] = 1.0
+        self._others[names.index("ln depth"), names.index(DEEPER)] = 1.0
+
+    def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> Emulated:
+        """Frames (n,) of a guess, places from the first lump.
+
+        Raises
+        ------
+        CaseError
+            There is no such tissue.
+        """
+        own = self._own @ theta
+        first = self._first(own, places_mm, forces_N_per_m)
+        other = self._second(self._others @ theta, places_mm - theta[self._apart], forces_N_per_m)
+        plain = self._first(own, np.full(len(places_mm), AFAR_MM), forces_N_per_m)
+        steep = [
+            self._sum(*(getattr(frames.slopes, name) for frames in (first, other, plain)))
+            for name in ("images", "depth")
+        ]
+        return Emulated(
+            theta, places_mm, forces_N_per_m, first.images + other.images - plain.images,
+            first.depth + other.depth - plain.depth, Slopes(*steep),
+        )  # fmt: skip
+
+    def _sum(self, first: Floats, other: Floats, plain: Floats) -> Floats:
+        """Derivatives by this class's unknowns, the place and ln F, of each lump's and plain tissue's."""
+        of_tissue = (first - plain)[..., :-2] @ self._own + other[..., :-2] @ self._others
+        of_tissue[..., self._apart] -= other[..., -2]
+        place, force = first[..., -2] + other[..., -2], (first + other - plain)[..., -1]
+        return np.concatenate([of_tissue, place[..., None], force[..., None]], -1)
+
+    def slopes(self, at: Emulated) -> Slopes:
+        """Derivatives at a guess."""
+        return at.slopes
+
+    def set_right(
+        self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, steep: bool = False
+    ) -> None:
+        """Let the solver compute each lump of a guess alone, and the derivatives, too.
+
+        Raises
+        ------
+        CaseError, StrokeError
+            There is no such tissue, or no equilibrium in it.
+        """
+        self._first.set_right(self._own @ theta, places_mm, forces_N_per_m, steep)
+        self._second.set_right(self._others @ theta, places_mm - theta[self._apart], forces_N_per_m, steep)
+
+    def like(self, other: TwoForward) -> None:
+        """As `EmulatedForward.like`."""
+        self._first.like(other._first)
+        self._second.like(other._second)
+
+    def go_back(self) -> None:
+        """As `EmulatedForward.go_back`."""
+        self._first.go_back()
+        self._second.go_back()
