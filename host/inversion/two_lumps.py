@@ -34,8 +34,8 @@ _MORE = (
 )
 _STARTS = (8.0, -0.5, 0.75), (13.0, -0.5, 0.85), (18.0, 0.0, 0.95), (18.0, -1.0, 0.95)
 """How far apart; how much of that the first lies from where one lump would; their diameter over its."""
-_FOLLOWED = 2
-"""So many modes are set right."""
+_BEGUN, _FOLLOWED = 3, 3
+"""From so many modes of one lump it begins; so many of two are set right."""
 
 
 def two_of(one: Class) -> Class:
@@ -46,14 +46,15 @@ def two_of(one: Class) -> Class:
     )
 
 
-def as_two(noise: Noise, one: Found) -> list[Found]:
+def as_two(noise: Noise, modes: Sequence[Found]) -> list[Found]:
     """The modes of two lumps set right, the best first, where the emulator finds them.
 
     Parameters
     ----------
-    one : Found
-        The emulator's best mode of one lump.
+    modes : sequence of Found
+        The emulator's of one lump, the best first.
     """
+    one = modes[0]
     of = two_of(one.posterior.of)
 
     def assemble(parts: Sequence[Posterior], settings: Settings | None) -> tuple[Together, TwoForward]:
@@ -63,7 +64,7 @@ def as_two(noise: Noise, one: Found) -> list[Found]:
     parts = [Posterior(of, part.stroke, noise, EMULATED) for part in one.posterior.parts]
     posterior, forward = assemble(parts, None)
     found = []
-    for start in _starts(one, parts):
+    for start in (start for mode in modes[:_BEGUN] for start in _starts(mode, parts)):
         try:
             mode = search(
                 posterior, forward, posterior.joined(start), EMULATED_STEPS, enough=EMULATED_ENOUGH, least=1.0
