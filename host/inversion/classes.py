@@ -107,6 +107,11 @@ class Class:
         """One attribute of all unknowns, (k,)."""
         return np.array([getattr(unknown, name) for unknown in self.unknowns])
 
+    @property
+    def scale(self) -> Floats:
+        """How far steps of the unknowns, of a place and of ln force usually go, (k + 2,)."""
+        return np.concatenate([self.column("sd"), [1.0, 0.1]])
+
 
 def _tissue(values: Floats, least_gland_mm: float) -> dict[str, Any]:
     ratio, gland, fat_b, gland_b, radius = values

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from palpate import models
 from palpate.inversion.classes import FAT_KPA, Class
-from palpate.inversion.forward import FINE, Emulated, Forward, Slopes
+from palpate.inversion.forward import FINE, Emulated, Forward, SaysSlopes, Slopes
 from palpate.learn.plane_emulator import (
     FORCE,
     LOW,
@@ -127,7 +127,7 @@ def _smoothed(K: Floats, apart: Floats) -> Floats:
     return best[1]
 
 
-class EmulatedForward:
+class EmulatedForward(SaysSlopes):
     """Emulates frames of one class, under the usual face.
 
     Parameters
@@ -138,7 +138,7 @@ class EmulatedForward:
 
     def __init__(self, of: Class, strokes: Sequence[tuple[int, int]]) -> None:
         self.of, self.strokes = of, tuple(strokes)
-        self.scale = np.concatenate([of.column("sd"), [1.0, 0.1]])
+        self.scale = of.scale
         self._press = np.concatenate([np.arange(frames) < press for frames, press in strokes])
         self._emulator = bundled()
         self._right: list[_Correction] = []
@@ -169,10 +169,6 @@ class EmulatedForward:
             theta, places_mm, forces_N_per_m, images, depth, Slopes(slopes[:, :ROWS], slopes[:, ROWS])
         )
 
-    def slopes(self, at: Emulated) -> Slopes:
-        """Derivatives at a guess."""
-        return at.slopes
-
     def set_right(
         self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, steep: bool = False
     ) -> None:
@@ -185,7 +181,7 @@ class EmulatedForward:
         """
         case = self.of.case(theta)
         if not self._right:
-            self._settings = _THIN if case.depth_mm < _THIN_MM else FINE
+            self._settings = _THIN if self.of.lump and case.depth_mm < _THIN_MM else FINE
             self._lay(places_mm, np.log(forces_N_per_m / FAT_KPA), int(case.depth_mm > _SHALLOW_MM))
             if self.of.lump and self._behind is None:
                 self._behind = _other_side(case, float(FAT_KPA * np.exp(self._ln_F[-1])))

@@ -118,6 +118,14 @@ class Emulated(Predicted):
     slopes: Slopes
 
 
+class SaysSlopes:
+    """A forward model whose frames carry their derivatives."""
+
+    def slopes(self, at: Emulated) -> Slopes:
+        """Derivatives at a guess."""
+        return at.slopes
+
+
 class Predicts(Protocol):
     """A forward model: `Forward`, and the emulators set right."""
 
@@ -175,7 +183,7 @@ class Forward:
         strokes: Sequence[tuple[int, int]] = (),
     ) -> None:
         self.of, self.settings, self.sensors, self.strokes = of, settings, sensors, tuple(strokes)
-        self.scale = np.concatenate([of.column("sd"), [1.0, 0.1]])
+        self.scale = of.scale
         self._topology: Topology | None = None
         self._tracks: Sequence[Track | None] = ()
         self._derivatives: tuple[SolvedFrames, Topology, Derivatives] | None = None

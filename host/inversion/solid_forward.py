@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 
 from palpate import models
 from palpate.inversion.classes import FAT_KPA, Class
-from palpate.inversion.forward import Emulated, Slopes
+from palpate.inversion.forward import Emulated, SaysSlopes, Slopes
 from palpate.learn.emulator import NO_CONTACT, OFFSET, Parts, StrokeEmulator, inputs_of, unsigned
 from palpate.learn.emulator_file import Errors, read_emulator
 from palpate.learn.gaussian_process import GaussianProcess
@@ -106,7 +106,7 @@ def correction_at(case: Case, emulator: StrokeEmulator) -> Correction:
     )  # fmt: skip
 
 
-class SolidForward:
+class SolidForward(SaysSlopes):
     """Emulates frames of one class.
 
     Parameters
@@ -124,11 +124,7 @@ class SolidForward:
         self.emulator, self.errors = bundled()
         image = self.errors.image
         self._wrong_image = _binned(image.reshape(*image.shape[:2], *_CELLS))
-        self.scale = np.concatenate([of.column("sd"), [1.0, 0.1]])
-
-    def slopes(self, at: Emulated) -> Slopes:
-        """Derivatives at a guess."""
-        return at.slopes
+        self.scale = of.scale
 
     def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> Emulated:
         """Frames (n,) of a guess.

@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 from palpate.inversion.classes import APART, DEEPER, LARGER, Class, Unknown
 from palpate.inversion.departures import TWO_LUMPS
 from palpate.inversion.emulated import AFAR_MM, EmulatedForward
-from palpate.inversion.forward import Emulated, Slopes
+from palpate.inversion.forward import Emulated, SaysSlopes, Slopes
 from palpate.inversion.found import Found
 from palpate.inversion.joint import Together
 from palpate.inversion.modes import EMULATED_ENOUGH, EMULATED_STEPS, distinct
 from palpate.inversion.posterior import EMULATED, Posterior
 from palpate.inversion.search import search
 from palpate.inversion.set_right import set_right
+from palpate.inversion.under import emulated_of
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue import CaseError, Settings, StrokeError
 
@@ -58,8 +59,8 @@ def as_two(noise: Noise, modes: Sequence[Found]) -> list[Found]:
     of = two_of(one.posterior.of)
 
     def assemble(parts: Sequence[Posterior], settings: Settings | None) -> tuple[Together, TwoForward]:
-        sizes = [(len(part.stroke.place_mm), part.stroke.press) for part in parts]
-        return Together(parts), TwoForward(of, one.posterior.of, sizes)
+        alone = (emulated_of(one.posterior.of, [part.stroke for part in parts]) for _ in range(2))
+        return Together(parts), TwoForward(of, *alone)
 
     parts = [Posterior(of, part.stroke, noise, EMULATED) for part in one.posterior.parts]
     posterior, forward = assemble(parts, None)
@@ -88,28 +89,25 @@ def _starts(one: Found, parts: Sequence[Posterior]) -> Iterator[list[Floats]]:
             own = z[index]
             E_kPa, lump_mm = float(np.exp(alone.one(own, "ln_E"))), alone.one(own, "start")
             begun.append(part.start(theta, E_kPa, lump_mm + share * apart))
-            part.mean[part.at["start"]] = alone.mean[alone.at["start"]]
         yield begun
 
 
-class TwoForward:
+class TwoForward(SaysSlopes):
     """Emulates frames over two lumps, set right over each of them alone.
 
     Parameters
     ----------
-    of, one : Class
-        Of both, and of one of them.
-    strokes : sequence of (int, int)
-        How many frames each stroke has, and how many of them are its press.
+    of : Class
+        Of both.
+    first, second : EmulatedForward
+        Over each of them alone.
     """
 
-    def __init__(self, of: Class, one: Class, strokes: Sequence[tuple[int, int]]) -> None:
-        self.of = of
-        self.scale = np.concatenate([of.column("sd"), [1.0, 0.1]])
-        self._first, self._second = EmulatedForward(one, strokes), EmulatedForward(one, strokes)
+    def __init__(self, of: Class, first: EmulatedForward, second: EmulatedForward) -> None:
+        self.of, self._first, self._second = of, first, second
+        self.scale = of.scale
         names = [unknown.name for unknown in of.unknowns]
-        k = len(one.unknowns)
-        self._own, self._apart = np.eye(k, len(names)), names.index(APART)
+        self._own, self._apart = np.eye(len(first.of.unknowns), len(names)), names.index(APART)
         self._others = self._own.copy()
         self._others[names.index("ln d"), names.index(LARGER)] = 1.0
         self._others[names.index("ln depth"), names.index(DEEPER)] = 1.0
@@ -142,20 +140,10 @@ class TwoForward:
         place, force = first[..., -2] + other[..., -2], (first + other - plain)[..., -1]
         return np.concatenate([of_tissue, place[..., None], force[..., None]], -1)
 
-    def slopes(self, at: Emulated) -> Slopes:
-        """Derivatives at a guess."""
-        return at.slopes
-
     def set_right(
         self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, steep: bool = False
     ) -> None:
-        """Let the solver compute each lump of a guess alone, and the derivatives, too.
-
-        Raises
-        ------
-        CaseError, StrokeError
-            There is no such tissue, or no equilibrium in it.
-        """
+        """As `EmulatedForward.set_right`, over each lump alone."""
         self._first.set_right(self._own @ theta, places_mm, forces_N_per_m, steep)
         self._second.set_right(self._others @ theta, places_mm - theta[self._apart], forces_N_per_m, steep)
 

@@ -140,7 +140,7 @@ class TwoVisits:
         before: Sequence[FeltStroke],
         after: Sequence[FeltStroke],
     ) -> None:
-        self.scale = np.concatenate([of.column("sd"), [1.0, 0.1]])
+        self.scale = of.scale
         self._first = sum(len(stroke.place_mm) for stroke in before)
         self._each = tuple(
             emulated_of(single, strokes) if settings is None else forward_of(single, settings, strokes)

@@ -5,9 +5,9 @@ import pytest
 
 from palpate.inversion.classes import ANYWHERE, APART
 from palpate.inversion.departures import TWO_LUMPS
-from palpate.inversion.emulated import EmulatedForward
 from palpate.inversion.strokes import invert_stroke
 from palpate.inversion.two_lumps import TwoForward, two_of
+from palpate.inversion.under import emulated_of
 from palpate.sim.probe.noise import LEVELS
 from palpate.sim.tissue import Case
 from tests.host.inversion.test_inversion import a_few_frames, check_jacobian
@@ -19,8 +19,8 @@ TWO = two_of(ANYWHERE)
 def frames_of(of):
     """A guess, its posterior, and its forward model."""
     posterior, z = a_few_frames(of, np.random.default_rng(4))
-    sizes = [(len(posterior.stroke.place_mm), posterior.stroke.press)]
-    return posterior, z, TwoForward(of, ANYWHERE, sizes) if of is TWO else EmulatedForward(of, sizes)
+    first, second = (emulated_of(ANYWHERE, [posterior.stroke]) for _ in range(2))
+    return posterior, z, TwoForward(of, first, second) if of is TWO else first
 
 
 def test_the_jacobian_is_the_misfit_s_derivative_before_and_after_the_solver_has_spoken():
