@@ -2,7 +2,7 @@
 
 The solver computes a few places of one guess, of half a stroke: the other half is nearly its mirror image.
 What it says otherwise, smoothed along the stroke, is added to the emulator from then on (space mapping, as in
-`solids`); what guesses before have told leads from one to the next. In fat of 10 kPa. Units: mm, kPa, N/m.
+`solids`). In fat of 10 kPa. Units: mm, kPa, N/m.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from palpate import models
 from palpate.inversion.classes import FAT_KPA, Class
-from palpate.inversion.forward import FINE, Emulated, Forward, SaysSlopes, Slopes
+from palpate.inversion.forward import COARSE, FINE, Asked, Emulated, Forward, SaysSlopes, Slopes
 from palpate.learn.plane_emulator import (
     FORCE,
     LOW,
@@ -55,13 +55,14 @@ _LN_F = 0.8
 _OF_THE_MESH = 0.003
 """The spreads of corrections: of all frames alike, along the stroke by mm, by the logarithm of the force, and
 of what the contact's nodes make of a single frame."""
-_LARGER = 1.0, 2.0, 4.0
-"""So much larger they may be, all alike: as is likeliest."""
+_LARGER, _SMALLER = (1.0, 2.0, 4.0), (0.1, 0.3)
+"""So much larger they may be, all alike: as is likeliest. By the force the contact's nodes make more of the
+derivatives than the tissue does: there corrections may be smaller, too."""
+_SOME = 2
+"""Every so-manieth place is asked about at a glance, and for derivatives, unless under thin skin: errors are
+much alike there."""
 _SIDES_MM = 14.0, 34.0
 """There the sides of the lump are compared: tissue ends nearer behind it than before it."""
-_PAST, _LITTLE = 3, 0.03
-"""So many guesses before the last tell how the correction changes, unless they are so near, in the priors'
-standard deviations."""
 _LUMP, _SOME_LUMP = [0, 1, 3], (np.log(8.0), np.log(8.0), 0.3)
 
 
@@ -71,34 +72,46 @@ def bundled() -> PlaneEmulator:
     return read_plane_emulator(models.plane_emulator_path())
 
 
-@dataclass(frozen=True)
-class _Correction:
-    """What the solver says otherwise of one guess, of m frames before the lump.
+class _Smooth:
+    """A Gaussian process from frame to frame, over place and force, through q values (m, q) of m frames.
 
-    Rows over the mean pressure, ln displacement. What the mesh makes of a single frame is no part of it, so a
-    Gaussian process leads from frame to frame, over the place and the force.
+    What the mesh makes of a single frame is no part of it; it is as smooth as is likeliest.
     """
 
-    theta: Floats
-    solved: SolvedFrames
-    topology: Topology
-    weights: Floats
-    """(m, 17)"""
-    turns: Floats | None
-    """(m, 17 (k + 1)): of the derivatives by the unknowns and by ln F; None where they were not asked for."""
+    def __init__(
+        self, places_mm: Floats, ln_F: Floats, values: Floats, larger: Sequence[float] = _LARGER
+    ) -> None:
+        self._own = places_mm, ln_F
+        K = _kernel(*self._own, *self._own)[0]
+        best, self._weights = np.inf, values
+        for times in larger:
+            L = np.linalg.cholesky(times**2 * K + _OF_THE_MESH**2 * np.eye(len(K)))
+            weights = np.linalg.solve(L.T, np.linalg.solve(L, values))
+            spread = float((values * weights).mean()) + 1e-30
+            unlikely = len(K) * float(np.log(spread)) + 2 * float(np.log(np.diag(L)).sum())
+            if unlikely < best:
+                best, self._weights = unlikely, times**2 * weights
 
-    def at(self, before: Floats, ln_F: Floats) -> tuple[Floats, Floats, Floats]:
-        """Of frames (n, 17), and their derivatives by place and ln F."""
-        own = self.solved.places_mm, np.log(self.solved.forces_N_per_m / FAT_KPA)
-        value, by_place, by_force = (part @ self.weights for part in _kernel(before, ln_F, *own))
+    def __call__(self, before: Floats, ln_F: Floats) -> tuple[Floats, Floats, Floats]:
+        """Of frames (n, q), and their derivatives by place and ln F."""
+        value, by_place, by_force = (part @ self._weights for part in _kernel(before, ln_F, *self._own))
         return value, by_place, by_force
+
+
+@dataclass(frozen=True)
+class _Correction:
+    """What the solver says otherwise of one guess: rows over the mean pressure, ln displacement."""
+
+    theta: Floats
+    topology: Topology
+    at: _Smooth
+    """Of 17 values."""
+    turns: list[_Smooth]
+    """Of their derivatives, by each unknown and by ln F; none where they were not asked for."""
 
     def turned(self, before: Floats, ln_F: Floats) -> Floats:
         """Of the derivatives, (n, 17, k + 1)."""
-        assert self.turns is not None
-        own = self.solved.places_mm, np.log(self.solved.forces_N_per_m / FAT_KPA)
-        said = _kernel(before, ln_F, *own)[0] @ self.turns
-        return said.reshape(len(said), -1, ROWS + 1).transpose(0, 2, 1)
+        return np.stack([one(before, ln_F)[0] for one in self.turns], -1)
 
 
 def _kernel(x: Floats, ln_F: Floats, x2: Floats, ln_F2: Floats) -> tuple[Floats, Floats, Floats]:
@@ -112,19 +125,6 @@ def _kernel(x: Floats, ln_F: Floats, x2: Floats, ln_F2: Floats) -> tuple[Floats,
     off = (ln_F[:, None] - ln_F2) / _LN_F
     force = np.exp(-(off**2) / 2)
     return along * force, slope * force, -along * force * off / _LN_F
-
-
-def _smoothed(K: Floats, apart: Floats) -> Floats:
-    """Weights (m, q) of a Gaussian process through what is apart (m, q), as smooth as is likeliest."""
-    best = np.inf, apart
-    for larger in _LARGER:
-        L = np.linalg.cholesky(larger**2 * K + _OF_THE_MESH**2 * np.eye(len(K)))
-        weights = np.linalg.solve(L.T, np.linalg.solve(L, apart))
-        spread = float((apart * weights).mean()) + 1e-30
-        unlikely = len(K) * float(np.log(spread)) + 2 * float(np.log(np.diag(L)).sum())
-        if unlikely < best[0]:
-            best = unlikely, larger**2 * weights
-    return best[1]
 
 
 class EmulatedForward(SaysSlopes):
@@ -170,9 +170,9 @@ class EmulatedForward(SaysSlopes):
         )
 
     def set_right(
-        self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, steep: bool = False
+        self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, asked: Asked = Asked.VALUES
     ) -> None:
-        """Let the solver compute a guess, and its derivatives, too.
+        """Let the solver compute a guess.
 
         Raises
         ------
@@ -186,34 +186,33 @@ class EmulatedForward(SaysSlopes):
             if self.of.lump and self._behind is None:
                 self._behind = _other_side(case, float(FAT_KPA * np.exp(self._ln_F[-1])))
         topology = self._topology(case)
-        geometry, forces = topology.geometry(case), FAT_KPA * np.exp(self._ln_F)
-        solved = solve_frames(case, self._settings, geometry, self._places_mm, forces)
+        few = slice(None, None, 1 if self._settings is _THIN else _SOME)
+        some = slice(None, None, -few.step if asked is Asked.GLANCE else -1)
+        places, ln_F = self._places_mm[some], self._ln_F[some]
+        forces = FAT_KPA * np.exp(ln_F)
+        solved = solve_frames(case, self._settings, topology.geometry(case), places, forces)
         base, chain = self._inputs(theta)
-        y, by = self._frames(base, self._places_mm, self._ln_F)
-        mean_kPa, depth = forces / _FACE_MM, solved.displacement_mm
-        apart = np.column_stack([solved.images_kPa / mean_kPa[:, None], np.log(depth)]) - y
-        K = _kernel(self._places_mm, self._ln_F, self._places_mm, self._ln_F)[0]
-        turns = None
-        if steep:
-            emulated = np.concatenate([by[..., :PLACE] @ chain, by[..., FORCE:]], -1)
-            apart_too = self._slopes_of(theta, solved, topology) - emulated
-            turns = np.concatenate([_smoothed(K, one) for one in apart_too.transpose(2, 0, 1)], 1)
-        self._right.append(_Correction(theta.copy(), solved, topology, _smoothed(K, apart), turns))
+        y, by = self._frames(base, places, ln_F)
+        apart = np.column_stack([_shares(solved), np.log(solved.displacement_mm)]) - y
+        turns = []
+        if asked is Asked.SLOPES:
+            emulated = np.concatenate([by[few, :, :PLACE] @ chain, by[few, :, FORCE:]], -1)
+            *steeper, by_force = np.moveaxis(
+                self._slopes_of(theta, solved.some(few), topology) - emulated, -1, 0
+            )
+            own = places[few], ln_F[few]
+            turns = [*(_Smooth(*own, one) for one in steeper), _Smooth(*own, by_force, _SMALLER + _LARGER)]
+        self._right.append(_Correction(theta.copy(), topology, _Smooth(places, ln_F, apart), turns))
 
     def _slopes_of(self, theta: Floats, solved: SolvedFrames, topology: Topology) -> Floats:
         """The solver's derivatives of rows over the mean pressure and ln displacement, (m, 17, k + 1)."""
         found = differentiate(solved, topology, self.of.fields)
-        F, chain = solved.forces_N_per_m[:, None], self.of.chain(theta)
-        rows = solved.images_kPa * _FACE_MM / F
-        steep, deeper = (
-            found.images * _FACE_MM / F[..., None],
-            found.displacement / solved.displacement_mm[:, None],
-        )
-        of_rows = np.concatenate(
-            [steep[..., :-2] @ chain, steep[..., -1:] * F[..., None] - rows[..., None]], -1
-        )
-        of_depth = np.concatenate([deeper[:, :-2] @ chain, deeper[:, -1:] * F], -1)
-        return np.concatenate([of_rows, of_depth[:, None]], 1)
+        F = solved.forces_N_per_m[:, None, None]
+        of_depth = found.displacement / solved.displacement_mm[:, None]
+        steep = np.concatenate([found.images * _FACE_MM / F, of_depth[:, None]], 1)
+        by_force = steep[..., -1:] * F
+        by_force[:, :-1, 0] -= _shares(solved)
+        return np.concatenate([steep[..., :-2] @ self.of.chain(theta), by_force], -1)
 
     def like(self, other: EmulatedForward) -> None:
         """Behind the lump tissue is as another guess of the same strokes has it: that varies little."""
@@ -293,27 +292,16 @@ class EmulatedForward(SaysSlopes):
         return y, by
 
     def _corrections(self, theta: Floats, places_mm: Floats, ln_F: Floats) -> tuple[Floats, Floats]:
-        """To be added to frames (n, 17), and derivatives (n, 17, k + 2) by the unknowns, place and ln F.
-
-        What the solver said of guesses before tells how the correction changes on the way from there.
-        """
-        *past, last = self._right[-_PAST - 1 :]
+        """To be added to frames (n, 17), and derivatives (n, 17, k + 2) by the unknowns, place and ln F."""
+        last = self._right[-1]
         before, behind = self._before(places_mm)
         there = np.where(self._press, ln_F, self._ln_F[-1])
         out, by_place, by_force = last.at(before, there)
         slopes, of_force = np.zeros((*out.shape, len(theta))), by_force
-        steep = [right for right in (*past, last) if right.turns is not None]
+        steep = [right for right in self._right if right.turns]
         if steep:
             turned = steep[-1].turned(before, there)
             slopes, of_force = turned[..., :-1], np.where(self._press[:, None], by_force, turned[..., -1])
-        if past:
-            sd = self.of.column("sd")
-            steps = np.array([right.theta - last.theta for right in past])
-            part = steps / sd
-            shares = np.linalg.solve(part @ part.T + _LITTLE**2 * np.eye(len(past)), part) / sd
-            changes = np.array([right.at(before, there)[0] - out for right in past])
-            changes -= np.einsum("nok,jk->jno", slopes, steps)
-            slopes = slopes + np.einsum("jno,jk->nok", changes, shares)
         out = out + slopes @ (theta - last.theta) + of_force * (ln_F - there)[:, None]
         by = np.concatenate([slopes, by_place[..., None], of_force[..., None]], -1)
         out[behind], by[behind, :ROWS] = _turned(out[behind]), by[behind, :ROWS][:, ::-1]
@@ -334,13 +322,18 @@ def emulates(of: Class) -> bool:
 def _other_side(case: Case, force_N_per_m: float) -> Floats:
     """What is otherwise behind the lump than before it: (2, 17), by the place and by its square."""
     x = np.array(_SIDES_MM)
-    topology = Topology(case, FINE, -x[-1], x[-1])
+    topology = Topology(case, COARSE, -x[-1], x[-1])
     places = np.concatenate([-x[::-1], x])
-    solved = solve_frames(case, FINE, topology.geometry(case), places, np.full(len(places), force_N_per_m))
-    values = np.column_stack([solved.images_kPa / (force_N_per_m / _FACE_MM), np.log(solved.displacement_mm)])
+    solved = solve_frames(case, COARSE, topology.geometry(case), places, np.full(len(places), force_N_per_m))
+    values = np.column_stack([_shares(solved), np.log(solved.displacement_mm)])
     apart = values[len(x) :] - _turned(values[: len(x)][::-1])
     out: Floats = np.linalg.solve(np.column_stack([x, x**2]), apart)
     return out
+
+
+def _shares(solved: SolvedFrames) -> Floats:
+    """Rows over the mean pressure, (n, 16)."""
+    return solved.images_kPa * _FACE_MM / solved.forces_N_per_m[:, None]
 
 
 def _turned(frames: Floats) -> Floats:

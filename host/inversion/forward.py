@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum, auto
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -149,12 +150,20 @@ class Rubs(Protocol):
         ...
 
 
+class Asked(Enum):
+    """What the solver is asked about a guess: some frames, all that count, or these and derivatives."""
+
+    GLANCE = auto()
+    VALUES = auto()
+    SLOPES = auto()
+
+
 @runtime_checkable
 class Emulates(Predicts, Protocol):
     """An emulator that the solver sets right."""
 
-    def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, steep: bool) -> None:
-        """Let the solver compute a guess, and its derivatives; CaseError or StrokeError where it cannot."""
+    def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, asked: Asked) -> None:
+        """Let the solver compute a guess; CaseError or StrokeError where it cannot."""
         ...
 
     def go_back(self) -> None:

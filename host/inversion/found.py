@@ -17,6 +17,9 @@ from palpate.sim.tissue import Settings
 
 Ints = NDArray[np.int64]
 
+SAME = 4.0
+"""Modes nearer than so many standard deviations are one."""
+
 
 @dataclass(frozen=True)
 class Found:
@@ -32,6 +35,22 @@ class Found:
     forward: Predicts
     mode: Mode
     kept: list[Ints]
+
+
+def distinct(modes: Sequence[Found], by: Callable[[Found], float]) -> list[Found]:
+    """Each lump once, in this order."""
+    out: list[Found] = []
+    for one in sorted(modes, key=by):
+        if all(apart(one.mode, other.mode, other.posterior.at["tissue"]) > SAME for other in out):
+            out.append(one)
+    return out
+
+
+def apart(one: Mode, other: Mode, at: slice) -> float:
+    """How far modes of a class are from each other, in standard deviations of the wider one."""
+    away = one.z[at] - other.z[at]
+    square = min(away @ np.linalg.solve(mode.covariance[at, at], away) for mode in (one, other))
+    return float(np.sqrt(square))
 
 
 Assemble = Callable[[Sequence[Posterior], Settings | None], tuple[Together, Predicts]]

@@ -6,7 +6,7 @@ in the gland may all explain it. So each is looked for. Units: mm, kPa.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -17,7 +17,7 @@ from palpate.inversion.classes import ANYWHERE, Class
 from palpate.inversion.emulated import emulates
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import COARSE, FINE
-from palpate.inversion.found import Assemble, Found, one_lump
+from palpate.inversion.found import Assemble, Found, distinct, one_lump
 from palpate.inversion.kept import Felt
 from palpate.inversion.mirror import mirrored_about
 from palpate.inversion.posterior import EMULATED, SINGLE, Posterior
@@ -47,8 +47,6 @@ _HOPELESS = 6.0
 """A class whose misfit is so many times the data's number is not followed further."""
 _LOST = 2.0
 """The same on the fine mesh."""
-_SAME = 4.0
-"""Modes nearer than so many standard deviations are one."""
 _NEARLY, _MOST = 30.0, 3
 """Modes whose misfit on the usual mesh is within so much of the best one's, a stroke, are looked at on the
 fine one: so much the mesh may get wrong."""
@@ -184,23 +182,6 @@ class _Coarse:
             return
         found = Found(posterior, forward, mode, self._kept)
         self.modes = distinct([*self.modes, found], lambda one: one.mode.misfit.total)
-
-
-def distinct(modes: Sequence[Found], by: Callable[[Found], float]) -> list[Found]:
-    """Each lump once, in this order."""
-    out: list[Found] = []
-    for one in sorted(modes, key=by):
-        if all(_apart(one, other) > _SAME for other in out):
-            out.append(one)
-    return out
-
-
-def _apart(one: Found, other: Found) -> float:
-    """How far modes of a class are from each other, in standard deviations of the wider one."""
-    at = other.posterior.at["tissue"]
-    apart = one.mode.z[at] - other.mode.z[at]
-    square = min(apart @ np.linalg.solve(of.mode.covariance[at, at], apart) for of in (one, other))
-    return float(np.sqrt(square))
 
 
 def _placed(stroke: FeltStroke, start: Start) -> list[Start]:

@@ -1,6 +1,6 @@
 """Modes of the emulator, followed with what the solver says otherwise there, until it has no more to say.
 
-Values first: they tell which of the modes last. Where one is nearly at rest derivatives are set right, too:
+A glance tells which of the modes may last. These are near their ends, so that derivatives are set right once:
 in directions that a stroke tells little of, small errors of theirs look like knowledge.
 """
 
@@ -11,18 +11,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from palpate.inversion.forward import FINE, Emulates
-from palpate.inversion.found import Assemble, Found
+from palpate.inversion.forward import FINE, Asked, Emulates
+from palpate.inversion.found import SAME, Assemble, Found, apart
 from palpate.inversion.posterior import Posterior
 from palpate.inversion.search import Mode, search
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue import CaseError, StrokeError
 
-_FIRST, _MOST, _NEARLY = 6, 3, 40.0
-"""So many modes are asked about once; so many of them, within so much of the best one a stroke, go on."""
-_ROUNDS, _NEARLY_STAYS, _STAYS = 4, 6.0, 2.0
-"""Guesses of one mode, at most: until it promises so little of the misfit, with values alone, and with
-derivatives."""
+_FIRST, _MOST = 6, 3
+"""So many modes are glanced at; so many of them, at most, go on."""
+_NEARLY, _AS_WELL = 40.0, 20.0
+"""Within so much of the best one's misfit, a stroke, after a glance, and later."""
+_ROUNDS, _STAYS, _FAR = 5, 2.0, 10.0
+"""Guesses of one mode, at most: until it promises so little of the misfit; where it promises so much
+derivatives are asked for anew."""
 _RIPPLE = 5.0
 """Of two guesses the contact's nodes may make the better one worse by so much."""
 _STEPS, _ENOUGH, _DAMPING = 20, 0.1, 1e-3
@@ -31,16 +33,23 @@ _STEPS, _ENOUGH, _DAMPING = 20, 0.1, 1e-3
 def set_right(noise: Noise, modes: Sequence[Found], assemble: Assemble) -> list[Found]:
     """The modes as the solver has them, but for those that it does not explain or cannot compute."""
     begun: list[_Followed] = []
-    for one in modes[:_FIRST]:
-        follow = _Followed(noise, one, assemble)
+    for mode in modes[:_FIRST]:
+        follow = _Followed(noise, mode, assemble)
         if follow.on(begun[0] if begun else None):
             begun.append(follow)
     begun.sort(key=lambda one: one.promised)
-    going = [one for one in begun[:_MOST] if one.promised < begun[0].promised + _NEARLY * len(one.found.kept)]
-    for follow in going:
-        while follow.goes_on:
-            follow.on()
-    return [one.told() for one in going]
+    going: list[_Followed] = []
+    for one in begun:
+        if not any(one.is_like(other) for other in going):
+            going.append(one)
+    del going[_MOST:]
+    while True:
+        least = min((one.promised for one in going), default=np.inf)
+        going = [one for one in going if one.promised < least + one.within]
+        moving = [one for one in going if one.goes_on]
+        if not moving:
+            return [one.told() for one in going]
+        min(moving, key=lambda one: one.promised).on()
 
 
 class _Followed:
@@ -51,6 +60,8 @@ class _Followed:
     promised : float
         The misfit where it goes next.
     goes_on : bool
+    within : float
+        So far from the best promise it may be the best one.
     """
 
     def __init__(self, noise: Noise, found: Found, assemble: Assemble) -> None:
@@ -63,7 +74,9 @@ class _Followed:
         assert isinstance(forward, Emulates)
         self._forward = forward
         self._next = self._best = found.mode.z
-        self._least, self._done, self._steep, self._stays = np.inf, 0, False, False
+        self._least, self._stays = np.inf, False
+        self._asks, self._done = Asked.GLANCE, 0
+        self.within = _NEARLY * len(parts)
         self._mode: Mode | None = None
 
     def on(self, like: _Followed | None = None) -> bool:
@@ -79,7 +92,7 @@ class _Followed:
         if like is not None:
             forward.like(like._forward)
         try:
-            forward.set_right(tissue, posterior.places(z), posterior.forces(z), self._steep)
+            forward.set_right(tissue, posterior.places(z), posterior.forces(z), self._asks)
         except (CaseError, StrokeError):
             self._next = (self._best + z) / 2
             return self._mode is not None
@@ -90,11 +103,18 @@ class _Followed:
             forward.go_back()
         self._mode = search(posterior, forward, self._best, _STEPS, enough=_ENOUGH, damping=_DAMPING)
         self._next, self.promised = self._mode.z, self._mode.misfit.total
-        gains = self._least - self.promised
-        self._stays = self._steep and gains < _STAYS
-        self.goes_on &= not self._stays
-        self._steep |= gains < _NEARLY_STAYS or self._done >= _ROUNDS // 2
+        gains, glanced = self._least - self.promised, self._asks is Asked.GLANCE
+        if not glanced:
+            self.within = _AS_WELL * len(self.found.kept)
+            self._stays = gains < _STAYS
+            self.goes_on &= not self._stays
+        self._asks = Asked.SLOPES if glanced or gains > _FAR else Asked.VALUES
         return True
+
+    def is_like(self, other: _Followed) -> bool:
+        """Whether both go to one place."""
+        assert self._mode is not None and other._mode is not None
+        return apart(self._mode, other._mode, self._posterior.at["tissue"]) < SAME
 
     def told(self) -> Found:
         """Where it has come to."""

@@ -17,7 +17,7 @@ from palpate.errors import PalpateError
 from palpate.inversion.classes import ANYWHERE, Class, Unknown
 from palpate.inversion.emulated import EmulatedForward
 from palpate.inversion.felt import FeltStroke
-from palpate.inversion.forward import Forward, Predicted, Predicts, Slopes
+from palpate.inversion.forward import Asked, Forward, Predicted, Predicts, Slopes
 from palpate.inversion.found import Found
 from palpate.inversion.joint import Together
 from palpate.inversion.kept import Felt
@@ -171,13 +171,13 @@ class TwoVisits:
             np.concatenate([_with_change(one.depth, k, later) for later, one in enumerate(found)]),
         )
 
-    def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, steep: bool) -> None:
-        """Let the solver compute both visits of a guess, and their derivatives."""
+    def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, asked: Asked) -> None:
+        """Let the solver compute both visits of a guess."""
         n = self._first
         thetas = theta[: -len(_CHANGES)], _later(theta)
         for one, its, frames in zip(self._each, thetas, (slice(0, n), slice(n, None))):
             assert isinstance(one, EmulatedForward)
-            one.set_right(its, places_mm[frames], forces_N_per_m[frames], steep)
+            one.set_right(its, places_mm[frames], forces_N_per_m[frames], asked)
 
     def go_back(self) -> None:
         """The last guess but one was better."""

@@ -8,7 +8,7 @@ import pytest
 
 from palpate.inversion.classes import ANYWHERE, NONE
 from palpate.inversion.emulated import EmulatedForward, bundled, emulates
-from palpate.inversion.forward import FINE, Forward
+from palpate.inversion.forward import FINE, Asked, Forward
 from palpate.learn.plane_emulator import HIGH, INPUTS, LOW, ROWS, read_plane_emulator, write_plane_emulator
 from palpate.learn.plane_fit import errors_of, fit_plane_emulator
 from palpate.learn.plane_frames import BLOCKS, Block, plane_frames
@@ -94,8 +94,8 @@ def test_the_jacobian_is_the_misfit_s_derivative_before_and_after_the_solver_has
     forward = EmulatedForward(of, [(len(posterior.stroke.place_mm), posterior.stroke.press)])
     check_jacobian(posterior, forward, z, rng)
     at = posterior.at["tissue"]
-    for steep in (False, True):
-        forward.set_right(z[at], posterior.places(z), posterior.forces(z), steep)
+    for asked in Asked:
+        forward.set_right(z[at], posterior.places(z), posterior.forces(z), asked)
         check_jacobian(posterior, forward, z, rng, within=0.05)
 
 
@@ -107,9 +107,9 @@ def test_set_right_it_says_what_the_solver_says_and_is_as_steep(of):
     solved = solver(theta, np.rint(places), forces)
     forward = EmulatedForward(of, [(len(places), posterior.stroke.press)])
     off = []
-    for steep in (None, True):
-        if steep:
-            forward.set_right(theta, np.rint(places), forces, steep)
+    for asked in (None, Asked.SLOPES):
+        if asked:
+            forward.set_right(theta, np.rint(places), forces, asked)
         said = forward(theta, np.rint(places), forces)
         wrong = [
             np.sqrt(np.mean((mine - its) ** 2) / np.mean(its**2))
@@ -124,8 +124,7 @@ def test_set_right_it_says_what_the_solver_says_and_is_as_steep(of):
     assert off[1][0] < off[0][0] and off[1][1] < off[0][1]
 
 
-def test_what_earlier_guesses_told_leads_from_one_to_the_next():
-    """Two guesses that the solver has spoken about are both said rightly, without its derivatives."""
+def test_a_guess_that_turns_out_worse_is_gone_back_from():
     posterior, z = a_few_frames(ANYWHERE, np.random.default_rng(4))
     first, places, forces = z[posterior.at["tissue"]], np.rint(posterior.places(z)), posterior.forces(z)
     second = first + 0.3 * ANYWHERE.column("sd")
@@ -133,10 +132,8 @@ def test_what_earlier_guesses_told_leads_from_one_to_the_next():
     forward.set_right(first, places, forces)
     right = forward(first, places, forces).images
     forward.set_right(second, places, forces)
-    assert np.abs(forward(first, places, forces).images - right).max() < 0.003 * right.max()
-    there = forward(second, places, forces).images
+    assert np.abs(forward(first, places, forces).images - right).max() > 1e-4 * right.max()
     forward.go_back()
-    assert np.abs(forward(second, places, forces).images - there).max() < 0.003 * there.max()
     assert np.abs(forward(first, places, forces).images - right).max() < 1e-9
 
 
