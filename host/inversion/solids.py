@@ -41,8 +41,6 @@ _STEPS, _ENOUGH = 20, 1.0
 _HOPELESS = 150.0
 """A start whose misfit is so much over the best one's after some steps is not followed."""
 _SOFT, _HARD = 0.45, 0.1
-_SIZE_BY_STIFFNESS = 0.97
-"""As in `start`."""
 _SIZED, _LESS, _MORE = 1.3, -0.5, 0.4
 """Sizes of further first guesses, and ln of their glands' stiffness over the usual."""
 _ROUNDS = 3
@@ -166,10 +164,7 @@ def _searched(
 def _starts(of: Class, stroke: FeltStroke, start: Start) -> Iterator[Floats]:
     """First guesses: the estimate, softer, harder, smaller and larger over other glands; the middle."""
     offset = _across(stroke, start.lump_mm)
-    valley = [
-        replace(start, E_inv23=s, d_mm=start.d_mm * float(np.exp(_SIZE_BY_STIFFNESS * (s - start.E_inv23))))
-        for s in (start.E_inv23, _SOFT, _HARD)
-    ]
+    valley = [start.as_stiff(s) for s in (start.E_inv23, _SOFT, _HARD)]
     names = [unknown.name for unknown in of.unknowns]
     sized = [
         (replace(start, d_mm=start.d_mm * by, depth_mm=start.depth_mm * by), ratio)

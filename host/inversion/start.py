@@ -71,23 +71,27 @@ class Start:
         mean = zip(of.unknowns, of.column("mean"))
         return _with_room(of, np.array([known.get(unknown.name, value) for unknown, value in mean]))
 
+    def as_stiff(self, E_inv23: float) -> Start:
+        """A lump of another stiffness that feels like it: a softer one is larger."""
+        by = float(np.exp(_SIZE_BY_STIFFNESS * (E_inv23 - self.E_inv23)))
+        return replace(self, d_mm=self.d_mm * by, E_inv23=E_inv23)
+
     def softer_and_harder(self, of: Class) -> Iterator[Floats]:
         """Further guesses (k,): lumps that feel like it."""
         for s in (_SOFT, _HARD):
-            by = float(np.exp(_SIZE_BY_STIFFNESS * (s - self.E_inv23)))
-            yield replace(self, d_mm=self.d_mm * by, E_inv23=s).theta(of)
+            yield self.as_stiff(s).theta(of)
 
     def everywhere(self, of: Class) -> Iterator[Floats]:
         """Guesses (k,) of many kinds: soft and hard lumps that feel like it, under many a border."""
         for s in (self.E_inv23, *(s for s in _STIFFNESSES if abs(s - self.E_inv23) > _AS_STIFF)):
-            by = float(np.exp(_SIZE_BY_STIFFNESS * (s - self.E_inv23)))
-            d = float(np.clip(self.d_mm * by, *_D_MM))
+            like = self.as_stiff(s)
+            d = float(np.clip(like.d_mm, *_D_MM))
             tried: list[float] = []
             for t in (self.t_mm, *(a * self.depth_mm + b * d for a, b in _BORDERS + _MORE_BORDERS)):
                 t_mm = float(np.clip(t, *_T_MM))
                 if all(abs(np.log(t_mm / other)) > _ELSEWHERE for other in tried):
                     tried.append(t_mm)
-                    yield replace(self, d_mm=d, E_inv23=s, t_mm=t_mm).theta(of)
+                    yield replace(like, d_mm=d, t_mm=t_mm).theta(of)
 
 
 def with_other_borders(of: Class, theta: Floats) -> Iterator[Floats]:
