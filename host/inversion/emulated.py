@@ -73,27 +73,21 @@ def bundled() -> PlaneEmulator:
 
 
 class _Smooth:
-    """A Gaussian process from frame to frame, over place and force, through q values (m, q) of m frames.
+    """A Gaussian process from frame to frame, over place and force, through values of m frames.
 
-    What the mesh makes of a single frame is no part of it; it is as smooth as is likeliest.
+    What the mesh makes of a single frame is no part of it. Values come in parts (m, q), each with how much
+    larger it may be, and each is as smooth as is likeliest.
     """
 
     def __init__(
-        self, places_mm: Floats, ln_F: Floats, values: Floats, larger: Sequence[float] = _LARGER
+        self, places_mm: Floats, ln_F: Floats, parts: Sequence[tuple[Floats, Sequence[float]]]
     ) -> None:
         self._own = places_mm, ln_F
         K = _kernel(*self._own, *self._own)[0]
-        best, self._weights = np.inf, values
-        for times in larger:
-            L = np.linalg.cholesky(times**2 * K + _OF_THE_MESH**2 * np.eye(len(K)))
-            weights = np.linalg.solve(L.T, np.linalg.solve(L, values))
-            spread = float((values * weights).mean()) + 1e-30
-            unlikely = len(K) * float(np.log(spread)) + 2 * float(np.log(np.diag(L)).sum())
-            if unlikely < best:
-                best, self._weights = unlikely, times**2 * weights
+        self._weights = np.concatenate([_smoothed(K, *part) for part in parts], 1)
 
     def __call__(self, before: Floats, ln_F: Floats) -> tuple[Floats, Floats, Floats]:
-        """Of frames (n, q), and their derivatives by place and ln F."""
+        """Of frames (n, q), part after part, and their derivatives by place and ln F."""
         value, by_place, by_force = (part @ self._weights for part in _kernel(before, ln_F, *self._own))
         return value, by_place, by_force
 
@@ -106,12 +100,8 @@ class _Correction:
     topology: Topology
     at: _Smooth
     """Of 17 values."""
-    turns: list[_Smooth]
-    """Of their derivatives, by each unknown and by ln F; none where they were not asked for."""
-
-    def turned(self, before: Floats, ln_F: Floats) -> Floats:
-        """Of the derivatives, (n, 17, k + 1)."""
-        return np.stack([one(before, ln_F)[0] for one in self.turns], -1)
+    turns: _Smooth | None
+    """Of their derivatives, by each unknown and by ln F; None where they were not asked for."""
 
 
 def _kernel(x: Floats, ln_F: Floats, x2: Floats, ln_F2: Floats) -> tuple[Floats, Floats, Floats]:
@@ -125,6 +115,19 @@ def _kernel(x: Floats, ln_F: Floats, x2: Floats, ln_F2: Floats) -> tuple[Floats,
     off = (ln_F[:, None] - ln_F2) / _LN_F
     force = np.exp(-(off**2) / 2)
     return along * force, slope * force, -along * force * off / _LN_F
+
+
+def _smoothed(K: Floats, values: Floats, larger: Sequence[float]) -> Floats:
+    """Weights (m, q) of a Gaussian process through values (m, q), as smooth as is likeliest."""
+    best = np.inf, values
+    for times in larger:
+        L = np.linalg.cholesky(times**2 * K + _OF_THE_MESH**2 * np.eye(len(K)))
+        weights = np.linalg.solve(L.T, np.linalg.solve(L, values))
+        spread = float((values * weights).mean()) + 1e-30
+        unlikely = len(K) * float(np.log(spread)) + 2 * float(np.log(np.diag(L)).sum())
+        if unlikely < best[0]:
+            best = unlikely, times**2 * weights
+    return best[1]
 
 
 class EmulatedForward(SaysSlopes):
@@ -184,25 +187,26 @@ class EmulatedForward(SaysSlopes):
             self._settings = _THIN if self.of.lump and case.depth_mm < _THIN_MM else FINE
             self._lay(places_mm, np.log(forces_N_per_m / FAT_KPA), int(case.depth_mm > _SHALLOW_MM))
             if self.of.lump and self._behind is None:
-                self._behind = _other_side(case, float(FAT_KPA * np.exp(self._ln_F[-1])))
+                self._behind = _other_side(case, float(FAT_KPA * np.exp(self._ln_F[0])))
         topology = self._topology(case)
         few = slice(None, None, 1 if self._settings is _THIN else _SOME)
-        some = slice(None, None, -few.step if asked is Asked.GLANCE else -1)
+        some = few if asked is Asked.GLANCE else slice(None)
         places, ln_F = self._places_mm[some], self._ln_F[some]
         forces = FAT_KPA * np.exp(ln_F)
         solved = solve_frames(case, self._settings, topology.geometry(case), places, forces)
         base, chain = self._inputs(theta)
         y, by = self._frames(base, places, ln_F)
         apart = np.column_stack([_shares(solved), np.log(solved.displacement_mm)]) - y
-        turns = []
+        turns = None
         if asked is Asked.SLOPES:
             emulated = np.concatenate([by[few, :, :PLACE] @ chain, by[few, :, FORCE:]], -1)
             *steeper, by_force = np.moveaxis(
                 self._slopes_of(theta, solved.some(few), topology) - emulated, -1, 0
             )
-            own = places[few], ln_F[few]
-            turns = [*(_Smooth(*own, one) for one in steeper), _Smooth(*own, by_force, _SMALLER + _LARGER)]
-        self._right.append(_Correction(theta.copy(), topology, _Smooth(places, ln_F, apart), turns))
+            parts = [*((one, _LARGER) for one in steeper), (by_force, _SMALLER + _LARGER)]
+            turns = _Smooth(places[few], ln_F[few], parts)
+        right = _Smooth(places, ln_F, [(apart, _LARGER)])
+        self._right.append(_Correction(theta.copy(), topology, right, turns))
 
     def _slopes_of(self, theta: Floats, solved: SolvedFrames, topology: Topology) -> Floats:
         """The solver's derivatives of rows over the mean pressure and ln displacement, (m, 17, k + 1)."""
@@ -223,7 +227,7 @@ class EmulatedForward(SaysSlopes):
         self._right[-2:] = self._right[:-3:-1]
 
     def _lay(self, places_mm: Floats, ln_F: Floats, deep: int) -> None:
-        """Choose where the solver is asked, and under which forces."""
+        """Choose where the solver is asked, and under which forces: from the lump on, the press last."""
         press = self._press
         within = np.clip(places_mm, -_END_MM, _END_MM)
         first = float(max(np.abs(within).max(), _CLOSE_MM[deep]))
@@ -233,8 +237,8 @@ class EmulatedForward(SaysSlopes):
         if not self.of.lump:
             nodes = np.arange(np.rint(within.min()), within.max() + 1.0, _PLAIN_APART_MM)
         levels = np.linspace(ln_F[press].min(), ln_F[press].max(), _LEVELS) if press.any() else np.empty(0)
-        self._places_mm = np.concatenate([np.full(len(levels), nodes[0]), nodes])
-        self._ln_F = np.concatenate([levels, np.full(len(nodes), float(ln_F[~press].mean()))])
+        self._places_mm = np.concatenate([nodes[::-1], np.full(len(levels), nodes[0])])
+        self._ln_F = np.concatenate([np.full(len(nodes), float(ln_F[~press].mean())), levels[::-1]])
 
     def by_friction(self, at: Emulated) -> Floats:
         """Derivatives of images and displacement, (n, 17), by the friction of the face, from none at all.
@@ -295,12 +299,12 @@ class EmulatedForward(SaysSlopes):
         """To be added to frames (n, 17), and derivatives (n, 17, k + 2) by the unknowns, place and ln F."""
         last = self._right[-1]
         before, behind = self._before(places_mm)
-        there = np.where(self._press, ln_F, self._ln_F[-1])
+        there = np.where(self._press, ln_F, self._ln_F[0])
         out, by_place, by_force = last.at(before, there)
         slopes, of_force = np.zeros((*out.shape, len(theta))), by_force
-        steep = [right for right in self._right if right.turns]
+        steep = [right.turns for right in self._right if right.turns is not None]
         if steep:
-            turned = steep[-1].turned(before, there)
+            turned = steep[-1](before, there)[0].reshape(len(out), -1, ROWS + 1).transpose(0, 2, 1)
             slopes, of_force = turned[..., :-1], np.where(self._press[:, None], by_force, turned[..., -1])
         out = out + slopes @ (theta - last.theta) + of_force * (ln_F - there)[:, None]
         by = np.concatenate([slopes, by_place[..., None], of_force[..., None]], -1)

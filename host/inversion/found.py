@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from palpate.sim.tissue import Settings
 
 Ints = NDArray[np.int64]
 
-SAME = 4.0
+_SAME = 4.0
 """Modes nearer than so many standard deviations are one."""
 
 
@@ -37,19 +38,33 @@ class Found:
     kept: list[Ints]
 
 
-def distinct(modes: Sequence[Found], by: Callable[[Found], float]) -> list[Found]:
+class Ends(Protocol):
+    """A search of a class that has come to a mode."""
+
+    @property
+    def posterior(self) -> Together: ...
+
+    @property
+    def mode(self) -> Mode: ...
+
+
+End = TypeVar("End", bound=Ends)
+
+
+def distinct(modes: Sequence[End], by: Callable[[End], float]) -> list[End]:
     """Each lump once, in this order."""
-    out: list[Found] = []
+    out: list[End] = []
     for one in sorted(modes, key=by):
-        if all(apart(one.mode, other.mode, other.posterior.at["tissue"]) > SAME for other in out):
+        if all(_apart(one, other) > _SAME for other in out):
             out.append(one)
     return out
 
 
-def apart(one: Mode, other: Mode, at: slice) -> float:
+def _apart(one: Ends, other: Ends) -> float:
     """How far modes of a class are from each other, in standard deviations of the wider one."""
-    away = one.z[at] - other.z[at]
-    square = min(away @ np.linalg.solve(mode.covariance[at, at], away) for mode in (one, other))
+    at = other.posterior.at["tissue"]
+    away = one.mode.z[at] - other.mode.z[at]
+    square = min(away @ np.linalg.solve(of.mode.covariance[at, at], away) for of in (one, other))
     return float(np.sqrt(square))
 
 

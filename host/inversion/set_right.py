@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from palpate.inversion.forward import FINE, Asked, Emulates
-from palpate.inversion.found import SAME, Assemble, Found, apart
+from palpate.inversion.found import Assemble, Found, distinct
 from palpate.inversion.posterior import Posterior
 from palpate.inversion.search import Mode, search
 from palpate.sim.probe.noise import Noise
@@ -37,12 +37,7 @@ def set_right(noise: Noise, modes: Sequence[Found], assemble: Assemble) -> list[
         follow = _Followed(noise, mode, assemble)
         if follow.on(begun[0] if begun else None):
             begun.append(follow)
-    begun.sort(key=lambda one: one.promised)
-    going: list[_Followed] = []
-    for one in begun:
-        if not any(one.is_like(other) for other in going):
-            going.append(one)
-    del going[_MOST:]
+    going = distinct(begun, lambda one: one.promised)[:_MOST]
     while True:
         least = min((one.promised for one in going), default=np.inf)
         going = [one for one in going if one.promised < least + one.within]
@@ -57,6 +52,7 @@ class _Followed:
 
     Attributes
     ----------
+    posterior : Together
     promised : float
         The misfit where it goes next.
     goes_on : bool
@@ -70,7 +66,7 @@ class _Followed:
             parts.append(Posterior(found.posterior.of, part.stroke, noise, FINE.hx_mm))
             parts[-1].mean[:] = part.mean
         self.found, self.promised, self.goes_on = found, np.inf, True
-        self._posterior, forward = assemble(parts, None)
+        self.posterior, forward = assemble(parts, None)
         assert isinstance(forward, Emulates)
         self._forward = forward
         self._next = self._best = found.mode.z
@@ -85,7 +81,7 @@ class _Followed:
         like : _Followed, optional
             Another mode over the same strokes: what the tissue's ends change it has from there.
         """
-        posterior, forward, z = self._posterior, self._forward, self._next
+        posterior, forward, z = self.posterior, self._forward, self._next
         tissue = z[posterior.at["tissue"]]
         self._done += 1
         self.goes_on = self._done < _ROUNDS
@@ -111,15 +107,15 @@ class _Followed:
         self._asks = Asked.SLOPES if glanced or gains > _FAR else Asked.VALUES
         return True
 
-    def is_like(self, other: _Followed) -> bool:
-        """Whether both go to one place."""
-        assert self._mode is not None and other._mode is not None
-        return apart(self._mode, other._mode, self._posterior.at["tissue"]) < SAME
+    @property
+    def mode(self) -> Mode:
+        """Where it goes next, once it has been on."""
+        assert self._mode is not None
+        return self._mode
 
     def told(self) -> Found:
         """Where it has come to."""
-        mode = self._mode
-        assert mode is not None
+        mode = self.mode
         if not self._stays:  # what the last search promises has not been computed
-            mode = replace(search(self._posterior, self._forward, self._best, 0), settled=False)
-        return Found(self._posterior, self._forward, mode, self.found.kept)
+            mode = replace(search(self.posterior, self._forward, self._best, 0), settled=False)
+        return Found(self.posterior, self._forward, mode, self.found.kept)
