@@ -1,28 +1,29 @@
 // Light and dark, and the style sheet's colours for the canvases.
 
 let cache = {};
+const probe = document.head.appendChild(document.createElement("i")); // a canvas knows no light-dark(), an element does
 
 /** A colour of the style sheet by name, such as "accent". */
 export function color(name) {
-  cache[name] ??= getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+  if (!cache[name]) {
+    probe.style.color = `var(--${name})`;
+    cache[name] = getComputedStyle(probe).color;
+  }
   return cache[name];
 }
 
 export function startTheme(redraw) {
-  const root = document.documentElement;
   const system = matchMedia("(prefers-color-scheme: light)");
-  const apply = (theme) => {
-    if (theme) root.dataset.theme = theme;
+  const theme = () => localStorage.getItem("palpate-theme") ?? (system.matches ? "light" : "dark");
+  const apply = () => {
+    document.documentElement.style.colorScheme = theme();
     cache = {};
     redraw();
   };
-  apply(localStorage.getItem("palpate-theme") ?? (system.matches ? "light" : "dark"));
-  system.addEventListener("change", () => {
-    if (!localStorage.getItem("palpate-theme")) apply(system.matches ? "light" : "dark");
-  });
+  apply();
+  system.addEventListener("change", apply);
   return () => {
-    const theme = root.dataset.theme === "light" ? "dark" : "light";
-    localStorage.setItem("palpate-theme", theme);
-    apply(theme);
+    localStorage.setItem("palpate-theme", theme() === "light" ? "dark" : "light");
+    apply();
   };
 }
