@@ -45,18 +45,18 @@ def _in_one_tissue(fit: FieldFit) -> list[Item]:
     return [
         Item(
             "Beyond 1",
-            "The field model on lumps it never saw",
             f"One stroke each, noise {fit.noise}; bars are {_PERCENT} % intervals of every eighth estimate.",
             draw=lambda: _told_estimates(fit),
             tables=[held_out, left_out],
+            beyond="The field model on lumps it never saw",
         ),
         _intervals("by group", fit.coverage, SHOWN, [cover, flags, distance]),
         Item(
             "Beyond 3",
-            "Detectability",
             "Share of strokes in which the lump was found.",
             draw=lambda: figure_found(fit.found),
             tables=[found, visits],
+            beyond="Detectability",
         ),
     ]
 
@@ -67,11 +67,11 @@ def _in_any_tissue(fit: TissueFit) -> list[Item]:
     return [
         Item(
             "Beyond 1",
-            "In tissue that nobody told it about",
             f"One stroke each with its press, noise {fit.noise}, every lump and tissue left out of fit and "
             f"intervals; bars are {_PERCENT} % intervals of every sixteenth estimate.",
             draw=lambda: figure_estimates(_estimates(fit), 16),
             tables=[held_out, *further, left_out],
+            beyond="In tissue that nobody told it about",
         ),
         _intervals("by quarter of lump and tissue", fit.coverage(), names, [cover, flags, pairs]),
     ]
@@ -82,10 +82,10 @@ def _intervals(
 ) -> Item:
     return Item(
         "Beyond 2",
-        "Intervals",
         f"Share of true values inside the {_PERCENT} % interval, {groups}; the grey band is +-{_BAND:g} %.",
         draw=lambda: figure_coverage(coverage, names),
         tables=tables,
+        beyond="Intervals",
     )
 
 

@@ -15,7 +15,6 @@ from palpate.report.stroke_panels import COLOURS
 from palpate.sim.tissue import Case, Settings, SolidStroke, simulate
 from palpate.sim.tissue.face_sensors import ACROSS, places_mm
 
-TITLE = "A Two-Dimensional Tactile Map of a Real Tumor"
 BALL = "d10h08e10f10_ball"
 
 
@@ -34,13 +33,12 @@ def item(recording: Path | None, *, simulate: bool) -> Item:
     real = recording is not None and recording.suffix == ".mcap"
     if not real and not simulate:
         why = "Needs a recording (--recording FILE.mcap) or a simulation, which was not asked for."
-        return Item("Figure 2", TITLE, missing=why)
+        return Item("Figure 2", missing=why)
     found = recorded_map_2d(recording) if real and recording else ball_map()
     top = np.unravel_index(int(found.pressure_kPa.argmax()), found.pressure_kPa.shape)
     place = f"{found.along_mm[top[0]]:.0f} mm along, {found.across_mm[top[1]]:.0f} mm across"
     return Item(
         "Figure 2",
-        TITLE,
         f"Pressure on the tissue along and across the stroke, {found.whose}. "
         "A lump, stiffer than what surrounds it, is a rise of pressure in its place.",
         [

@@ -19,7 +19,7 @@ from palpate.features.map_features import (
 )
 from palpate.learn.table import REFERENCE_CODE
 from palpate.report import series_figures, style
-from palpate.report.items import Beside, Item, number
+from palpate.report.items import Beside, Item, lacking, number
 from palpate.sim.tissue import Stroke
 
 Strokes = Mapping[str, Stroke]
@@ -31,17 +31,9 @@ def items(strokes: Sequence[Stroke]) -> list[Item]:
     by_code = {stroke.code: stroke for stroke in strokes}
     if REFERENCE_CODE not in by_code:
         why = f"Needs the reference case {REFERENCE_CODE}: palpate sweep --design thesis --out DIR"
-        return [Item(f"Figure {n}", title, missing=why) for n, title in TITLES.items()]
+        return lacking([f"Figure {n}" for n in (9, 10, 11, 12, 14)], why)
     first = [_nine(by_code), _ten(by_code), _eleven(by_code)]
     return [*first, series_figures.twelve(by_code), series_figures.fourteen(by_code)]
-
-
-TITLES = {
-    9: "Formation of Tactile Maps from Contact Pressure Data",
-    10: "Feature Extraction (Tactile Maps and Tactile Images)",
-    11: 'Feature Extraction (Displacement and Pressure "Jumps")',
-    **series_figures.TITLES,
-}
 
 
 def _nine(strokes: Strokes) -> Item:
@@ -55,11 +47,9 @@ def _nine(strokes: Strokes) -> Item:
 
     return Item(
         "Figure 9",
-        TITLES[9],
         "The same stroke put together by Method 1 (images set side by side and averaged) and by Method 2 "
-        "(the trace of "
-        "each point of the probe, interpolated and averaged), at 2 mm and at 1 mm. Method 2 is used from "
-        "here on.",
+        "(the trace of each point of the probe, interpolated and averaged), at 2 mm and at 1 mm. Method 2 is "
+        "used from here on.",
         [
             Beside("Method 1 at 1 mm, point-to-point noise", '"artificial lumpiness"', lumpiness(1, 1.0)),
             Beside("Method 2 at 1 mm, point-to-point noise", "smooth", lumpiness(2, 1.0)),
@@ -87,10 +77,8 @@ def _ten(strokes: Strokes) -> Item:
     features = stroke_features(strokes[REFERENCE_CODE])
     return Item(
         "Figure 10",
-        TITLES[10],
         "The tactile map is a Gaussian on a base: Base, Amplitude and Stdev. Curvature is the pressure at "
-        "the middle of "
-        "the probe over the mean of those 8 mm to either side, far from the lump.",
+        "the middle of the probe over the mean of those 8 mm to either side, far from the lump.",
         [
             Beside("Base", "values lost with Appendix A", f"{features.base_kPa:.3f} kPa"),
             Beside("Amplitude", "", f"{features.amp_kPa:.3f} kPa"),
@@ -137,10 +125,8 @@ def _eleven(strokes: Strokes) -> Item:
     jumps = {code: peak_jumps(strokes[code]) for code in JUMPING if code in strokes}
     return Item(
         "Figure 11",
-        TITLES[11],
         "How far the probe sinks in along the stroke, A at 28 mm and B over the lump; and the place of the "
-        "greatest "
-        "pressure of each image, which jumps as the lump comes under the probe.",
+        "greatest pressure of each image, which jumps as the lump comes under the probe.",
         [
             Beside("A: displacement at 28 mm", "several millimetres", f"{features.D28_mm:.2f} mm"),
             Beside("B: displacement over the lump", "less", f"{features.D0_mm:.2f} mm"),

@@ -49,7 +49,6 @@ def items(fit: ThesisFit) -> list[Item]:
     return [
         Item(
             "Figure 13",
-            "The Relationship Between Input and Output Parameters",
             "One output against one input, all others as in the reference case, relative to it, with the "
             "best curve, and what its exponent (of E: its slope) becomes without the run that it depends on "
             "most. Curvature against F rests on the run with F = .2, where contact barely reaches the places "
@@ -60,7 +59,6 @@ def items(fit: ThesisFit) -> list[Item]:
         ),
         Item(
             "Figure 17",
-            "Validity of the Forward Models",
             "What the forward model predicts against what the simulation gave, relative to the reference "
             "case.",
             forward,
@@ -81,10 +79,8 @@ def _validity(fit: ThesisFit, name: str, *, displacement: bool) -> Item:
             f"{entry.inverted_loo:.3f}"
         )
         beside.append(Beside(f"{SHOWN[target]}, R2", thesis, ours))
-    words = "Pressure and Displacement" if displacement else "Pressure Only"
     return Item(
         name,
-        f"Validity of the Inverse Models (Using {words})",
         "Estimated against true inputs. Circles: equations fitted to all runs, as in the thesis. Crosses: "
         "each run left "
         "out of the fit that estimates it, its terms chosen without it. The thesis' R2 are in sample.",

@@ -8,11 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from palpate.report import style
-from palpate.report.items import Beside, Item
+from palpate.report.items import Beside, Item, lacking
 from palpate.report.measured import recorded_map
 from palpate.report.real_maps import RealMap
-
-TITLE = "Gaussian Fit to a Real Tactile Map"
 
 
 def items(recording: Path | None) -> list[Item]:
@@ -20,13 +18,12 @@ def items(recording: Path | None) -> list[Item]:
     place in mm, kPa)."""
     if recording is None:
         why = "Needs a recording (.mcap) or a table (.csv: place in mm, pressure in kPa): --recording FILE."
-        return [Item("Figure 20", TITLE, missing=why)]
+        return lacking(["Figure 20"], why)
     found = recorded_map(recording)
     fit = found.fit
     return [
         Item(
             "Figure 20",
-            TITLE,
             f"The tactile map of {recording.name} (circles) with the Gaussian on its base, and what is left "
             "over.",
             [

@@ -4,6 +4,7 @@ measured one. Units: mm, kPa."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from os import PathLike
 from pathlib import Path
@@ -35,10 +36,7 @@ def items(recordings: Mapping[Path, Sequence[Inverted]]) -> list[Item]:
         for answer in answers:
             card = None if answer.press or answer.together > 1 else _card(said, answer.stroke)
             found += _items_of(recording.name, answer, card)
-    return [
-        Item(f"Beyond {_FIRST + k}", item.title, item.caption, draw=item.draw, tables=item.tables)
-        for k, item in enumerate(found)
-    ]
+    return [replace(item, name=f"Beyond {_FIRST + k}") for k, item in enumerate(found)]
 
 
 def write_refined(directory: str | PathLike[str], recordings: Mapping[Path, Sequence[Inverted]]) -> Path:
@@ -66,7 +64,7 @@ def _card(said: Iterator[FollowedStroke], number: int) -> dict[str, Any]:
 def _items_of(name: str, answer: Inverted, card: dict[str, Any] | None) -> Iterator[Item]:
     what = f"{'Press' if answer.press else 'Stroke'} {answer.stroke}"
     if answer.problem:
-        yield Item("", what, f"Of {name}. Not refined: {answer.problem}.")
+        yield Item("", f"Of {name}. Not refined: {answer.problem}.", beyond=what)
         return
     rest = "" if answer.settled else " The search had not come to rest."
     misfit = f"Misfit {answer.chi2:.2f}, worst in {answer.worst}. Odds: {answer.odds}."
@@ -74,7 +72,7 @@ def _items_of(name: str, answer: Inverted, card: dict[str, Any] | None) -> Itera
     for k, laid in enumerate(answer.laid):
         one = what if answer.together == 1 else f"{answer.together} strokes together: stroke {k + 1}"
         tables = [("", _table(answer, card))] if k == 0 else []
-        yield Item("", one, text if k == 0 else "", draw=partial(figure, laid), tables=tables)
+        yield Item("", text if k == 0 else "", draw=partial(figure, laid), tables=tables, beyond=one)
 
 
 def _table(answer: Inverted, card: dict[str, Any] | None) -> pd.DataFrame:
@@ -101,50 +99,39 @@ def _span(value: Mapping[str, object], unit: str) -> str:
 
 
 def figure(laid: Laid) -> Figure:
-    """Row means and displacement, measured and fitted, and the rows' residual."""
+    """Row means and displacement, measured and fitted, and the rows' residual: along the stroke, or frame by
+    frame of a press."""
     shown = style.new(8.4, 5.6)
-    press = laid.press == len(laid.place_mm)
+    count, row = len(laid.place_mm), np.arange(1, laid.measured_kPa.shape[1] + 1)
+    press = laid.press == count
     rows, depth, left = shown.subplots(3, 1, sharex=not press, height_ratios=(2, 1, 1.3))
     if press:
-        _press(rows, depth, left, laid)
+        frames, x = np.arange(count), np.arange(1.0, count + 1)
+        for k, colour in enumerate(style.ramp(count)):
+            _fitted(rows, row, laid.measured_kPa[k], laid.fitted_kPa[k], colour, f"frame {k + 1}")
+        rows.set_xlabel("row")
     else:
-        _stroke(rows, depth, left, laid)
+        frames = laid.press + np.argsort(laid.place_mm[laid.press :])
+        x = laid.place_mm[frames]
+        chosen = np.linspace(0, len(row) - 1, _ROWS_SHOWN).round().astype(int)
+        for k, colour in zip(chosen, style.ramp(_ROWS_SHOWN)):
+            measured, fitted = laid.measured_kPa[frames, k], laid.fitted_kPa[frames, k]
+            _fitted(rows, x, measured, fitted, colour, f"row {row[k]}")
+    rows.set(ylabel="row's mean (kPa)", title="Measured (points) and fitted (lines)")
+    style.beside(rows)
+    depth.plot(x, laid.measured_mm[frames], "o", ms=2.5, color=style.BLUE)
+    depth.plot(x, laid.fitted_mm[frames], color=style.ORANGE, lw=1)
+    depth.set_ylabel("depth (mm)")
+    _residual(left, x, laid.residual_kPa[frames])
+    left.set(xlabel="frame of the press" if press else "position of the probe (mm)", ylabel="row")
     return shown
 
 
-def _stroke(rows: Axes, depth: Axes, left: Axes, laid: Laid) -> None:
-    along = np.arange(laid.press, len(laid.place_mm))
-    along = along[np.argsort(laid.place_mm[along])]
-    x = laid.place_mm[along]
-    chosen = np.linspace(0, laid.measured_kPa.shape[1] - 1, _ROWS_SHOWN).round().astype(int)
-    for row, colour in zip(chosen, style.ramp(_ROWS_SHOWN)):
-        rows.plot(x, laid.measured_kPa[along, row], "o", ms=2.5, color=colour, label=f"row {row + 1}")
-        rows.plot(x, laid.fitted_kPa[along, row], color=colour, lw=1)
-    depth.plot(x, laid.measured_mm[along], "o", ms=2.5, color=style.BLUE)
-    depth.plot(x, laid.fitted_mm[along], color=style.ORANGE, lw=1)
-    _residual(left, x, laid.residual_kPa[along])
-    left.set(xlabel="position of the probe (mm)", ylabel="row")
-    _named(rows, depth)
-
-
-def _press(rows: Axes, depth: Axes, left: Axes, laid: Laid) -> None:
-    count = np.arange(1, len(laid.place_mm) + 1)
-    row = np.arange(1, laid.measured_kPa.shape[1] + 1)
-    for k, colour in zip(count - 1, style.ramp(len(count))):
-        rows.plot(row, laid.measured_kPa[k], "o", ms=2.5, color=colour, label=f"frame {k + 1}")
-        rows.plot(row, laid.fitted_kPa[k], color=colour, lw=1)
-    rows.set_xlabel("row")
-    depth.plot(count, laid.measured_mm, "o", ms=2.5, color=style.BLUE)
-    depth.plot(count, laid.fitted_mm, color=style.ORANGE, lw=1)
-    _residual(left, count.astype(float), laid.residual_kPa)
-    left.set(xlabel="frame of the press", ylabel="row")
-    _named(rows, depth)
-
-
-def _named(rows: Axes, depth: Axes) -> None:
-    rows.set(ylabel="row's mean (kPa)", title="Measured (points) and fitted (lines)")
-    style.beside(rows)
-    depth.set_ylabel("depth (mm)")
+def _fitted(
+    ax: Axes, x: np.ndarray, measured: np.ndarray, fitted: np.ndarray, colour: Any, label: str
+) -> None:
+    ax.plot(x, measured, "o", ms=2.5, color=colour, label=label)
+    ax.plot(x, fitted, color=colour, lw=1)
 
 
 def _residual(ax: Axes, x: np.ndarray, residual_kPa: np.ndarray) -> None:

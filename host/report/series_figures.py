@@ -27,11 +27,6 @@ GROUPS: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 """The six graphs of Figure 12."""
 
-TITLES = {
-    12: "The Effects of Input Parameters on Tactile Maps",
-    14: "The Effects of Input Parameters on Probe Displacement",
-}
-
 
 def twelve(strokes: Strokes) -> Item:
     """Figure 12: what each input does to the tactile maps, beside what the thesis says of it."""
@@ -51,7 +46,6 @@ def twelve(strokes: Strokes) -> Item:
         beside.append(Beside("force from .2 to 1.0", "Base, Amplitude and Stdev increase", ours))
     return Item(
         "Figure 12",
-        TITLES[12],
         "Tactile maps as force, stiffness, diameter and depth change, one at a time and together.",
         beside,
         lambda: figure_12(strokes),
@@ -126,7 +120,6 @@ def fourteen(strokes: Strokes) -> Item:
         )
     return Item(
         "Figure 14",
-        TITLES[14],
         "Displacement along the stroke as diameter, depth, stiffness and force change.",
         beside,
         lambda: figure_14(strokes),

@@ -34,10 +34,8 @@ def items(weights: Sequence[Path] = (), thickness_mm: float = 30.0) -> list[Item
     return [
         Item(
             "Figure 15",
-            "Strain-Force Curves (Different E)",
             "Nominal strain over the lump against force, each stiffness with its curve A S^B; on the right "
-            "the lump "
-            "that stiffens as it is strained.",
+            "the lump that stiffens as it is strained.",
             [
                 Beside("form", "A Strain^B", f"R2 at least {worst:.4f}"),
                 Beside("force at equal strain grows with E", "yes", "yes" if steeper else "no"),
@@ -48,7 +46,6 @@ def items(weights: Sequence[Path] = (), thickness_mm: float = 30.0) -> list[Item
         ),
         Item(
             "Figure 16",
-            "Strain-Force Curves (Different d and h)",
             "The same for other diameters and depths.",
             [Beside("effect of d and h", "less drastic than that of E", _spread(by_E, by_d, by_h))],
             lambda: figure_16(by_d, by_h),
@@ -77,13 +74,12 @@ def _spread(by_E: dict[float, StrainForce], by_d: list[StrainForce], by_h: list[
 
 
 def _measured(weights: Sequence[Path], thickness_mm: float) -> Item:
-    title = "Strain-Force Curves Generated Using a Real Tactile Probe"
     if not weights:
         why = (
             "Needs measured tables (force, displacement in mm), one CSV file for each rubber lump: --weights "
             "FILE."
         )
-        return Item("Figure 21", title, missing=why)
+        return Item("Figure 21", missing=why)
     found = measure(weights=weights, thickness_mm=thickness_mm).curves
     beside = [
         Beside(
@@ -95,10 +91,9 @@ def _measured(weights: Sequence[Path], thickness_mm: float) -> Item:
     ]
     caption = (
         f"Measured force against strain (displacement over {thickness_mm:g} mm), placed among the simulated "
-        "curves; the "
-        "softest of them sets the scale of the force."
+        "curves; the softest of them sets the scale of the force."
     )
-    return Item("Figure 21", title, caption, beside, lambda: figure_21([one for one, _ in found]))
+    return Item("Figure 21", caption, beside, lambda: figure_21([one for one, _ in found]))
 
 
 def figure_15(curves: Sequence[StrainForce], nonlinear: StrainForce) -> Figure:

@@ -48,17 +48,14 @@ def table_1(fit: ThesisFit) -> Item:
     )
     return Item(
         "Table 1",
-        "Summary of the complete Inverse Model",
         "R2 of each input, from pressure alone and with displacement. The thesis' values are in sample, and "
-        "ours stand "
-        "beside them in sample and, harder, with every run left out of the fit that estimates it. The last "
-        "of each four "
-        "is the forward model inverted by least squares. A (*) marks the equation to use for an input: the "
-        "thesis' by its R2 in sample; ours by that of runs left out, with displacement only where it brings "
-        f"{STAR_FROM:g} or more. The thesis finds h better from pressure. In sample a further term can only "
-        "help: its equation with displacement must leave out features of the map (which ones is lost), and "
-        "ours does worse too where displacement takes the place of Base and Curvature (below, one linear "
-        "term each).",
+        "ours stand beside them in sample and, harder, with every run left out of the fit that estimates it. "
+        "The last of each four is the forward model inverted by least squares. A (*) marks the equation to "
+        "use for an input: the thesis' by its R2 in sample; ours by that of runs left out, with displacement "
+        f"only where it brings {STAR_FROM:g} or more. The thesis finds h better from pressure. In sample a "
+        "further term can only help: its equation with displacement must leave out features of the map "
+        "(which ones is lost), and ours does worse too where displacement takes the place of Base and "
+        "Curvature (below, one linear term each).",
         [
             Beside("in-sample R2 reached (to .005)", f"{known} values", f"{reached} of {known}"),
             Beside("(*) with displacement", thesis_names, our_names),
@@ -86,10 +83,8 @@ def appendix_a(strokes: Sequence[Stroke]) -> Item:
         tables.append((f"Relative to {REFERENCE_CODE}", relative_table))
     return Item(
         "Appendix A",
-        "Raw Data from Simulations",
         "Every run with its inputs and outputs. The thesis' own table is lost: the codes are those that its "
-        "text and "
-        "Table 1 imply.",
+        "text and Table 1 imply.",
         [
             Beside(
                 "runs",
@@ -119,7 +114,6 @@ def appendix_b(fit: ThesisFit) -> Item:
     tables = [(equation.text(), coefficients(equation.table)) for equation in fit.forward.values()]
     return Item(
         "Appendix B",
-        "Regression Analysis Results for the Forward Model",
         "One equation for each output, its terms chosen by backward elimination: coefficient, standard "
         "error, t, P and "
         "variance inflation. Curvature takes one falling power of F, chosen among nine: a quadratic of ln F "
@@ -143,7 +137,6 @@ def appendix_c(fit: ThesisFit) -> Item:
     tables = [(f"{_which(e)}: {e.direct.text()}", coefficients(e.direct.table)) for e in fit.entries]
     return Item(
         "Appendix C",
-        "Regression Analysis Results for the Inverse Model",
         "One equation for each input and each choice of data: the best subset of terms, by leave-one-out "
         "error.",
         beside,

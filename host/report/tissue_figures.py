@@ -29,10 +29,8 @@ def items(*, simulate: bool = True) -> list[Item]:
     out = [
         Item(
             "Figure 5",
-            "Breast Tissue Geometry Used in the Finite Element Simulations",
             "Fat over gland over chest wall, a round lump on the border between fat and gland; the probe "
-            "presses "
-            "from above and is stroked along the surface. t = d (h + 1/2).",
+            "presses from above and is stroked along the surface. t = d (h + 1/2).",
             [
                 Beside(
                     "reference case",
@@ -46,7 +44,6 @@ def items(*, simulate: bool = True) -> list[Item]:
         ),
         Item(
             "Figure 6d",
-            "Development of the Finite Element Model: the final mesh",
             "Small elements in a skin along the surface and round the lump, coarse ones elsewhere.",
             [
                 Beside("nodes", "about 3000", f"{len(mesh.nodes_mm)}"),
@@ -56,7 +53,6 @@ def items(*, simulate: bool = True) -> list[Item]:
         ),
         Item(
             "Figure 7",
-            "Finite Element Models for Selected Tissue Geometries",
             "Three of the thirty geometries, each meshed by the same rule.",
             [Beside("geometries", "three of thirty", ", ".join(SHOWN_GEOMETRIES))],
             figure_7,
@@ -69,15 +65,7 @@ def items(*, simulate: bool = True) -> list[Item]:
         caption = (
             "Four positions of one stroke: the deformed tissue with the probe, and the tactile image below."
         )
-        out.append(
-            Item(
-                "Figure 8",
-                "Tissue Deformation and Tactile Images",
-                caption,
-                beside,
-                lambda: figure_8(deformed, pressed),
-            )
-        )
+        out.append(Item("Figure 8", caption, beside, lambda: figure_8(deformed, pressed)))
     return out
 
 

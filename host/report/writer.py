@@ -14,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 
 from palpate.report import pages, style
-from palpate.report.items import Item, Summary
+from palpate.report.items import TITLES, Item, Summary, lacking
 
 if TYPE_CHECKING:
     from palpate.learn.result import FieldFit, TissueFit
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from palpate.sim.tissue import Stroke
 
 _log = logging.getLogger(__name__)
-_ORDER = {"Figure": 0, "Table": 1, "Appendix": 2, "Beyond": 3}
 _PNG_DPI = 170
 
 
@@ -72,10 +71,10 @@ def write_report(
     target = Path(directory)
     target.mkdir(parents=True, exist_ok=True)
     tell = progress or (lambda name: None)
-    parts = []
+    parts, order = [], {name: place for place, name in enumerate(TITLES)}
     with style.look():
         found = _items(strokes, thesis, field, recording, weights, thickness_mm, simulate, tell)
-        for item in sorted([*found, *more], key=_place):
+        for item in sorted([*found, *more], key=lambda item: order.get(item.name, len(order))):
             tell(item.name)
             parts.append({"item": item, "png": drawn(item, target)})
     page = target / "index.html"
@@ -114,52 +113,25 @@ def _items(
         found += model_figures.items(thesis)
         found += tables.items(thesis, strokes)
     else:
-        found += _without_fit()
+        of_the_fit = [f"Figure {n}" for n in (13, 17, 18, 19)] + [
+            "Table 1",
+            *(f"Appendix {a}" for a in "ABC"),
+        ]
+        found += lacking(
+            of_the_fit,
+            "Needs the thesis' runs: palpate sweep --design thesis --out RUNS, then palpate fit RUNS --kind "
+            "thesis --report DIR",
+        )
     if simulate:
         tell("Figure 15")
         found += strain_figures.items([Path(w) for w in weights], thickness_mm)
     else:
-        found += _without_simulations()
+        simulated = [f"Figure {n}" for n in (8, 15, 16, 21)]
+        found += lacking(simulated, "Left out: it needs simulations of its own, which were not asked for.")
     found += recording_figures.items(measured)
     if field is not None:
         found += held_out_figures.items(field)
     return found
-
-
-def _without_simulations() -> list[Item]:
-    why = "Left out: it needs simulations of its own, which were not asked for."
-    titles = {
-        "Figure 8": "Tissue Deformation and Tactile Images",
-        "Figure 15": "Strain-Force Curves (Different E)",
-        "Figure 16": "Strain-Force Curves (Different d and h)",
-        "Figure 21": "Strain-Force Curves Generated Using a Real Tactile Probe",
-    }
-    return [Item(name, title, missing=why) for name, title in titles.items()]
-
-
-def _without_fit() -> list[Item]:
-    why = (
-        "Needs the thesis' runs: palpate sweep --design thesis --out RUNS, then palpate fit RUNS --kind "
-        "thesis "
-        "--report DIR"
-    )
-    titles = {
-        "Figure 13": "The Relationship Between Input and Output Parameters",
-        "Figure 17": "Validity of the Forward Models",
-        "Figure 18": "Validity of the Inverse Models (Using Pressure Only)",
-        "Figure 19": "Validity of the Inverse Models (Using Pressure and Displacement)",
-        "Table 1": "Summary of the complete Inverse Model",
-        "Appendix A": "Raw Data from Simulations",
-        "Appendix B": "Regression Analysis Results for the Forward Model",
-        "Appendix C": "Regression Analysis Results for the Inverse Model",
-    }
-    return [Item(name, title, missing=why) for name, title in titles.items()]
-
-
-def _place(item: Item) -> tuple[int, float, str]:
-    kind, _, rest = item.name.partition(" ")
-    digits = "".join(c for c in rest if c.isdigit())
-    return _ORDER.get(kind, 9), float(digits or 0), rest
 
 
 def drawn(item: Item, target: Path) -> str:
