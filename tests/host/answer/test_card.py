@@ -54,7 +54,6 @@ def test_a_lump_has_all_its_numbers_with_their_intervals_and_units():
     assert {rows[key]["unit"] for key in ("d_mm", "t_mm", "place_mm")} == {"mm"}
     assert rows["F_N_per_m"]["unit"] == "N/m" and said["model_id"] == b"MODEL-ID".hex()
     assert said["E_ratio"]["value"] == pytest.approx(0.1**-1.5) and "× fat" in said["stiffness_text"]
-    assert said["notice"] == "Research use, not a diagnosis."
     assert said["layer"] is None and not said["reference"]
     assert said["hardness"] == "hard" and said["hardness_text"].startswith("hard")
     assert card(answered(hard=False))["hardness_text"].startswith("soft")
@@ -89,6 +88,7 @@ def test_what_is_wrong_with_a_stroke_comes_before_what_is_in_it(changes, kind, n
     """numbers: all; those that mean something without a lump (False); none at all (None)."""
     said = card(answered(**changes), Told(across=ACROSS, layer=LAYER))
     assert said["kind"] == kind and said["text"] and said["title"]
+    assert said["notice"] == card(None)["notice"] == "Research use, not a diagnosis."
     assert (said["hardness"] is not None) == bool(numbers) == (said["layer"] is not None)
     assert (said["E_ratio"] is not None) == bool(numbers) == bool(said["stiffness_text"])
     if numbers:

@@ -21,7 +21,7 @@ from palpate.view.notices import LinkChanged, LinkState
 from palpate.view.page_connection import to_json
 from palpate.view.session import Session
 from palpate.wire.events import Frame
-from tests.host.view.synthetic import IN_GLAND, Bump, estimate, frame, state, stroke
+from tests.host.view.synthetic import Bump, estimate, frame, state, stroke
 
 
 def test_frames_before_the_probe_says_started_belong_to_the_stroke_and_those_in_the_air_do_not():
@@ -96,45 +96,14 @@ def test_a_probe_left_on_the_tissue_for_an_hour_does_not_fill_the_memory():
     assert detail["traces"]["position_mm"][0] == 0.0 and detail["traces"]["position_mm"][-1] > 19.0
 
 
-def answered(bump, code=status.OK):
-    """The card of the answer to this bump."""
-    event = estimate(bump, 0.0, code)
-    return card(event.estimate, event.told)
-
-
-def test_nothing_is_said_of_a_lump_where_none_was_found():
-    said = answered(Bump(kind="none"))
-    assert said["hardness"] is None and said["E_ratio"] is None
-    assert said["rows"] == [], "the probe sends zeros; once the card said a force of 0 N/m"
-
-
-def test_the_card_says_where_a_lump_lies_and_takes_its_depth_from_there():
-    said = answered(Bump(layer=IN_GLAND))
-    assert said["layer"]["text"] == "in the gland (90 %)"
-    assert [said["layer"][part] for part in ("value", "low", "high")] == [0.0, 0.0, 0.1]
-    assert said["layer"]["sizes"] == "13.4 mm if 3.1 × fat, 10.1 mm if over 50 × fat (each ± 7 %)"
-    (depth,) = (row for row in said["rows"] if row["key"] == "depth_mm")
-    assert (depth["value"], depth["low"], depth["high"]) == IN_GLAND.depth_mm
-    json.loads(to_json(said))
-    close = dataclasses.replace(IN_GLAND, worth_saying=False)
-    assert answered(Bump(layer=close))["layer"]["sizes"] == ""
-    assert answered(Bump())["layer"] is None
-    assert answered(Bump(kind="none", layer=IN_GLAND))["layer"] is None
-
-
-def test_every_card_carries_the_line():
-    for kind in ("lump", "none", "outside", "force", "unread"):
-        assert answered(Bump(kind=kind))["notice"] == "Research use, not a diagnosis."
-    assert card(None)["notice"] == "Research use, not a diagnosis."
-
-
 def test_what_is_not_finite_reaches_the_page_as_null():
     text = to_json({"a": math.nan, "b": [math.inf, 1.0], "c": ({"d": -math.inf},)})
     assert json.loads(text) == {"a": None, "b": [None, 1.0], "c": [{"d": None}]}
 
 
 def test_an_estimate_without_numbers_makes_a_card():
-    said = answered(Bump(kind="unread"), status.TOO_SHORT)
+    event = estimate(Bump(kind="unread"), 0.0, status.TOO_SHORT)
+    said = card(event.estimate, event.told)
     assert said["title"] == "Stroke could not be read" and not said["rows"]
     reason = status.TEXT[status.TOO_SHORT]
     assert said["text"] == f"{reason[0].upper()}{reason[1:]}. Stroke again."
