@@ -1,19 +1,13 @@
 // The estimate card: words and numbers from the server, an interval bar with its scale for each number.
 
 import { COLUMNS, PITCH_MM } from "./array.js";
+import { element } from "./dom.js";
 
 const SPANS = { d_mm: 30, width_mm: 30, depth_mm: 30, t_mm: 40, F_N_per_m: 150 };
 const SIDE_MM = (COLUMNS * PITCH_MM) / 2; // of a place, to both sides of the face's middle
 const STIFFEST = 1000; // times fat: the end of the scale, and of what the models are for
 
 const number = (v, unit) => (unit === "N/m" ? v.toFixed(0) : (+v.toFixed(1) || 0).toFixed(1)).replace("-", "\u2212");
-
-export function element(tag, attributes = {}, ...children) {
-  const node = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, value);
-  node.append(...children);
-  return node;
-}
 
 /** A sentence with `commands` in it, as nodes: what stands between backticks is set as code. */
 export function sentence(text) {

@@ -1,6 +1,7 @@
 // The charts of a stroke: tactile map with its fit; its press, force against displacement; displacement and force along it. The
 // stroke before is a shadow.
 
+import { get } from "./dom.js";
 import { Held, Plot, extent, nearest } from "./plot.js";
 
 const FACE_HALF_MM = 12;
@@ -11,7 +12,7 @@ const LEAST_MM = 0.4; // of displacement along a stroke: the dip over a lump is 
 
 export class StrokeCharts {
   /** moved(mm): the pointer is there along a chart, null: it has left them; or they have to be drawn anew. */
-  constructor(get, moved) {
+  constructor(moved) {
     this.map = new Plot(get("map"), { xLabel: "place on the tissue (mm)", yLabel: "kPa", yTicks: 6 });
     this.press = new Plot(get("press"), { xLabel: "mm", yLabel: "N/m" });
     this.displacement = new Plot(get("displacement"), { xLabel: "position (mm)", yLabel: "mm" });

@@ -1,18 +1,17 @@
 // Two visits side by side: what has changed, and whether by more than strokes differ among themselves.
 
-import { element } from "./card.js";
+import { element } from "./dom.js";
 
 const NAMES = { d_mm: "Diameter, mm", depth_mm: "Depth, mm", t_mm: "Thickness, mm", F_N_per_m: "Force, N/m" };
 const signed = (v) => `${v < 0 ? "\u2212" : "+"}${Math.abs(v).toFixed(1)}`;
 
 /** The nodes that show what the server found. */
 export function comparison(found) {
-  const result = document.createElement("p");
   const main = found.d_mm;
-  result.className = `result${main?.beyond ? " beyond" : ""}`;
-  result.textContent = main?.text ?? "One of the visits holds no stroke with a diameter yet.";
+  const text = main?.text ?? "One of the visits holds no stroke with a diameter yet.";
+  const result = element("p", { class: main?.beyond ? "result beyond" : "result" }, text);
   if (!main) return [result];
-  const table = document.createElement("table");
+  const table = element("table");
   table.innerHTML = "<thead><tr><th></th><th>earlier</th><th>later</th><th>change</th></tr></thead>";
   const body = table.createTBody();
   for (const [key, name] of Object.entries(NAMES)) {
@@ -32,8 +31,6 @@ export function comparison(found) {
     if (row.change_low === null) continue;
     change.append(element("small", {}, ` (${signed(row.change_low)} to ${signed(row.change_high)})`));
   }
-  const assumed = element("details", {});
   const words = element("p", { class: "small-print" }, found.assumes);
-  assumed.append(element("summary", {}, "95 % intervals; what they take for granted"), words);
-  return [result, table, assumed];
+  return [result, table, element("details", {}, element("summary", {}, "95 % intervals; what they take for granted"), words)];
 }

@@ -1,6 +1,6 @@
 // The fitted stroke over the measured one, and what the fit leaves: means of the face's rows along the stroke.
 
-import { element } from "./card.js";
+import { element } from "./dom.js";
 import { Plot, extent } from "./plot.js";
 
 const SHOWN = 4; // rows of the face with curves of their own

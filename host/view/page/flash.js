@@ -1,6 +1,8 @@
 // Putting a model image onto the probe: the page holds the port, so the page does it.
 
-export function startFlash(get, { toast }) {
+import { get, toast } from "./dom.js";
+
+export function startFlash() {
   document.addEventListener("click", ({ target }) => {
     if (!target.closest("[data-do=flash]")) return;
     get("flash-state").textContent = "";

@@ -1,10 +1,11 @@
 // What the reader sets of the tactile image: its view, its contrast, and the cell whose value is told below it.
 
 import { COLUMNS, ROWS } from "./array.js";
+import { get } from "./dom.js";
 
 const MOVES = { ArrowUp: COLUMNS, ArrowDown: -COLUMNS, ArrowLeft: -1, ArrowRight: 1 };
 
-export function startImageTools(get, image) {
+export function startImageTools(image) {
   const { canvas } = image;
 
   function choose(cell) {
@@ -45,8 +46,8 @@ export function startImageTools(get, image) {
   });
   for (const id of ["low", "high"]) get(id).addEventListener("input", contrast);
   get("contrast-reset").addEventListener("click", () => {
-    Object.assign(get("low"), { value: 0 });
-    Object.assign(get("high"), { value: 100 });
+    get("low").value = 0;
+    get("high").value = 100;
     contrast();
   });
 }

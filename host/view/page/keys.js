@@ -1,12 +1,14 @@
 // Keyboard. Letters do nothing while somebody types into a field or a dialog is open.
 
-export function startKeys({ charts, get, history, page, replay, selected, toggleTheme, tools, visitPanel }) {
+import { get, toast } from "./dom.js";
+
+export function startKeys({ charts, history, page, replay, selected, toggleTheme, tools, visitPanel }) {
   const hold = () => {
     const { mode } = document.body.dataset;
     if (mode === "replay") replay.toggle();
     if (mode !== "live") return; // the page does not know yet what it shows
     page.held = !page.held;
-    tools.toast(page.held ? "The picture is held. Space goes on." : "Live again.");
+    toast(page.held ? "The picture is held. Space goes on." : "Live again.");
     selected.showLast();
   };
   const once = new Set([" ", "r", "m", "v", "e", "l", "p", "t", "?"]); // a key held down does these once

@@ -3,40 +3,40 @@
 import { drawCard, sentence } from "./card.js";
 import { StrokeCharts } from "./charts.js";
 import { Connection, unpackFrame } from "./connection.js";
+import { get, toast } from "./dom.js";
 import { startFlash } from "./flash.js";
 import { startImageTools } from "./image_tools.js";
 import { startKeys } from "./keys.js";
 import { TactileImage } from "./tactile_image.js";
 import { startReference } from "./reference.js";
 import { Replay } from "./replay.js";
-import { Selected } from "./selected.js";
+import { Selected, readouts } from "./selected.js";
 import { startTheme } from "./theme.js";
 import { startTools } from "./tools.js";
 import { VisitPanel } from "./visit_panel.js";
 import { History } from "./visits.js";
 
-const get = (id) => document.getElementById(id);
 const page = { frames: [], frame: null, imageNew: false, chartsNew: true, historyNew: true, held: false, running: null, awaited: false, drawn: [], link: null };
 const redraw = () => Object.assign(page, { imageNew: true, chartsNew: true, historyNew: true });
 
 const ask = (command, options) => connection.ask(command, options);
-const quietly = (command, options) => ask(command, options).catch((error) => tools.toast(error.message));
+const quietly = (command, options) => ask(command, options).catch((error) => toast(error.message));
 const image = new TactileImage(get("image"));
-const charts = new StrokeCharts(get, (mm) => {
+const charts = new StrokeCharts((mm) => {
   page.chartsNew = true;
   selected.hover(mm);
 });
-const history = new History(get, { ask, pick: (number) => selected.pick(number), toast: (text) => tools.toast(text) });
-const replay = new Replay(get, quietly);
-const selected = new Selected(get, { image, charts, history, page, redraw, toast: (text) => tools.toast(text) });
-const visitPanel = new VisitPanel(get, { image, history, page }, { ask, pick: (number) => selected.pick(number), toast: (text) => tools.toast(text), redraw });
+const history = new History({ ask, pick: (number) => selected.pick(number) });
+const replay = new Replay(quietly);
+const selected = new Selected({ image, charts, history, page, redraw });
+const visitPanel = new VisitPanel({ image, history, page }, { ask, pick: (number) => selected.pick(number), redraw });
 const toggleTheme = startTheme(redraw);
-const connection = new Connection({ message: receive, frame: receiveFrame, closed: offline });
-const tools = startTools(get, { ask, greeted: () => connection.greeted, image, page });
-startFlash(get, { toast: (text) => tools.toast(text) });
-startImageTools(get, image);
-const showReference = startReference(get, { ask, toast: (text) => tools.toast(text) });
-startKeys({ charts, get, history, page, replay, selected, toggleTheme, tools, visitPanel });
+const connection = new Connection({ message: (message) => told[message.type]?.(message), frame: receiveFrame, closed: offline });
+const tools = startTools({ ask, greeted: () => connection.greeted, image, page });
+startFlash();
+startImageTools(image);
+const showReference = startReference(ask);
+startKeys({ charts, history, page, replay, selected, toggleTheme, tools, visitPanel });
 get("theme").addEventListener("click", toggleTheme);
 new ResizeObserver(redraw).observe(document.querySelector("main"));
 document.fonts.addEventListener("loadingdone", redraw); // canvases were drawn in whatever was there
@@ -60,77 +60,54 @@ function nextFrame() {
   return unneeded ? page.frames.shift() : frame;
 }
 
-function receive(message) {
-  switch (message.type) {
-    case "hello":
-      if (page.session !== message.session) begin(message.session);
-      image.loadColors().then(redraw, () => {}); // without an answer the next greeting asks again
-      document.body.dataset.mode = message.mode;
-      document.title = `Palpate: ${message.name}`;
-      showHealth(message.health);
-      image.stroking = false;
-      page.awaited = message.running !== null && !message.state.stroke;
-      showState(message.state);
-      tools.recording(message.recording);
-      replay.set(message.playback);
-      showVisits(message);
-      showLink(message.link);
-      page.running = message.running;
-      selected.start(message.strokes.at(-1)?.number ?? null);
-      break;
-    case "link":
-      showLink(message.link);
-      break;
-    case "health":
-      showHealth(message.health);
-      break;
-    case "draw":
-      get("h-age").textContent = message.age_ms.toFixed(0);
-      break;
-    case "state":
-      showState(message.state);
-      break;
-    case "progress":
-      if (message.number === null) selected.jumped();
-      if (visitPanel.open && page.running?.lane_mm !== message.lane_mm) page.historyNew = true;
-      page.running = message.number === null ? null : message;
-      if (!page.running) page.awaited = false;
-      // The last stroke stays until there is something to see of the next.
-      if (page.running?.map.x_mm.length > 7 && !selected.picked && !page.held) {
-        charts.show(page.running);
-        image.base = page.running.base;
-      }
-      page.chartsNew = true;
-      break;
-    case "stroke":
-      page.running = null;
-      page.awaited = false;
-      image.ended(message);
-      selected.finished(message);
-      break;
-    case "refined":
-      selected.refined(message.number, message.refined);
-      break;
-    case "visits":
-      showVisits(message);
-      break;
-    case "lanes":
-      visitPanel.setKnown(message.lanes);
-      break;
-    case "recording":
-      tools.recording(message.recording);
-      break;
-    case "notice":
-      tools.toast(message.text);
-      break;
-    case "mark":
-      tools.toast(`Mark: ${message.text}`);
-      break;
-    case "playback":
-      replay.set(message.playback);
-      break;
-  }
-}
+/** What the viewer program tells, by the type of its message. */
+const told = {
+  hello(message) {
+    if (page.session !== message.session) begin(message.session);
+    image.loadColors().then(redraw, () => {}); // without an answer the next greeting asks again
+    document.body.dataset.mode = message.mode;
+    document.title = `Palpate: ${message.name}`;
+    showHealth(message.health);
+    image.stroking = false;
+    page.awaited = message.running !== null && !message.state.stroke;
+    showState(message.state);
+    tools.recording(message.recording);
+    replay.set(message.playback);
+    showVisits(message);
+    showLink(message.link);
+    page.running = message.running;
+    selected.start(message.strokes.at(-1)?.number ?? null);
+  },
+  progress(message) {
+    if (message.number === null) selected.jumped();
+    if (visitPanel.open && page.running?.lane_mm !== message.lane_mm) page.historyNew = true;
+    page.running = message.number === null ? null : message;
+    if (!page.running) page.awaited = false;
+    // The last stroke stays until there is something to see of the next.
+    if (page.running?.map.x_mm.length > 7 && !selected.picked && !page.held) {
+      charts.show(page.running);
+      image.base = page.running.base;
+    }
+    page.chartsNew = true;
+  },
+  stroke(message) {
+    page.running = null;
+    page.awaited = false;
+    image.ended(message);
+    selected.finished(message);
+  },
+  draw: ({ age_ms }) => (get("h-age").textContent = age_ms.toFixed(0)),
+  health: ({ health }) => showHealth(health),
+  lanes: ({ lanes }) => visitPanel.setKnown(lanes),
+  link: ({ link }) => showLink(link),
+  mark: ({ text }) => toast(`Mark: ${text}`),
+  notice: ({ text }) => toast(text),
+  playback: ({ playback }) => replay.set(playback),
+  recording: ({ recording }) => tools.recording(recording),
+  refined: ({ number, refined }) => selected.refined(number, refined),
+  state: ({ state }) => showState(state),
+  visits: showVisits,
+};
 
 /** The first viewer program, or another one in its place. */
 function begin(session) {
@@ -244,19 +221,15 @@ function showForce(force, range = page.force_range) {
   bar.title = `The model is for ${low.toFixed(0)} to ${high.toFixed(0)} N/m`;
 }
 
-function readouts() {
+function showNow() {
   if (selected.picked || page.held) return;
   const gone = document.body.dataset.link === "gone" || document.body.dataset.link === "offline";
-  const frame = (!gone && page.frame) || { force: NaN, displacement_mm: NaN, position_mm: NaN, peak_kPa: NaN };
-  const show = (id, value, digits) => (get(id).textContent = Number.isFinite(value) ? value.toFixed(digits) : "–");
-  show("now-force", frame.force, 0);
+  const frame = (!gone && page.frame) || {};
+  readouts(frame);
   showForce(frame.force || 0);
-  show("now-displacement", frame.displacement_mm, 2);
-  show("now-position", frame.position_mm, 1);
-  show("now-peak", frame.peak_kPa, 1);
 }
 
-setInterval(readouts, 125);
+setInterval(showNow, 125);
 setInterval(() => {
   const now = performance.now();
   const lump = image.outlined?.length ? `; lump ${image.outlined.join(", ")}` : "";

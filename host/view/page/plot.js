@@ -165,19 +165,13 @@ export class Plot {
       }
       c.fillText(this.xLabel, (box.left + box.right) / 2, box.bottom + 18 * k);
     }
-    c.save();
-    c.translate(8 * k, (box.top + box.bottom) / 2);
-    c.rotate(-Math.PI / 2);
-    c.textBaseline = "middle";
-    c.fillText(this.yLabel, 0, 0);
-    c.restore();
+    upright(c, this.yLabel, 8 * k, (box.top + box.bottom) / 2);
   }
 
-  line(c, { x, y, color: paint, width = 2, dash = [] }, toX, toY) {
+  line(c, { x, y, color: paint, width }, toX, toY) {
     c.strokeStyle = color(paint);
     c.lineWidth = width;
     c.lineJoin = "round";
-    c.setLineDash(dash);
     c.beginPath();
     let pen = false;
     for (let i = 0; i < x.length; i++) {
@@ -189,7 +183,6 @@ export class Plot {
       }
     }
     c.stroke();
-    c.setLineDash([]);
   }
 
   points(c, { x, y, color: paint, radius = 2.6 }, toX, toY) {
@@ -204,27 +197,27 @@ export class Plot {
   }
 
   /** An image of signed values, row by row over x: one colour for more, another for less. */
-  cells(c, { x, values, top, more = "fit", less = "points" }, toX, toY) {
+  cells(c, { x, values, top }, toX, toY) {
     const ends = x.map((v, n) => toX(n ? (x[n - 1] + v) / 2 : v - (x[1] - v) / 2));
     ends.push(toX(1.5 * x.at(-1) - 0.5 * x.at(-2)));
     values.forEach((row, r) => {
       const [y, next] = [toY(r + 1.5), toY(r + 0.5)];
       row.forEach((v, n) => {
         c.globalAlpha = Math.min(Math.abs(v) / top, 1);
-        c.fillStyle = color(v > 0 ? more : less);
+        c.fillStyle = color(v > 0 ? "fit" : "points");
         c.fillRect(ends[n], y, ends[n + 1] - ends[n], next - y);
       });
     });
     c.globalAlpha = 1;
   }
 
-  span(c, { from, to, color: paint = "shade" }, toX, toY, box) {
-    c.fillStyle = color(paint);
+  span(c, { from, to }, toX, toY, box) {
+    c.fillStyle = color("shade");
     c.fillRect(toX(from), box.top, toX(to) - toX(from), box.bottom - box.top);
   }
 
-  belt(c, { from, to, color: paint = "shade" }, toX, toY, box) {
-    c.fillStyle = color(paint);
+  belt(c, { from, to }, toX, toY, box) {
+    c.fillStyle = color("shade");
     c.fillRect(box.left, toY(to), box.right - box.left, toY(from) - toY(to));
   }
 
@@ -247,6 +240,17 @@ export class Plot {
       c.fill();
     }
   }
+}
+
+/** A word beside an axis that stands. */
+export function upright(c, word, x, y) {
+  c.save();
+  c.translate(x, y);
+  c.rotate(-Math.PI / 2);
+  c.textAlign = "center";
+  c.textBaseline = "middle";
+  c.fillText(word, 0, 0);
+  c.restore();
 }
 
 function line(c, x0, y0, x1, y1) {

@@ -1,6 +1,8 @@
 // The reference press: once a visit, beside the lump.
 
-export function startReference(get, { ask, toast }) {
+import { get, toast } from "./dom.js";
+
+export function startReference(ask) {
   let waits = false;
   const say = (text) => (get("reference-state").textContent = text);
 

@@ -1,11 +1,12 @@
 // Play, pause, seek and speed of a recording. What is asked for is shown at once; a state that the viewer program told before
 // it had applied the command (`commands_applied` counts) does not undo it.
 
+import { element, get } from "./dom.js";
+
 const clock = (s) => `${Math.floor(s / 60)}:${(s % 60).toFixed(1).padStart(4, "0")}`;
 
 export class Replay {
-  constructor(get, ask) {
-    this.get = get;
+  constructor(ask) {
     this.ask = ask;
     this.state = null;
     this.dragging = false;
@@ -32,7 +33,7 @@ export class Replay {
 
   /** The state of the replay, from the viewer program; null: nothing is replayed. */
   set(playback) {
-    this.get("transport").hidden = !playback;
+    get("transport").hidden = !playback;
     const before = this.state;
     this.state = playback;
     if (!playback) return;
@@ -45,7 +46,7 @@ export class Replay {
   }
 
   show() {
-    const { get, state } = this;
+    const { state } = this;
     get("play").classList.toggle("playing", state.playing);
     get("play").setAttribute("aria-label", state.playing ? "Pause" : "Play");
     get("play-length").textContent = clock(state.length_s);
@@ -60,13 +61,11 @@ export class Replay {
   ticks() {
     const { length_s: length, strokes_s: strokes, marks } = this.state;
     const tick = (at, name, title) => {
-      const node = document.createElement("i");
-      node.className = name;
+      const node = element("i", { class: name, title });
       node.style.left = `${(100 * at) / Math.max(length, 1e-6)}%`;
-      node.title = title;
       return node;
     };
-    this.get("ticks").replaceChildren(
+    get("ticks").replaceChildren(
       ...strokes.map((s, i) => tick(s, "stroke", `Stroke ${i + 1}`)),
       ...marks.map((m) => tick(m.time_s, "mark", m.text)),
     );
@@ -99,13 +98,13 @@ export class Replay {
   }
 
   faster(by) {
-    const select = this.get("speed");
+    const select = get("speed");
     select.selectedIndex = Math.min(Math.max(select.selectedIndex + by, 0), select.options.length - 1);
     this.setSpeed();
   }
 
   setSpeed() {
-    const speed = Number(this.get("speed").value);
+    const speed = Number(get("speed").value);
     this.control("speed", { speed }, { speed });
   }
 }

@@ -2,12 +2,14 @@
 
 import { CELLS } from "./array.js";
 import { drawCard, drawRefined, drawVisitAnswer } from "./card.js";
+import { fetched, get, timeOf, toast } from "./dom.js";
 import { Fitted } from "./fitted.js";
+import { nearest } from "./plot.js";
 import { show } from "./stroke_list.js";
 
 export class Selected {
-  constructor(get, { image, charts, history, page, redraw, toast }) {
-    Object.assign(this, { get, image, charts, history, page, redraw, toast });
+  constructor({ image, charts, history, page, redraw }) {
+    Object.assign(this, { image, charts, history, page, redraw });
     this.fitted = new Fitted(get("fitted"));
     this.picked = null;
     this.last = null;
@@ -23,7 +25,7 @@ export class Selected {
   /** The page has just been told everything; `number` is the last stroke, or null. */
   async start(number) {
     const news = ++this.news;
-    const stroke = number === null ? null : await this.fetch(number);
+    const stroke = number === null ? null : await fetched(`/api/stroke-${number}.json`);
     if (news !== this.news || !stroke) return; // a stroke that has ended meanwhile is newer
     this.last = stroke;
     if (this.image.resting && document.body.dataset.mode === "live") this.ended(stroke);
@@ -53,7 +55,7 @@ export class Selected {
   }
 
   note(text) {
-    if (this.get("image-note").textContent !== text) this.get("image-note").textContent = text;
+    if (get("image-note").textContent !== text) get("image-note").textContent = text;
   }
 
   /** The probe has touched the tissue, begun a stroke or been lifted. */
@@ -120,11 +122,11 @@ export class Selected {
     this.rests &&= number === this.history.strokes.at(-1)?.number;
     const choice = ++this.choice;
     this.markPicked(number);
-    const stroke = await this.fetch(number);
+    const stroke = await fetched(`/api/stroke-${number}.json`);
     if (choice !== this.choice) return;
     if (!stroke) {
       this.markPicked(this.picked?.number ?? null);
-      this.toast(`Stroke ${number} cannot be had now.`);
+      toast(`Stroke ${number} cannot be had now.`);
       return;
     }
     this.picked = stroke;
@@ -133,13 +135,13 @@ export class Selected {
     this.images = unpackImages(stroke.images);
     this.image.base = stroke.base;
     this.image.turn();
-    const range = this.get("scrub-range");
+    const range = get("scrub-range");
     document.body.dataset.picked = number;
     range.max = Math.max(this.images.length - 1, 0);
-    this.get("scrub").hidden = this.images.length < 2;
+    get("scrub").hidden = this.images.length < 2;
     if (this.images.length) this.scrub(this.images.reduce((best, i, n) => (i.peak > this.images[best].peak ? n : best), 0));
     this.history.keepInSight(); // the button and the slider have taken room from the list
-    show(this.get("image").closest(".panel"));
+    show(get("image").closest(".panel"));
     this.redraw();
   }
 
@@ -153,7 +155,7 @@ export class Selected {
     this.image.picked = false;
     this.image.base = (this.page.running ?? this.last)?.base ?? null;
     this.image.turn();
-    this.get("scrub").hidden = true;
+    get("scrub").hidden = true;
     delete document.body.dataset.picked;
     this.charts.show(this.page.running ?? this.last);
     if (this.last) this.card(this.last);
@@ -165,16 +167,16 @@ export class Selected {
   /** In the list, at once; the stroke itself may take a moment. */
   markPicked(number) {
     this.wanted = number;
-    this.get("back-live").hidden = number === null;
-    this.get("back-live").textContent = document.body.dataset.mode === "live" ? "Back to live (Esc)" : "Back (Esc)";
+    get("back-live").hidden = number === null;
+    get("back-live").textContent = document.body.dataset.mode === "live" ? "Back to live (Esc)" : "Back (Esc)";
     this.history.mark(number);
   }
 
   scrub(index) {
     const shown = this.images[index];
     if (!shown) return;
-    this.get("scrub-range").value = index;
-    this.get("scrub-text").textContent = `At ${shown.position_mm.toFixed(1)} mm`;
+    get("scrub-range").value = index;
+    get("scrub-text").textContent = `At ${shown.position_mm.toFixed(1)} mm`;
     this.note(`stroke ${this.picked.number}`);
     document.body.dataset.picked = this.picked.number;
     this.place = shown.position_mm;
@@ -186,22 +188,16 @@ export class Selected {
   }
 
   /** Force and displacement where the picked stroke's image was taken. */
-  readouts({ position_mm: at, peak }) {
-    const { position_mm: places, force_N_per_m: force, displacement_mm: depth } = this.picked.traces;
-    const far = (n) => Math.abs(places[n] - at);
-    const here = places.reduce((best, _, n) => (far(n) < far(best) ? n : best), 0);
-    const show = (id, value, digits) => (this.get(id).textContent = Number.isFinite(value) ? value.toFixed(digits) : "–");
-    show("now-force", force[here], 0);
-    show("now-displacement", depth[here], 2);
-    show("now-position", at, 1);
-    show("now-peak", peak, 1);
+  readouts({ position_mm, peak }) {
+    const { position_mm: places, force_N_per_m: forces, displacement_mm: depths } = this.picked.traces;
+    const here = nearest(places, position_mm);
+    readouts({ force: forces[here], displacement_mm: depths[here], position_mm, peak_kPa: peak });
   }
 
   /** The pointer over a chart moves along the picked stroke; null: it has left. */
   hover(at) {
     if (at === null || !this.picked || !this.images.length) return;
-    const far = (n) => Math.abs(this.images[n].position_mm - at);
-    this.scrub(this.images.reduce((best, _, n) => (far(n) < far(best) ? n : best), 0));
+    this.scrub(nearest(this.images.map(({ position_mm }) => position_mm), at));
   }
 
   /** Another stroke has joined a visit: its answer may be another. */
@@ -220,24 +216,23 @@ export class Selected {
     const { mode } = document.body.dataset;
     const visit = this.history.visits.find(({ number }) => number === (stroke?.visit ?? null));
     const answer = visit?.answer?.numbers.includes(stroke.number) ? visit.answer : null;
-    drawVisitAnswer(this.get("visit-answer"), answer, visit?.name.endsWith(".mcap") ? "This recording" : visit?.name);
-    drawCard(this.get("card"), stroke?.card, { gone: this.page.link !== "connected", mode, model: this.page.model, awaited: this.page.awaited, hero: !answer });
-    drawRefined(this.get("refined"), stroke?.refined);
+    drawVisitAnswer(get("visit-answer"), answer, visit?.name.endsWith(".mcap") ? "This recording" : visit?.name);
+    drawCard(get("card"), stroke?.card, { gone: this.page.link !== "connected", mode, model: this.page.model, awaited: this.page.awaited, hero: !answer });
+    drawRefined(get("refined"), stroke?.refined);
     this.fitted.show(stroke?.refined?.laid ?? null);
     if (!stroke) {
-      this.get("estimate-which").textContent = "";
+      get("estimate-which").textContent = "";
       return;
     }
-    const time = new Date(stroke.wall_time * 1000).toLocaleTimeString([], { hour12: false });
     const lost = stroke.gaps ? `, ${stroke.gaps} frames lost` : "";
     this.exports(stroke.number);
-    this.get("estimate-which").textContent = `stroke ${stroke.number}, ${time}${lost}`;
+    get("estimate-which").textContent = `stroke ${stroke.number}, ${timeOf(stroke.wall_time)}${lost}`;
   }
 
   /** The export menu takes the stroke that is shown; null: there is none. */
   exports(number) {
     for (const kind of ["png", "svg", "csv", "json"]) {
-      const link = this.get(`export-${kind}`);
+      const link = get(`export-${kind}`);
       if (number === null) {
         link.removeAttribute("href");
         link.setAttribute("aria-disabled", true);
@@ -248,15 +243,12 @@ export class Selected {
       link.removeAttribute("aria-disabled");
     }
   }
+}
 
-  async fetch(number) {
-    try {
-      const answer = await fetch(`/api/stroke-${number}.json`);
-      return answer.ok ? await answer.json() : null;
-    } catch {
-      return null;
-    }
-  }
+/** The numbers below the image; what is not known is a dash. */
+export function readouts({ force, displacement_mm, position_mm, peak_kPa }) {
+  const shown = [["force", force, 0], ["displacement", displacement_mm, 2], ["position", position_mm, 1], ["peak", peak_kPa, 1]];
+  for (const [id, value, digits] of shown) get(`now-${id}`).textContent = Number.isFinite(value) ? value.toFixed(digits) : "–";
 }
 
 function unpackImages({ position_mm: positions, step_kPa: step, peak_kPa: peaks, uint16 }) {

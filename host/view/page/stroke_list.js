@@ -1,37 +1,18 @@
 // The lines of the list of strokes.
 
+import { element, timeOf } from "./dom.js";
+
 /** The line over a visit's strokes. */
-export function head(text) {
-  const line = document.createElement("li");
-  line.className = "visit";
-  line.setAttribute("role", "presentation");
-  line.textContent = text;
-  return line;
-}
+export const head = (text) => element("li", { class: "visit", role: "presentation" }, text);
 
 /** The line of a stroke: its number, time and what was found. */
-export function item(stroke, picked) {
-  const { card } = stroke;
-  const line = document.createElement("li");
-  line.id = `stroke-${stroke.number}`;
-  line.dataset.number = stroke.number;
-  line.setAttribute("role", "option");
-  line.setAttribute("aria-selected", stroke.number === picked);
-  const row = card.rows.find((r) => r.key === "d_mm");
-  const parts = [
-    ["n", `${stroke.number}`],
-    ["when", new Date(stroke.wall_time * 1000).toLocaleTimeString([], { hour12: false })],
-    ["what", card.title],
-  ];
-  if (row && card.kind === "lump") parts.push(["size", `${row.value.toFixed(1)} mm`], [`tag ${card.hardness ?? ""}`, card.hardness]);
-  else line.classList.add("plain");
-  for (const [name, text] of parts) {
-    const span = document.createElement("span");
-    span.className = name;
-    span.textContent = text;
-    line.append(span);
-  }
-  return line;
+export function item({ card, number, wall_time }, picked) {
+  const row = card.kind === "lump" && card.rows.find((r) => r.key === "d_mm");
+  const parts = [["n", number], ["when", timeOf(wall_time)], ["what", card.title]];
+  if (row) parts.push(["size", `${row.value.toFixed(1)} mm`], [`tag ${card.hardness ?? ""}`, card.hardness ?? ""]);
+  const spans = parts.map(([name, text]) => element("span", { class: name }, text));
+  const is = { id: `stroke-${number}`, "data-number": number, role: "option", "aria-selected": number === picked };
+  return element("li", { ...is, class: row ? "" : "plain" }, ...spans);
 }
 
 /** Make the box hold these nodes in this order; those that stand right are not touched. */

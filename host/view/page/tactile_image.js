@@ -3,7 +3,7 @@
 
 import { COLUMNS, PITCH_MM, ROWS } from "./array.js";
 import { clearOf, drawOutline, outline, words } from "./outline.js";
-import { font, prepare, scaleBar, textScale, ticks } from "./plot.js";
+import { font, prepare, scaleBar, textScale, ticks, upright } from "./plot.js";
 import { color } from "./theme.js";
 
 const SCALES = [0.1, 0.2, 0.3, 0.5, 0.75, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 15, 20, 25, 40, 60, 100];
@@ -269,12 +269,7 @@ export class TactileImage {
     c.textBaseline = "middle";
     c.textAlign = "right";
     for (const v of [-outer(ROWS), 0, outer(ROWS)]) c.fillText(`${v}`, x0 - 5, y0 + h / 2 - v * perMm);
-    c.save();
-    c.translate(x0 - 28 * k, y0 + h / 2);
-    c.rotate(-Math.PI / 2);
-    c.textAlign = "center";
-    c.fillText("along (mm)", 0, 0);
-    c.restore();
+    upright(c, "along (mm)", x0 - 28 * k, y0 + h / 2);
   }
 
   bar(c, table, x, y, h, k) {

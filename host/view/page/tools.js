@@ -1,17 +1,12 @@
-// Record, mark, new visit, export, and short notices.
+// Record, mark, new visit and export.
 
-export function startTools(get, { ask, greeted, image, page }) {
+import { get, save, toast } from "./dom.js";
+
+export function startTools({ ask, greeted, image, page }) {
   let recording = null; // as the server told it last
   let wanted = null; // what recording will be when every press is answered; null: nothing is on its way
   let pressed = 0; // presses on their way
   let turning = Promise.resolve(); // starts, stops and marks go to the server one after the other
-
-  function toast(text) {
-    const note = document.createElement("p");
-    note.textContent = text;
-    get("toasts").append(note);
-    setTimeout(() => note.remove(), 5000);
-  }
 
   const run = (command, options) => ask(command, options).catch((error) => toast(error.message));
 
@@ -82,13 +77,7 @@ export function startTools(get, { ask, greeted, image, page }) {
   }
 
   function saveImage() {
-    const link = document.createElement("a");
-    link.download = `tactile-image-${page.frame?.seq ?? 0}.png`;
-    image.canvas.toBlob((blob) => {
-      link.href = URL.createObjectURL(blob);
-      link.click();
-      setTimeout(() => URL.revokeObjectURL(link.href), 60_000); // when the browser has surely read it
-    });
+    save(image.canvas, `tactile-image-${page.frame?.seq ?? 0}.png`);
     get("export").open = false;
   }
 
@@ -102,5 +91,5 @@ export function startTools(get, { ask, greeted, image, page }) {
   });
   setInterval(tick, 500);
 
-  return { toast, recording: showRecording, record, mark, visit };
+  return { recording: showRecording, record, mark, visit };
 }

@@ -1,6 +1,6 @@
 // The panel with the map of the visit: it takes the place of the charts; here the operator says where strokes go.
 
-import { element } from "./card.js";
+import { element, fetched, get, save, toast } from "./dom.js";
 import { prepare } from "./plot.js";
 import { reveal, show } from "./stroke_list.js";
 import { color } from "./theme.js";
@@ -14,9 +14,9 @@ const NONE_YET = "Strokes appear here as they end, each in its lane.";
 const PICTURE = [1200, 800];
 
 export class VisitPanel {
-  /** hooks: {ask(command, options), pick(number), toast(text), redraw()} */
-  constructor(get, { image, history, page }, hooks) {
-    Object.assign(this, { get, image, history, page, hooks });
+  /** hooks: {ask(command, options), pick(number), redraw()} */
+  constructor({ image, history, page }, hooks) {
+    Object.assign(this, { image, history, page, hooks });
     this.strips = new Map(); // by stroke: a strip never changes
     this.asked = new Map(); // by stroke: the promise of its strip
     this.lanes = null;
@@ -41,9 +41,9 @@ export class VisitPanel {
   toggle() {
     if (this.open) delete document.body.dataset.view;
     else document.body.dataset.view = "visit";
-    this.get("visit-map-button").setAttribute("aria-pressed", this.open);
-    this.get("visit-map-button").classList.toggle("on", this.open);
-    if (this.open) show(this.get("visit-map").closest(".panel"));
+    get("visit-map-button").setAttribute("aria-pressed", this.open);
+    get("visit-map-button").classList.toggle("on", this.open);
+    if (this.open) show(get("visit-map").closest(".panel"));
     this.hooks.redraw();
   }
 
@@ -67,16 +67,16 @@ export class VisitPanel {
 
   /** What is being typed stays. */
   fields() {
-    this.get("lanes-told").checked = this.lanes.told;
+    get("lanes-told").checked = this.lanes.told;
     for (const [id, key] of [["lane-next", "next_mm"], ["lane-step", "step_mm"]]) {
-      const field = this.get(id);
+      const field = get(id);
       const typing = field === document.activeElement && field.value !== field.dataset.shown;
       if (!typing) field.value = field.dataset.shown = `${this.lanes[key]}`;
     }
   }
 
   async setLanes(told) {
-    const fields = ["lane-next", "lane-step"].map((id) => this.get(id));
+    const fields = ["lane-next", "lane-step"].map((id) => get(id));
     for (const field of fields) field.dataset.shown = field.value; // no longer typed, but told
     const [next, step] = fields.map((field) => field.valueAsNumber);
     if (!Number.isFinite(next) || !Number.isFinite(step)) return this.lanes && this.fields();
@@ -87,7 +87,7 @@ export class VisitPanel {
       this.setKnown(lanes);
     } catch (error) {
       this.waits -= 1;
-      this.hooks.toast(error.message);
+      toast(error.message);
     }
     if (!this.waits && this.lanes) this.fields();
   }
@@ -122,7 +122,7 @@ export class VisitPanel {
     const { picked, current } = this.history;
     const table = this.image.tables[this.image.name];
     this.describe(strokes); // first: the words take room from the map
-    const canvas = this.get("visit-map");
+    const canvas = get("visit-map");
     const { context, width, height } = prepare(canvas);
     const running = this.page.running?.visit === this.visit ? this.page.running : null;
     const live = document.body.dataset.mode === "live" && this.visit === current;
@@ -146,13 +146,13 @@ export class VisitPanel {
   }
 
   describe(strokes) {
-    this.get("visit-map-note").textContent = this.name;
-    this.get("visit-map-order").textContent = this.remark(strokes);
+    get("visit-map-note").textContent = this.name;
+    get("visit-map-order").textContent = this.remark(strokes);
     const lines = strokes.map(described);
     const key = JSON.stringify([lines, this.history.picked]);
     if (key !== this.listed) {
       this.listed = key;
-      const list = this.get("visit-map-list");
+      const list = get("visit-map-list");
       list.replaceChildren(
         ...strokes
           .map(({ number }, n) => element("li", { "data-number": number, ...(number === this.history.picked && { "aria-current": "true" }) }, lines[n]))
@@ -161,7 +161,7 @@ export class VisitPanel {
       const line = list.querySelector("[aria-current]");
       if (line) reveal(list, line);
     }
-    this.get("visit-map").setAttribute("aria-label", `Map of the visit, ${strokes.length} ${strokes.length === 1 ? "stroke" : "strokes"}; the list below says what is on it`);
+    get("visit-map").setAttribute("aria-label", `Map of the visit, ${strokes.length} ${strokes.length === 1 ? "stroke" : "strokes"}; the list below says what is on it`);
   }
 
   /** Ask for the strips that are not here yet, each once; where no answer comes, again with the next drawing. */
@@ -172,7 +172,7 @@ export class VisitPanel {
 
   async fetchOne(number) {
     const { sessions } = this;
-    const strip = await stripOf(number);
+    const strip = await fetched(`/api/strip-${number}.json`);
     if (sessions !== this.sessions) return;
     if (!strip) return this.asked.delete(number);
     this.strips.set(number, strip);
@@ -190,39 +190,23 @@ export class VisitPanel {
   // ---- a picture to take away
 
   async save() {
-    this.get("export").open = false;
+    get("export").open = false;
     await this.image.loadColors().catch(() => {});
     await this.fetch(this.shown());
     const strokes = this.shown();
     const table = this.image.tables[this.image.name];
-    const canvas = document.createElement("canvas");
-    [canvas.width, canvas.height] = PICTURE;
+    const [width, height] = PICTURE;
+    const canvas = element("canvas", { width, height });
     const c = canvas.getContext("2d");
     c.fillStyle = color("panel");
-    c.fillRect(0, 0, ...PICTURE);
-    const [width, height] = PICTURE;
-    if (!table || !drawVisit(c, width, height - 70, { strokes, byLanes: this.byLanes(strokes), table })) return this.hooks.toast("There is no stroke to map yet.");
+    c.fillRect(0, 0, width, height);
+    if (!table || !drawVisit(c, width, height - 70, { strokes, byLanes: this.byLanes(strokes), table })) return toast("There is no stroke to map yet.");
     const models = [...new Set(strokes.map((s) => s.card.model_id).filter(Boolean))].join(", ");
     c.fillStyle = color("text");
     c.textAlign = "left";
     c.textBaseline = "top";
     c.fillText(`${this.name}. ${this.remark(strokes)}`, 24, height - 52);
     c.fillText(`Model ${models || "none"}. ${strokes[0].card.notice}`, 24, height - 30);
-    const link = document.createElement("a");
-    link.download = `visit-${this.visit}.png`;
-    canvas.toBlob((blob) => {
-      link.href = URL.createObjectURL(blob);
-      link.click();
-      setTimeout(() => URL.revokeObjectURL(link.href), 60_000); // when the browser has surely read it
-    });
-  }
-}
-
-async function stripOf(number) {
-  try {
-    const answer = await fetch(`/api/strip-${number}.json`);
-    return answer.ok ? await answer.json() : null;
-  } catch {
-    return null;
+    save(canvas, `visit-${this.visit}.png`);
   }
 }

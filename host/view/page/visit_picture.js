@@ -1,7 +1,7 @@
 // The map of a visit on a canvas: the strips in colours, the lumps' outlines with their estimates, axes and colour bar.
 
 import { drawOutline } from "./outline.js";
-import { font, scaleBar, textScale, ticks } from "./plot.js";
+import { font, scaleBar, textScale, ticks, upright } from "./plot.js";
 import { color } from "./theme.js";
 import { HALF_FACE_MM, arranged, blend, extent, label, onMap, placed, scaleTop, told, without } from "./visit_map.js";
 
@@ -74,12 +74,7 @@ function axes(c, shown, { x0, y0, w, h, toX, toY, k }) {
   for (const v of ticks(shown.bottom, shown.top, Math.max(1, Math.min(7, h / (30 * k))))) {
     if (toY(v) >= y0 - 1) c.fillText(`${v}`, x0 - 5 * k, toY(v));
   }
-  c.save();
-  c.translate(x0 - 32 * k, y0 + h / 2);
-  c.rotate(-Math.PI / 2);
-  c.textAlign = "center";
-  c.fillText("along (mm)", 0, 0);
-  c.restore();
+  upright(c, "along (mm)", x0 - 32 * k, y0 + h / 2);
 }
 
 /** How long 20 mm are, where there are no axes. */

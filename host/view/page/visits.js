@@ -1,15 +1,15 @@
 // The list of strokes, how well they repeat, and two visits side by side.
 
 import { comparison } from "./comparison.js";
+import { element, get, toast } from "./dom.js";
 import { Held, Plot, extent } from "./plot.js";
 import { arrange, head, inSight, item, reveal } from "./stroke_list.js";
 
 const UNITS = { d_mm: "mm", depth_mm: "mm", t_mm: "mm", F_N_per_m: "N/m" };
 
 export class History {
-  /** hooks: {ask(command, options), pick(number|null), toast(text)} */
-  constructor(get, hooks) {
-    this.get = get;
+  /** hooks: {ask(command, options), pick(number|null)} */
+  constructor(hooks) {
     this.hooks = hooks;
     this.strokes = [];
     this.visits = [];
@@ -61,7 +61,7 @@ export class History {
 
   /** Scroll the list so that the picked stroke can be seen. */
   keepInSight() {
-    const box = this.get("strokes");
+    const box = get("strokes");
     const line = box.querySelector('[aria-selected="true"]');
     if (line) reveal(box, line);
   }
@@ -69,7 +69,7 @@ export class History {
   mark(number) {
     if (number === this.picked) return;
     this.picked = number;
-    const box = this.get("strokes");
+    const box = get("strokes");
     box.removeAttribute("aria-activedescendant");
     for (const item of box.querySelectorAll("[data-number]")) {
       const on = Number(item.dataset.number) === number;
@@ -103,17 +103,17 @@ export class History {
     }
     if (!nodes.size) add("none", () => head("Strokes are listed here as they end."));
     this.items = nodes;
-    const box = this.get("strokes");
+    const box = get("strokes");
     const picked = box.querySelector('[aria-selected="true"]');
     const seen = picked && inSight(box, picked);
     arrange(box, [...nodes.values()]);
     if (seen) this.keepInSight(); // those that come push it down; a reader who has scrolled elsewhere stays there
     const n = this.strokes.length;
-    this.get("history-note").textContent = n ? `${n} so far; pick one to see it again` : "";
+    get("history-note").textContent = n ? `${n} so far; pick one to see it again` : "";
   }
 
   fillVisits() {
-    const [a, b] = [this.get("visit-a"), this.get("visit-b")];
+    const [a, b] = [get("visit-a"), get("visit-b")];
     for (const select of [a, b]) {
       const same = this.visits.length === select.length && this.visits.every((v, i) => v.name === select[i].text);
       if (!same) select.replaceChildren(...this.visits.map((v) => new Option(v.name, v.number))); // one may be open
@@ -123,7 +123,7 @@ export class History {
   }
 
   async refresh() {
-    const last = Math.min(Math.max(Number(this.get("last").value) || 5, 2), 100);
+    const last = Math.min(Math.max(Number(get("last").value) || 5, 2), 100);
     const turn = (this.refreshed = (this.refreshed ?? 0) + 1);
     let spread;
     try {
@@ -138,7 +138,7 @@ export class History {
   }
 
   draw() {
-    const key = this.get("quantity").value;
+    const key = get("quantity").value;
     const unit = UNITS[key];
     const shown = this.strokes.filter((s) => s.visit === this.current && s.card.kind === "lump").slice(-24);
     const items = shown.map((stroke, i) => {
@@ -159,17 +159,17 @@ export class History {
       [-0.7, Math.max(items.length, 6) - 0.3],
       y,
     );
-    this.get("repeat-text").textContent = sentence(found, unit);
+    get("repeat-text").textContent = sentence(found, unit);
   }
 
   shownPair() {
-    return [Number(this.get("visit-a").value), Number(this.get("visit-b").value)];
+    return [Number(get("visit-a").value), Number(get("visit-b").value)];
   }
 
   async compare() {
     const turn = (this.compared = (this.compared ?? 0) + 1);
     const [a, b] = this.shownPair();
-    const box = this.get("comparison");
+    const box = get("comparison");
     if (!a || !b || a === b) {
       box.innerHTML = `<p class="say">Begin a new visit, or load an earlier recording, to see whether the lump has grown by more than strokes differ among themselves.</p>`;
       return;
@@ -187,9 +187,9 @@ export class History {
   }
 
   async openLoad() {
-    const list = this.get("load-list");
+    const list = get("load-list");
     list.textContent = "Looking into the recordings folder.";
-    this.get("dialog-load").showModal();
+    get("dialog-load").showModal();
     let files;
     try {
       ({ files } = await this.hooks.ask("recordings"));
@@ -199,21 +199,18 @@ export class History {
     }
     list.replaceChildren(
       ...files.map((file) => {
-        const button = document.createElement("button");
-        button.textContent = file;
+        const button = element("button", {}, file);
         button.addEventListener("click", () => this.load(file));
-        const item = document.createElement("li");
-        item.append(button);
-        return item;
+        return element("li", {}, button);
       }),
     );
     if (!files.length) list.textContent = "The recordings folder is empty. Record a visit first (R).";
   }
 
   async load(file) {
-    this.get("dialog-load").close();
+    get("dialog-load").close();
     const choices = ++this.choices;
-    this.hooks.toast(`Reading ${file}.`);
+    toast(`Reading ${file}.`);
     try {
       const { visit, strokes } = await this.hooks.ask("load-visit", { file });
       if (choices === this.choices) {
@@ -221,9 +218,9 @@ export class History {
         this.fillVisits();
         await this.compare();
       }
-      this.hooks.toast(`${file}: ${strokes} ${strokes === 1 ? "stroke" : "strokes"} loaded.`);
+      toast(`${file}: ${strokes} ${strokes === 1 ? "stroke" : "strokes"} loaded.`);
     } catch (error) {
-      this.hooks.toast(error.message);
+      toast(error.message);
     }
   }
 }
