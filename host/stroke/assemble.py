@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 from palpate.stroke.answered import Answered
 from palpate.stroke.lanes import lane_of
-from palpate.stroke.phase import Phase, PhaseWatch
 from palpate.stroke.stroke import FollowedStroke
 from palpate.wire.events import Event, Frame, Gap, Log, StrokeState, TactileMap
 
@@ -15,6 +15,62 @@ PRE_ROLL = 64
 """Frames kept between contact and start: the probe reports "started" some frames late."""
 
 _SAME_S = 0.01
+WARNING_S = 1.5
+"""How long a warning (press harder, too fast) stays."""
+_WARNINGS = {"force_low", "force_high", "too_fast"}
+
+
+@dataclass(frozen=True)
+class Phase:
+    """The stroke at this moment; `time_s` is the probe's, of the last change."""
+
+    time_s: float
+    contact: bool = False
+    stroke: bool = False
+    lump: bool = False
+    force_low: bool = False
+    force_high: bool = False
+    too_fast: bool = False
+
+
+class _PhaseWatch:
+    """Follows the changes that the probe tells; `now` is the phase."""
+
+    def __init__(self) -> None:
+        self.now = Phase(0.0)
+        self._warned_s: float | None = None
+
+    def change(self, event: StrokeState) -> None:
+        """Take the next change."""
+        time_s = event.time_us * 1e-6
+        self.now = self._after(event.state, time_s)
+        if event.state in _WARNINGS:
+            self._warned_s = time_s
+
+    def tick(self, time_s: float) -> None:
+        """The probe's time goes on: a warning has been there long enough."""
+        if self._warned_s is not None and not 0.0 <= time_s - self._warned_s <= WARNING_S:
+            self._warned_s = None
+            self.now = replace(self.now, time_s=time_s, force_low=False, force_high=False, too_fast=False)
+
+    def reset(self) -> None:
+        """The link broke: nothing is known of contact or stroke."""
+        self.now = Phase(self.now.time_s)
+        self._warned_s = None
+
+    def _after(self, change: str, time_s: float) -> Phase:
+        now = replace(self.now, time_s=time_s)
+        if change in _WARNINGS:
+            return replace(now, **{change: True})
+        if change == "contact":
+            return Phase(time_s, contact=True)
+        if change == "started":
+            return Phase(time_s, contact=True, stroke=True)
+        if change == "lump_passed":
+            return Phase(time_s, contact=True, stroke=True, lump=True)
+        if change == "ended":
+            return replace(now, stroke=False, lump=False)
+        return Phase(time_s)
 
 
 class Assembler:
@@ -33,7 +89,7 @@ class Assembler:
         """The stroke is over, its answer has not come."""
         self._begun: deque[FollowedStroke] = deque(maxlen=4)
         self._before: deque[Frame] = deque(maxlen=PRE_ROLL)
-        self._watch = PhaseWatch()
+        self._watch = _PhaseWatch()
 
     @property
     def phase(self) -> Phase:

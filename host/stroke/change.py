@@ -26,11 +26,9 @@ QUANTITIES = {
 """What two visits are compared by, in words and units."""
 
 ASSUMES = (
-    "95 % intervals of the change. They count how strokes of one visit differ among themselves, "
-    "and take for granted that the "
-    "probe was the same on both visits: a zero or gain that was calibrated anew in between, or "
-    "has drifted, shifts all strokes "
-    "of a visit together and is not in them."
+    "95 % intervals of the change. They count how strokes of one visit differ among themselves, and take for "
+    "granted that the probe was the same on both visits: a zero or gain that was calibrated anew in between, "
+    "or has drifted, shifts all strokes of a visit together and is not in them."
 )
 
 

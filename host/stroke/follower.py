@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from firmware_py import calib, forcemap, messages, pipeline, status
 from palpate.stroke.documents import Documents, ReadBack
-from palpate.stroke.push import push
 from palpate.stroke.session_frames import SessionFrames
 from palpate.wire.events import OUTPUTS, Estimate, Event, Features, Gap
 
@@ -84,8 +83,7 @@ class Follower:
             return None
         p = _Pipeline(calibration)
         p.press_is_whole = found.press is not None
-        code = push(p, found.stroke, _force_map(spec), found.press)
-        return p if code == status.OK else None
+        return p if found.push(p, _force_map(spec)) == status.OK else None
 
 
 def _force_map(spec: ModelSpec) -> Any:

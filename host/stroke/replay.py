@@ -22,9 +22,8 @@ from palpate.recording.playback import open_recording
 from palpate.recording.reader import Recording
 from palpate.stroke.documents import Documents
 from palpate.stroke.follower import Follower
-from palpate.stroke.push import push
 from palpate.stroke.session_frames import SessionFrames, StrokeFrames
-from palpate.wire.events import Estimate, Features, Frame
+from palpate.wire.events import Estimate, Features
 
 if TYPE_CHECKING:
     from palpate.answer.told import Told
@@ -111,7 +110,6 @@ class Replayer:
         if calibration and own.load(calibration) != status.OK:
             raise RecordingError("the recording's calibration cannot be read; record the stroke again")
         self._pipeline = pipeline.Pipeline(own)
-        self._force_map = self.model.force_map
         self._out = array("i", bytes(4 * evaluator.OUT_SIZE))
 
     @property
@@ -124,9 +122,8 @@ class Replayer:
     def estimate(
         self,
         said: Estimate,
-        frames: list[Frame],
-        press: list[Frame] | None = None,
-        reference: tuple[int, int, int] | None = None,
+        frames: StrokeFrames,
+        reference: tuple[int, int, int] | None,
     ) -> tuple[Estimate, tuple[int, ...]]:
         """The estimate and the features of a stroke's frames.
 
@@ -134,11 +131,9 @@ class Replayer:
         ----------
         said : Estimate
             The probe's own, for the stroke's number and place.
-        frames : list of Frame
-            All frames that it rests on, in order.
-        press : list of Frame, optional
-            Those between contact and the stroke's start.
-        reference : (int, int, int), optional
+        frames : StrokeFrames
+            All that it rests on.
+        reference : (int, int, int) or None
             What the probe kept of a reference press.
         """
         if (first := self.model.first) is not None:
@@ -146,7 +141,7 @@ class Replayer:
             if reference is not None and first.refers and _met_reference(said):
                 first.set(*reference)
         p = self._pipeline
-        code = push(p, frames, self._force_map, press)
+        code = frames.push(p, self.model.force_map)
         code, flags, level, distance, values = answer(code, self.model, p.features, self._out)
         own = Estimate(
             said.host_ns,
@@ -158,7 +153,7 @@ class Replayer:
             level,
             distance,
             self.model.model_id,
-            len(frames),
+            len(frames.stroke),
             said.first_seq,
             said.last_seq,
             said.overrun,
@@ -234,7 +229,7 @@ def _compare(
     if reference is None and _met_reference(said):
         why = "the recording does not hold the reference press that the probe kept"
         return ReplayedStroke(said, None, None, why)
-    estimate, values = replayer.estimate(said, frames.stroke, frames.press, reference)
+    estimate, values = replayer.estimate(said, frames, reference)
     equal = None if told is None else _same(told, values, frames.press is not None)
     return ReplayedStroke(said, estimate, equal)
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from firmware_py import messages
+from firmware_py.pipeline import Pipeline
 from palpate.wire.events import Estimate, Event, Frame, StrokeState
 
 FRAMES_KEPT = 1 << 16
@@ -31,6 +32,17 @@ class StrokeFrames:
     stroke: list[Frame]
     missing: int
     press: list[Frame] | None
+
+    def push(self, pipeline: Pipeline, force_map: object | None) -> int:
+        """Push the press and then the stroke through the firmware's own pipeline; its status
+        (`firmware_py.status`)."""
+        pipeline.begin_press()
+        for frame in self.press or ():
+            pipeline.add_press(frame.packed, frame.displacement_um)
+        pipeline.reset()
+        for frame in self.stroke:
+            pipeline.add_frame(frame.packed, frame.position_um, frame.displacement_um)
+        return int(pipeline.finish(force_map))
 
 
 class SessionFrames:

@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 
 from palpate.stroke.answered import Answered
-from palpate.stroke.assemble import Assembler
+from palpate.stroke.assemble import Assembler, Phase
 from palpate.stroke.lanes import lane_of
-from palpate.stroke.phase import Phase
 from palpate.stroke.stroke import FollowedStroke
 from palpate.stroke.tactile_map import force_N_per_m, peak_kPa
 from palpate.view.mailbox import Mailbox
