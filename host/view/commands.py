@@ -19,6 +19,7 @@ from typing import Any
 from palpate.errors import PalpateError, RecordingError, UsageError
 from palpate.stroke.lanes import mark_of
 from palpate.stroke.stroke import FollowedStroke
+from palpate.view.notices import sentence
 from palpate.view.session import Session
 from palpate.view.source import Flashable, Playable, Recordable, Referable, Source
 
@@ -82,8 +83,7 @@ class PageCommands:
         except CommandError as error:
             return {**answer, "ok": False, "text": str(error)}
         except PalpateError as error:
-            text = str(error).rstrip(".")
-            return {**answer, "ok": False, "text": f"{text[:1].upper()}{text[1:]}."}
+            return {**answer, "ok": False, "text": sentence(error)}
         except OSError as error:
             return {**answer, "ok": False, "text": f"That failed: {error.strerror or error}."}
 
@@ -176,9 +176,8 @@ class PageCommands:
                         "Stop the recording first: its strokes belong to the model it began with."
                     )
                 return {"ok": True, "model_id": self._source.flash(image)}
-        except (CommandError, PalpateError) as error:
-            text = str(error).rstrip(".")
-            return {"ok": False, "text": f"{text[:1].upper()}{text[1:]}."}
+        except PalpateError as error:
+            return {"ok": False, "text": sentence(error)}
 
     # ---- the reference press
 
@@ -207,7 +206,7 @@ class PageCommands:
             visits = self._session.visits
             name = _text(message, "name", f"Visit {len(visits.snapshot()['visits']) + 1}")[:80]
             number = visits.start(name).number
-            self._session.tell_slot("visits", {"type": "visits", **visits.snapshot()})
+            self._session.tell_visits()
         return {"visit": number}
 
     def _list(self, message: dict[str, Any]) -> dict[str, Any]:
@@ -222,7 +221,7 @@ class PageCommands:
             raise CommandError(f"{name} holds no stroke.")
         with self._session.lock:
             number = self._session.visits.add_earlier(Path(name).stem, strokes).number
-            self._session.tell_slot("visits", {"type": "visits", **self._session.visits.snapshot()})
+            self._session.tell_visits()
         return {"visit": number, "strokes": len(strokes)}
 
     def _files(self) -> list[str]:

@@ -21,49 +21,41 @@ from palpate.view.lump_outline import draw_outline, felt_across
 from palpate.wire.cells import PITCH_MM, SHAPE
 
 STROKE_KINDS = ("json", "csv", "png", "svg")
-_COLUMNS = tuple(row.key for row in ROWS)
+_ENDS = {"value": "", "low": "_low", "high": "_high"}
+"""What a column is called that has this part of a number."""
 
 
 def table(snapshot: dict[str, Any]) -> bytes:
     """All strokes as CSV, one line each: what the card says, with intervals."""
     visits = {v["number"]: v["name"] for v in snapshot["visits"]}
+    of_the_card = [row.key + end for row in ROWS for end in _ENDS.values()]
+    stiffness = ["hardness", *("E_ratio" + end for end in _ENDS.values())]
+    rest = ["level", "model_id", "lane_mm", "frames", "lost", "notice"]
     out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    head = ["stroke", "visit", "utc", "verdict"]
-    for key in _COLUMNS:
-        head += [key, f"{key}_low", f"{key}_high"]
-    head += [
-        "hardness",
-        "E_ratio",
-        "E_ratio_low",
-        "E_ratio_high",
-        "level",
-        "model_id",
-        "lane_mm",
-        "frames",
-        "lost",
-        "notice",
-    ]
-    writer.writerow(head)
+    names = ["stroke", "visit", "utc", "verdict", *of_the_card, *stiffness, *rest]
+    writer = csv.DictWriter(out, names, lineterminator="\n")
+    writer.writeheader()
     for stroke in snapshot["strokes"]:
         card = stroke["card"]
-        rows = {row["key"]: row for row in card["rows"]}
-        when = datetime.fromtimestamp(stroke["wall_time"], UTC).isoformat(timespec="seconds")
-        line: list[Any] = [stroke["number"], _plain(visits.get(stroke["visit"], "")), when, card["title"]]
-        for key in _COLUMNS:
-            row = rows.get(key)
-            line += ["", "", ""] if row is None else [f"{row[k]:.6g}" for k in ("value", "low", "high")]
-        ratio = card["E_ratio"] or {}
-        line.append(card["hardness"] or "")
-        line += [f"{v:.6g}" if (v := ratio.get(k)) is not None else "" for k in ("value", "low", "high")]
-        line += [
-            card["level"] or "",
-            card["model_id"],
-            "" if stroke["lane_mm"] is None else stroke["lane_mm"],
-            stroke["frames"],
-            stroke["gaps"],
-            NOT_A_DIAGNOSIS,
-        ]
+        line = {
+            "stroke": stroke["number"],
+            "visit": _plain(visits.get(stroke["visit"], "")),
+            "utc": datetime.fromtimestamp(stroke["wall_time"], UTC).isoformat(timespec="seconds"),
+            "verdict": card["title"],
+            "hardness": card["hardness"],
+            "level": card["level"] or "",
+            "model_id": card["model_id"],
+            "lane_mm": stroke["lane_mm"],
+            "frames": stroke["frames"],
+            "lost": stroke["gaps"],
+            "notice": NOT_A_DIAGNOSIS,
+        }
+        for row in [*card["rows"], {"key": "E_ratio", **(card["E_ratio"] or {})}]:
+            line |= {
+                row["key"] + end: f"{v:.6g}"
+                for part, end in _ENDS.items()
+                if (v := row.get(part)) is not None
+            }
         writer.writerow(line)
     return out.getvalue().encode()
 

@@ -21,7 +21,7 @@ from palpate.stroke.documents import Documents
 from palpate.stroke.follower import Follower
 from palpate.view.latency import Latency
 from palpate.view.live_recorder import LiveRecorder
-from palpate.view.notices import Health, LinkChanged, LinkState, OtherEnd, RecordingStopped
+from palpate.view.notices import Health, LinkChanged, LinkState, OtherEnd, RecordingStopped, sentence
 from palpate.view.source import Emit
 from palpate.wire.events import MARK_PREFIX, Frame, Gap, Log
 from palpate.wire.reference import Reference
@@ -122,16 +122,14 @@ class LiveSource:
         """Put a model image onto the probe, in a pause of the stream; the id of the model that is live
         then."""
         check_image(image)
-        probe = self._probe
-        if probe is None or not probe.connected:
-            raise PortMissing(self._port, "there is no probe to put it on; plug it in first")
+        probe = self._connected("put it on")
         probe.stop_stream()
         try:
             done = flash(probe, image)
             self._documents.learn(image)
         finally:
             probe.start_stream()
-        self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", self._describe(probe)))
+        self._tell(probe)
         return done.model_id
 
     # ---- the reference press
@@ -144,13 +142,13 @@ class LiveSource:
             return words_of(probe.take_reference())
         finally:
             probe.start_stream()
-            self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", self._describe(probe)))
+            self._tell(probe)
 
     def forget_reference(self) -> None:
         """The strokes to come go without it."""
         probe = self._connected("forget a reference press on")
         probe.clear_reference()
-        self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", self._describe(probe)))
+        self._tell(probe)
 
     def _connected(self, what: str) -> Probe:
         probe = self._probe
@@ -171,7 +169,7 @@ class LiveSource:
                     state = LinkState.GONE
                     self._follow(probe, emit, stop)
             except LinkError as error:
-                text = _GONE if state is LinkState.GONE else f"{_sentence(error)} Trying again every second."
+                text = _GONE if state is LinkState.GONE else f"{sentence(error)} Trying again every second."
                 emit(LinkChanged(state, text))
                 if isinstance(error, PortAmbiguous | VersionMismatch):
                     stop.wait(5.0)
@@ -184,9 +182,7 @@ class LiveSource:
         follower.meet(probe)
         self._follower = follower
         probe.reference()  # it may have been taken before this page was opened
-        device = self._describe(probe)
-        self.name = device.serial or self._port
-        emit(LinkChanged(LinkState.CONNECTED, "Connected.", device))
+        self.name = self._tell(probe).serial or self._port
         latency = Latency()
         latency.sync(probe)
         probe.start_stream()
@@ -209,7 +205,7 @@ class LiveSource:
                     if event.ended:
                         follower.meet(probe)
                         probe.reference()
-                        emit(LinkChanged(LinkState.CONNECTED, "Connected.", self._describe(probe)))
+                        self._tell(probe)
                     else:
                         emit(LinkChanged(LinkState.GONE, _GONE))
                     continue
@@ -224,8 +220,11 @@ class LiveSource:
         if probe.connected:
             probe.stop_stream()
 
-    def _describe(self, probe: Probe) -> OtherEnd:
-        return describe(probe, self._documents)
+    def _tell(self, probe: Probe) -> OtherEnd:
+        """Tell the page that the probe is there, and which it is."""
+        device = describe(probe, self._documents)
+        self._emit(LinkChanged(LinkState.CONNECTED, "Connected.", device))
+        return device
 
     def _elsewhere(self) -> bool:
         """Is there another probe than the one that has gone, where any would do? A restarted emulator, a
@@ -245,12 +244,9 @@ class LiveSource:
         (then, before), span = self._rate[0], now - self._rate[0][0]
         return Health(
             frames_per_s=(frames.received - before) / span if span > 0.2 and then < now else 0.0,
-            received=frames.received,
             lost=frames.lost,
             crc_errors=counts.bad_crc,
             resent=counts.resent,
-            duplicates=frames.duplicate,
-            dropped_by_probe=0,
             latency_ms=latency_ms,
         )
 
@@ -290,8 +286,3 @@ def readable(serial: str) -> str:
     except ValueError:
         return serial
     return text if text.isprintable() and text.strip() else serial
-
-
-def _sentence(error: Exception) -> str:
-    text = str(error).rstrip(".")
-    return f"{text[:1].upper()}{text[1:]}."

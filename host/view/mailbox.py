@@ -32,14 +32,10 @@ class Mailbox:
         self._max_events = max_events
         self._count = 0
         self.overflowed = False
-        self.replaced = 0
-        """Slot messages that gave way to a newer one before they were sent."""
 
     def put_slot(self, name: str, message: Message) -> None:
         """Offer the newest message of its kind."""
         with self._lock:
-            if name in self._slots:
-                self.replaced += 1
             self._slots[name] = (self._next(), message)
 
     def put_event(self, message: Message) -> None:

@@ -7,6 +7,12 @@ from enum import Enum
 from typing import Any
 
 
+def sentence(error: Exception) -> str:
+    """What went wrong, as a sentence of its own."""
+    text = str(error).rstrip(".")
+    return f"{text[:1].upper()}{text[1:]}."
+
+
 class LinkState(Enum):
     """Where the source stands."""
 
@@ -48,12 +54,9 @@ class Health:
     """The link's counts since it came up."""
 
     frames_per_s: float = 0.0
-    received: int = 0
     lost: int = 0
     crc_errors: int = 0
     resent: int = 0
-    duplicates: int = 0
-    dropped_by_probe: int = 0
     latency_ms: float | None = None
 
 

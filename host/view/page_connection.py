@@ -62,7 +62,7 @@ class PageConnection:
 
     async def _write(self) -> None:
         async with self._sending:
-            await self._send([{**self._session.snapshot(), "server_time_s": time.time()}])
+            await self._send([self._session.snapshot()])
         due = time.monotonic()
         while True:
             await self._send_waiting(with_frame=len(self._undrawn) < MAX_UNDRAWN)

@@ -128,7 +128,8 @@ class ReplaySource:
             emit(stroke)
         if stop.is_set():
             return
-        emit(_health(session))
+        counts = session.counts
+        emit(Health(lost=session.frame_counts.lost, crc_errors=counts.bad_crc, resent=counts.resent))
         with self._lock:
             self._loaded = True
 
@@ -234,8 +235,3 @@ def _gap(event: Gap) -> tuple[LinkState, str]:
     if event.ended:
         return LinkState.CONNECTED, ""
     return LinkState.GONE, "Here the link to the probe was broken for a while."
-
-
-def _health(session: RecordedSession) -> Health:
-    frames, counts = session.frame_counts, session.counts
-    return Health(0.0, frames.received, frames.lost, counts.bad_crc, counts.resent, frames.duplicate)

@@ -76,7 +76,6 @@ class Viewer:
         except OSError:
             self._socket.close()
             raise
-        self._host = host
         self._stop = threading.Event()
         self._server = uvicorn.Server(
             uvicorn.Config(

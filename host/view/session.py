@@ -21,7 +21,7 @@ from palpate.stroke.assemble import Assembler, Phase
 from palpate.stroke.lanes import lane_of
 from palpate.stroke.stroke import FollowedStroke
 from palpate.stroke.tactile_map import force_N_per_m, peak_kPa
-from palpate.view.mailbox import Mailbox
+from palpate.view.mailbox import FRAME, Mailbox, Message
 from palpate.view.notices import (
     Health,
     Jumped,
@@ -130,11 +130,21 @@ class Session:
             for mailbox in self._mailboxes:
                 mailbox.put_event(message)
 
-    def tell_slot(self, name: str, message: dict[str, Any] | bytes) -> None:
+    def tell_slot(self, message: Message) -> None:
         """Tell every page the newest of its kind."""
+        name = FRAME if isinstance(message, bytes) else message["type"]
         with self.lock:
             for mailbox in self._mailboxes:
                 mailbox.put_slot(name, message)
+
+    def tell_visits(self) -> None:
+        """Tell every page of the visits and their strokes."""
+        self.tell_slot({"type": "visits", **self.visits.snapshot()})
+
+    def _tell_lanes(self) -> dict[str, Any]:
+        lanes = self.visits.lanes.as_dict()
+        self.tell_slot({"type": "lanes", "lanes": lanes})
+        return lanes
 
     def set_recording(self, recording: dict[str, Any] | None) -> None:
         """What is being written, or None."""
@@ -146,7 +156,7 @@ class Session:
         if self.mode == "replay" and (known := self.visits.at(started_s)) is not None:
             return FollowedStroke(number=known.number, visit=known.visit, started_s=started_s)
         stroke = self.visits.new_stroke(started_s)
-        self.tell_slot("lanes", {"type": "lanes", "lanes": self.visits.lanes.as_dict()})
+        self._tell_lanes()
         if stroke.lane_mm is not None and self.on_lane is not None:
             self.on_lane(stroke.lane_mm, stroke.started_s)
         return stroke
@@ -155,15 +165,13 @@ class Session:
         """Where the strokes to come lie across the tissue; the lanes for the page."""
         with self.lock:
             self.visits.lanes.set(told, next_mm, step_mm)
-            lanes = self.visits.lanes.as_dict()
-            self.tell_slot("lanes", {"type": "lanes", "lanes": lanes})
-            return lanes
+            return self._tell_lanes()
 
     def _give_up(self) -> FollowedStroke | None:
         """No more of the running stroke will come; returns one that was over."""
         if self._assembler.running is not None:
             self.visits.lanes.again()
-            self.tell_slot("lanes", {"type": "lanes", "lanes": self.visits.lanes.as_dict()})
+            self._tell_lanes()
         return self._assembler.give_up()
 
     # ---- events from the source
@@ -189,7 +197,7 @@ class Session:
                     self._read_ahead(event)
                 case Health():
                     self.health = event
-                    self.tell_slot("health", {"type": "health", "health": asdict(event)})
+                    self.tell_slot({"type": "health", "health": asdict(event)})
                 case LinkChanged():
                     self._on_link(event)
                 case RecordingStopped():
@@ -197,7 +205,7 @@ class Session:
                     self.tell({"type": "notice", "text": event.text})
                 case Playback():
                     self.playback = event
-                    self.tell_slot("playback", {"type": "playback", "playback": asdict(event)})
+                    self.tell_slot({"type": "playback", "playback": asdict(event)})
                 case Jumped():
                     self._forget_running()
                 case Refined():
@@ -207,7 +215,7 @@ class Session:
         """A half-seen stroke will not go on: somebody moved along the recording."""
         self._give_up()
         self._tell_phase()
-        self.tell_slot("progress", {"type": "progress", "number": None})
+        self.tell_slot({"type": "progress", "number": None})
 
     def _interrupted(self) -> None:
         """The link broke: what was under way will not be finished."""
@@ -220,7 +228,7 @@ class Session:
         self._tell_phase()
         if not self._mailboxes:
             return
-        self.tell_slot("frame", pack_frame(frame))
+        self.tell_slot(pack_frame(frame))
         now = time.monotonic()
         if self._assembler.running is not None and now - self._progress_at >= PROGRESS_INTERVAL_S:
             self._tell_progress(self._assembler.running)
@@ -235,11 +243,11 @@ class Session:
     def _tell_phase(self) -> None:
         if (phase := self._assembler.phase) != self.phase:
             self.phase = phase
-            self.tell_slot("state", {"type": "state", "state": asdict(phase)})
+            self.tell_slot({"type": "state", "state": asdict(phase)})
 
     def _tell_progress(self, stroke: FollowedStroke) -> None:
         if self._mailboxes:
-            self.tell_slot("progress", stroke.progress())
+            self.tell_slot(stroke.progress())
         self._progress_at = time.monotonic()
 
     def _finish(self, stroke: FollowedStroke) -> None:
@@ -252,7 +260,7 @@ class Session:
             self.visits.add(stroke)
             if (running := self._assembler.running) is not None:
                 running.number = stroke.number + 1
-            self.tell_slot("visits", {"type": "visits", **self.visits.snapshot()})
+            self.tell_visits()
         self.tell({**stroke.detail(images=False), "fresh": True})
 
     def _on_refined(self, refined: Refined) -> None:
@@ -272,7 +280,7 @@ class Session:
     def _read_ahead(self, stroke: FollowedStroke) -> None:
         self._refine(stroke)
         self.visits.adopt(stroke)
-        self.tell_slot("visits", {"type": "visits", **self.visits.snapshot()})
+        self.tell_visits()
 
     def _on_link(self, link: LinkChanged) -> None:
         self.link = link

@@ -294,7 +294,7 @@ class SyntheticSource:
         emit(replace(frame, seq=self.seq, time_us=now_us, host_ns=time.time_ns()))
         self.seq += 1
         if self.seq % int(self.rate / 2) == 0:
-            emit(Health(self.rate, self.seq, 0, 0, 0, 0, 0, 3.2))
+            emit(Health(self.rate, latency_ms=3.2))
 
 
 class SyntheticReplay:

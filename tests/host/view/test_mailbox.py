@@ -15,7 +15,7 @@ def test_a_page_that_does_not_read_keeps_one_frame_and_it_is_the_newest():
     mailbox = Mailbox()
     for n in range(10_000):
         mailbox.put_slot("frame", n.to_bytes(4, "little"))
-    assert len(mailbox) == 1 and mailbox.replaced == 9_999
+    assert len(mailbox) == 1
     assert mailbox.take() == [(9_999).to_bytes(4, "little")]
 
 
