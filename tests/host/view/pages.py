@@ -24,6 +24,19 @@ def opened(viewer, open_page, source, mode="live", before=None, **words):
     return running, page
 
 
+def pick(page, number: int) -> None:
+    """Pick a stroke from the list; its image is shown then."""
+    page.locator(f"#stroke-{number}").click()
+    expect(page.locator("#image-note")).to_have_text(f"stroke {number}")
+
+
+def new_visit(page, name: str = "") -> None:
+    """Begin one from the keyboard."""
+    page.keyboard.press("v")
+    page.locator("#text-value").fill(name)
+    page.keyboard.press("Enter")
+
+
 def once(*bumps: Bump) -> SyntheticSource:
     """One stroke over each, and then a page where nothing moves any more."""
     return SyntheticSource(list(bumps), seconds=0.4, rest=0.0, limit=len(bumps))

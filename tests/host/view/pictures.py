@@ -23,7 +23,8 @@ from palpate.view.replay import ReplaySource
 from palpate.view.serve import Viewer
 from tests.host.view import balls
 from tests.host.view.chromium import CHROMIUM_OPTIONS, chromium
-from tests.host.view.waiting import settled
+from tests.host.view.pages import new_visit, pick
+from tests.host.view.waiting import recording_ended, settled
 
 PICTURES = Path(__file__).parents[3] / "docs" / "pictures"
 FIRST, SECOND = "d12h06e20f07_ball", "d15h05e20f06_ball"
@@ -75,8 +76,7 @@ def _lanes(browser: Browser, key: bytes, image: bytes) -> None:
             page = _open(browser, viewer)
             expect(page.locator("#stroke-3")).to_be_visible()
             page.keyboard.press("l")
-            page.locator("#stroke-2").click()
-            expect(page.locator("#image-note")).to_have_text("stroke 2")
+            pick(page, 2)
             expect(page.locator("#visit-map")).to_have_attribute("data-strips", "1 2 3")
             settled(page)
             page.mouse.move(1, 1)
@@ -100,20 +100,13 @@ def _live(page: Page, phone: Page, viewer: Viewer) -> None:
     page.keyboard.press("r")
     expect(page.locator(f"#stroke-{STROKES - 1}")).to_be_visible()
     page.wait_for_selector("[data-step=stroke].on")
-    _new_visit(page, "After six months")  # the fifth stroke has begun and still belongs to the first
+    new_visit(page, "After six months")  # the fifth stroke has begun and still belongs to the first
     expect(page.locator(f"#stroke-{2 * STROKES - 1}")).to_be_visible()
     _in_mid_stroke(page)
     page.screenshot(path=PICTURES / "viewer.png")
     phone.screenshot(path=PICTURES / "viewer-phone.png")
     expect(page.locator(f"#stroke-{2 * STROKES}")).to_be_visible()
-    page.keyboard.press("r")
-    expect(page.locator("#record-text")).to_have_text("Record")
-
-
-def _new_visit(page: Page, name: str) -> None:
-    page.keyboard.press("v")
-    page.locator("#text-value").fill(name)
-    page.keyboard.press("Enter")
+    recording_ended(page)
 
 
 def _in_mid_stroke(page: Page) -> None:

@@ -17,12 +17,10 @@ from palpate.view.live import LiveSource
 from palpate.view.replay import ReplaySource
 from palpate.wire.events import Estimate, Gap
 from tests.host.view.card import numbers_of, numbers_on
-from tests.host.view.waiting import PATIENCE_S, eventually, noticed, recording_begun, see
+from tests.host.view.pages import pick
+from tests.host.view.waiting import PATIENCE_S, eventually, noticed, recording_begun, recording_ended, see
 
 pytestmark = pytest.mark.browser
-
-
-SLOWLY = 0.001
 
 
 @pytest.fixture
@@ -43,8 +41,7 @@ def test_a_stroke_appears_and_the_card_says_what_the_probe_said(probe, viewer, o
     see(page, '[data-step="stroke"].on')  # these strokes know no rest
     see(page, "#map-legend", "fit by the probe")
     expect(page.locator("#stroke-3")).to_be_visible()
-    page.keyboard.press("r")
-    expect(page.locator("#record-text")).to_have_text("Record")
+    recording_ended(page)
     (file,) = (tmp_path / "recordings").glob("*.mcap")
     with open_recording(file) as recorded:
         said = {e.stroke: e for e in recorded.events() if isinstance(e, Estimate)}
@@ -59,8 +56,7 @@ def test_a_stroke_appears_and_the_card_says_what_the_probe_said(probe, viewer, o
     by_time = numbers()
     for estimate in said.values():
         number = by_time[round(estimate.time_us * 1e-6, 3)]
-        page.locator(f"#stroke-{number}").click()
-        expect(page.locator("#image-note")).to_have_text(f"stroke {number}")
+        pick(page, number)
         expect(page.locator("#estimate-which")).to_contain_text(f"stroke {number},")
         assert numbers_on(page) == numbers_of(estimate)
         expect(page.locator("#card .foot")).to_contain_text(estimate.model_id.hex())
@@ -111,8 +107,7 @@ def test_unplugged_it_says_so_and_plugged_in_again_it_goes_on(probe, viewer, ope
     probe.start()
     expect(page.locator("#banner")).to_be_hidden()
     expect(page.locator(f"#stroke-{seen + 1}")).to_be_visible()
-    page.keyboard.press("r")
-    expect(page.locator("#record-text")).to_have_text("Record")
+    recording_ended(page)
     (file,) = (tmp_path / "recordings").glob("*.mcap")
     with open_recording(file) as recorded:
         gaps = [e for e in recorded.events() if isinstance(e, Gap)]

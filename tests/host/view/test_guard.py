@@ -115,30 +115,31 @@ def test_no_line_of_the_viewer_names_a_way_to_the_probes_settings_or_calibration
     assert not used & changes
 
 
-@pytest.mark.parametrize("headers", [{}, {"x-palpate": "page", "origin": "http://evil.example"}])
+def send_model(viewer, model=b"model", **headers):
+    """What the viewer answers to a page that sends a model."""
+    request = urllib.request.Request(by_number(viewer.url) + "api/model", model, headers, method="POST")
+    with urllib.request.urlopen(request) as answer:
+        return json.load(answer)
+
+
+FROM_THE_PAGE = {"x-palpate": "page"}
+
+
+@pytest.mark.parametrize("headers", [{}, FROM_THE_PAGE | {"origin": "http://evil.example"}])
 def test_no_other_sites_page_can_send_a_model(running, headers):
-    request = urllib.request.Request(by_number(running.url) + "api/model", b"model", headers, method="POST")
     with pytest.raises(urllib.error.HTTPError) as refused:
-        urllib.request.urlopen(request)
+        send_model(running, **headers)
     assert refused.value.code == 403
 
 
 def test_a_source_that_takes_no_model_says_so(running):
-    headers = {"x-palpate": "page"}
-    request = urllib.request.Request(by_number(running.url) + "api/model", b"model", headers, method="POST")
-    with urllib.request.urlopen(request) as answer:
-        assert json.load(answer) == {
-            "ok": False,
-            "text": "A recording takes no model; the probe that it came from does.",
-        }
+    said = "A recording takes no model; the probe that it came from does."
+    assert send_model(running, **FROM_THE_PAGE) == {"ok": False, "text": said}
 
 
 def test_a_file_that_is_too_large_for_a_model_is_not_read_to_its_end(running):
-    request = urllib.request.Request(
-        by_number(running.url) + "api/model", bytes(1 << 20), {"x-palpate": "page"}, method="POST"
-    )
     with pytest.raises((urllib.error.HTTPError, ConnectionError, urllib.error.URLError)) as refused:
-        urllib.request.urlopen(request)
+        send_model(running, bytes(1 << 20), **FROM_THE_PAGE)
     if isinstance(refused.value, urllib.error.HTTPError):
         assert refused.value.code == 413
 

@@ -13,6 +13,7 @@ import pytest
 from playwright.sync_api import expect
 
 from palpate.view import app
+from tests.host.view.pages import new_visit
 from tests.host.view.synthetic import Bump, SyntheticSource
 from tests.host.view.waiting import PATIENCE_S, settled
 
@@ -62,9 +63,7 @@ def test_nothing_is_cut_at_any_width_in_any_font(viewer, browser, request, font,
     page.locator("#export summary").click()
     complaints += look_at_all_widths(page, "the menu")
     page.keyboard.press("Escape")
-    page.keyboard.press("v")
-    page.locator("#text-value").fill("After six months, and a holiday in between")
-    page.keyboard.press("Enter")
+    new_visit(page, "After six months, and a holiday in between")
     expect(page.locator("#visit-b option")).to_have_count(2)
     source.bumps, source.limit = [Bump(d_mm=13.0), Bump(d_mm=13.2), Bump(kind="outside", d_mm=23.0)], 6
     expect(page.locator("#stroke-6")).to_be_visible()

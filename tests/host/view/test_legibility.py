@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from playwright.sync_api import expect
 
-from tests.host.view.pages import LUMP, once
+from tests.host.view.pages import LUMP, new_visit, once, pick
 from tests.host.view.synthetic import IN_GLAND, Bump
 from tests.host.view.waiting import settled
 
@@ -22,8 +22,7 @@ def test_everything_fits_the_window(viewer, open_page, name, width, height):
     settled(page)
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     if name == "desk":
-        page.locator("#stroke-1").click()
-        expect(page.locator("#image-note")).to_have_text("stroke 1")
+        pick(page, 1)
         expect(page.locator("#map-legend")).to_contain_text("fit by the probe")
         settled(page)
         page.evaluate("(e => { e.innerHTML = e.innerHTML.replace('probe', 'viewer'); })"
@@ -52,9 +51,7 @@ def test_the_comparison_of_visits_fits_below_the_longest_card(viewer, open_page,
     source = once(fat, fat, fat)
     page = open_page(viewer(source), 1280, 800)
     expect(page.locator("#stroke-3")).to_be_visible()
-    page.keyboard.press("v")
-    page.locator("#text-value").fill("After six months")
-    page.keyboard.press("Enter")
+    new_visit(page, "After six months")
     expect(page.locator("#visit-b option:checked")).to_have_text("After six months")
     source.bumps, source.limit = (
         [
@@ -129,9 +126,7 @@ def test_the_theme_is_changed_by_key_and_remembered(viewer, open_page):
 def test_words_from_outside_are_text_and_never_markup(viewer, open_page):
     page = open_page(viewer(once(LUMP)))
     expect(page.locator("#stroke-1")).to_be_visible()
-    page.keyboard.press("v")
-    page.locator("#text-value").fill("<img src=x onerror=document.title='owned'>")
-    page.keyboard.press("Enter")
+    new_visit(page, "<img src=x onerror=document.title='owned'>")
     expect(page.locator("#visit-b option:checked")).to_have_text("<img src=x onerror=document.title='owned'>")
     assert page.title() != "owned"
 

@@ -11,9 +11,9 @@ from playwright.sync_api import expect
 
 from palpate.stroke.answered import Answered
 from tests.host.view.chromium import free_port
-from tests.host.view.pages import LUMP, once
+from tests.host.view.pages import LUMP, new_visit, once
 from tests.host.view.synthetic import IN_GLAND, Bump, SyntheticSource
-from tests.host.view.waiting import eventually, noticed, recording_begun
+from tests.host.view.waiting import eventually, noticed, recording_begun, recording_ended
 
 pytestmark = pytest.mark.browser
 
@@ -120,9 +120,7 @@ def test_growth_between_two_visits_is_told_from_chance(viewer, open_page):
     source = once(Bump(d_mm=10.0), Bump(d_mm=10.3), Bump(d_mm=10.0), Bump(d_mm=10.3))
     page = open_page(viewer(source))
     expect(page.locator("#stroke-4")).to_be_visible()
-    page.keyboard.press("v")
-    page.locator("#text-value").fill("in spring")
-    page.keyboard.press("Enter")
+    new_visit(page, "in spring")
     expect(page.locator("#visit-b option:checked")).to_have_text("in spring")
     source.bumps = [Bump(d_mm=13.0), Bump(d_mm=13.2)]
     source.limit = 8
@@ -142,8 +140,7 @@ def test_record_and_mark_from_the_keyboard(viewer, open_page, tmp_path):
     page.locator("#text-value").fill("left side")
     page.keyboard.press("Enter")
     expect(page.locator("#dialog-text")).to_be_hidden()
-    page.keyboard.press("r")
-    expect(page.locator("#record-text")).to_have_text("Record")
+    recording_ended(page)
     assert source.marks == ["left side"]
     (file,) = source.recorded
     assert file.suffix == ".mcap" and file.parent == tmp_path / "recordings"

@@ -11,6 +11,7 @@ from palpate.stroke.read import load_strokes
 from palpate.view.replay import ReplaySource
 from palpate.wire.events import Estimate
 from tests.host.view.card import numbers_of, numbers_on
+from tests.host.view.pages import pick
 from tests.host.view.test_stroke_races import Held
 from tests.host.view.waiting import PATIENCE_S, eventually, noticed, settled
 
@@ -92,8 +93,7 @@ def test_a_recording_is_replayed_with_the_same_estimates(recording, viewer, open
     assert bar["height"] > 20 and bar["y"] + bar["height"] <= 650
     page.set_viewport_size({"width": 1280, "height": 800})
     for number, estimate in enumerate(estimates, 1):
-        page.locator(f"#stroke-{number}").click()
-        expect(page.locator("#image-note")).to_have_text(f"stroke {number}")
+        pick(page, number)
         expect(page.locator("#estimate-which")).to_contain_text(f"stroke {number},")
         assert numbers_on(page) == numbers_of(estimate)
     expect(page.locator("#record")).to_be_hidden()

@@ -3,18 +3,17 @@
 import pytest
 from playwright.sync_api import expect
 
-from firmware_py import outputs
-from palpate.answer.card import card
 from palpate.model_export.exporter import export
 from palpate.sim.probe.over_lump import reference_beside, strokes_over
 from palpate.view.live import LiveSource
 from palpate.view.serve import Viewer
-from palpate.wire.events import Estimate
 from tests import reference_model
 from tests.host.conftest import emulated
 from tests.host.probes import LUMP
 
 __all__ = ["emulated"]
+
+pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +23,6 @@ def bench():
     return [beside, *strokes], calibration
 
 
-@pytest.mark.browser
 def test_it_is_taken_in_a_pause_of_the_stream_kept_and_forgotten(emulated, browser, real_key_dir, tmp_path):
     image = export(reference_model.model(), real_key_dir)[0]
     with (
@@ -50,7 +48,6 @@ def test_it_is_taken_in_a_pause_of_the_stream_kept_and_forgotten(emulated, brows
         page.close()
 
 
-@pytest.mark.browser
 def test_a_model_that_takes_none_shows_no_button(emulated, browser, tmp_path):
     with (
         emulated() as probe,
@@ -61,11 +58,3 @@ def test_a_model_that_takes_none_shows_no_button(emulated, browser, tmp_path):
         expect(page.locator("#link-text")).to_have_text("Connected")
         expect(page.locator("#reference")).to_be_hidden()
         page.close()
-
-
-@pytest.mark.parametrize(("flag", "words"), [(64, "With the reference press."), (128, "of another place")])
-def test_the_card_says_what_became_of_it(flag, words):
-    flags = outputs.LUMP | outputs.IN_DOMAIN | flag
-    values = (500000,) * outputs.VALUES
-    said = Estimate(0, 1, 1, 0, flags, 0, 900, 100, bytes(8), 40, 0, 40, 0, 0, values)
-    assert words in card(said)["reference"]

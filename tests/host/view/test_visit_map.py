@@ -17,9 +17,9 @@ from palpate.view.replay import ReplaySource
 from tests.host.conftest import emulated
 from tests.host.probes import LUMP as CYLINDER
 from tests.host.view import balls
-from tests.host.view.pages import once, opened
+from tests.host.view.pages import new_visit, once, opened, pick
 from tests.host.view.synthetic import Bump, SyntheticSource
-from tests.host.view.waiting import eventually, held, noticed, recording_begun, settled
+from tests.host.view.waiting import eventually, held, noticed, recording_begun, recording_ended, settled
 
 __all__ = ["emulated"]
 
@@ -82,27 +82,23 @@ def run(page, module, code):
 def test_a_picked_stroke_shows_its_lump_on_the_side_where_it_was_felt(viewer, open_page):
     page = open_page(viewer(once(ON_THE_RIGHT, ON_THE_LEFT, NONE)))
     expect(page.locator("#stroke-3")).to_be_visible()
-    page.locator("#stroke-1").click()
-    expect(page.locator("#image-note")).to_have_text("stroke 1")
+    pick(page, 1)
     right = outline(page)
     assert right["kind"] == "strip" and right["left"] == 3.0 and right["right"] == 13.5
     assert right["long"]["value"] == 6.0 and right["long"]["low"] < 6.0 < right["long"]["high"]
     assert abs(right["along"]) < 3  # the image shown first is the one over the lump
     page.wait_for_function("() => document.querySelector('#image').ariaLabel.includes('width not known')")
-    page.locator("#stroke-2").click()
-    expect(page.locator("#image-note")).to_have_text("stroke 2")
+    pick(page, 2)
     left = outline(page)
     assert left["left"] == -15.0 and left["right"] == -4.5
-    page.locator("#stroke-3").click()
-    expect(page.locator("#image-note")).to_have_text("stroke 3")
+    pick(page, 3)
     assert outline(page) is None
 
 
 def test_the_outline_moves_with_the_lump_and_leaves_the_face_with_it(viewer, open_page):
     page = open_page(viewer(once(ON_THE_RIGHT)))
     expect(page.locator("#stroke-1")).to_be_visible()
-    page.locator("#stroke-1").click()
-    expect(page.locator("#image-note")).to_have_text("stroke 1")
+    pick(page, 1)
     before = outline(page)["along"]
     page.locator("#scrub-range").focus()
     for _ in range(4):
@@ -115,12 +111,10 @@ def test_the_outline_moves_with_the_lump_and_leaves_the_face_with_it(viewer, ope
 def test_a_lump_felt_by_all_columns_is_a_band_and_one_that_is_not_vouched_for_says_so(viewer, open_page):
     page = open_page(viewer(once(ALL_ACROSS, Bump(kind="outside", d_mm=23.0))))
     expect(page.locator("#stroke-2")).to_be_visible()
-    page.locator("#stroke-1").click()
-    expect(page.locator("#image-note")).to_have_text("stroke 1")
+    pick(page, 1)
     band = outline(page)
     assert (band["kind"], band["left"], band["right"], band["sure"]) == ("band", -19.5, 19.5, True)
-    page.locator("#stroke-2").click()
-    expect(page.locator("#image-note")).to_have_text("stroke 2")
+    pick(page, 2)
     assert outline(page)["sure"] is False
     page.wait_for_function("() => document.querySelector('#image').ariaLabel.includes('do not rely on it')")
 
@@ -249,9 +243,7 @@ def test_another_visit_has_a_map_of_its_own_and_a_picked_stroke_shows_that_of_it
     expect(page.locator("#stroke-1")).to_be_visible()
     page.keyboard.press("l")
     mapped(page, 1)
-    page.keyboard.press("v")
-    page.locator("#text-value").fill("in spring")
-    page.keyboard.press("Enter")
+    new_visit(page, "in spring")
     expect(page.locator("#visit-map-note")).to_have_text("in spring")
     expect(page.locator("#visit-map-order")).to_contain_text("Strokes appear here")
     source.limit = 2
@@ -428,8 +420,7 @@ def test_a_solid_lump_beside_the_line_is_drawn_beside_the_line_and_a_cylinder_al
     expect(page.locator("#stroke-3")).to_be_visible()
     shapes = []
     for number in (1, 2, 3):
-        page.locator(f"#stroke-{number}").click()
-        expect(page.locator("#image-note")).to_have_text(f"stroke {number}")
+        pick(page, number)
         shapes.append(outline(page))
     right, left, cylinder = shapes
     for ring, side in ((right, 1), (left, -1)):
@@ -459,8 +450,7 @@ def test_a_recording_shows_the_map_of_the_visit_that_it_is_of(probe, viewer, ope
     recording_begun(page)
     begun = page.locator("#strokes [data-number]").count()
     expect(page.locator(f"#stroke-{begun + 4}")).to_be_visible()
-    page.keyboard.press("r")
-    expect(page.locator("#record-text")).to_have_text("Record")
+    recording_ended(page)
     (file,) = (tmp_path / "recordings").glob("*.mcap")
     live = {s.estimate.time_us: s.lane_mm for s in running.session.visits.strokes() if s.estimate}
     again = [s for s in load_strokes(file) if s.estimate and s.frames > 40]

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.host.view.chromium import free_port
-from tests.host.view.pages import LUMP, opened, told
+from tests.host.view.pages import LUMP, new_visit, opened, told
 from tests.host.view.synthetic import Bump, SyntheticSource
 from tests.host.view.waiting import eventually, held, noticed
 
@@ -42,9 +42,7 @@ def test_a_visit_being_loaded_holds_up_nothing_and_does_not_undo_a_choice_made_m
         viewer, open_page, source, load_strokes=lambda path: running.session.visits.strokes()
     )
     expect(page.locator("#stroke-1")).to_be_visible()
-    page.keyboard.press("v")
-    page.locator("#text-value").fill("in spring")
-    page.keyboard.press("Enter")
+    new_visit(page, "in spring")
     expect(page.locator("#visit-b option:checked")).to_have_text("in spring")
     with held(running, "load-visit", done=False) as load:
         page.locator("#load-visit").click()

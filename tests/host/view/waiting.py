@@ -47,6 +47,12 @@ def recording_begun(page: Page) -> None:
     expect(page.locator("#record-text")).to_contain_text("Stop")
 
 
+def recording_ended(page: Page) -> None:
+    """Press R again; the page says that it does no longer."""
+    page.keyboard.press("r")
+    expect(page.locator("#record-text")).to_have_text("Record")
+
+
 def see(page: Page, selector: str, text: str = "") -> None:
     """Wait until an element is there and says something, be it between two pictures only."""
     page.evaluate(_SEE, [selector, text, 1000 * PATIENCE_S])
