@@ -23,6 +23,12 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 _PNG_DPI = 170
+_OF_THE_RUNS = [*(f"Figure {n}" for n in (13, 17, 18, 19)), "Table 1", *(f"Appendix {a}" for a in "ABC")]
+_NO_RUNS = (
+    "Needs the thesis' runs: palpate sweep --design thesis --out RUNS, then palpate fit RUNS --kind thesis "
+    "--report DIR"
+)
+_NOT_SIMULATED = "Left out: it needs simulations of its own, which were not asked for."
 
 
 def write_report(
@@ -68,33 +74,8 @@ def write_report(
     -------
     Path of index.html.
     """
-    target = Path(directory)
-    target.mkdir(parents=True, exist_ok=True)
-    tell = progress or (lambda name: None)
-    parts, order = [], {name: place for place, name in enumerate(TITLES)}
-    with style.look():
-        found = _items(strokes, thesis, field, recording, weights, thickness_mm, simulate, tell)
-        for item in sorted([*found, *more], key=lambda item: order.get(item.name, len(order))):
-            tell(item.name)
-            parts.append({"item": item, "png": drawn(item, target)})
-    page = target / "index.html"
-    page.write_text(_page(parts, summary), encoding="utf-8")
-    return page
-
-
-def _items(
-    strokes: Sequence[Stroke],
-    thesis: ThesisFit | None,
-    field: FieldFit | TissueFit | None,
-    recording: str | PathLike[str] | None,
-    weights: Sequence[str | PathLike[str]],
-    thickness_mm: float,
-    simulate: bool,
-    tell: Callable[[str], None],
-) -> list[Item]:
     from palpate.report import (
         held_out_figures,
-        map_2d_figure,
         map_figures,
         model_figures,
         recording_figures,
@@ -103,35 +84,36 @@ def _items(
         tissue_figures,
     )
 
-    measured = None if recording is None else Path(recording)
-    tell("Figure 2")
-    found = [map_2d_figure.item(measured, simulate=simulate)]
-    tell("Figure 8" if simulate else "Figure 5")
-    found += tissue_figures.items(simulate=simulate)
-    found += map_figures.items(strokes)
-    if thesis is not None:
-        found += model_figures.items(thesis)
-        found += tables.items(thesis, strokes)
-    else:
-        of_the_fit = [f"Figure {n}" for n in (13, 17, 18, 19)] + [
-            "Table 1",
-            *(f"Appendix {a}" for a in "ABC"),
-        ]
-        found += lacking(
-            of_the_fit,
-            "Needs the thesis' runs: palpate sweep --design thesis --out RUNS, then palpate fit RUNS --kind "
-            "thesis --report DIR",
-        )
-    if simulate:
-        tell("Figure 15")
-        found += strain_figures.items([Path(w) for w in weights], thickness_mm)
-    else:
-        simulated = [f"Figure {n}" for n in (8, 15, 16, 21)]
-        found += lacking(simulated, "Left out: it needs simulations of its own, which were not asked for.")
-    found += recording_figures.items(measured)
-    if field is not None:
-        found += held_out_figures.items(field)
-    return found
+    target = Path(directory)
+    target.mkdir(parents=True, exist_ok=True)
+    tell = progress or (lambda name: None)
+    parts, order = [], {name: place for place, name in enumerate(TITLES)}
+    with style.look():
+        measured = None if recording is None else Path(recording)
+        tell("Figure 2")
+        found = [recording_figures.map_2d(measured, simulate=simulate)]
+        tell("Figure 8" if simulate else "Figure 5")
+        found += tissue_figures.items(simulate=simulate)
+        found += map_figures.items(strokes)
+        if thesis is not None:
+            found += model_figures.items(thesis)
+            found += tables.items(thesis, strokes)
+        else:
+            found += lacking(_OF_THE_RUNS, _NO_RUNS)
+        if simulate:
+            tell("Figure 15")
+            found += strain_figures.items([Path(w) for w in weights], thickness_mm)
+        else:
+            found += lacking([f"Figure {n}" for n in (8, 15, 16, 21)], _NOT_SIMULATED)
+        found.append(recording_figures.gaussian(measured))
+        if field is not None:
+            found += held_out_figures.items(field)
+        for item in sorted([*found, *more], key=lambda item: order.get(item.name, len(order))):
+            tell(item.name)
+            parts.append({"item": item, "png": drawn(item, target)})
+    page = target / "index.html"
+    page.write_text(_page(parts, summary), encoding="utf-8")
+    return page
 
 
 def drawn(item: Item, target: Path) -> str:

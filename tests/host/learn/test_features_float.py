@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from palpate.errors import NoSuchFile, UsageError
 from palpate.features import map_features as features
-from palpate.report.real_maps import real_map, real_strain_force
+from palpate.report.measured import real_map, real_strain_force
 
 X = features.map_grid_mm()
 

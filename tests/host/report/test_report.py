@@ -203,7 +203,7 @@ def test_a_map_in_two_dimensions_is_highest_over_the_lump(written):
 
 
 def test_a_recording_gives_figure_2_its_own_map():
-    from palpate.report.map_2d_figure import figure_2, recorded_map_2d
+    from palpate.report.recording_figures import figure_2, recorded_map_2d
 
     found = recorded_map_2d(RECORDED)
     assert (
