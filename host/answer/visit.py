@@ -15,7 +15,8 @@ import numpy as np
 from firmware_py.outputs import PARTS
 from palpate.answer import words
 from palpate.answer.card import ROWS, verdict
-from palpate.spans import BORDER, Span, stiffness
+from palpate.answer.fitted import HARD
+from palpate.spans import Span, stiffness
 
 if TYPE_CHECKING:
     from palpate.answer.told import Told
@@ -35,7 +36,6 @@ POOLS_WITH = "statsmodels.stats.meta_analysis"
 _OF_A_STROKE = ("place_mm", "F_N_per_m")
 """What is no lump's: each stroke has a line and a hand of its own."""
 _STIFFNESS = "E_inv23"
-_BORDER = BORDER ** (-2 / 3)
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class VisitAnswer:
         if _STIFFNESS not in self.spans:
             return ""
         _, low, high = self.spans[_STIFFNESS]
-        return "hard" if high <= _BORDER else "soft" if low >= _BORDER else "unsure"
+        return "hard" if high <= HARD else "soft" if low >= HARD else "unsure"
 
     def stiffness_words(self, fat_kPa: float | None = None) -> str:
         """Value and interval as a factor, in kPa too where the fat is known; "" without a stiffness."""
