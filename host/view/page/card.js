@@ -1,13 +1,12 @@
 // The estimate card: words and numbers from the server, an interval bar with its scale for each number.
 
-import { COLUMNS, PITCH_MM } from "./array.js";
-import { element } from "./dom.js";
+import { decimal, element } from "./dom.js";
+import { HALF_FACE_MM } from "./outline.js";
 
 const SPANS = { d_mm: 30, width_mm: 30, depth_mm: 30, t_mm: 40, F_N_per_m: 150 };
-const SIDE_MM = (COLUMNS * PITCH_MM) / 2; // of a place, to both sides of the face's middle
 const STIFFEST = 1000; // times fat: the end of the scale, and of what the models are for
 
-const number = (v, unit) => (unit === "N/m" ? v.toFixed(0) : (+v.toFixed(1) || 0).toFixed(1)).replace("-", "\u2212");
+const number = (v, unit) => decimal(v, unit === "N/m" ? 0 : 1);
 
 /** A sentence with `commands` in it, as nodes: what stands between backticks is set as code. */
 export function sentence(text) {
@@ -48,8 +47,8 @@ function quantity({ key, label, unit, value, low, high, beside }, hero, level) {
     row.append(element("dd", { class: "hero" }, element("b", { class: "number" }, number(value, unit)), element("span", {}, unit), interval));
   } else row.append(element("dd", {}, element("b", { class: "number" }, `${number(value, unit)} ${unit}`), " ", interval));
   if (key === "place_mm") {
-    const share = (v) => (v + SIDE_MM) / (2 * SIDE_MM);
-    const ends = { from: number(-SIDE_MM, unit), to: `${SIDE_MM} ${unit}`, marks: [0.5] };
+    const share = (v) => (v + HALF_FACE_MM) / (2 * HALF_FACE_MM);
+    const ends = { from: number(-HALF_FACE_MM, unit), to: `${HALF_FACE_MM} ${unit}`, marks: [0.5] };
     row.append(range({ low: share(low), high: share(high), value: share(value), ...ends }));
   } else row.append(range({ low: low / span, high: high / span, value: value / span, from: "0", to: `${span} ${unit}` }));
   return row;

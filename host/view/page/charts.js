@@ -1,10 +1,11 @@
 // The charts of a stroke: tactile map with its fit; its press, force against displacement; displacement and force along it. The
 // stroke before is a shadow.
 
+import { PITCH_MM, ROWS } from "./array.js";
 import { get } from "./dom.js";
 import { Held, Plot, extent, nearest } from "./plot.js";
 
-const FACE_HALF_MM = 12;
+const FACE_HALF_MM = (ROWS * PITCH_MM) / 2; // along
 const DRAGGED_PX = 8;
 const FARTHEST_MM = 60; // half of what is shown along the stroke: beyond it zoom ends
 const MOVED_MM = 0.5; // so far from its first place a probe strokes: until then it presses

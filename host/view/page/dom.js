@@ -35,5 +35,8 @@ export function save(canvas, name) {
   });
 }
 
+/** A number as text, with a minus as long as a plus and none before a zero. */
+export const decimal = (v, digits = 1) => (+v.toFixed(digits) || 0).toFixed(digits).replace("-", "\u2212");
+
 /** A time of this day. */
 export const timeOf = (wall_time) => new Date(wall_time * 1000).toLocaleTimeString([], { hour12: false });

@@ -3,8 +3,9 @@
 // through it. Lengths in mm: across from the middle of the face, along as the encoder counts.
 
 import { COLUMNS, PITCH_MM } from "./array.js";
+import { decimal } from "./dom.js";
 
-const EDGE_MM = (COLUMNS * PITCH_MM) / 2;
+export const HALF_FACE_MM = (COLUMNS * PITCH_MM) / 2; // across
 const LIGHT = "#fff";
 const CASING = "rgb(0 0 0 / 60%)"; // round white lines, so that they are seen on the brightest colours too
 const SOFT = "rgb(255 255 255 / 30%)";
@@ -16,7 +17,7 @@ const halves = ([value, low, high]) => ({ value: value / 2, low: low / 2, high: 
  * and how wide it is there is not known. `band`: all columns felt it alike, or nobody knows which.
  */
 export function outline({ along_mm, d_mm, columns_mm, across_mm, width_mm, sure }) {
-  const [left, right] = columns_mm ?? [-EDGE_MM, EDGE_MM];
+  const [left, right] = columns_mm ?? [-HALF_FACE_MM, HALF_FACE_MM];
   const closed = Boolean(width_mm && across_mm);
   const kind = closed ? "ring" : columns_mm ? "strip" : "band";
   const across = across_mm ? across_mm[0] : (left + right) / 2;
@@ -26,19 +27,17 @@ export function outline({ along_mm, d_mm, columns_mm, across_mm, width_mm, sure 
   return { kind, along: along_mm, across, between, left: reach[0], right: reach[1], long: halves(d_mm), wide, sure };
 }
 
-const digits = (v) => (+v.toFixed(1) || 0).toFixed(1).replace("-", "\u2212");
-
 /** The same in words, in parts that may stand on lines of their own. */
 export function words({ d_mm, columns_mm, across_mm, width_mm, sure }) {
-  const long = `${digits(d_mm[0])} mm along (${digits(d_mm[1])} to ${digits(d_mm[2])})`;
+  const long = `${decimal(d_mm[0])} mm along (${decimal(d_mm[1])} to ${decimal(d_mm[2])})`;
   const wide = width_mm
-    ? `${digits(width_mm[0])} mm across (${digits(width_mm[1])} to ${digits(width_mm[2])})`
+    ? `${decimal(width_mm[0])} mm across (${decimal(width_mm[1])} to ${decimal(width_mm[2])})`
     : columns_mm
-      ? `width not known, felt from ${digits(columns_mm[0])} to ${digits(columns_mm[1])} mm`
+      ? `width not known, felt from ${decimal(columns_mm[0])} to ${decimal(columns_mm[1])} mm`
       : "width not known";
   const parts = [long, wide];
   if (across_mm) {
-    parts.push(`middle at ${digits(across_mm[0])} mm across (${digits(across_mm[1])} to ${digits(across_mm[2])})`);
+    parts.push(`middle at ${decimal(across_mm[0])} mm across (${decimal(across_mm[1])} to ${decimal(across_mm[2])})`);
   }
   return sure ? parts : [...parts, "do not rely on it"];
 }

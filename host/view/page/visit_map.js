@@ -1,10 +1,9 @@
 // The map of a visit: strokes side by side, across by their lanes and along by the encoder; what rises over the base of its
 // stroke stands out. Pure: lengths in mm, the rise as a share of the base.
 
-import { COLUMNS, PITCH_MM } from "./array.js";
-import { outline } from "./outline.js";
+import { PITCH_MM } from "./array.js";
+import { HALF_FACE_MM, outline } from "./outline.js";
 
-export const HALF_FACE_MM = (COLUMNS * PITCH_MM) / 2;
 const TAPER_MM = 9; // over the outer columns of a strip another that lies there too counts more and more
 const LEAST = 0.05; // and its own last column counts this much still
 const TOPS = [0.1, 0.2, 0.3, 0.5, 0.75, 1, 1.5, 2, 3, 5];

@@ -1,9 +1,9 @@
 // The map of a visit on a canvas: the strips in colours, the lumps' outlines with their estimates, axes and colour bar.
 
-import { drawOutline } from "./outline.js";
+import { HALF_FACE_MM, drawOutline } from "./outline.js";
 import { font, scaleBar, textScale, ticks, upright } from "./plot.js";
 import { color } from "./theme.js";
-import { HALF_FACE_MM, arranged, blend, extent, label, onMap, placed, scaleTop, told, without } from "./visit_map.js";
+import { arranged, blend, extent, label, onMap, placed, scaleTop, told, without } from "./visit_map.js";
 
 /**
  * Draw the strokes' map on a context of this size. strokes: those of the visit, each with its strip; byLanes: those whose lanes
