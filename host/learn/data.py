@@ -340,11 +340,6 @@ def split(n: int, seed: int = 1) -> Split:
     )
 
 
-def stroke_fields(lumps: Sequence[LumpStrokes]) -> list[StrokeField]:
-    """The sensor model's view of each lump."""
-    return [lump.field for lump in lumps]
-
-
 def _count(excluded: dict[str, int], why: str, n: int) -> None:
     if n:
         excluded[why] = excluded.get(why, 0) + n

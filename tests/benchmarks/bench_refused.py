@@ -22,7 +22,6 @@ from palpate import models
 from palpate.console import table
 from palpate.features.map_features import Floats
 from palpate.firmware_twin.replay_core import compiled
-from palpate.learn.data import stroke_fields
 from palpate.learn.design import FIELD_SETTINGS, lump_cases
 from palpate.learn.lumps import read_lumps
 from palpate.learn.observed import Observed, of_streams
@@ -100,7 +99,7 @@ def main() -> None:
     blob = None if spec.force_map is None else force_maps.blob(spec.force_map)
     with tempfile.TemporaryDirectory() as folder:
         sweep(lump_cases(LUMPS, SEED), FIELD_SETTINGS, Path(folder))
-        fields = stroke_fields(read_lumps(Path(folder))[0])
+        fields = [lump.field for lump in read_lumps(Path(folder))[0]]
     rows = []
     for words, setting in SETTINGS:
         made = strokes(fields, **setting)

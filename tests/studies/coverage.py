@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from palpate import models
 from palpate.features.map_features import Floats
 from palpate.learn.conformal import LEVEL
-from palpate.learn.data import stroke_fields, sweep_progress
+from palpate.learn.data import sweep_progress
 from palpate.learn.design import FIELD_SETTINGS, lump_cases
 from palpate.learn.lumps import read_lumps
 from palpate.learn.observed import Observed, observe
@@ -59,7 +59,7 @@ def coverage(
     sweep(lump_cases(lumps, SEED), FIELD_SETTINGS, directory, progress=report)
     strokes, _, _ = read_lumps(directory)
     blob = None if spec.force_map is None else force_maps.blob(spec.force_map)
-    seen = observe(stroke_fields(strokes), "typical", SEED, force_map=blob)
+    seen = observe([lump.field for lump in strokes], "typical", SEED, force_map=blob)
     found = seen.whole & shows_lump(spec, seen)
     return _shares(spec, seen.take(np.flatnonzero(found))), int((~found).sum())
 

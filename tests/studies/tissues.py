@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from palpate.learn.bench import Bench
-from palpate.learn.data import stroke_fields, sweep_progress
+from palpate.learn.data import sweep_progress
 from palpate.learn.design import FIELD_SETTINGS, lump_cases, press_cases
 from palpate.learn.lumps import LumpStrokes, read_lumps, with_presses
 from palpate.learn.model import FittedModel, fit_model
@@ -76,7 +76,7 @@ def _run(bench: Bench) -> Iterator[Row]:
         )
     for words, changes in TISSUES.items():
         lumps = other_tissue(bench.directory, changes, workers=bench.workers, progress=bench.progress)
-        fields = stroke_fields(lumps)
+        fields = [lump.field for lump in lumps]
         seen = [observe(fields, bench.noise, seed, force_map=bench.blob) for seed in _OBSERVED]
         observed = joined(seen)
         yield tissue_row(words, model, observed)
