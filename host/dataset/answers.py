@@ -87,8 +87,13 @@ class JudgedAnswers:
 
 
 def found(spec: ModelSpec, X: Floats, codes: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """The model's lump rule on features (n, all) and the pipeline's status (n)."""
-    shown = np.isin(codes, (status.OK, status.NO_FIT))
+    """Whether the strokes are whole by the pipeline's status (n) and show a lump."""
+    return np.isin(codes, (status.OK, status.NO_FIT)) & shows_lump(spec, X)
+
+
+def shows_lump(spec: ModelSpec, X: Floats) -> NDArray[np.bool_]:
+    """The model's lump rule on features (n, all)."""
+    shown = np.ones(len(X), bool)
     for limit in spec.lump:
         x = X[:, FEATURES.index(limit.feature)]
         shown &= x >= (-np.inf if limit.lo is None else limit.lo)

@@ -80,15 +80,14 @@ def of_output(
     return out
 
 
-def quarters(observed: Observed) -> dict[str, Mask]:
-    """Each quarter of d, h, E^-2/3 and F, by name."""
+def quarters(values: Mapping[str, Floats]) -> dict[str, Mask]:
+    """Each quarter of each of these, (n), by name."""
     out: dict[str, Mask] = {}
-    for name in ("d", "h", "E_inv23", "F"):
-        values = observed.values[:, TARGETS.index(name)]
-        edges = np.quantile(values, [0, 0.25, 0.5, 0.75, 1])
+    for name, of in values.items():
+        edges = np.quantile(of, [0, 0.25, 0.5, 0.75, 1])
         for k in range(4):
-            last = values <= edges[k + 1] if k == 3 else values < edges[k + 1]
-            out[f"{name} {edges[k]:.3g} to {edges[k + 1]:.3g}"] = (values >= edges[k]) & last
+            last = of <= edges[k + 1] if k == 3 else of < edges[k + 1]
+            out[f"{name} {edges[k]:.3g} to {edges[k + 1]:.3g}"] = (of >= edges[k]) & last
     return out
 
 
@@ -105,7 +104,8 @@ def coverage(observed: Observed, answers: Answers, answered: Mask) -> pd.DataFra
     inside = (answers.low - 1e-12 <= true) & (answers.high + 1e-12 >= true)
     part = observed.take(answered)
     hard = is_hard(part)
-    groups = {"all": np.ones(len(part), bool), "soft": ~hard, "hard": hard, **quarters(part)}
+    of = {name: part.values[:, TARGETS.index(name)] for name in ("d", "h", "E_inv23", "F")}
+    groups = {"all": np.ones(len(part), bool), "soft": ~hard, "hard": hard, **quarters(of)}
     rows = {}
     for name, group in groups.items():
         row: dict[str, Any] = {"n": int(group.sum())}
@@ -174,11 +174,11 @@ def ordered(ranges: Iterable[str]) -> list[str]:
     return sorted(set(ranges), key=lambda text: float(text.split()[0]))
 
 
-def visits(observed: Observed, y: Floats, answered: Mask, strokes: int = 1) -> pd.DataFrame:
+def visits(observed: Observed, y: Floats, answered: Mask) -> pd.DataFrame:
     """The smallest change of diameter that two visits can tell apart, in percent, at 95 %.
 
     What is the same at both visits cancels: the spread of repeated estimates of one lump decides. Two
-    visits of `strokes` strokes each differ by 1.96 sqrt(2 / strokes) standard deviations at most.
+    visits of one stroke each differ by 1.96 sqrt(2) standard deviations at most.
     """
     rows = []
     true = observed.values
@@ -194,7 +194,7 @@ def visits(observed: Observed, y: Floats, answered: Mask, strokes: int = 1) -> p
             cell = spread[(spread[column] >= a) & (spread[column] < b)]
             if len(cell):
                 sd = float(np.sqrt(cell["variance"].median()))
-                change = 100 * (np.exp(1.96 * np.sqrt(2 / strokes) * sd) - 1)
+                change = 100 * (np.exp(1.96 * np.sqrt(2) * sd) - 1)
                 rows.append({"group": f"{name} {a:g} to {b:.3g}", "lumps": len(cell), "percent": change})
     return pd.DataFrame(rows)
 

@@ -153,8 +153,7 @@ def build_emulator(sets: Sequence[Path]) -> None:
         "errors_left": round(errors.left, 4),
         "sha256": file_hash(emulator_path()),
     }
-    with whole_file(emulator_path().with_suffix(".recipe.json")) as part:
-        part.write_text(json_text(record) + "\n", encoding="utf-8")
+    _write(emulator_path().with_suffix(".recipe.json"), record)
 
 
 def build_plane_emulator(directory: Path, progress: Progress | None = None) -> dict[str, float]:
@@ -179,8 +178,7 @@ def build_plane_emulator(directory: Path, progress: Progress | None = None) -> d
         "wrong": {words: round(error, 3) for words, error in wrong.items()},
         "sha256": file_hash(plane_emulator_path()),
     }
-    with whole_file(plane_emulator_path().with_suffix(".recipe.json")) as part:
-        part.write_text(json_text(record) + "\n", encoding="utf-8")
+    _write(plane_emulator_path().with_suffix(".recipe.json"), record)
     return wrong
 
 
@@ -194,7 +192,11 @@ def write_recipe(name: str, spec: ModelSpec, scores: dict[str, Any]) -> None:
         "scores": {part: told for part, told in scores.items() if part != "training"},
         "sample": sample(name, spec),
     }
-    with whole_file(recipe_path(name)) as part:
+    _write(recipe_path(name), record)
+
+
+def _write(target: Path, record: dict[str, Any]) -> None:
+    with whole_file(target) as part:
         part.write_text(json_text(record) + "\n", encoding="utf-8")
 
 
@@ -231,9 +233,13 @@ def sample(name: str, spec: ModelSpec) -> list[dict[str, Any]]:
 
 def _with_press(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
     """The firmware's features of one stroke in that fat, and its truth by `OUTPUTS`."""
+    return _pressed(simulated(case), fat_kPa, blob, k)
+
+
+def simulated(case: Case) -> LumpStrokes:
+    """Strokes over a cylinder and the press before them."""
     strokes = tuple(simulate(c, STROKES) for c in at_forces([case], FORCE_PARTS))
-    press = tuple(simulate(c, PRESSES) for c in at_forces([case], PRESS_PARTS))
-    return _pressed(LumpStrokes(strokes, press), fat_kPa, blob, k)
+    return LumpStrokes(strokes, tuple(simulate(c, PRESSES) for c in at_forces([case], PRESS_PARTS)))
 
 
 def _solid(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:

@@ -10,23 +10,23 @@ import numpy as np
 from palpate.answer.layers import values
 from palpate.features.map_features import Floats
 from palpate.learn.anywhere import AnywhereStudy
-from palpate.learn.data import sweep_progress
-from palpate.learn.lumps import LumpStrokes, read_pressed
-from palpate.learn.model import FittedModel, fit_model, force_map_of
+from palpate.learn.data import SEED
+from palpate.learn.lumps import LumpStrokes
+from palpate.learn.model import FittedModel, fit_model, force_map_in_any_fat
 from palpate.learn.observed import Observed, joined, observe_in_any_fat
 from palpate.learn.probe_model import OUTPUTS
 from palpate.learn.scopes import BORDER
 from palpate.learn.study import TextTable
+from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.progress import ProgressCallback
-from palpate.sim.tissue import Case, sweep
-from palpate.sim.tissue.any_tissue import PRESSES, STROKES
-from palpate.sim.tissue.anywhere import anywhere_cases, anywhere_press_cases
+from palpate.sim.tissue import Case
+from palpate.sim.tissue.anywhere import anywhere_lumps
 from tests.studies import any_tissue
 from tests.studies.bound import MEDIAN_OF_SD, Bound
 from tests.studies.bound_computed import computed_bound, simulate_neighbours
 from tests.studies.table import Asked, StudyTable, of_text
 
-SEED, DRAWS, TIED_LUMPS = 31, 2, 400
+DRAWS, TIED_LUMPS = 2, 400
 BOUNDED, LEAST_BUMP = 24, 0.02
 """Lumps whose map's bound is worked out: the first that make such a bump, over the pressure far away."""
 
@@ -40,13 +40,8 @@ def prepare(
     directory: Path, lumps: int, workers: int | None = None, progress: ProgressCallback | None = None
 ) -> tuple[list[LumpStrokes], list[LumpStrokes]]:
     """Simulate into `directory` what it lacks, and read it: lumps anywhere, and lumps on the border."""
-    presses, strokes = directory / "press", directory / "lumps"
-    report = sweep_progress("pressing", progress)
-    sweep(anywhere_press_cases(lumps, SEED), PRESSES, presses, workers=workers, progress=report)
-    report = sweep_progress("stroking", progress)
-    sweep(anywhere_cases(lumps, SEED), STROKES, strokes, workers=workers, progress=report)
-    tied = any_tissue.prepare(directory / "tied", min(lumps, TIED_LUMPS), workers, progress)
-    return read_pressed(strokes, presses), tied
+    anywhere = any_tissue.simulated(directory, anywhere_lumps(lumps, SEED), workers, progress)
+    return anywhere, any_tissue.prepare(directory / "tied", min(lumps, TIED_LUMPS), workers, progress)
 
 
 def seen_by_the_probe(lumps: Sequence[LumpStrokes], blob: bytes, seed: int, noise: str) -> Observed:
@@ -84,7 +79,7 @@ def tables(asked: Asked) -> list[StudyTable]:
     noise = asked.noise or "typical"
     anywhere, tied = prepare(asked.directory, asked.lumps or any_tissue.LUMPS, progress=asked.progress)
     known = bounds(anywhere, asked.directory, noise, progress=asked.progress)
-    blob = force_map_of([*anywhere, *tied])
+    blob = force_maps.blob(force_map_in_any_fat([*anywhere, *tied]))
     seen = seen_by_the_probe(anywhere, blob, asked.seed, noise)
     on_border = seen_by_the_probe(tied, blob, asked.seed + 1, noise)
     asked.tell("observed")
