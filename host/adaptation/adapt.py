@@ -27,6 +27,7 @@ from palpate.model_export.fixed_point.reference import (
     standardised,
 )
 from palpate.model_export.schema import ModelSpec
+from palpate.progress import ProgressCallback
 
 FEWEST_LUMPS = 5
 """Fewer are refused: their mean error says less than the simulated model."""
@@ -57,7 +58,7 @@ class Adapted:
     strokes: int
 
 
-def adapt(spec: ModelSpec, data: DataSet, progress: Callable[[str, int, int], None] | None = None) -> Adapted:
+def adapt(spec: ModelSpec, data: DataSet, progress: ProgressCallback | None = None) -> Adapted:
     """Adapt a model to a data set.
 
     Raises

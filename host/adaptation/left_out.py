@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,6 +12,7 @@ from palpate.dataset.agreement import errors_of
 from palpate.dataset.answers import NAMES, OUTPUTS, JudgedAnswers, answers
 from palpate.dataset.strokes import ObservedDataSet
 from palpate.model_export.schema import ModelSpec
+from palpate.progress import ProgressCallback
 
 FOLDS = 10
 _FEWEST_LEFT = 3
@@ -56,7 +56,7 @@ class Compared:
 
 
 def before_and_after(
-    spec: ModelSpec, seen: ObservedDataSet, progress: Callable[[str, int, int], None] | None = None
+    spec: ModelSpec, seen: ObservedDataSet, progress: ProgressCallback | None = None
 ) -> Compared:
     """Adapt without some lumps and judge by these, in turns (`FOLDS`, or each lump alone)."""
     before = answers(spec, seen)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from palpate.dataset.table import DataSet
 from palpate.errors import RecordingError
 from palpate.features.map_features import Floats
 from palpate.model_export.schema import ModelSpec
+from palpate.progress import ProgressCallback
 from palpate.recording.channels import MODEL
 from palpate.recording.reader import Recording
 from palpate.stroke.change import QUANTITIES, Between, Comparison, compare
@@ -28,7 +28,7 @@ _NAME_IT = "name one with --model, as --model balls or --model model.json"
 
 
 def between_visits(
-    spec: ModelSpec, data: DataSet, progress: Callable[[str, int, int], None] | None = None
+    spec: ModelSpec, data: DataSet, progress: ProgressCallback | None = None
 ) -> dict[str, Between]:
     """What each quantity differs by from visit to visit, from the data set's lumps with two visits or more.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from palpate.firmware_twin.replay_core import Replay
 from palpate.learn.observed import NAMES, OF_THE_DISPLACEMENT
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.schema import ModelSpec
+from palpate.progress import ProgressCallback
 from palpate.recording.channels import IMPORT_NOTE
 from palpate.recording.playback import open_recording
 from palpate.stroke.session_frames import SessionFrames
@@ -118,7 +118,7 @@ class ObservedDataSet:
 
 
 def observe_data_set(
-    data: DataSet, spec: ModelSpec, progress: Callable[[str, int, int], None] | None = None
+    data: DataSet, spec: ModelSpec, progress: ProgressCallback | None = None
 ) -> ObservedDataSet:
     """Every stroke of a data set through the probe's integer pipeline, as the model wants it.
 

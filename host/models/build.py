@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,7 @@ from palpate.models import (
     plane_emulator_path,
     recipe_path,
 )  # fmt: skip
+from palpate.progress import ProgressCallback
 from palpate.sim.probe.sensors import StrokeField
 from palpate.sim.tissue import Case, simulate
 from palpate.sim.tissue.any_tissue import FORCE_PARTS, PRESS_PARTS, PRESSES, STROKES, at_forces
@@ -97,10 +98,8 @@ EMULATOR, PLANE = "emulator", "plane"
 _KNOWN_OF = 25
 """Every so-manieth cylinder is not met by its emulator: that is what its errors are of."""
 
-Progress = Callable[[str, int, int], None]
 
-
-def build(name: str, directory: Path, progress: Progress | None = None) -> FieldFit | TissueFit:
+def build(name: str, directory: Path, progress: ProgressCallback | None = None) -> FieldFit | TissueFit:
     """Simulate into `directory` what it lacks, fit, and write model and recipe into this package.
 
     Parameters
@@ -156,7 +155,7 @@ def build_emulator(sets: Sequence[Path]) -> None:
     _write(emulator_path().with_suffix(".recipe.json"), record)
 
 
-def build_plane_emulator(directory: Path, progress: Progress | None = None) -> dict[str, float]:
+def build_plane_emulator(directory: Path, progress: ProgressCallback | None = None) -> dict[str, float]:
     """Compute into `directory` what it lacks, fit the emulator of cylinders, write it and its recipe.
 
     Returns

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -14,6 +13,7 @@ from palpate.dataset.answers import NAMES, OUTPUTS, JudgedAnswers, answers
 from palpate.dataset.strokes import observe_data_set
 from palpate.dataset.table import DataSet
 from palpate.model_export.schema import ModelSpec
+from palpate.progress import ProgressCallback
 from palpate.validation.verdict import Verdict, verdict
 
 
@@ -78,7 +78,7 @@ def validate(
     spec: ModelSpec,
     data: DataSet,
     seed: int = 1,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Validation:
     """Judge a model by a data set.
 
