@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,17 +13,16 @@ from palpate.learn.anywhere import AnywhereStudy
 from palpate.learn.data import SEED
 from palpate.learn.lumps import LumpStrokes
 from palpate.learn.model import FittedModel, fit_model, force_map_in_any_fat
-from palpate.learn.observed import Observed, joined, observe_in_any_fat
 from palpate.learn.probe_model import OUTPUTS
 from palpate.learn.scopes import BORDER
 from palpate.learn.study import TextTable
+from palpate.learn.training import observed
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.progress import ProgressCallback
 from palpate.sim.tissue import Case
 from palpate.sim.tissue.anywhere import anywhere_lumps
 from tests.studies import any_tissue
-from tests.studies.bound import MEDIAN_OF_SD, Bound
-from tests.studies.bound_computed import computed_bound, simulate_neighbours
+from tests.studies.bound import MEDIAN_OF_SD, Bound, computed_bound, simulate_neighbours
 from tests.studies.table import Asked, StudyTable, of_text
 
 DRAWS, TIED_LUMPS = 2, 400
@@ -33,8 +32,6 @@ BOUNDED, LEAST_BUMP = 24, 0.02
 FALSE_FLAGS = 0.02
 """Share of tied lumps that the test for a broken tie may flag."""
 
-Step = Callable[[str], None]
-
 
 def prepare(
     directory: Path, lumps: int, workers: int | None = None, progress: ProgressCallback | None = None
@@ -42,11 +39,6 @@ def prepare(
     """Simulate into `directory` what it lacks, and read it: lumps anywhere, and lumps on the border."""
     anywhere = any_tissue.simulated(directory, anywhere_lumps(lumps, SEED), workers, progress)
     return anywhere, any_tissue.prepare(directory / "tied", min(lumps, TIED_LUMPS), workers, progress)
-
-
-def seen_by_the_probe(lumps: Sequence[LumpStrokes], blob: bytes, seed: int, noise: str) -> Observed:
-    """Some strokes over each lump, through the probe's integers."""
-    return joined([observe_in_any_fat(lumps, noise, 1000 * seed + k, blob) for k in range(DRAWS)])
 
 
 def broken_tie(y: Floats) -> Floats:
@@ -80,20 +72,14 @@ def tables(asked: Asked) -> list[StudyTable]:
     anywhere, tied = prepare(asked.directory, asked.lumps or any_tissue.LUMPS, progress=asked.progress)
     known = bounds(anywhere, asked.directory, noise, progress=asked.progress)
     blob = force_maps.blob(force_map_in_any_fat([*anywhere, *tied]))
-    seen = seen_by_the_probe(anywhere, blob, asked.seed, noise)
-    on_border = seen_by_the_probe(tied, blob, asked.seed + 1, noise)
+    seen = observed(anywhere, noise, asked.seed, blob, draws=DRAWS)
+    on_border = observed(tied, noise, asked.seed + 1, blob, draws=DRAWS)
     asked.tell("observed")
-    return [of_text(*text) for text in tables_of(seen, on_border, known, asked.tell)]
-
-
-def tables_of(
-    seen: Observed, on_border: Observed, known: dict[int, Bound], step: Step | None = None
-) -> list[TextTable]:
-    """The tables of strokes over lumps anywhere, and over lumps on the border to teach the tie."""
-    found = AnywhereStudy.held_out(seen, step=step)
-    of_tie = AnywhereStudy.held_out(on_border, step=step)
+    found = AnywhereStudy.held_out(seen, step=asked.tell)
+    of_tie = AnywhereStudy.held_out(on_border, step=asked.tell)
     model = fit_model(BORDER, on_border)
-    return [*found.further_tables(), _bound(found, known), _of_the_tie(found, of_tie, model)]
+    texts = [*found.further_tables(), _bound(found, known), _of_the_tie(found, of_tie, model)]
+    return [of_text(*text) for text in texts]
 
 
 def _bound(found: AnywhereStudy, known: dict[int, Bound]) -> TextTable:
