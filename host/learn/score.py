@@ -40,6 +40,11 @@ class HeldOutRow:
         return {**head, "not_found": self.not_found, **flat(self.scores)}
 
 
+def share(of: Mask) -> float:
+    """Of those that hold; nan of none."""
+    return float(of.mean()) if len(of) else float("nan")
+
+
 def is_hard(observed: Observed) -> Mask:
     """Lumps of E >= 10."""
     return observed.truth[:, E_INV23] <= HARD_BELOW + 1e-12
@@ -60,7 +65,7 @@ def scores(observed: Observed, value: Floats, answered: Mask, border: float = HA
     E = Y[:, E_INV23] ** -1.5
     far = (NEAR_THE_BORDER[0] > E) | (NEAR_THE_BORDER[1] < E)
     out["hard_soft"] = float(right.mean())
-    out["hard_soft_far"] = float(right[far].mean()) if far.any() else float("nan")
+    out["hard_soft_far"] = share(right[far])
     return out
 
 
@@ -123,7 +128,7 @@ def hardness(observed: Observed, answers: Answers, answered: Mask) -> dict[str, 
     wrong = (said == "hard") != hard
     return {
         "decided": float(decided.mean()),
-        "wrong_of_decided": float(wrong[decided].mean()) if decided.any() else float("nan"),
+        "wrong_of_decided": share(wrong[decided]),
         "hard_called_soft": float((hard & (said == "soft")).sum() / max(hard.sum(), 1)),
         "soft_called_hard": float((~hard & (said == "hard")).sum() / max((~hard).sum(), 1)),
     }

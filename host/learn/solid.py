@@ -17,7 +17,6 @@ from palpate.learn.across import across_of, fit_place
 from palpate.learn.emulator import fit_emulator
 from palpate.learn.lumps import LumpStrokes, without_lump
 from palpate.learn.model import force_map_in_any_fat
-from palpate.learn.observed import Observed
 from palpate.learn.probe_model import E_INV23, to_link
 from palpate.learn.reference import learn_joining, tissue_of
 from palpate.learn.result import TissueFit, tissue_fit
@@ -97,9 +96,7 @@ def fit_to_balls(
     for level in levels:
         for with_press, words in ((False, "the stroke alone"), (True, "with its press")):
             rows.append(studies[level, with_press].row(f"{level}, {words}"))
-        rows.append(
-            plane_study(observed(lumps, level, seed, _plane_map())).row(f"{level}, plane-strain model")
-        )
+        rows.append(plane_study(lumps, level, seed).row(f"{level}, plane-strain model"))
         tell("plane-strain model asked")
     study = studies[noise, True]
     emulator = fit_emulator(lumps)
@@ -143,14 +140,11 @@ def fit_to_balls(
     )
 
 
-def _plane_map() -> bytes:
-    spec = models.load(models.FIELD)
-    return b"" if spec.force_map is None else force_maps.blob(spec.force_map)
-
-
-def plane_study(seen: Observed) -> SolidStudy:
+def plane_study(lumps: Sequence[LumpStrokes], noise: str, seed: int) -> SolidStudy:
     """What the model of endless cylinders that comes with Palpate says of the same lumps."""
-    spec, found = models.load(models.FIELD), seen.take(seen.found)
+    spec = models.load(models.FIELD)
+    seen = observed(lumps, noise, seed, b"" if spec.force_map is None else force_maps.blob(spec.force_map))
+    found = seen.take(seen.found)
     said = evaluate(spec, inputs(spec, found.X))
     y, low, high = (to_link(said[part]) for part in ("value", "low", "high"))
     hard = np.asarray(said["value"])[:, E_INV23] < spec.hard_below
