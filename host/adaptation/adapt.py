@@ -11,7 +11,7 @@ import numpy as np
 
 from palpate.adaptation import correction, recalibration
 from palpate.adaptation.correction import FEATURES, OFFSET, SLOPES, TERMS, Basis, Correction
-from palpate.dataset.answers import TRUTH_COLUMN, found
+from palpate.dataset.answers import OUTPUTS, found, truth_of
 from palpate.dataset.columns import DataSetError
 from palpate.dataset.strokes import ObservedDataSet, observe_data_set
 from palpate.dataset.table import DataSet
@@ -26,7 +26,8 @@ from palpate.model_export.fixed_point.reference import (
     sigma_of,
     standardised,
 )
-from palpate.model_export.schema import OUTPUTS, ModelSpec
+from palpate.model_export.schema import ModelSpec
+from palpate.progress import ProgressCallback
 
 FEWEST_LUMPS = 5
 """Fewer are refused: their mean error says less than the simulated model."""
@@ -57,7 +58,7 @@ class Adapted:
     strokes: int
 
 
-def adapt(spec: ModelSpec, data: DataSet, progress: Callable[[str, int, int], None] | None = None) -> Adapted:
+def adapt(spec: ModelSpec, data: DataSet, progress: ProgressCallback | None = None) -> Adapted:
     """Adapt a model to a data set.
 
     Raises
@@ -80,7 +81,7 @@ def adapt_to(spec: ModelSpec, seen: ObservedDataSet, fewest: int = FEWEST_LUMPS)
     truth = link_truth(spec, seen)
     basis, said, map_back = basis_of(spec, seen)
     corrections: dict[str, Correction] = {}
-    change = np.zeros((basis.phi.shape[1], len(OUTPUTS)))
+    change = np.zeros((basis.phi.shape[1], len(spec.outputs)))
     held_out = np.array(said["y"])
     for j, output in enumerate(spec.outputs):
         known = ~np.isnan(truth[:, j])
@@ -114,15 +115,8 @@ def adapt_to(spec: ModelSpec, seen: ObservedDataSet, fewest: int = FEWEST_LUMPS)
 
 def link_truth(spec: ModelSpec, seen: ObservedDataSet) -> Floats:
     """Truths on the link scale, (n, outputs); NaN where they are not known."""
-    out = np.full((len(seen), len(spec.outputs)), np.nan)
-    for j, output in enumerate(spec.outputs):
-        column = TRUTH_COLUMN.get(output.name, output.name)
-        if column not in seen.table:
-            continue
-        values = seen.table[column].to_numpy(float)
-        values = values ** (-2 / 3) if output.name == "E_inv23" else values
-        out[:, j] = np.log(values) if output.link == "ln" else values
-    return out
+    truth = truth_of(seen)[:, [OUTPUTS.index(output.name) for output in spec.outputs]]
+    return np.where([output.link == "ln" for output in spec.outputs], np.log(truth), truth)
 
 
 def basis_of(

@@ -6,7 +6,8 @@ means with Student's.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,11 @@ class Quantity:
     high: float
     of: str
 
+    def changed(self, by: Callable[[float], float]) -> Quantity:
+        """Number and ends as this function of them."""
+        value, low, high = (float(by(v)) for v in (self.value, self.low, self.high))
+        return Quantity(value, low, high, self.of)
+
 
 def deviation(squares: float, freedom: float, of: str) -> Quantity:
     """The standard deviation whose sum of squares over `freedom` independent deviations is `squares`."""
@@ -53,10 +59,7 @@ def mean(values: Floats, of: str) -> Quantity:
 
 def less(total: Quantity, part: float) -> Quantity:
     """A standard deviation without an independent part that is known: squares subtract."""
-    value, low, high = (
-        float(np.sqrt(max(v**2 - part**2, 0.0))) for v in (total.value, total.low, total.high)
-    )
-    return Quantity(value, low, high, total.of)
+    return total.changed(lambda v: np.sqrt(max(v**2 - part**2, 0.0)))
 
 
 @dataclass(frozen=True)
@@ -213,10 +216,11 @@ def over_plain_tissue(found: list[Measured], live: NDArray[np.bool_]) -> dict[st
             rate = np.polyfit(m.time_s[own], m.position_mm[own], 1)[0]
             pressed = m.kPa[:, live].mean(axis=1) > CONTACT_KPA
             scale.append(rate * np.ptp(m.time_s[pressed]) / m.travel_mm - 1)
+    hand = seen_of_a_hand()
     out = {
-        "force": _over(mean(np.array(force), of), seen_of_a_hand()),
-        "position_mm": _root(mean(np.array(position), of)),
-        "displacement_noise_mm": _root(mean(np.array(depth), of)),
+        "force": mean(np.array(force), of).changed(lambda v: max(v, 0.0) / hand),
+        "position_mm": mean(np.array(position), of).changed(_root),
+        "displacement_noise_mm": mean(np.array(depth), of).changed(_root),
     }
     if scale:
         out["position_scale"] = mean(np.array(scale), of)
@@ -229,13 +233,8 @@ def _rough(values: Floats) -> float:
     return float((third**2).mean() / 20)
 
 
-def _root(q: Quantity) -> Quantity:
-    value, low, high = (float(np.sqrt(max(v, 0.0))) for v in (q.value, q.low, q.high))
-    return Quantity(value, low, high, q.of)
-
-
-def _over(q: Quantity, share: float) -> Quantity:
-    return replace(q, value=q.value / share, low=max(q.low, 0.0) / share, high=q.high / share)
+def _root(v: float) -> float:
+    return float(np.sqrt(max(v, 0.0)))
 
 
 def seen_of_a_hand(hands: int = 400) -> float:

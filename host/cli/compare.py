@@ -43,8 +43,7 @@ def command(
       palpate compare january.mcap may.mcap --data set.csv
       palpate compare january.mcap may.mcap --refine
     """
-    from palpate.comparison.between import between_visits, compare_recordings
-    from palpate.comparison.model import common_model
+    from palpate.comparison.between import between_visits, common_model, compare_recordings
     from palpate.comparison.refined import change_text, kept_change
     from palpate.dataset import table
     from palpate.stroke.change import ASSUMES, ASSUMES_BETWEEN

@@ -58,8 +58,8 @@ def command(model: Path, data: Path, leave_out: bool, report: Path | None, seed:
 
 def show(found: Validation) -> None:
     """The tables and the verdicts, for people."""
+    from palpate.dataset.answers import NAMES
     from palpate.validation.report import rows_of, shares_of
-    from palpate.validation.result import NAMES
 
     rows = {name: rows_of(a) for name, a in found.agreements.items()}
     heads = [what for what, _ in next(iter(rows.values()))] if rows else []

@@ -1,8 +1,7 @@
-"""What visits differ by, from lumps that were visited again; and two recordings compared."""
+"""What visits differ by, from lumps that were visited again; and two recordings compared, by which model."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,19 +11,24 @@ from numpy.typing import NDArray
 
 from palpate.dataset.answers import OUTPUTS, JudgedAnswers, answers
 from palpate.dataset.columns import DataSetError
-from palpate.dataset.strokes import ObservedDataSet, observe_data_set, read_strokes
+from palpate.dataset.strokes import observe_data_set, read_strokes
 from palpate.dataset.table import DataSet
 from palpate.errors import RecordingError
 from palpate.features.map_features import Floats
 from palpate.model_export.schema import ModelSpec
+from palpate.progress import ProgressCallback
+from palpate.recording.channels import MODEL
+from palpate.recording.reader import Recording
 from palpate.stroke.change import QUANTITIES, Between, Comparison, compare
+from palpate.stroke.documents import Documents
 
 FEWEST = 2
 """Visits beyond the first, over all lumps, that say what visits differ by."""
+_NAME_IT = "name one with --model, as --model balls or --model model.json"
 
 
 def between_visits(
-    spec: ModelSpec, data: DataSet, progress: Callable[[str, int, int], None] | None = None
+    spec: ModelSpec, data: DataSet, progress: ProgressCallback | None = None
 ) -> dict[str, Between]:
     """What each quantity differs by from visit to visit, from the data set's lumps with two visits or more.
 
@@ -39,11 +43,7 @@ def between_visits(
             f"{data.path}, column visit: {FEWEST} lumps visited again, or one {FEWEST + 1} times, are needed "
             "to tell what visits differ by"
         )
-    return of_observed(spec, observe_data_set(data.only(visits.to_numpy() > 1), spec, progress))
-
-
-def of_observed(spec: ModelSpec, seen: ObservedDataSet) -> dict[str, Between]:
-    """The same of strokes that have been read."""
+    seen = observe_data_set(data.only(visits.to_numpy() > 1), spec, progress)
     said = answers(spec, seen)
     visit = seen.table["lump"].astype(str) + "\0" + seen.table["visit"].astype(str)
     number = np.asarray(pd.factorize(visit)[0], np.int64)
@@ -134,3 +134,28 @@ def _answers(spec: ModelSpec, path: Path) -> JudgedAnswers:
             "says why); name a model for such lumps with --model"
         )
     return said
+
+
+def common_model(first: Path, second: Path) -> ModelSpec:
+    """The document of the model that answered in both recordings.
+
+    Raises
+    ------
+    RecordingError
+        A recording has no model image, or nobody here has the document of its model; or the two differ.
+    """
+    one, other = (_recorded_model(path) for path in (first, second))
+    if one.training["hash"] != other.training["hash"]:
+        raise RecordingError(f"{first} and {second} were recorded with different models; {_NAME_IT}")
+    return one
+
+
+def _recorded_model(path: Path) -> ModelSpec:
+    image = Recording(path).attachment(MODEL)
+    if not image:
+        raise RecordingError(f"{path} does not say which model was on the probe; {_NAME_IT}")
+    documents = Documents()
+    documents.learn(image)
+    if documents.answering is None:
+        raise RecordingError(f"the model in {path} is none of those that come with Palpate; {_NAME_IT}")
+    return documents.answering

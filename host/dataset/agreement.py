@@ -106,7 +106,7 @@ def agreement(answers: JudgedAnswers, name: str, seed: int = 1) -> Agreement | N
     Agreement, or None where the data set has no truth of it.
     """
     j = OUTPUTS.index(name)
-    used = answers.lump & ~np.isnan(answers.truth[:, j])
+    used = answers.known(name)
     if not used.any():
         return None
     value, truth = answers.value[used, j], answers.truth[used, j]
@@ -136,8 +136,13 @@ def _share(inside: Floats, lumps: int, resampled: Callable[..., Estimated]) -> E
     """Resampling what is always the same says nothing: there Wilson's interval, of as many as lumps."""
     if 0 < inside.mean() < 1 or lumps < FEWEST:
         return resampled(partial(_mean, inside.astype(float)))
-    low, high = proportion_confint(inside.mean() * lumps, lumps, alpha=1 - CONFIDENCE, method="wilson")
-    return Estimated(float(inside.mean()), float(low), float(high))
+    return wilson(inside.mean() * lumps, lumps)
+
+
+def wilson(hits: float, of: int) -> Estimated:
+    """The share of `hits` with Wilson's interval."""
+    low, high = proportion_confint(hits, of, alpha=1 - CONFIDENCE, method="wilson")
+    return Estimated(float(hits / of), float(low), float(high))
 
 
 # ---- statistics of strokes that count `times` each, (..., n) -> (...)

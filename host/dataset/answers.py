@@ -12,14 +12,26 @@ from palpate.dataset.checks import fault, slip_of
 from palpate.dataset.strokes import ObservedDataSet
 from palpate.dataset.table import DataSet
 from palpate.features.map_features import Floats
-from palpate.learn.observed import NAMES
+from palpate.learn.observed import NAMES as FEATURES
 from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.model_export.schema import ModelSpec
+from palpate.model_export.vocabulary import WORDS
 from palpate.spans import BORDER, Span, depth_mm
 
 DEPTH = "depth_mm"
 OUTPUTS = tuple(dict.fromkeys((*outputs.NAMES, DEPTH)))
 """The model's outputs, and the depth that follows from them."""
+
+NAMES = {
+    "d_mm": "diameter",
+    "depth_mm": "depth",
+    "h": "depth in diameters",
+    "t_mm": "fat's thickness",
+    "E_inv23": "stiffness, E^-2/3",
+    "F_N_per_m": "force",
+}
+NAMES |= {name: words for name, words in WORDS.items() if name not in NAMES}
+"""Outputs in the order and the words of reports."""
 
 TRUTH_COLUMN = {"E_inv23": "E_ratio"}
 """Output -> the data set's column, where they are called differently."""
@@ -63,6 +75,10 @@ class JudgedAnswers:
         """Strokes over a lump that the model knows, (n)."""
         return self.lump & self.in_domain
 
+    def known(self, name: str) -> NDArray[np.bool_]:
+        """Strokes in which a lump was found and that have a truth of this output, (n)."""
+        return self.lump & ~np.isnan(self.truth[:, OUTPUTS.index(name)])
+
     @property
     def covered(self) -> Floats:
         """1 where the interval holds the truth, 0 where it does not, NaN where there is none."""
@@ -71,10 +87,15 @@ class JudgedAnswers:
 
 
 def found(spec: ModelSpec, X: Floats, codes: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """The model's lump rule on features (n, all) and the pipeline's status (n)."""
-    shown = np.isin(codes, (status.OK, status.NO_FIT))
+    """Whether the strokes are whole by the pipeline's status (n) and show a lump."""
+    return np.isin(codes, (status.OK, status.NO_FIT)) & shows_lump(spec, X)
+
+
+def shows_lump(spec: ModelSpec, X: Floats) -> NDArray[np.bool_]:
+    """The model's lump rule on features (n, all)."""
+    shown = np.ones(len(X), bool)
     for limit in spec.lump:
-        x = X[:, NAMES.index(limit.feature)]
+        x = X[:, FEATURES.index(limit.feature)]
         shown &= x >= (-np.inf if limit.lo is None else limit.lo)
         shown &= x <= (np.inf if limit.hi is None else limit.hi)
     return shown

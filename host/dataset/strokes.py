@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,10 +18,11 @@ from palpate.firmware_twin.replay_core import Replay
 from palpate.learn.observed import NAMES, OF_THE_DISPLACEMENT
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.schema import ModelSpec
+from palpate.progress import ProgressCallback
 from palpate.recording.channels import IMPORT_NOTE
 from palpate.recording.playback import open_recording
 from palpate.stroke.session_frames import SessionFrames
-from palpate.wire.events import Estimate, Frame
+from palpate.wire.events import Estimate
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,6 @@ class RecordedStroke:
 
     Attributes
     ----------
-    number : int
     packed : list of bytes
     positions_um, displacements_um, times_us : (n,), int
     calibration : calib.Calibration
@@ -41,7 +40,6 @@ class RecordedStroke:
         "displacement", "position", "time": what the recording was imported without.
     """
 
-    number: int
     packed: list[bytes]
     positions_um: NDArray[np.int64]
     displacements_um: NDArray[np.int64]
@@ -67,23 +65,17 @@ def read_strokes(path: str | Path) -> dict[int, RecordedStroke]:
         for event in session.events():
             frames.take(event)
             if isinstance(event, Estimate) and not (of := frames.of(event)).missing:
-                found[event.stroke] = _stroke(event.stroke, of.stroke, of.press or [], own, missing)
+                felt, press = of.stroke, of.press or []
+                found[event.stroke] = RecordedStroke(
+                    [frame.packed for frame in felt],
+                    np.array([frame.position_um for frame in felt], np.int64),
+                    np.array([frame.displacement_um for frame in felt], np.int64),
+                    np.array([frame.time_us for frame in felt], np.int64),
+                    own,
+                    ([frame.packed for frame in press], [frame.displacement_um for frame in press]),
+                    missing,
+                )
     return found
-
-
-def _stroke(
-    number: int, frames: list[Frame], press: list[Frame], own: calib.Calibration, missing: frozenset[str]
-) -> RecordedStroke:
-    return RecordedStroke(
-        number,
-        [frame.packed for frame in frames],
-        np.array([frame.position_um for frame in frames], np.int64),
-        np.array([frame.displacement_um for frame in frames], np.int64),
-        np.array([frame.time_us for frame in frames], np.int64),
-        own,
-        ([frame.packed for frame in press], [frame.displacement_um for frame in press]),
-        missing,
-    )
 
 
 @dataclass(frozen=True)
@@ -118,7 +110,7 @@ class ObservedDataSet:
 
 
 def observe_data_set(
-    data: DataSet, spec: ModelSpec, progress: Callable[[str, int, int], None] | None = None
+    data: DataSet, spec: ModelSpec, progress: ProgressCallback | None = None
 ) -> ObservedDataSet:
     """Every stroke of a data set through the probe's integer pipeline, as the model wants it.
 
@@ -148,14 +140,9 @@ def observe_data_set(
             there = ", ".join(map(str, recordings[path])) or "none"
             raise fault(row, "stroke", f"{path.name} has no whole stroke {number}; it has {there}")
         _check_needs(row, path, stroke, spec)
-        frames = (
-            stroke.packed,
-            stroke.positions_um,
-            stroke.displacements_um,
-            stroke.calibration,
-            stroke.press,
+        codes[k] = replay.stroke(
+            stroke.packed, stroke.positions_um, stroke.displacements_um, stroke.calibration, stroke.press
         )
-        codes[k] = replay.stroke(*frames)
         X[k] = replay.features()
         if progress is not None:
             progress("strokes read", k + 1, len(data))

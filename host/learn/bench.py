@@ -1,9 +1,15 @@
-"""The bench: strokes of one directory, split by lump, to be observed through any sensors."""
+"""The bench: strokes of one directory, split by lump, to be observed through any sensors.
+
+Many are observed on all cores, with the same result whatever their number.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cached_property
+import multiprocessing
+import operator
+import os
+from collections.abc import Callable, Sequence
+from functools import cached_property, partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -11,14 +17,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.learn.data import Split, Strokes, split, stroke_fields
+from palpate.learn.data import Split, Strokes, split
 from palpate.learn.model import learn_force_map
-from palpate.learn.observed import Observed, noise_named
-from palpate.learn.observer import Observer
+from palpate.learn.observed import Observed, joined, noise_named, observe
 from palpate.learn.scopes import FIELD, Recipe
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.progress import ProgressCallback
 from palpate.sim.probe.sensors import Noise, StrokeField
+from palpate.sim.tissue.workers import QuietPool
+
+AT_A_TIME, WORTH_A_POOL = 48, 600
+"""Strokes that a process observes at a time; so few that it takes less time than processes take to start."""
 
 TRAIN_DRAWS, CALIBRATION_DRAWS, TEST_DRAWS, RIM_DRAWS = 4, 2, 4, 2
 _SEED_STEP = 1000
@@ -53,13 +62,12 @@ class Bench:
         noise: Noise | str = "typical",
     ) -> None:
         self.strokes, self.seed, self.directory = strokes, seed, Path(directory)
-        self.workers, self.progress = workers, progress
-        self.observer = Observer(workers, progress)
+        self.workers, self.progress = workers or os.cpu_count() or 1, progress
         self.noise = noise_named(noise)
-        self.lumps = stroke_fields(strokes.lumps)
-        self.rim = stroke_fields(strokes.rim)
-        self.plain = stroke_fields(strokes.plain)
-        self.wide = stroke_fields(strokes.wide)
+        self.lumps, self.rim, self.plain, self.wide = (
+            [lump.field for lump in part]
+            for part in (strokes.lumps, strokes.rim, strokes.plain, strokes.wide)
+        )
         self.split: Split = split(len(self.lumps), seed)
         self.force_map = self._learn_force_map()
         self.blob = force_maps.blob(self.force_map)
@@ -68,7 +76,13 @@ class Bench:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.observer.__exit__()
+        if "_pool" in self.__dict__:
+            self._pool.shutdown(cancel_futures=True)
+            del self._pool
+
+    @cached_property
+    def _pool(self) -> QuietPool:
+        return QuietPool(self.workers, mp_context=multiprocessing.get_context("spawn"))
 
     @cached_property
     def pressure_map(self) -> force_maps.ForceMap:
@@ -99,15 +113,23 @@ class Bench:
 
         The frames are moved by the force map of `recipe`.
 
-        `options` are further options of `observed.observe`, as mean_forces_N_per_m.
+        `options` are further options of `observed.observe`, as alter.
         """
-        first = self.seed * _SEED_STEP + first_draw
-        found = self.force_map_of(recipe)
+        found, first = self.force_map_of(recipe), self.seed * _SEED_STEP + first_draw
         options["force_map"] = None if found is None else force_maps.blob(found)
-        chosen, groups = [fields[k] for k in which], [int(k) for k in which]
-        return self.observer.observe(
-            chosen, noise_named(noise), range(first, first + draws), groups, **options
-        )
+        jobs: list[Callable[[], Observed]] = []
+        for seed in range(first, first + draws):
+            for at in range(0, len(which), AT_A_TIME):
+                groups = [int(k) for k in which[at : at + AT_A_TIME]]
+                some = [fields[k] for k in groups]
+                jobs.append(partial(observe, some, noise_named(noise), seed, groups, first=at, **options))
+        total, parts = draws * len(which), []
+        alone = self.workers < 2 or total < WORTH_A_POOL
+        for part in (map if alone else self._pool.map)(operator.call, jobs):
+            parts.append(part)
+            if self.progress is not None:
+                self.progress("strokes observed through the sensors", sum(map(len, parts)), total)
+        return joined(parts)
 
     def parts(
         self,

@@ -133,15 +133,13 @@ def _fit(
     terms: Sequence[Term],
     known: Polynomial | None = None,
 ) -> Polynomial:
-    """The polynomial of y (n); features are standardised as in `known`, or by X."""
-    ends = np.array([-8.0]), np.array([8.0])
+    """The polynomial of y (n); features are standardised as in `known`, of the same terms, or by X."""
     if known is None:
+        ends = np.array([-8.0]), np.array([8.0])
         return fit_polynomial(names, X, y[:, None], groups, terms, *ends, STRENGTHS)
     A = monomials(known.standard(X), terms)
     B = fit_ridge(A, y[:, None], [len(t) for t in terms], groups, STRENGTHS).coefficients
-    return Polynomial(
-        known.names, known.centre, known.scale, known.clip_lo, known.clip_hi, tuple(terms), B, *ends
-    )
+    return replace(known, coefficients=B)
 
 
 def _worth(X: Floats, groups: Groups, strange: Strange, features: list[int], terms: Sequence[Term]) -> Floats:

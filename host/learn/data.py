@@ -146,7 +146,7 @@ Simulated = Mapping[str, tuple[list[Case], Settings]]
 """What is simulated, by the part of the directory."""
 
 
-def _simulate(
+def simulate_missing(
     parts: Simulated, directory: Path, workers: int | None, progress: ProgressCallback | None
 ) -> None:
     """Sweep the parts that the directory does not hold."""
@@ -207,7 +207,7 @@ def prepare(
         "plain": (no_lump_cases(plain, tissue=tissue), _STILL),
         "wide": (lump_cases(wide, _WIDE_SEED, OUTSIDE, tissue), FIELD_SETTINGS),
     }
-    _simulate(parts, directory, workers, progress)
+    simulate_missing(parts, directory, workers, progress)
     strokes = read(directory)
     _check_tissue(strokes, tissue, directory)
     return pressed(strokes, directory, workers, progress)
@@ -230,7 +230,9 @@ def pressed(
     presses[OTHER] = other_cases(round(_OTHER * len(strokes.lumps)), _told(strokes.lumps))
     if all(_holds(directory / name) for name in presses):
         return strokes
-    _simulate({name: (cases, PRESSES) for name, cases in presses.items()}, directory, workers, progress)
+    simulate_missing(
+        {name: (cases, PRESSES) for name, cases in presses.items()}, directory, workers, progress
+    )
     return read(directory)
 
 
@@ -340,11 +342,6 @@ def split(n: int, seed: int = 1) -> Split:
     )
 
 
-def stroke_fields(lumps: Sequence[LumpStrokes]) -> list[StrokeField]:
-    """The sensor model's view of each lump."""
-    return [lump.field for lump in lumps]
-
-
 def _count(excluded: dict[str, int], why: str, n: int) -> None:
     if n:
         excluded[why] = excluded.get(why, 0) + n
@@ -393,7 +390,7 @@ def prepare_strokes(
         "plain-press": (at_forces(plain, PRESS_PARTS), PRESSES),
         "plain": (at_forces(plain, FORCE_PARTS), _STILL),
     }
-    _simulate(parts, directory, workers, progress)
+    simulate_missing(parts, directory, workers, progress)
     return read_strokes(directory)
 
 

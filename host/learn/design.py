@@ -75,7 +75,10 @@ def no_lump_cases(n: int, seed: int = 2, tissue: dict[str, Any] | None = None) -
 
 def press_cases(lumps: Sequence[LumpStrokes]) -> list[Case]:
     """What to simulate, with `PRESSES`, of the presses before these strokes."""
-    return any_tissue.at_forces([_middle(lump) for lump in lumps], PRESS_PARTS)
+    # at their middle force; without rounding where that was simulated
+    whole = len(FORCE_PARTS)
+    middle = [lump.strokes[1].case if len(lump.strokes) == whole else lump.case for lump in lumps]
+    return any_tissue.at_forces(middle, PRESS_PARTS)
 
 
 def other_cases(n: int, tissue: Mapping[str, Any] | None = None, seed: int = _OTHER_SEED) -> list[Case]:
@@ -101,8 +104,3 @@ def other_cases(n: int, tissue: Mapping[str, Any] | None = None, seed: int = _OT
             radius = usual.probe_radius_mm * exp(way * rng.uniform(low, high))
             out.append(replace(usual, probe_radius_mm=round(radius, 3)))
     return any_tissue.at_forces(out, REFERENCE_PARTS)
-
-
-def _middle(lump: LumpStrokes) -> Case:
-    """The lump at its middle force; without rounding where that was simulated."""
-    return lump.strokes[1].case if len(lump.strokes) == len(FORCE_PARTS) else lump.case

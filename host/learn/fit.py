@@ -118,50 +118,21 @@ def fit(
     """
     noise_named(noise)
     check_kind(kind, displacement, tissue is not None, anywhere)
+    if kind not in KINDS:
+        raise UsageError(f"there is no kind of model {kind!r}; there are {', '.join(KINDS)}")
+    from palpate.sim.tissue.stroke import one_blas_thread
+
     if kind == "thesis":
-        return _thesis(directory, noise, seed, progress)
-    if kind == "field":
-        return _field(directory, noise, seed, lumps, workers, tissue, displacement, anywhere, progress)
-    raise UsageError(f"there is no kind of model {kind!r}; there are {', '.join(KINDS)}")
+        from palpate.learn.thesis.fit import fit_thesis
+        from palpate.learn.thesis.polynomial import fit_thesis_model
+        from palpate.learn.thesis.runs import features_table, read_strokes
 
-
-def check_kind(kind: str, displacement: bool, told: bool, anywhere: bool = False) -> None:
-    """`UsageError` where the kind cannot do what is asked of it."""
-    if kind == "thesis" and not displacement:
-        raise UsageError("the thesis' equations need the displacement: only --kind field does without")
-    if kind == "field" and not told and not displacement:
-        raise UsageError("--without displacement is for a model that is told its tissue: add --tissue thesis")
-    if anywhere and (kind != "field" or told):
-        raise UsageError("--anywhere is for a field model in tissue of all kinds: --kind field, no --tissue")
-
-
-def _thesis(directory: str | PathLike[str], noise: str, seed: int, progress: ProgressCallback | None) -> Fit:
-    from palpate.learn.thesis.fit import fit_thesis
-    from palpate.learn.thesis.polynomial import fit_thesis_model
-    from palpate.learn.thesis.runs import features_table, read_strokes
-    from palpate.sim.tissue.stroke import one_blas_thread
-
-    strokes = read_strokes(directory)
-    with one_blas_thread():  # on a busy machine several threads wait for each other longer than they work
-        result = fit_thesis(features_table(strokes), progress=progress)
-        spec = fit_thesis_model(strokes, seed=seed, noise=noise, progress=progress)
-    return Fit("thesis", spec, result, strokes)
-
-
-def _field(
-    directory: str | PathLike[str],
-    noise: str,
-    seed: int,
-    lumps: int | None,
-    workers: int | None,
-    tissue: Mapping[str, float] | None,
-    displacement: bool,
-    anywhere: bool,
-    progress: ProgressCallback | None,
-) -> Fit:
+        runs = read_strokes(directory)
+        with one_blas_thread():  # on a busy machine several threads wait for each other longer than they work
+            found = fit_thesis(features_table(runs), progress=progress)
+            spec = fit_thesis_model(runs, seed=seed, noise=noise, progress=progress)
+        return Fit("thesis", spec, found, runs)
     from palpate.learn import data, scopes
-    from palpate.learn.lumps import read_solid_rim, read_solids
-    from palpate.sim.tissue.stroke import one_blas_thread
 
     data.check_begun(directory, lumps)
     home = Path(directory)
@@ -174,6 +145,7 @@ def _field(
         recipe = scopes.FIELD if displacement else scopes.PRESSURE_ONLY
         result = fit_field(told, noise, seed, recipe=recipe, workers=workers, progress=progress)
     elif scope is scopes.SOLID:
+        from palpate.learn.lumps import read_solid_rim, read_solids
         from palpate.learn.solid import fit_to_balls
 
         with one_blas_thread():
@@ -185,10 +157,20 @@ def _field(
         from palpate.learn.study import Study
 
         strokes = data.prepare_strokes(home, lumps or data.LUMPS, workers, progress, scope)
-        kind = AnywhereStudy if scope is scopes.ANYWHERE else Study
+        study = AnywhereStudy if scope is scopes.ANYWHERE else Study
         with one_blas_thread():
-            result = fit_in_any_tissue(strokes, noise, seed, progress=progress, kind=kind)
+            result = fit_in_any_tissue(strokes, noise, seed, progress=progress, kind=study)
     return Fit("field", result.spec, result)
+
+
+def check_kind(kind: str, displacement: bool, told: bool, anywhere: bool = False) -> None:
+    """`UsageError` where the kind cannot do what is asked of it."""
+    if kind == "thesis" and not displacement:
+        raise UsageError("the thesis' equations need the displacement: only --kind field does without")
+    if kind == "field" and not told and not displacement:
+        raise UsageError("--without displacement is for a model that is told its tissue: add --tissue thesis")
+    if anywhere and (kind != "field" or told):
+        raise UsageError("--anywhere is for a field model in tissue of all kinds: --kind field, no --tissue")
 
 
 def _scope(home: Path, told: bool, anywhere: bool) -> Scope:

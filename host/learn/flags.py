@@ -8,13 +8,13 @@ from statistics import NormalDist
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from palpate.features.map_features import Floats
 from palpate.learn.model import Answers, FittedModel
 from palpate.learn.observed import Observed
 from palpate.learn.probe_model import E_INV23, OUTPUTS
 from palpate.learn.scopes import Scope
+from palpate.learn.score import share
 
 WELL_OUTSIDE, NEAR = np.log(1.05), np.log(1.13)
 """By 5 % of an end; lumps further out would cost those within the ranges more than they bring."""
@@ -38,9 +38,9 @@ def facts_of(
             "outside_strokes": float(len(outside)),
             "outside_found": float(found.sum()),
             "outside_no_lump": float((~found).mean()),
-            "flagged_outside": _share(flagged[found]),
+            "flagged_outside": share(flagged[found]),
             "flagged_or_not_found_outside": float((flagged | ~found).mean()),
-            "flagged_well_outside": _share(flagged[well]),
+            "flagged_well_outside": share(flagged[well]),
         }
     if plain is not None:
         out |= {
@@ -49,11 +49,6 @@ def facts_of(
             "false_alarms_not_flagged": float((plain.found & model.answer(plain).in_domain).mean()),
         }
     return out
-
-
-def _share(flags: NDArray[np.bool_]) -> float:
-    """Of flags that are set; nan of none."""
-    return float(flags.mean()) if len(flags) else float("nan")
 
 
 def beyond(seen: Observed, scope: Scope) -> Floats:

@@ -223,11 +223,6 @@ def force_map_in_any_fat(lumps: Sequence[LumpStrokes]) -> force_maps.ForceMap:
     return learn_force_map([replace(lump, press=()).scaled(s) for lump, s in zip(lumps, fats)])
 
 
-def force_map_of(lumps: Sequence[LumpStrokes]) -> bytes:
-    """The map as the probe carries it."""
-    return force_maps.blob(force_map_in_any_fat(lumps))
-
-
 def _rows(stroke: Stroke) -> Floats:
     """What its rows feel (n, 16)."""
     return stroke.images_kPa if stroke.images_kPa.ndim == 2 else stroke.images_kPa.mean(2)

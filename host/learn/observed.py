@@ -127,11 +127,8 @@ def observe(
     seed: int,
     groups: Sequence[int] | None = None,
     force_map: bytes | None = None,
-    n_frames: int = 50,
     alter: Alter | None = None,
-    mean_forces_N_per_m: Sequence[float] | None = None,
     first: int = 0,
-    **sensor: Any,
 ) -> Observed:
     """One stroke over each field, each by a probe of its own; the same seed gives the same strokes.
 
@@ -142,23 +139,19 @@ def observe(
     seed : int
     groups : which lump each field is; by default its place in `fields`
     force_map : blob of `palpate.model_export.fixed_point.force_map`, or None
-    n_frames : int
     alter : changes the counts (frames, cells) as another sensor would, for example one with fewer bits
-    mean_forces_N_per_m : the hand's mean force for each stroke; by default the middle of the pair
     first : the number of the first stroke, if these are part of a longer set
-    **sensor : further arguments of `SensorModel`
     """
     level = noise_named(noise)
-    means = [None] * len(fields) if mean_forces_N_per_m is None else mean_forces_N_per_m
 
-    def stroke(field: StrokeField, k: int, mean: float | None) -> tuple[FrameStream, Calibration]:
-        probe = SensorModel(field, level, _seed_of(seed, k), mean_force_N_per_m=mean, **sensor)
-        stream = probe.stroke(n_frames, press=PRESS_FRAMES if field.press else 0, pressed=field.press)
+    def stroke(field: StrokeField, k: int) -> tuple[FrameStream, Calibration]:
+        probe = SensorModel(field, level, _seed_of(seed, k))
+        stream = probe.stroke(press=PRESS_FRAMES if field.press else 0, pressed=field.press)
         if alter is not None:
             stream = replace(stream, packed=[pack(c) for c in alter(stream.counts)])
         return stream, probe.calibration()
 
-    made = (stroke(field, k, mean) for k, (field, mean) in enumerate(zip(fields, means), first))
+    made = (stroke(field, k) for k, field in enumerate(fields, first))
     return of_streams(made, range(len(fields)) if groups is None else groups, force_map)
 
 

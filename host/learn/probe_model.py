@@ -95,14 +95,9 @@ class Polynomial:
         return np.clip(monomials(self.standard(X), self.terms) @ self.coefficients, self.lo, self.hi)
 
 
-def columns(names: Sequence[str]) -> list[int]:
-    """Where the named features stand among the firmware's."""
-    return [feature_names.NAMES.index(name) for name in names]
-
-
 def features_version(names: Sequence[str]) -> int:
     """The first version of the firmware's features that has all of these: older probes take such a model."""
-    newest = max(columns(names))
+    newest = max(map(feature_names.NAMES.index, names))
     f = firmware_features
     return 1 + sum(newest >= first for first in (f.PRESS, f.PRESS_OUTER, f.BUMP, f.ACROSS))
 
@@ -183,7 +178,6 @@ def spec_of(
     training: dict[str, Any],
     force_map: dict[str, Any] | None = None,
     notes: dict[str, Any] | None = None,
-    least_amp_share: float = LEAST_AMP_SHARE,
     hard_below: float = HARD_BELOW,
     fat_kPa: float | None = None,
     first: FirstStage | None = None,
@@ -234,7 +228,7 @@ def spec_of(
             domain.margin,
         ),
         lump=(
-            Limit("asinh_amp", lo=math.asinh(100 * least_amp_share)),
+            Limit("asinh_amp", lo=math.asinh(100 * LEAST_AMP_SHARE)),
             Limit("ln_stdev", hi=math.log(WIDEST_STDEV_MM)),
         ),
         hard_below=hard_below,
@@ -281,12 +275,10 @@ def _ranges(model: Polynomial, domain: DomainCheck) -> tuple[tuple[float | None,
     return tuple(zip(*ends))
 
 
-def shows_lump(
-    X: Floats, names: Sequence[str], least_amp_share: float = LEAST_AMP_SHARE
-) -> NDArray[np.bool_]:
+def shows_lump(X: Floats, names: Sequence[str]) -> NDArray[np.bool_]:
     """The lump rule: Amp over 1 % of Base, Stdev under 20 mm, on features X with these names."""
     amp, stdev = (X[:, list(names).index(n)] for n in ("asinh_amp", "ln_stdev"))
-    return (amp >= math.asinh(100 * least_amp_share)) & (stdev <= math.log(WIDEST_STDEV_MM))
+    return (amp >= math.asinh(100 * LEAST_AMP_SHARE)) & (stdev <= math.log(WIDEST_STDEV_MM))
 
 
 def training_hash(*arrays: Floats) -> str:

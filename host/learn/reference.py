@@ -101,7 +101,6 @@ def observe_references(
     references: Mapping[Tissue, tuple[Stroke, ...]],
     noise: Noise | str,
     seed: int,
-    first: int = 0,
 ) -> References:
     """A reference beside each lump: the probe, the hand and the fat of `observe_in_any_fat` with this seed.
 
@@ -113,7 +112,7 @@ def observe_references(
         pressed = references.get(tissue_of(lump.case))
         if pressed is None:
             continue
-        probe = probe_over(lump, level, seed, first + k)
+        probe = probe_over(lump, level, seed, k)
         force = probe.sensors.mean_force_N_per_m * np.exp(probe.rng.uniform(*np.log(FORCE_PARTS)))
         place = probe.rng.choice([-1.0, 1.0]) * probe.rng.uniform(*BESIDE_MM)
         field = StrokeField(*(scaled(stroke, probe.scale) for stroke in pressed))

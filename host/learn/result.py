@@ -20,7 +20,7 @@ from palpate.learn.probe_model import OUTPUTS, training_hash
 from palpate.learn.reference import JoiningFit
 from palpate.learn.scopes import FIELD
 from palpate.learn.score import HeldOutRow, flat
-from palpate.learn.study import TARGETS, Study, TextTable, text_of
+from palpate.learn.study import Study, TextTable, text_of
 from palpate.model_export.fixed_point.force_map import ForceMap
 from palpate.model_export.schema import FirstStage, ModelSpec
 
@@ -150,8 +150,6 @@ class TissueFit:
         Domain flags, false alarms.
     excluded : dict
         Reason -> how many strokes were left out.
-    targets : mapping
-        Of median errors, R2 and shares, by their names in `rows`.
     """
 
     spec: ModelSpec
@@ -162,7 +160,6 @@ class TissueFit:
     strange: pd.DataFrame = field(repr=False)
     facts: dict[str, float] = field(repr=False)
     excluded: dict[str, int] = field(repr=False)
-    targets: Mapping[str, float] = field(default_factory=lambda: TARGETS, repr=False)
 
     def coverage(self) -> pd.DataFrame:
         """Share of true values inside the intervals: all, and each quarter of lump and tissue."""
@@ -177,7 +174,7 @@ class TissueFit:
 
     def tables(self) -> list[Table]:
         """What `palpate fit --kind field` prints."""
-        heads, rows = text_of(pd.DataFrame(self.rows), self.targets)
+        heads, rows = text_of(pd.DataFrame(self.rows), self.study.targets)
         title = "Lumps and tissue never seen: R2 / median error / % in the interval"
         held_out = tables.shown(title, heads, rows, caption=tables.targets(self.missed_targets()))
         found = self.coverage()
@@ -208,7 +205,7 @@ class TissueFit:
         for row in self.rows:
             if row["setting"] != "typical, with its press":
                 continue
-            for name, goal in self.targets.items():
+            for name, goal in self.study.targets.items():
                 high = name.endswith("_r2") or name in ("hard_soft", "worst_quarter")
                 got = float(row[name if high else f"{name}_error"])  # type: ignore[arg-type]
                 if got < goal if high else got > goal:
@@ -279,5 +276,4 @@ def tissue_fit(
         strange=strange,
         facts=facts_of(model, study.flagged, outside, plain),
         excluded=left_out,
-        targets=study.targets,
     )

@@ -40,6 +40,11 @@ class HeldOutRow:
         return {**head, "not_found": self.not_found, **flat(self.scores)}
 
 
+def share(of: Mask) -> float:
+    """Of those that hold; nan of none."""
+    return float(of.mean()) if len(of) else float("nan")
+
+
 def is_hard(observed: Observed) -> Mask:
     """Lumps of E >= 10."""
     return observed.truth[:, E_INV23] <= HARD_BELOW + 1e-12
@@ -60,7 +65,7 @@ def scores(observed: Observed, value: Floats, answered: Mask, border: float = HA
     E = Y[:, E_INV23] ** -1.5
     far = (NEAR_THE_BORDER[0] > E) | (NEAR_THE_BORDER[1] < E)
     out["hard_soft"] = float(right.mean())
-    out["hard_soft_far"] = float(right[far].mean()) if far.any() else float("nan")
+    out["hard_soft_far"] = share(right[far])
     return out
 
 
@@ -80,15 +85,14 @@ def of_output(
     return out
 
 
-def quarters(observed: Observed) -> dict[str, Mask]:
-    """Each quarter of d, h, E^-2/3 and F, by name."""
+def quarters(values: Mapping[str, Floats]) -> dict[str, Mask]:
+    """Each quarter of each of these, (n), by name."""
     out: dict[str, Mask] = {}
-    for name in ("d", "h", "E_inv23", "F"):
-        values = observed.values[:, TARGETS.index(name)]
-        edges = np.quantile(values, [0, 0.25, 0.5, 0.75, 1])
+    for name, of in values.items():
+        edges = np.quantile(of, [0, 0.25, 0.5, 0.75, 1])
         for k in range(4):
-            last = values <= edges[k + 1] if k == 3 else values < edges[k + 1]
-            out[f"{name} {edges[k]:.3g} to {edges[k + 1]:.3g}"] = (values >= edges[k]) & last
+            last = of <= edges[k + 1] if k == 3 else of < edges[k + 1]
+            out[f"{name} {edges[k]:.3g} to {edges[k + 1]:.3g}"] = (of >= edges[k]) & last
     return out
 
 
@@ -105,7 +109,8 @@ def coverage(observed: Observed, answers: Answers, answered: Mask) -> pd.DataFra
     inside = (answers.low - 1e-12 <= true) & (answers.high + 1e-12 >= true)
     part = observed.take(answered)
     hard = is_hard(part)
-    groups = {"all": np.ones(len(part), bool), "soft": ~hard, "hard": hard, **quarters(part)}
+    of = {name: part.values[:, TARGETS.index(name)] for name in ("d", "h", "E_inv23", "F")}
+    groups = {"all": np.ones(len(part), bool), "soft": ~hard, "hard": hard, **quarters(of)}
     rows = {}
     for name, group in groups.items():
         row: dict[str, Any] = {"n": int(group.sum())}
@@ -123,7 +128,7 @@ def hardness(observed: Observed, answers: Answers, answered: Mask) -> dict[str, 
     wrong = (said == "hard") != hard
     return {
         "decided": float(decided.mean()),
-        "wrong_of_decided": float(wrong[decided].mean()) if decided.any() else float("nan"),
+        "wrong_of_decided": share(wrong[decided]),
         "hard_called_soft": float((hard & (said == "soft")).sum() / max(hard.sum(), 1)),
         "soft_called_hard": float((~hard & (said == "hard")).sum() / max((~hard).sum(), 1)),
     }
@@ -174,11 +179,11 @@ def ordered(ranges: Iterable[str]) -> list[str]:
     return sorted(set(ranges), key=lambda text: float(text.split()[0]))
 
 
-def visits(observed: Observed, y: Floats, answered: Mask, strokes: int = 1) -> pd.DataFrame:
+def visits(observed: Observed, y: Floats, answered: Mask) -> pd.DataFrame:
     """The smallest change of diameter that two visits can tell apart, in percent, at 95 %.
 
     What is the same at both visits cancels: the spread of repeated estimates of one lump decides. Two
-    visits of `strokes` strokes each differ by 1.96 sqrt(2 / strokes) standard deviations at most.
+    visits of one stroke each differ by 1.96 sqrt(2) standard deviations at most.
     """
     rows = []
     true = observed.values
@@ -194,7 +199,7 @@ def visits(observed: Observed, y: Floats, answered: Mask, strokes: int = 1) -> p
             cell = spread[(spread[column] >= a) & (spread[column] < b)]
             if len(cell):
                 sd = float(np.sqrt(cell["variance"].median()))
-                change = 100 * (np.exp(1.96 * np.sqrt(2 / strokes) * sd) - 1)
+                change = 100 * (np.exp(1.96 * np.sqrt(2) * sd) - 1)
                 rows.append({"group": f"{name} {a:g} to {b:.3g}", "lumps": len(cell), "percent": change})
     return pd.DataFrame(rows)
 

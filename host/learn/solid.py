@@ -6,9 +6,9 @@ it, and how wide its intervals are, comes from computed lumps that neither had m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import as_completed
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from palpate.learn.across import across_of, fit_place
 from palpate.learn.emulator import fit_emulator
 from palpate.learn.lumps import LumpStrokes, without_lump
 from palpate.learn.model import force_map_in_any_fat
-from palpate.learn.observed import Observed
 from palpate.learn.probe_model import E_INV23, to_link
 from palpate.learn.reference import learn_joining, tissue_of
 from palpate.learn.result import TissueFit, tissue_fit
@@ -26,8 +25,8 @@ from palpate.learn.training import (
     EMULATED,
     EMULATED_SEED,
     FOLDS,
-    Fold,
     SolidStudy,
+    Studies,
     across_factor,
     emulated_seed,
     held_out_fold,
@@ -86,22 +85,25 @@ def fit_to_balls(
     tell = Steps("emulating and fitting", FOLDS + len(levels) + 3, progress)
     force_map = force_map_in_any_fat(lumps)
     blob = force_maps.blob(force_map)
-    folds = held_out_folds(lumps, levels, seed, blob, workers, count, tell)
+    left_out_of = partial(held_out_fold, lumps, levels=levels, seed=seed, force_map=blob, count=count)
+    folds: list[Studies] = []
+    with pool(min(workers, FOLDS), __name__) as processes:
+        for fold in processes.map(left_out_of, range(FOLDS)):
+            folds.append(fold)
+            tell(f"{len(folds)} of {FOLDS} folds")
     rows: list[dict[str, object]] = []
-    studies = {key: judged([fold.studies[key] for fold in folds]) for key in folds[0].studies}
+    studies = {key: judged([fold[key] for fold in folds]) for key in folds[0]}
     for level in levels:
         for with_press, words in ((False, "the stroke alone"), (True, "with its press")):
             rows.append(studies[level, with_press].row(f"{level}, {words}"))
-        rows.append(
-            plane_study(observed(lumps, level, seed, _plane_map())).row(f"{level}, plane-strain model")
-        )
+        rows.append(plane_study(lumps, level, seed).row(f"{level}, plane-strain model"))
         tell("plane-strain model asked")
     study = studies[noise, True]
     emulator = fit_emulator(lumps)
     seen = taught(emulator, lumps, noise, seed, blob, count)
     tell("emulated")
     trained = train(seen)
-    left_out = [fold.studies[noise, True] for fold in folds]
+    left_out = [fold[noise, True] for fold in folds]
     model = widened(trained.model, width_factors(left_out))
     width, place = trained.width.wider(across_factor(left_out)), fit_place([part.seen for part in left_out])
     some = emulator.lumps(ball_cases(count, EMULATED_SEED, COVERED)[: 3 * _REFERRED])
@@ -138,36 +140,11 @@ def fit_to_balls(
     )
 
 
-def held_out_folds(
-    lumps: Sequence[LumpStrokes],
-    levels: Sequence[str],
-    seed: int,
-    force_map: bytes,
-    workers: int,
-    count: int = EMULATED,
-    step: Callable[[str], None] | None = None,
-) -> list[Fold]:
-    """Every lump asked by a model fitted without it (`training.held_out_fold`), in so many processes."""
-    found: dict[int, Fold] = {}
-    with pool(min(workers, FOLDS), __name__) as processes:
-        jobs = {
-            processes.submit(held_out_fold, lumps, k, levels, seed, force_map, count): k for k in range(FOLDS)
-        }
-        for job in as_completed(jobs):
-            found[jobs[job]] = job.result()
-            if step:
-                step(f"{len(found)} of {FOLDS} folds")
-    return [found[k] for k in range(FOLDS)]
-
-
-def _plane_map() -> bytes:
-    spec = models.load(models.FIELD)
-    return b"" if spec.force_map is None else force_maps.blob(spec.force_map)
-
-
-def plane_study(seen: Observed) -> SolidStudy:
+def plane_study(lumps: Sequence[LumpStrokes], noise: str, seed: int) -> SolidStudy:
     """What the model of endless cylinders that comes with Palpate says of the same lumps."""
-    spec, found = models.load(models.FIELD), seen.take(seen.found)
+    spec = models.load(models.FIELD)
+    seen = observed(lumps, noise, seed, b"" if spec.force_map is None else force_maps.blob(spec.force_map))
+    found = seen.take(seen.found)
     said = evaluate(spec, inputs(spec, found.X))
     y, low, high = (to_link(said[part]) for part in ("value", "low", "high"))
     hard = np.asarray(said["value"])[:, E_INV23] < spec.hard_below

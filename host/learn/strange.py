@@ -19,6 +19,7 @@ from palpate.learn.model import FittedModel, fit_model
 from palpate.learn.observed import Observed, joined, noise_named, observe_in_any_fat
 from palpate.learn.probe_model import OUTPUTS
 from palpate.learn.scopes import BORDER, Scope
+from palpate.learn.score import share
 from palpate.model_export.schema import FirstStage
 from palpate.sim.probe.sensors import Noise
 from palpate.sim.probe.two_lumps import APART_MM
@@ -165,5 +166,5 @@ def _row(words: str, model: FittedModel, seen: Observed) -> dict[str, object]:
     return {
         "strokes": words,
         "n": len(wrong),
-        **{name: float(of.mean()) if len(of) else float("nan") for name, of in shares.items()},
+        **{name: share(of) for name, of in shares.items()},
     }

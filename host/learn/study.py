@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from palpate.features.map_features import Floats
 from palpate.learn.model import FittedModel, depth_mm, fit_model
 from palpate.learn.observed import Observed, joined
-from palpate.learn.probe_model import E_INV23, HARD_BELOW, OUTPUTS
+from palpate.learn.probe_model import E_INV23, HARD_BELOW
 from palpate.learn.scopes import BORDER, Parts, Scope
 from palpate.learn.score import of_output
 from palpate.learn.table import r_squared
+from palpate.model_export.vocabulary import SYMBOLS
 
 if TYPE_CHECKING:
     from palpate.model_export.schema import Layers
@@ -118,8 +119,8 @@ class Study:
         Y = self.seen.truth
         inside = np.abs(self.y - Y) <= self.half
         out: dict[str, object] = {"setting": words, "n": len(Y), "lumps": len(np.unique(self.seen.group))}
-        for j, name in enumerate(OUTPUTS):
-            out |= of_output(_short(name), Y[:, j], self.y[:, j], self.half[:, j], absolute=j == E_INV23)
+        for j, name in enumerate(SYMBOLS):
+            out |= of_output(name, Y[:, j], self.y[:, j], self.half[:, j], absolute=j == E_INV23)
         out |= self._depth()
         out["hard_soft"] = float((self.hard == (Y[:, E_INV23] <= HARD_BELOW)).mean())
         worst = [inside[rows].mean(0) for rows in self.parts.values() if rows.any()]
@@ -144,10 +145,6 @@ class Study:
             "depth_covered": float(((low <= true) & (true <= high)).mean()),
             "depth_half": float(np.median(np.log(high / low) / 2)),
         }
-
-
-def _short(name: str) -> str:
-    return {"E^-2/3": "E_inv23"}.get(name, name.removeprefix("ln "))
 
 
 _COLUMNS = {

@@ -39,6 +39,7 @@ TARGETS = SYMBOLS[: outputs.E_FAT]
 SHOWN = {target: {"E_inv23": "E^-2/3"}.get(target, target) for target in TARGETS}
 _STIFFEST = 1000.0 ** (-2 / 3)
 INPUT_COLUMN = {"F": "F_rel", "t": "t_mm", "d": "d_mm", "h": "h"}
+SYMBOL_OF = {column: symbol for symbol, column in INPUT_COLUMN.items()} | {"E_ratio": "E"}
 
 
 class TableError(PalpateError):

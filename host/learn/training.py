@@ -111,31 +111,23 @@ def observed(
     )
 
 
-def emulated(
-    emulator: StrokeEmulator, noise: str, seed: int, force_map: bytes, lumps: int = EMULATED
-) -> Observed:
-    """One stroke over each of so many emulated lumps."""
-    cases = ball_cases(lumps, EMULATED_SEED, COVERED)
-    parts = [emulator.lumps(cases[k : k + _AT_ONCE]) for k in range(0, len(cases), _AT_ONCE)]
-    return joined(
-        [
-            observe_in_any_fat(part, noise, emulated_seed(seed), force_map, first=k * _AT_ONCE // 3)
-            for k, part in enumerate(parts)
-        ]
-    )
-
-
 def taught(
     emulator: StrokeEmulator,
     lumps: Sequence[LumpStrokes],
     noise: str,
     seed: int,
     force_map: bytes,
-    count: int = EMULATED,
+    count: int,
 ) -> Observed:
-    """What a model learns from: emulated strokes, and those over the lumps behind the emulator."""
-    others = emulated(emulator, noise, seed, force_map, count)
-    return joined([others, observed(lumps, noise, seed, force_map, first=count, draws=OWN_DRAWS)])
+    """What a model learns from: strokes over so many emulated lumps, and over those behind the emulator."""
+    cases = ball_cases(count, EMULATED_SEED, COVERED)
+    others = [
+        observe_in_any_fat(
+            emulator.lumps(cases[k : k + _AT_ONCE]), noise, emulated_seed(seed), force_map, first=k // 3
+        )
+        for k in range(0, len(cases), _AT_ONCE)
+    ]
+    return joined([*others, observed(lumps, noise, seed, force_map, first=count, draws=OWN_DRAWS)])
 
 
 _AT_ONCE = 1500
@@ -155,11 +147,8 @@ def train(seen: Observed) -> Trained:
     return Trained(model, fit_model(SOLID.stroke_alone, seen), width)
 
 
-@dataclass(frozen=True)
-class Fold:
-    """What models say of the lumps that they were fitted without: by noise level, with and without press."""
-
-    studies: dict[tuple[str, bool], SolidStudy]
+Studies = dict[tuple[str, bool], SolidStudy]
+"""What models say of the lumps that they were fitted without: by noise level, with and without press."""
 
 
 def held_out_fold(
@@ -168,20 +157,20 @@ def held_out_fold(
     levels: Sequence[str],
     seed: int,
     force_map: bytes,
-    count: int = EMULATED,
-) -> Fold:
+    count: int,
+) -> Studies:
     """Leave out one of `FOLDS` equal parts, emulate and fit without it, and ask about it."""
     ends = np.linspace(0, len(lumps), FOLDS + 1).astype(int)
     first, last = int(ends[fold]), int(ends[fold + 1])
     rest = [*lumps[:first], *lumps[last:]]
     emulator = fit_emulator(rest)
-    studies = {}
+    studies: Studies = {}
     for level in levels:
         trained = train(taught(emulator, rest, level, seed, force_map, count))
         seen = observed(lumps[first:last], level, seed, force_map, first)
         for with_press in (False, True):
             studies[level, with_press] = trained.study(seen, with_press)
-    return Fold(studies)
+    return studies
 
 
 def judged(parts: Sequence[SolidStudy]) -> SolidStudy:

@@ -70,9 +70,9 @@ def recipe(name: str = FIELD) -> dict[str, Any]:
     return found
 
 
-def file_hash(of: Path | None = None) -> str:
-    """SHA-256 of a model's file, in hexadecimal; by default the field model's."""
-    return sha256((of or path()).read_bytes()).hexdigest()
+def file_hash(of: Path) -> str:
+    """SHA-256 of a model's file, in hexadecimal."""
+    return sha256(of.read_bytes()).hexdigest()
 
 
 def emulator_path() -> Path:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,7 @@ from palpate.models import (
     plane_emulator_path,
     recipe_path,
 )  # fmt: skip
+from palpate.progress import ProgressCallback
 from palpate.sim.probe.sensors import StrokeField
 from palpate.sim.tissue import Case, simulate
 from palpate.sim.tissue.any_tissue import FORCE_PARTS, PRESS_PARTS, PRESSES, STROKES, at_forces
@@ -97,10 +98,8 @@ EMULATOR, PLANE = "emulator", "plane"
 _KNOWN_OF = 25
 """Every so-manieth cylinder is not met by its emulator: that is what its errors are of."""
 
-Progress = Callable[[str, int, int], None]
 
-
-def build(name: str, directory: Path, progress: Progress | None = None) -> FieldFit | TissueFit:
+def build(name: str, directory: Path, progress: ProgressCallback | None = None) -> FieldFit | TissueFit:
     """Simulate into `directory` what it lacks, fit, and write model and recipe into this package.
 
     Parameters
@@ -153,11 +152,10 @@ def build_emulator(sets: Sequence[Path]) -> None:
         "errors_left": round(errors.left, 4),
         "sha256": file_hash(emulator_path()),
     }
-    with whole_file(emulator_path().with_suffix(".recipe.json")) as part:
-        part.write_text(json_text(record) + "\n", encoding="utf-8")
+    _write(emulator_path().with_suffix(".recipe.json"), record)
 
 
-def build_plane_emulator(directory: Path, progress: Progress | None = None) -> dict[str, float]:
+def build_plane_emulator(directory: Path, progress: ProgressCallback | None = None) -> dict[str, float]:
     """Compute into `directory` what it lacks, fit the emulator of cylinders, write it and its recipe.
 
     Returns
@@ -179,8 +177,7 @@ def build_plane_emulator(directory: Path, progress: Progress | None = None) -> d
         "wrong": {words: round(error, 3) for words, error in wrong.items()},
         "sha256": file_hash(plane_emulator_path()),
     }
-    with whole_file(plane_emulator_path().with_suffix(".recipe.json")) as part:
-        part.write_text(json_text(record) + "\n", encoding="utf-8")
+    _write(plane_emulator_path().with_suffix(".recipe.json"), record)
     return wrong
 
 
@@ -194,7 +191,11 @@ def write_recipe(name: str, spec: ModelSpec, scores: dict[str, Any]) -> None:
         "scores": {part: told for part, told in scores.items() if part != "training"},
         "sample": sample(name, spec),
     }
-    with whole_file(recipe_path(name)) as part:
+    _write(recipe_path(name), record)
+
+
+def _write(target: Path, record: dict[str, Any]) -> None:
+    with whole_file(target) as part:
         part.write_text(json_text(record) + "\n", encoding="utf-8")
 
 
@@ -231,9 +232,13 @@ def sample(name: str, spec: ModelSpec) -> list[dict[str, Any]]:
 
 def _with_press(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
     """The firmware's features of one stroke in that fat, and its truth by `OUTPUTS`."""
+    return _pressed(simulated(case), fat_kPa, blob, k)
+
+
+def simulated(case: Case) -> LumpStrokes:
+    """Strokes over a cylinder and the press before them."""
     strokes = tuple(simulate(c, STROKES) for c in at_forces([case], FORCE_PARTS))
-    press = tuple(simulate(c, PRESSES) for c in at_forces([case], PRESS_PARTS))
-    return _pressed(LumpStrokes(strokes, press), fat_kPa, blob, k)
+    return LumpStrokes(strokes, tuple(simulate(c, PRESSES) for c in at_forces([case], PRESS_PARTS)))
 
 
 def _solid(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:

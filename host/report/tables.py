@@ -11,7 +11,7 @@ from palpate.learn.thesis.depth import THESIS, depth_choices
 from palpate.learn.thesis.fit import ThesisFit
 from palpate.learn.thesis.forward import OUTPUT_NAMES
 from palpate.learn.thesis.runs import features_table
-from palpate.learn.thesis.table_1 import STAR_FROM, Table1Entry, stars
+from palpate.learn.thesis.tables import STAR_FROM, Table1Entry, stars
 from palpate.report.items import Beside, Item
 from palpate.sim.tissue import Stroke
 

@@ -12,10 +12,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from palpate.dataset.agreement import Agreement, Estimated
-from palpate.dataset.answers import OUTPUTS
+from palpate.dataset.answers import NAMES, OUTPUTS
 from palpate.model_export.vocabulary import SHOWN_UNITS
 from palpate.report import pages, style
-from palpate.validation.result import NAMES, Validation
+from palpate.validation.result import Validation
 from palpate.validation.verdict import percent
 
 UNITS = {"depth_mm": "mm", **SHOWN_UNITS}
@@ -87,7 +87,7 @@ def _figure(found: Validation, name: str, a: Agreement) -> Figure:
     """Left the estimates with their intervals against the truth, right Bland and Altman's plot."""
     said = found.answers
     j = OUTPUTS.index(name)
-    used = said.lump & ~np.isnan(said.truth[:, j])
+    used = said.known(name)
     truth, value = said.truth[used, j], said.value[used, j]
     figure = style.new(8.4, 3.4)
     left, right = figure.subplots(1, 2)

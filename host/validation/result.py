@@ -2,33 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from statsmodels.stats.proportion import proportion_confint
 
-from palpate.dataset.agreement import Agreement, Estimated, agreement
-from palpate.dataset.answers import OUTPUTS, JudgedAnswers, answers
-from palpate.dataset.strokes import ObservedDataSet, observe_data_set
+from palpate.dataset.agreement import Agreement, Estimated, agreement, wilson
+from palpate.dataset.answers import NAMES, OUTPUTS, JudgedAnswers, answers
+from palpate.dataset.strokes import observe_data_set
 from palpate.dataset.table import DataSet
-from palpate.learn.probe_model import E_INV23
 from palpate.model_export.schema import ModelSpec
-from palpate.model_export.vocabulary import WORDS
+from palpate.progress import ProgressCallback
 from palpate.validation.verdict import Verdict, verdict
-
-NAMES = {
-    "d_mm": "diameter",
-    "depth_mm": "depth",
-    "h": "depth in diameters",
-    "t_mm": "fat's thickness",
-    "E_inv23": "stiffness, E^-2/3",
-    "F_N_per_m": "force",
-}
-NAMES |= {name: words for name, words in WORDS.items() if name not in NAMES}
-"""Outputs in the order and the words of the report."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +78,7 @@ def validate(
     spec: ModelSpec,
     data: DataSet,
     seed: int = 1,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Validation:
     """Judge a model by a data set.
 
@@ -111,12 +97,7 @@ def validate(
     DataSetError
         A recording cannot be used; row and column.
     """
-    return judge(spec, observe_data_set(data, spec, progress), data.remarks, seed)
-
-
-def judge(spec: ModelSpec, seen: ObservedDataSet, remarks: tuple[str, ...] = (), seed: int = 1) -> Validation:
-    """The same of strokes that have been read."""
-    said = answers(spec, seen)
+    said = answers(spec, observe_data_set(data, spec, progress))
     found = {name: agreement(said, name, seed) for name in NAMES if name in OUTPUTS}
     agreements = {name: a for name, a in found.items() if a is not None}
     confusion, wrong = _hardness(said)
@@ -129,30 +110,20 @@ def judge(spec: ModelSpec, seen: ObservedDataSet, remarks: tuple[str, ...] = (),
         share(~said.in_domain[said.lump]),
         share(said.force_out[said.lump]),
         wrong,
-        remarks,
+        data.remarks,
     )
 
 
 def share(hits: np.ndarray) -> Estimated:
     """A share of strokes with Wilson's interval."""
-    n, k = len(hits), int(hits.sum())
-    if not n:
-        return Estimated(float("nan"))
-    low, high = proportion_confint(k, n, alpha=0.05, method="wilson")
-    return Estimated(k / n, float(low), float(high))
+    return wilson(hits.sum(), len(hits)) if len(hits) else Estimated(float("nan"))
 
 
 def _hardness(said: JudgedAnswers) -> tuple[pd.DataFrame, Estimated | None]:
-    judged = said.lump & ~np.isnan(said.truth[:, E_INV23])
+    judged = said.known("E_inv23")
     truth = np.where(said.hard[judged], "hard", "soft")
     words = said.hardness[judged]
-    table = pd.DataFrame(
-        [
-            [int(((truth == t) & (words == w)).sum()) for w in ("hard", "soft", "unsure")]
-            for t in ("hard", "soft")
-        ],
-        index=["hard", "soft"],
-        columns=["hard", "soft", "unsure"],
-    )
+    table = pd.crosstab(truth, words).reindex(["hard", "soft"], fill_value=0)
+    table = table.reindex(["hard", "soft", "unsure"], axis=1, fill_value=0)
     decided = words != "unsure"
     return table, share(words[decided] != truth[decided]) if decided.any() else None

@@ -20,9 +20,9 @@ import numpy as np
 from firmware_py.calib import Calibration
 from palpate import models
 from palpate.console import table
+from palpate.dataset.answers import shows_lump
 from palpate.features.map_features import Floats
 from palpate.firmware_twin.replay_core import compiled
-from palpate.learn.data import stroke_fields
 from palpate.learn.design import FIELD_SETTINGS, lump_cases
 from palpate.learn.lumps import read_lumps
 from palpate.learn.observed import Observed, of_streams
@@ -32,7 +32,7 @@ from palpate.sim.probe.packed_frames import FrameStream
 from palpate.sim.probe.sensors import SensorModel, StrokeField
 from palpate.sim.tissue import sweep
 from palpate.wire.events import OUTPUTS
-from tests.studies.coverage import SEED, held, shows_lump
+from tests.studies.coverage import SEED, held
 
 LUMPS = 160
 TYPICAL = LEVELS["typical"].with_(start_mm=0.0)
@@ -100,13 +100,13 @@ def main() -> None:
     blob = None if spec.force_map is None else force_maps.blob(spec.force_map)
     with tempfile.TemporaryDirectory() as folder:
         sweep(lump_cases(LUMPS, SEED), FIELD_SETTINGS, Path(folder))
-        fields = stroke_fields(read_lumps(Path(folder))[0])
+        fields = [lump.field for lump in read_lumps(Path(folder))[0]]
     rows = []
     for words, setting in SETTINGS:
         made = strokes(fields, **setting)
         with nothing_refused():
             seen = observed(made, blob)
-        found = seen.take(np.flatnonzero(seen.whole & shows_lump(spec, seen)))
+        found = seen.take(seen.whole & shows_lump(spec, seen.X))
         shares = held(spec, found)
         refused = 1 - observed(made, blob).whole.mean()
         covered = [f"{100 * shares[name].mean():.0f}" for name in OUTPUTS]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,48 +10,35 @@ import numpy as np
 from palpate.answer.layers import values
 from palpate.features.map_features import Floats
 from palpate.learn.anywhere import AnywhereStudy
-from palpate.learn.data import sweep_progress
-from palpate.learn.lumps import LumpStrokes, read_pressed
-from palpate.learn.model import FittedModel, fit_model, force_map_of
-from palpate.learn.observed import Observed, joined, observe_in_any_fat
+from palpate.learn.data import SEED
+from palpate.learn.lumps import LumpStrokes
+from palpate.learn.model import FittedModel, fit_model, force_map_in_any_fat
 from palpate.learn.probe_model import OUTPUTS
 from palpate.learn.scopes import BORDER
 from palpate.learn.study import TextTable
+from palpate.learn.training import observed
+from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.progress import ProgressCallback
-from palpate.sim.tissue import Case, sweep
-from palpate.sim.tissue.any_tissue import PRESSES, STROKES
-from palpate.sim.tissue.anywhere import anywhere_cases, anywhere_press_cases
+from palpate.sim.tissue import Case
+from palpate.sim.tissue.anywhere import anywhere_lumps
 from tests.studies import any_tissue
-from tests.studies.bound import MEDIAN_OF_SD, Bound
-from tests.studies.bound_computed import computed_bound, simulate_neighbours
+from tests.studies.bound import MEDIAN_OF_SD, Bound, computed_bound, simulate_neighbours
 from tests.studies.table import Asked, StudyTable, of_text
 
-SEED, DRAWS, TIED_LUMPS = 31, 2, 400
+DRAWS, TIED_LUMPS = 2, 400
 BOUNDED, LEAST_BUMP = 24, 0.02
 """Lumps whose map's bound is worked out: the first that make such a bump, over the pressure far away."""
 
 FALSE_FLAGS = 0.02
 """Share of tied lumps that the test for a broken tie may flag."""
 
-Step = Callable[[str], None]
-
 
 def prepare(
     directory: Path, lumps: int, workers: int | None = None, progress: ProgressCallback | None = None
 ) -> tuple[list[LumpStrokes], list[LumpStrokes]]:
     """Simulate into `directory` what it lacks, and read it: lumps anywhere, and lumps on the border."""
-    presses, strokes = directory / "press", directory / "lumps"
-    report = sweep_progress("pressing", progress)
-    sweep(anywhere_press_cases(lumps, SEED), PRESSES, presses, workers=workers, progress=report)
-    report = sweep_progress("stroking", progress)
-    sweep(anywhere_cases(lumps, SEED), STROKES, strokes, workers=workers, progress=report)
-    tied = any_tissue.prepare(directory / "tied", min(lumps, TIED_LUMPS), workers, progress)
-    return read_pressed(strokes, presses), tied
-
-
-def seen_by_the_probe(lumps: Sequence[LumpStrokes], blob: bytes, seed: int, noise: str) -> Observed:
-    """Some strokes over each lump, through the probe's integers."""
-    return joined([observe_in_any_fat(lumps, noise, 1000 * seed + k, blob) for k in range(DRAWS)])
+    anywhere = any_tissue.simulated(directory, anywhere_lumps(lumps, SEED), workers, progress)
+    return anywhere, any_tissue.prepare(directory / "tied", min(lumps, TIED_LUMPS), workers, progress)
 
 
 def broken_tie(y: Floats) -> Floats:
@@ -84,21 +71,15 @@ def tables(asked: Asked) -> list[StudyTable]:
     noise = asked.noise or "typical"
     anywhere, tied = prepare(asked.directory, asked.lumps or any_tissue.LUMPS, progress=asked.progress)
     known = bounds(anywhere, asked.directory, noise, progress=asked.progress)
-    blob = force_map_of([*anywhere, *tied])
-    seen = seen_by_the_probe(anywhere, blob, asked.seed, noise)
-    on_border = seen_by_the_probe(tied, blob, asked.seed + 1, noise)
+    blob = force_maps.blob(force_map_in_any_fat([*anywhere, *tied]))
+    seen = observed(anywhere, noise, asked.seed, blob, draws=DRAWS)
+    on_border = observed(tied, noise, asked.seed + 1, blob, draws=DRAWS)
     asked.tell("observed")
-    return [of_text(*text) for text in tables_of(seen, on_border, known, asked.tell)]
-
-
-def tables_of(
-    seen: Observed, on_border: Observed, known: dict[int, Bound], step: Step | None = None
-) -> list[TextTable]:
-    """The tables of strokes over lumps anywhere, and over lumps on the border to teach the tie."""
-    found = AnywhereStudy.held_out(seen, step=step)
-    of_tie = AnywhereStudy.held_out(on_border, step=step)
+    found = AnywhereStudy.held_out(seen, step=asked.tell)
+    of_tie = AnywhereStudy.held_out(on_border, step=asked.tell)
     model = fit_model(BORDER, on_border)
-    return [*found.further_tables(), _bound(found, known), _of_the_tie(found, of_tie, model)]
+    texts = [*found.further_tables(), _bound(found, known), _of_the_tie(found, of_tie, model)]
+    return [of_text(*text) for text in texts]
 
 
 def _bound(found: AnywhereStudy, known: dict[int, Bound]) -> TextTable:

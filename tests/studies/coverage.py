@@ -13,12 +13,14 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from palpate import models
+from palpate.dataset.answers import shows_lump
 from palpate.features.map_features import Floats
 from palpate.learn.conformal import LEVEL
-from palpate.learn.data import stroke_fields, sweep_progress
+from palpate.learn.data import sweep_progress
 from palpate.learn.design import FIELD_SETTINGS, lump_cases
 from palpate.learn.lumps import read_lumps
 from palpate.learn.observed import Observed, observe
+from palpate.learn.score import quarters
 from palpate.learn.table import SHOWN, TARGETS
 from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.fixed_point.reference import evaluate
@@ -59,20 +61,9 @@ def coverage(
     sweep(lump_cases(lumps, SEED), FIELD_SETTINGS, directory, progress=report)
     strokes, _, _ = read_lumps(directory)
     blob = None if spec.force_map is None else force_maps.blob(spec.force_map)
-    seen = observe(stroke_fields(strokes), "typical", SEED, force_map=blob)
-    found = seen.whole & shows_lump(spec, seen)
-    return _shares(spec, seen.take(np.flatnonzero(found))), int((~found).sum())
-
-
-def shows_lump(spec: ModelSpec, seen: Observed) -> NDArray[np.bool_]:
-    """The model's own rule."""
-    shown = np.ones(len(seen), bool)
-    for limit in spec.lump:
-        (values,) = seen.features([limit.feature]).T
-        shown &= (values >= (-np.inf if limit.lo is None else limit.lo)) & (
-            values <= (np.inf if limit.hi is None else limit.hi)
-        )
-    return shown
+    seen = observe([lump.field for lump in strokes], "typical", SEED, force_map=blob)
+    found = seen.whole & shows_lump(spec, seen.X)
+    return _shares(spec, seen.take(found)), int((~found).sum())
 
 
 def held(spec: ModelSpec, seen: Observed) -> dict[str, NDArray[np.bool_]]:
@@ -91,7 +82,10 @@ def _shares(spec: ModelSpec, seen: Observed) -> pd.DataFrame:
     inside = held(spec, seen)
     true = seen.values[:, T] - seen.values[:, D] / 2
     rows = {}
-    for name, group in {"all": np.ones(len(seen), bool), **_quarters(seen, true)}.items():
+    for name, group in {
+        "all": np.ones(len(seen), bool),
+        **quarters({"depth": true, "d": seen.values[:, D], "h": seen.values[:, H]}),
+    }.items():
         rows[name] = {"n": int(group.sum()), **{key: hit[group].mean() for key, hit in inside.items()}}
     return pd.DataFrame.from_dict(rows, orient="index")
 
@@ -106,16 +100,6 @@ def _independent(spans: Floats) -> Floats:
     half = (spans[:, :, 2] - spans[:, :, 1]) / 2
     width = np.hypot(half[:, T], half[:, D] / 2)
     return np.stack([value, value - width, value + width], axis=1)
-
-
-def _quarters(seen: Observed, depth: Floats) -> dict[str, NDArray[np.bool_]]:
-    out = {}
-    for name, values in (("depth", depth), ("d", seen.values[:, D]), ("h", seen.values[:, H])):
-        edges = np.quantile(values, [0, 0.25, 0.5, 0.75, 1])
-        for k in range(4):
-            words = f"{name} {edges[k]:.3g} to {edges[k + 1]:.3g}"
-            out[words] = (values >= edges[k]) & (values <= edges[k + 1])
-    return out
 
 
 def text_of(shares: pd.DataFrame) -> tuple[list[str], list[list[str]]]:

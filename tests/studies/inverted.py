@@ -17,6 +17,7 @@ from palpate.answer.fitted import HARD, LEVEL
 from palpate.errors import PalpateError
 from palpate.inversion.classes import ANYWHERE
 from palpate.inversion.result import FITS
+from palpate.inversion.start import Start
 from palpate.inversion.strokes import invert_stroke
 from palpate.inversion.widening import NORMAL, WIDER
 from palpate.learn.conformal import quantile_of_part
@@ -45,11 +46,9 @@ def lumps(n: int, seed: int) -> list[Case]:
 def tables(asked: Asked) -> list[StudyTable]:
     """Invert what is not yet there; then accuracy, and factors from one half for the other."""
     cases = lumps(asked.lumps or LUMPS, asked.seed)
-
-    def invert(k: int) -> dict[str, Any]:
-        return inverted(cases[k], 1000 * asked.seed + k, asked.noise or "typical")
-
-    return judged(kept_rows(asked, "inverted.jsonl", len(cases), invert))
+    noise, seed = asked.noise or "typical", 1000 * asked.seed
+    rows = kept_rows(asked, "inverted.jsonl", len(cases), lambda k: inverted(cases[k], seed + k, noise))
+    return judged(rows)
 
 
 def inverted(case: Case, seed: int, noise: str) -> dict[str, Any]:
@@ -64,10 +63,7 @@ def inverted(case: Case, seed: int, noise: str) -> dict[str, Any]:
     row: dict[str, Any] = {"code": case.code, "cpu_s": took, "problem": found.problem}
     if found.problem:
         return row
-    first = {
-        "d_mm": start.d_mm, "depth_mm": start.depth_mm, "t_mm": start.t_mm, "E_inv23": start.E_inv23,
-        "E_fat_kPa": start.E_kPa,
-    }  # fmt: skip
+    first = said_first(start)
     for name, factor in WORDS.items():
         value, truth = found.values[name], getattr(case, name)
         assert value.high is not None
@@ -83,6 +79,14 @@ def inverted(case: Case, seed: int, noise: str) -> dict[str, Any]:
     right = None if said == "unsure" else (said == "hard") == hard
     more_likely = (found.values["E_inv23"].value < HARD) == hard
     return row | {"chi2": found.chi2, "settled": found.settled, "right": right, "likely": more_likely}
+
+
+def said_first(start: Start) -> dict[str, float]:
+    """What the regression said, by what is judged."""
+    return {
+        "d_mm": start.d_mm, "depth_mm": start.depth_mm, "t_mm": start.t_mm, "E_inv23": start.E_inv23,
+        "E_fat_kPa": start.E_kPa,
+    }  # fmt: skip
 
 
 def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
@@ -110,13 +114,9 @@ def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
             ("did not settle", ~settled, wider.restless),
         ):
             these = asked[fits & part]
-            crossed = [
-                one <= quantile_of_part(these, np.arange(len(these)) % 2 != k % 2, LEVEL)
-                for k, one in enumerate(these)
-            ]
             factors.append([
                 f"{name}, {words}", str(len(these)), f"{np.quantile(these, LEVEL):.2f}", f"{used:.2f}",
-                f"{wider.floor:.3f}", f"{100 * np.mean(crossed):.0f}",
+                f"{wider.floor:.3f}", f"{100 * halves_crossed(these):.0f}",
             ])  # fmt: skip
     told = [row["right"] for row in whole if row["right"] is not None]
     fit, rest, likely, some, right = (
@@ -144,6 +144,13 @@ def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
             factors,
         ),
     ]
+
+
+def halves_crossed(asked: NDArray[np.float64]) -> float:
+    """The share of factors asked for (n) that the other half's quantile would give."""
+    half = np.arange(len(asked)) % 2
+    factors = np.array([quantile_of_part(asked, half != k, LEVEL) for k in (0, 1)])
+    return float((asked <= factors[half]).mean())
 
 
 def worst_quarter(held: NDArray[np.bool_], by: NDArray[np.float64]) -> float:

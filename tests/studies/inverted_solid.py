@@ -18,11 +18,11 @@ from palpate.errors import PalpateError
 from palpate.inversion.result import FITS
 from palpate.inversion.strokes import invert_stroke
 from palpate.inversion.widening import WIDER_SOLID
-from palpate.learn.conformal import quantile_of_part
 from palpate.sim.probe.noise import level_named
 from palpate.sim.tissue import Case
 from palpate.sim.tissue.solid.design import ball_cases
 from tests.host.inversion.solid_world import felt_over, kept_strokes
+from tests.studies.inverted import halves_crossed, said_first
 from tests.studies.table import Asked, StudyTable, kept_rows, of_text
 
 LUMPS = 24
@@ -36,11 +36,8 @@ WORDS = {
 def tables(asked: Asked) -> list[StudyTable]:
     """Invert what is not yet there; then accuracy, and factors from one half for the other."""
     cases = ball_cases(asked.lumps or LUMPS, asked.seed)[1::3]
-
-    def invert(k: int) -> dict[str, Any]:
-        return inverted(cases[k], asked, k)
-
-    return judged(kept_rows(asked, "inverted_solid.jsonl", len(cases), invert))
+    rows = kept_rows(asked, "inverted_solid.jsonl", len(cases), lambda k: inverted(cases[k], asked, k))
+    return judged(rows)
 
 
 def inverted(case: Case, asked: Asked, k: int) -> dict[str, Any]:
@@ -64,8 +61,7 @@ def inverted(case: Case, asked: Asked, k: int) -> dict[str, Any]:
         return row
     truth = {name: getattr(case, name) for name in ("d_mm", "depth_mm", "t_mm", "E_inv23")}
     truth |= {"width_mm": 2 * case.half_axes_mm[1], "E_fat_kPa": stream.truth.fat_kPa}
-    first = {"d_mm": start.d_mm, "width_mm": start.d_mm, "depth_mm": start.depth_mm, "t_mm": start.t_mm,
-             "E_inv23": start.E_inv23, "E_fat_kPa": start.E_kPa}  # fmt: skip
+    first = said_first(start) | {"width_mm": start.d_mm}
     for name in WORDS:
         value, scale = found.values[name], (lambda v: v) if name == "E_inv23" else np.log
         assert value.low is not None and value.high is not None
@@ -94,14 +90,10 @@ def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
             np.array([row[name][key] for row in whole]) for key in ("apart", "half", "first")
         )
         used, asked = WIDER_SOLID[word].settled, np.abs(apart) / half
-        crossed = [
-            one <= quantile_of_part(asked, np.arange(len(asked)) % 2 != k % 2, LEVEL)
-            for k, one in enumerate(asked)
-        ]
         out.append([
             name, *(f"{100 * np.median(np.abs(e)):.1f}" for e in (first, apart, apart[fits])),
             f"{100 * np.median(used * half):.1f}", f"{100 * np.mean(asked <= used):.0f}",
-            f"{used:.2f}", f"{np.quantile(asked, LEVEL):.2f}", f"{100 * np.mean(crossed):.0f}",
+            f"{used:.2f}", f"{np.quantile(asked, LEVEL):.2f}", f"{100 * halves_crossed(asked):.0f}",
         ])  # fmt: skip
     likely = np.array([row["likely"] for row in whole])
     title = (

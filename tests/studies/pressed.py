@@ -33,11 +33,8 @@ BESIDE_MM = 3.0
 def tables(asked: Asked) -> list[StudyTable]:
     """Press what is not yet pressed; then a table for each face."""
     cases = lumps(asked.lumps or LUMPS, asked.seed)
-
-    def press(k: int) -> dict[str, Any]:
-        return pressed(cases[k], 1000 * asked.seed + k, asked.noise or "typical")
-
-    rows = kept_rows(asked, "pressed.jsonl", len(cases), press)
+    noise, seed = asked.noise or "typical", 1000 * asked.seed
+    rows = kept_rows(asked, "pressed.jsonl", len(cases), lambda k: pressed(cases[k], seed + k, noise))
     faces = {"flat and padded, no displacement": True, "the probe's own": False}
     return [judged(name, [row for row in rows if row["flat"] == flat]) for name, flat in faces.items()]
 

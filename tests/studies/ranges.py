@@ -16,14 +16,11 @@ from palpate.learn.lumps import LumpStrokes, holds_solids, read_solid_rim
 from palpate.learn.observed import observe_in_any_fat
 from palpate.model_export.fixed_point import force_map
 from palpate.model_export.fixed_point.reference import evaluate, inputs
-from palpate.sim.tissue import Case, Settings, simulate
+from palpate.models.build import simulated
+from palpate.sim.tissue import Case, Settings
 from palpate.sim.tissue.any_tissue import (
     FORCE_PARTS,
-    PRESS_PARTS,
-    PRESSES,
-    STROKES,
     TissueRanges,
-    at_forces,
     random_lumps,
     rim_lumps,
 )
@@ -107,7 +104,7 @@ def tables(asked: Asked) -> list[StudyTable]:
     n, noise = asked.lumps or LUMPS, asked.noise or "typical"
     found = []
     for k, row in enumerate(ROWS):
-        lumps = [_stroked(case) for case in row.lumps(n)]
+        lumps = [simulated(case) for case in row.lumps(n)]
         found.append([row.model, row.words, *_judged(row.model, lumps, row.fat_kPa, noise, asked.seed + k)])
         asked.tell(" | ".join(found[-1]))
     for solid in SOLID_ROWS:
@@ -121,11 +118,6 @@ def tables(asked: Asked) -> list[StudyTable]:
         cells = _judged(models.BALLS, rim, (5.0, 25.0), noise, asked.seed)
         found.append([models.BALLS, "lumps outside the ranges", *cells])
     return [of_text("Models at the ends of their ranges and beyond", HEADS, found)]
-
-
-def _stroked(case: Case) -> LumpStrokes:
-    strokes = tuple(simulate(c, STROKES) for c in at_forces([case], FORCE_PARTS))
-    return LumpStrokes(strokes, tuple(simulate(c, PRESSES) for c in at_forces([case], PRESS_PARTS)))
 
 
 def _solids(row: SolidRow, n: int) -> list[LumpStrokes]:

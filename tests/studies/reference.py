@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from palpate.features.map_features import Floats
 from palpate.learn.data import SEED, sweep_progress
 from palpate.learn.lumps import LumpStrokes
-from palpate.learn.model import fit_model, force_map_of, tissue_truth
+from palpate.learn.model import fit_model, force_map_in_any_fat, tissue_truth
 from palpate.learn.observed import Observed, joined, observe_in_any_fat
 from palpate.learn.reference import (
     References,
@@ -28,6 +28,7 @@ from palpate.learn.reference import (
 from palpate.learn.scopes import BORDER
 from palpate.learn.study import DRAWS, FOLDS, Study
 from palpate.learn.study import text_of as outputs_text
+from palpate.model_export.fixed_point import force_map as force_maps
 from palpate.model_export.vocabulary import ABSENT
 from palpate.progress import ProgressCallback
 from palpate.sim.tissue import Case, Stroke, sweep
@@ -120,7 +121,8 @@ def table_of(
     step: Callable[[str], None] | None = None,
 ) -> pd.DataFrame:
     """Rows as of `palpate fit`: with the press, with the reference, with wrong references."""
-    blob, found = force_map_of(lumps), read_references(directory / "reference")
+    blob = force_maps.blob(force_map_in_any_fat(lumps))
+    found = read_references(directory / "reference")
     rows: list[dict[str, object]] = []
     for level in levels:
         seen, taken = [], []

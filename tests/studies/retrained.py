@@ -54,7 +54,29 @@ class Study:
 
     def shown(self, result: pd.DataFrame) -> StudyTable:
         """R2 and median errors in %, half-width of d's interval in %."""
-        return shown(self, result)
+        columns: dict[str, Callable[[Any], str]] = {
+            "t R2": lambda r: f"{r.t_r2:.3f}",
+            "t err": lambda r: f"{100 * r.t_error:.1f}",
+            "d R2": lambda r: f"{r.d_r2:.3f}",
+            "d err": lambda r: f"{100 * r.d_error:.1f}",
+            f"d +-{100 * LEVEL:g}": lambda r: f"{100 * r.d_half:.1f}" if r.d_half == r.d_half else "",
+            "h R2": lambda r: f"{r.h_r2:.3f}",
+            "h err": lambda r: f"{100 * r.h_error:.1f}",
+            "E^-2/3 R2": lambda r: f"{r.E_inv23_r2:.3f}",
+            "hard/soft": lambda r: f"{100 * r.hard_soft:.1f}",
+            "not found": lambda r: f"{100 * r.not_found:.1f}",
+        }
+        if "d_bias" in result:
+            columns |= {
+                "t bias": lambda r: f"{100 * r.t_bias:+.1f}",
+                "d bias": lambda r: f"{100 * r.d_bias:+.1f}",
+                "h bias": lambda r: f"{100 * r.h_bias:+.1f}",
+                "d covered": lambda r: f"{100 * r.covered_d:.0f}",
+                "flagged": lambda r: f"{100 * r.flagged:.0f}",
+                "d missed, no flag": lambda r: f"{100 * r.silent:.0f}",
+            }
+        rows = [[str(r.setting), *(show(r) for show in columns.values())] for r in result.itertuples()]
+        return StudyTable(self.title, [self.setting, *columns], rows, result)
 
 
 def row_of(setting: str, model: FittedModel, test: Observed, answers: Answers | None = None) -> Row:
@@ -65,30 +87,3 @@ def row_of(setting: str, model: FittedModel, test: Observed, answers: Answers | 
     out: Row = {"setting": setting, **scores(test, answers.value, found, model.border)}
     out |= {f"{t}_half": float(h) for t, h in zip(TARGETS, half)}
     return out | {"not_found": float((~found).mean()), "decided": hardness(test, answers, found)["decided"]}
-
-
-def shown(study: Study, result: pd.DataFrame) -> StudyTable:
-    """R2 and median errors in %, half-width of d's interval in %."""
-    columns: dict[str, Callable[[Any], str]] = {
-        "t R2": lambda r: f"{r.t_r2:.3f}",
-        "t err": lambda r: f"{100 * r.t_error:.1f}",
-        "d R2": lambda r: f"{r.d_r2:.3f}",
-        "d err": lambda r: f"{100 * r.d_error:.1f}",
-        f"d +-{100 * LEVEL:g}": lambda r: f"{100 * r.d_half:.1f}" if r.d_half == r.d_half else "",
-        "h R2": lambda r: f"{r.h_r2:.3f}",
-        "h err": lambda r: f"{100 * r.h_error:.1f}",
-        "E^-2/3 R2": lambda r: f"{r.E_inv23_r2:.3f}",
-        "hard/soft": lambda r: f"{100 * r.hard_soft:.1f}",
-        "not found": lambda r: f"{100 * r.not_found:.1f}",
-    }
-    if "d_bias" in result:
-        columns |= {
-            "t bias": lambda r: f"{100 * r.t_bias:+.1f}",
-            "d bias": lambda r: f"{100 * r.d_bias:+.1f}",
-            "h bias": lambda r: f"{100 * r.h_bias:+.1f}",
-            "d covered": lambda r: f"{100 * r.covered_d:.0f}",
-            "flagged": lambda r: f"{100 * r.flagged:.0f}",
-            "d missed, no flag": lambda r: f"{100 * r.silent:.0f}",
-        }
-    rows = [[str(r.setting), *(show(r) for show in columns.values())] for r in result.itertuples()]
-    return StudyTable(study.title, [study.setting, *columns], rows, result)

@@ -9,8 +9,7 @@ from palpate.sim.probe.noise import LEVELS
 from palpate.sim.tissue import Case, Stroke
 from palpate.sim.tissue.any_tissue import STROKES
 from palpate.sim.tissue.face_sensors import SENSORS_MM
-from tests.studies.bound import Bound
-from tests.studies.bound_computed import PRESS_SHARES, computed_bound, neighbours
+from tests.studies.bound import PRESS_SHARES, Bound, computed_bound, neighbours
 
 CASE = Case(10.0, 0.6, 10.0, 0.6, fat_mm=12.0, gland_mm=20.0, fat_stiffening=1.0, gland_stiffening=1.0)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from palpate.learn.bench import Bench
-from palpate.learn.data import stroke_fields, sweep_progress
+from palpate.learn.data import simulate_missing
 from palpate.learn.design import FIELD_SETTINGS, lump_cases, press_cases
 from palpate.learn.lumps import LumpStrokes, read_lumps, with_presses
 from palpate.learn.model import FittedModel, fit_model
@@ -19,7 +19,6 @@ from palpate.learn.score import coverage
 from palpate.learn.table import TARGETS
 from palpate.progress import ProgressCallback
 from palpate.sim.probe.two_lumps import TwoLumps
-from palpate.sim.tissue import sweep
 from palpate.sim.tissue.any_tissue import PRESSES
 from tests.studies.retrained import DRAWS, Row, Study, row_of
 
@@ -47,16 +46,13 @@ def other_tissue(
     """Strokes over lumps in another tissue and their presses, simulated under `directory` where they are
     missing."""
     name = "tissue-" + "-".join(f"{k}-{v:g}" for k, v in sorted(changes.items()))
-    home, press = directory / name, directory / f"{name}-press"
-    if not (home / "strokes.parquet").exists():
-        report = sweep_progress(f"simulating {name}", progress)
-        cases = lump_cases(lumps, _SEED, tissue=changes)
-        sweep(cases, FIELD_SETTINGS, home, workers=workers, progress=report)
-    found = read_lumps(home)[0]
-    if not (press / "strokes.parquet").exists():
-        report = sweep_progress(f"simulating {press.name}", progress)
-        sweep(press_cases(found), PRESSES, press, workers=workers, progress=report)
-    return with_presses(found, press)
+    simulate_missing(
+        {name: (lump_cases(lumps, _SEED, tissue=changes), FIELD_SETTINGS)}, directory, workers, progress
+    )
+    found = read_lumps(directory / name)[0]
+    press = f"{name}-press"
+    simulate_missing({press: (press_cases(found), PRESSES)}, directory, workers, progress)
+    return with_presses(found, directory / press)
 
 
 def _run(bench: Bench) -> Iterator[Row]:
@@ -76,7 +72,7 @@ def _run(bench: Bench) -> Iterator[Row]:
         )
     for words, changes in TISSUES.items():
         lumps = other_tissue(bench.directory, changes, workers=bench.workers, progress=bench.progress)
-        fields = stroke_fields(lumps)
+        fields = [lump.field for lump in lumps]
         seen = [observe(fields, bench.noise, seed, force_map=bench.blob) for seed in _OBSERVED]
         observed = joined(seen)
         yield tissue_row(words, model, observed)

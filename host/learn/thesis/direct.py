@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,11 +93,7 @@ def most_terms_for(n: int) -> int:
 
 
 def fit_direct(
-    table: pd.DataFrame,
-    target: str,
-    displacement: bool,
-    rows: NDArray[np.bool_] | None = None,
-    level: float = LEVEL,
+    table: pd.DataFrame, target: str, displacement: bool, rows: NDArray[np.bool_]
 ) -> DirectEquation:
     """Choose the terms of one inverse equation and fit it.
 
@@ -109,14 +104,11 @@ def fit_direct(
     target : str
     displacement : bool
         Whether the displacement features may be used beside those of pressure.
-    rows : bool array, optional
+    rows : bool array
         The runs to fit, as E >= 10.
-    level : float
-        Coverage of the prediction interval.
     """
-    use = np.ones(len(table), bool) if rows is None else np.asarray(rows, bool)
-    X = candidate_terms(coordinates(table)[use], displacement)
-    truth = target_values(table)[target][use].to_numpy()
+    X = candidate_terms(coordinates(table)[rows], displacement)
+    truth = target_values(table)[target][rows].to_numpy()
     log = target in LOG_TARGETS
     y = np.log(truth) if log else truth
     back = np.exp if log else (lambda v: v)
@@ -127,16 +119,14 @@ def fit_direct(
     design.insert(0, "1", 1.0)
     result = sm.OLS(y, design).fit()
     influence = OLSInfluence(result)
-    frame = result.get_prediction(design).summary_frame(alpha=1 - level)
+    frame = result.get_prediction(design).summary_frame(alpha=1 - LEVEL)
     loo = back(nested_leave_one_out(X.to_numpy(), y, most)[0])
     estimate = back(result.fittedvalues.to_numpy())
-    matrix = design.to_numpy()
-    vif = [np.nan, *(variance_inflation_factor(matrix, k) for k in range(1, matrix.shape[1]))]
     return DirectEquation(
         target,
         log,
         tuple(design.columns[1:]),
-        coefficient_table(result, vif),
+        coefficient_table(result),
         float(result.rsquared),
         float(result.rsquared_adj),
         r_squared(truth, estimate),
@@ -145,7 +135,7 @@ def fit_direct(
         rmse(truth, loo),
         pd.DataFrame(
             {
-                "code": table["code"][use].to_numpy(),
+                "code": table["code"][rows].to_numpy(),
                 "truth": truth,
                 "estimate": estimate,
                 "low": back(frame["obs_ci_lower"].to_numpy()),
@@ -158,17 +148,18 @@ def fit_direct(
     )
 
 
-def coefficient_table(
-    result: sm.regression.linear_model.RegressionResultsWrapper, vif: Sequence[float]
-) -> pd.DataFrame:
-    """Coefficient, standard error, t, P and VIF of every term (thesis, Appendices B and C)."""
+def coefficient_table(result: sm.regression.linear_model.RegressionResultsWrapper) -> pd.DataFrame:
+    """Coefficient, standard error, t, P and VIF of every term; the intercept is first (Appendices B, C)."""
+    X = result.model.exog
+    terms = range(1, X.shape[1])
+    vif = [np.nan, *(variance_inflation_factor(X, k) if len(terms) > 1 else 1.0 for k in terms)]
     return pd.DataFrame(
         {
             "coefficient": result.params,
             "standard_error": result.bse,
             "t": result.tvalues,
             "P": result.pvalues,
-            "VIF": np.asarray(vif, float),
+            "VIF": vif,
         }
     )
 
@@ -194,14 +185,12 @@ class PermutationTest:
     P: float
 
 
-def permutation_test(
-    table: pd.DataFrame, target: str, displacement: bool, draws: int = 199, seed: int = 1
-) -> PermutationTest:
+def permutation_test(table: pd.DataFrame, target: str, displacement: bool, draws: int) -> PermutationTest:
     """Could chance reach this R2? The target is shuffled among the runs and the terms are chosen again."""
     X = candidate_terms(coordinates(table), displacement).to_numpy()
     truth = target_values(table)[target].to_numpy()
     y = np.log(truth) if target in LOG_TARGETS else truth
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     Y = np.column_stack([y, *(rng.permutation(y) for _ in range(draws))])
     actual, *shuffled = best_r2(X, Y, most_terms_for(len(y)))
     return PermutationTest(

@@ -20,22 +20,20 @@ from palpate.learn.thesis.forward import (
     stiffness_transforms,
 )
 from palpate.learn.thesis.inverted import inverted_estimates
-from palpate.learn.thesis.printed_tables import (
-    forward_table,
-    one_factor_table,
-    permutation_table,
-    strain_force_table,
-    transforms_table,
-)
 from palpate.learn.thesis.strain import StrainForce, curves_by
-from palpate.learn.thesis.table_1 import (
+from palpate.learn.thesis.tables import (
     TABLE_1,
     Table1Entry,
     entry_dict,
+    forward_table,
     inverse_table,
+    one_factor_table,
+    permutation_table,
     stars,
+    strain_force_table,
     table_1,
     terms_of,
+    transforms_table,
 )
 from palpate.progress import ProgressCallback
 

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 import statsmodels.api as sm
-from statsmodels.stats.outliers_influence import variance_inflation_factor
 
 from palpate.features.map_features import Floats
-from palpate.learn.table import FEATURES, REFERENCE_CODE, r_squared, relative
+from palpate.learn.table import FEATURES, REFERENCE_CODE, SYMBOL_OF, r_squared, relative
 from palpate.learn.thesis.direct import coefficient_table, equation_text
 
 OUTPUT_NAMES = {
@@ -61,9 +60,6 @@ ONE_FACTOR = (
 """The twelve graphs of Figure 13: output, input."""
 
 
-_SYMBOLS = {"F_rel": "F", "t_mm": "t", "d_mm": "d", "h": "h", "E_ratio": "E"}
-
-
 @dataclass(frozen=True)
 class OneFactorCurve:
     """One graph of Figure 13: a relative output against one input, all others as in the reference case.
@@ -92,11 +88,11 @@ class OneFactorCurve:
         name = OUTPUT_NAMES[self.output]
         if self.form == "stiffness":
             return f"{name} = {self.a:.3f} {'-' if self.b < 0 else '+'} {abs(self.b):.3f} E^-2/3"
-        return f"{name} = {self.a:.3f} {_SYMBOLS[self.input]}^{self.b:.3f}"
+        return f"{name} = {self.a:.3f} {SYMBOL_OF[self.input]}^{self.b:.3f}"
 
     def without_text(self) -> str:
         """What its exponent, or slope, becomes without one run, and without which."""
-        return f"{self.b_without:.3f} without {_SYMBOLS[self.input]} = {self.x_without:g}"
+        return f"{self.b_without:.3f} without {SYMBOL_OF[self.input]} = {self.x_without:g}"
 
 
 def one_factor_rows(table: pd.DataFrame, varied: str) -> pd.DataFrame:
@@ -277,16 +273,10 @@ def forward_equation(table: pd.DataFrame, output: str) -> ForwardEquation:
             break
         X = X.drop(columns=worst)
         steps.append((worst, float(P[worst]), float(after.rsquared), float(after.rsquared_adj)))
-    matrix = X.to_numpy()
-    several = matrix.shape[1] > 2
-    vif = [
-        np.nan,
-        *(variance_inflation_factor(matrix, k) if several else 1.0 for k in range(1, matrix.shape[1])),
-    ]
     predicted = np.exp(result.fittedvalues.to_numpy())
     return ForwardEquation(
         output,
-        coefficient_table(result, vif),
+        coefficient_table(result),
         float(result.rsquared),
         float(result.rsquared_adj),
         r_squared(actual, predicted),

@@ -11,7 +11,7 @@ import statsmodels.api as sm
 from numpy.typing import ArrayLike
 
 from palpate.features.map_features import Floats
-from palpate.learn.table import TableError, r_squared
+from palpate.learn.table import SYMBOL_OF, TableError, r_squared
 
 
 @dataclass(frozen=True)
@@ -63,24 +63,20 @@ def fit_strain_force(strain: ArrayLike, force: ArrayLike, label: str = "") -> St
     return StrainForce(A, B, r_squared(f, A * s**B), s, f, label)
 
 
-def curves_by(table: pd.DataFrame, names: Iterable[str], over_lump: bool = True) -> list[StrainForce]:
+def curves_by(table: pd.DataFrame, names: Iterable[str]) -> list[StrainForce]:
     """One curve for each group of runs equal in `names` that holds two forces or more.
 
-    Figure 15 groups by E at d = 10 mm, h = .8. The strain is that over the lump, or 28 mm from it.
+    Figure 15 groups by E at d = 10 mm, h = .8. The strain is that over the lump.
     """
     curves = []
-    column = "D0_mm" if over_lump else "D28_mm"
     for key, rows in table.groupby(list(names), sort=True):
         if rows["F_rel"].nunique() < 2:
             continue
         label = ", ".join(
-            f"{_SYMBOL.get(n, n)} = {v:g}" for n, v in zip(names, key if isinstance(key, tuple) else (key,))
+            f"{SYMBOL_OF[n]} = {v:g}" for n, v in zip(names, key if isinstance(key, tuple) else (key,))
         )
-        curves.append(fit_strain_force(rows[column] / rows["t_mm"], rows["F_rel"], label))
+        curves.append(fit_strain_force(rows["D0_mm"] / rows["t_mm"], rows["F_rel"], label))
     return curves
-
-
-_SYMBOL = {"d_mm": "d", "h": "h", "E_ratio": "E"}
 
 
 @dataclass(frozen=True)

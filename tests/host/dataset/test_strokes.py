@@ -10,29 +10,19 @@ from palpate.dataset import table
 from palpate.dataset.answers import OUTPUTS, answers
 from palpate.dataset.columns import DataSetError
 from palpate.dataset.strokes import observe_data_set
-from palpate.importing import declaration, importer
+from palpate.importing import importer
 from palpate.link import emulator_model as emulator
 from palpate.stroke.change import ASSUMES_BETWEEN, Between
 from palpate.stroke.replay import replay
 from palpate.view.visits import Visits
-
-DECLARED = declaration.Declaration(
-    16, 26, (1.5, 1.5), pressure="kPa", position="x", displacement="z", time="t", stroke="n"
-)
+from tests.host.probes import DECLARED, arrays_of
 
 
 @pytest.fixture(scope="module")
 def home(bench, tmp_path_factory):
     """Two strokes over one lump, and the same without their displacement."""
     place = tmp_path_factory.mktemp("set")
-    arrays = {
-        "kPa": np.concatenate([s.counts / 4095 * 25 - 0.5 for s in bench[0]]).reshape(-1, 16, 26),
-        "x": np.concatenate([s.positions_um / 1e3 for s in bench[0]]),
-        "z": np.concatenate([s.displacements_um / 1e3 for s in bench[0]]),
-        "t": np.concatenate([s.times_us / 1e6 for s in bench[0]]),
-        "n": np.repeat([1, 2], [len(s) for s in bench[0]]),
-    }
-    np.savez(place / "a.npz", **arrays)
+    np.savez(place / "a.npz", **arrays_of(bench[0]))
     importer.import_file(place / "a.npz", place / "a.mcap", DECLARED, emulator.image())
     importer.import_file(place / "a.npz", place / "flat.mcap", replace(DECLARED, displacement=""))
     return place

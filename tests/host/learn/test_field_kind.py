@@ -2,14 +2,13 @@
 
 import dataclasses
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from palpate.learn import bench as benches
 from palpate.learn import data, design, lumps, model, ridge, scopes, score, told
 from palpate.learn.observed import observe
-from palpate.learn.observer import Observer
 from palpate.learn.probe_model import training_hash
 from palpate.learn.table import TableError
 from palpate.model_export import exporter
@@ -17,16 +16,11 @@ from palpate.model_export import image_builder as image
 from palpate.model_export.fixed_point.reference import evaluate
 from palpate.model_export.schema import ModelSpec
 from palpate.report import held_out_figures
-from palpate.sim.probe.sensors import LEVELS
 from palpate.sim.tissue import Case
+from tests.host.learn.conftest import STROKES
 from tests.host.learn.made_up import made_up
 
-STROKES = Path(__file__).parent / "data"
-
-
 SIGNATURE = 900
-
-
 """Bytes, by the key that `palpate keygen` makes if nothing is said."""
 
 
@@ -168,15 +162,14 @@ def test_ridge_finds_a_polynomial_and_judges_on_whole_lumps():
     assert fooled.error[0] < honest.error[0]
 
 
-def test_strokes_seen_by_many_processes_are_those_seen_by_one(bench):
-    some = list(range(8))
-    fields = [bench.lumps[k] for k in some]
-    words = {"noise": LEVELS["typical"], "seeds": (3, 4), "groups": some, "force_map": bench.blob}
-    with Observer(workers=1) as one, Observer(workers=2, worth_a_pool=1) as two:
-        observed = one.observe(fields, **words)
-        together = two.observe(fields, **words)
-        assert two._pool is not None
-    assert np.array_equal(observed.X, together.X) and observed.group.tolist() == some + some
+def test_strokes_seen_by_many_processes_are_those_seen_by_one(bench, strokes, monkeypatch):
+    some = np.arange(8)
+    observed = bench.observe(bench.lumps, some, "typical", 2, 3)
+    monkeypatch.setattr(benches, "WORTH_A_POOL", 1)
+    with benches.Bench(strokes, workers=2) as two:
+        together = two.observe(two.lumps, some, "typical", 2, 3)
+        assert "_pool" in vars(two)
+    assert np.array_equal(observed.X, together.X) and observed.group.tolist() == [*some, *some]
 
 
 def test_cubic_terms_are_kept_by_what_they_are_worth():

@@ -1,12 +1,14 @@
 """A model of the pressure alone: recordings without displacement have a model to go with them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from palpate.dataset import table
 from palpate.dataset.strokes import observe_data_set
 from palpate.firmware_twin.replay_core import Replay
-from palpate.importing import declaration, importer
+from palpate.importing import importer
 from palpate.learn import told
 from palpate.learn.observed import NAMES, OF_THE_DISPLACEMENT
 from palpate.learn.scopes import PRESSURE_ONLY, Recipe
@@ -17,9 +19,10 @@ from palpate.model_export.image_builder import inspect
 from palpate.model_export.schema import ModelSpec
 from palpate.sim.probe.sensors import LEVELS, SensorModel
 from palpate.stroke.replay import replay
+from tests.host.probes import DECLARED, arrays_of
 
 SMALL = Recipe("small", PRESSURE_ONLY.features, 1)
-DECLARED = declaration.Declaration(16, 26, (1.5, 1.5), pressure="kPa", position="x", time="t", stroke="n")
+WITHOUT_DISPLACEMENT = replace(DECLARED, displacement="")
 
 
 @pytest.fixture(scope="module")
@@ -62,14 +65,8 @@ def test_it_goes_from_the_fit_to_a_recording_without_displacement(spec, lump, tm
     image, _ = export(ModelSpec.load(tmp_path / "pressure.json"), real_key_dir)
     assert not set(inspect(image).features) & set(OF_THE_DISPLACEMENT)
     strokes = lump[1]
-    np.savez(
-        tmp_path / "a.npz",
-        kPa=np.concatenate([s.counts / 4095 * 25 - 0.5 for s in strokes]).reshape(-1, 16, 26),
-        x=np.concatenate([s.positions_um / 1e3 for s in strokes]),
-        t=np.concatenate([s.times_us / 1e6 for s in strokes]),
-        n=np.repeat([1, 2], [len(s) for s in strokes]),
-    )
-    done = importer.import_file(tmp_path / "a.npz", tmp_path / "a.mcap", DECLARED, image)
+    np.savez(tmp_path / "a.npz", **arrays_of(strokes))
+    done = importer.import_file(tmp_path / "a.npz", tmp_path / "a.mcap", WITHOUT_DISPLACEMENT, image)
     assert done.missing == ("displacement",)
     found = list(replay(tmp_path / "a.mcap"))
     assert [stroke.identical for stroke in found] == [True, True]

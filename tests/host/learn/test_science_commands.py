@@ -1,7 +1,6 @@
 """`palpate fit`: the whole on few strokes; invalid arguments refused before any work."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -15,8 +14,7 @@ from palpate.model_export.schema import ModelSpec
 from palpate.report import measured
 from palpate.sim.probe.sensors import LEVELS
 from tests.docs.test_reference import fields_in_the_page
-
-STROKES = Path(__file__).parent / "data"
+from tests.host.learn.conftest import STROKES
 
 
 @pytest.fixture

@@ -9,7 +9,6 @@ import pytest
 from click.testing import CliRunner
 
 from palpate.errors import PalpateError, UsageError
-from palpate.learn import data
 from palpate.learn.observed import observe
 from palpate.sim.tissue.any_tissue import PRESS_PARTS
 from tests.host.learn.conftest import STROKES
@@ -33,7 +32,7 @@ def test_strokes_over_another_tissue_are_simulated_once_and_scored(bench, fitted
     before = [path.stat().st_mtime_ns for path in written]
     assert len(tissues.other_tissue(tmp_path, changes, lumps=4, workers=1)) == len(pairs)
     assert [path.stat().st_mtime_ns for path in written] == before
-    observed = observe(data.stroke_fields(pairs), "typical", 1, force_map=bench.blob)
+    observed = observe([pair.field for pair in pairs], "typical", 1, force_map=bench.blob)
     row = tissues.tissue_row("gland 8 times the fat", fitted, observed)
     assert -0.5 < row["d_bias"] < 0.5 and 0 <= row["flagged"] <= 1 and 0 <= row["covered_d"] <= 1
     result = pd.DataFrame([row])

@@ -17,7 +17,7 @@ from palpate.learn.thesis import forward, inverted, strain, subsets
 from palpate.learn.thesis.depth import depth_choices, two_kept
 from palpate.learn.thesis.direct import permutation_test
 from palpate.learn.thesis.fit import fit_thesis
-from palpate.learn.thesis.table_1 import NESTED_TARGETS, TABLE_1, stars
+from palpate.learn.thesis.tables import NESTED_TARGETS, TABLE_1, stars
 from palpate.sim.tissue import Case, simulate
 from tests.docs.test_reference import fields_in_the_page
 

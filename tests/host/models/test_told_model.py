@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from palpate import models
+from palpate.dataset.answers import shows_lump
 from palpate.features.press_features import PLACES
 from palpate.learn import data
 from palpate.learn.design import press_cases
@@ -19,9 +18,8 @@ from palpate.model_export.vocabulary import ABSENT
 from palpate.sim.probe.sensors import StrokeField
 from palpate.sim.tissue import simulate
 from palpate.sim.tissue.any_tissue import PRESS_PARTS, PRESSES
-from tests.studies.coverage import shows_lump
+from tests.host.learn.conftest import STROKES
 
-STROKES = Path(__file__).parents[1] / "learn" / "data"
 LUMPS = 32
 
 
@@ -48,7 +46,7 @@ def seen(spec, lumps, fat):
     blob = force_map.blob(spec.force_map)
     found = [observe(fields, "typical", seed, force_map=blob) for seed in (31, 32)]
     X = np.concatenate([part.X for part in found])
-    return X[np.concatenate([part.whole & shows_lump(spec, part) for part in found])]
+    return X[np.concatenate([part.whole & shows_lump(spec, part.X) for part in found])]
 
 
 def flagged(spec, X):

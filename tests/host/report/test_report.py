@@ -15,7 +15,7 @@ import pytest
 from palpate.errors import NoSuchFile
 from palpate.learn.thesis.fit import fit_thesis
 from palpate.learn.thesis.runs import features_table, read_strokes
-from palpate.learn.thesis.table_1 import TABLE_1
+from palpate.learn.thesis.tables import TABLE_1
 from palpate.report import style, write_report
 from palpate.sim.tissue import Case, Settings, case_key, read_design, read_table
 

@@ -10,16 +10,14 @@ import pytest
 from playwright.sync_api import expect
 
 from palpate import models
-from palpate.importing import declaration, importer
+from palpate.importing import importer
 from palpate.learn import data
 from palpate.link import emulator_model as emulator
 from palpate.sim.probe.sensors import LEVELS, SensorModel
 from tests.host.learn.conftest import STROKES
+from tests.host.probes import DECLARED, arrays_of
 from tests.host.processes import start_palpate
 
-DECLARED = declaration.Declaration(
-    16, 26, (1.5, 1.5), pressure="kPa", position="x", displacement="z", time="t", stroke="n"
-)
 VISITS = 3
 
 
@@ -27,18 +25,11 @@ VISITS = 3
 def visits(tmp_path_factory):
     """One lump visited three times, two strokes each; zero and gain were taken anew each time."""
     home = tmp_path_factory.mktemp("visits")
-    field = data.stroke_fields(data.read(STROKES).lumps[17:18])[0]
+    field = data.read(STROKES).lumps[17].field
     rows = ["recording,stroke,lump,visit,d_mm"]
     for visit in range(1, VISITS + 1):
         felt = [SensorModel(field, LEVELS["typical"], 10 * visit + n).stroke(40) for n in (1, 2)]
-        np.savez(
-            home / f"visit-{visit}.npz",
-            kPa=np.concatenate([s.counts / 4095 * 25 - 0.5 for s in felt]).reshape(-1, 16, 26),
-            x=np.concatenate([s.positions_um / 1e3 for s in felt]),
-            z=np.concatenate([s.displacements_um / 1e3 for s in felt]),
-            t=np.concatenate([s.times_us / 1e6 for s in felt]),
-            n=np.repeat([1, 2], [len(s) for s in felt]),
-        )
+        np.savez(home / f"visit-{visit}.npz", **arrays_of(felt))
         name = f"visit-{visit}.mcap"
         importer.import_file(home / f"visit-{visit}.npz", home / name, DECLARED, emulator.image(models.TOLD))
         rows += [f"{name},{n},A,{visit},{felt[0].truth.outputs()['d_mm']:.3f}" for n in (1, 2)]

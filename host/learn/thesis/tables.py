@@ -1,8 +1,10 @@
-"""Table 1 of the thesis: its rows, the thesis' numbers, ours beside them."""
+"""The thesis kind's tables for a terminal: Table 1 with the thesis' numbers beside ours, equations, tests."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +14,9 @@ from rich.table import Table
 
 from palpate.learn.table import HARD_FROM, SHOWN
 from palpate.learn.tables import shown
-from palpate.learn.thesis.direct import DirectEquation
+from palpate.learn.thesis.direct import DirectEquation, PermutationTest
+from palpate.learn.thesis.forward import ForwardEquation, OneFactorCurve
+from palpate.learn.thesis.strain import StrainForce
 
 
 @dataclass(frozen=True)
@@ -137,6 +141,9 @@ def table_1(entries: list[Table1Entry]) -> Table:
     return out
 
 
+_whole = partial(shown, text=("equation", "curve", "runs", "target", "from", "transform of E"), no_wrap=True)
+
+
 def inverse_table(entries: list[Table1Entry]) -> Table:
     """The direct equations of Appendix C."""
     rows = []
@@ -146,9 +153,62 @@ def inverse_table(entries: list[Table1Entry]) -> Table:
         inflated = f"{d.table['VIF'].max():.1f}", f"{d.runs['cook'].max():.2f}"
         rows.append([f"{e.row.name}, {kind}", d.text(), *errors, *inflated])
     caption = "RMSE in sample and left out; the largest variance inflation factor and Cook's distance"
-    heads, text = ("runs", "equation", "RMSE", "left out", "VIF", "Cook"), ("runs", "equation")
-    title = "Inverse model (Appendix C)"
-    return shown(title, heads, rows, text, no_wrap=True, show_lines=True, caption=caption)
+    heads = ("runs", "equation", "RMSE", "left out", "VIF", "Cook")
+    return _whole("Inverse model (Appendix C)", heads, rows, show_lines=True, caption=caption)
+
+
+def forward_table(equations: Mapping[str, ForwardEquation]) -> Table:
+    """The combined equations of Appendix B."""
+    rows = [
+        [e.text(), f"{e.r2:.4f}", f"{e.r2_adjusted:.4f}", e.wrong_way_text() or "-"]
+        for e in equations.values()
+    ]
+    heads = ("equation", "R2", "adjusted", "against physics")
+    out = _whole("Forward model (Appendix B)", heads, rows, show_lines=True)
+    out.caption = (
+        "against physics: share of the runs' range in which the output goes the wrong way with that input; "
+        "do not use the equation there"
+    )
+    return out
+
+
+def one_factor_table(curves: Sequence[OneFactorCurve]) -> Table:
+    """One output against one input, all others as in the reference case."""
+    rows = [[c.text(), f"{c.r2:.4f}", c.without_text()] for c in curves]
+    out = _whole("One factor at a time (Figures 13, 14)", ("equation", "R2", "without one run"), rows)
+    out.caption = "without one run: the exponent, or slope, without the run that it depends on most"
+    return out
+
+
+def strain_force_table(curves: Sequence[StrainForce]) -> Table:
+    """F = A S^B of each lump that was pressed with two forces or more."""
+    rows = [[c.label, c.text(), f"{c.r2:.4f}"] for c in curves]
+    return _whole("Strain over the lump and force (Figures 15, 16)", ("runs", "curve", "R2"), rows)
+
+
+def transforms_table(transforms: pd.DataFrame) -> Table:
+    """Which transform of E is the straightest (`forward.stiffness_transforms`)."""
+    rows = [
+        [r["transform"], f"{r['r2']:.3f}", f"{r['largest_leverage']:.2f}"]
+        for r in transforms.to_dict("records")
+    ]
+    return _whole("Why E^-2/3", ("transform of E", "R2 of Amp, one factor", "largest leverage"), rows)
+
+
+def permutation_table(tests: Sequence[PermutationTest]) -> Table:
+    """The permutation tests."""
+    rows = [
+        [
+            SHOWN[t.target],
+            "p, D" if t.displacement else "p",
+            f"{t.r2:.3f}",
+            f"{t.r2_by_chance:.3f}",
+            f"{t.P:.3f}",
+        ]
+        for t in tests
+    ]
+    heads = ("target", "from", "R2", "by chance, 95 % below", "P")
+    return _whole("Could it be chance? Targets shuffled among the runs, terms chosen again", heads, rows)
 
 
 def entry_dict(entry: Table1Entry, star: bool) -> dict[str, Any]:
