@@ -21,9 +21,12 @@ def any_force_map() -> bytes:
 
 
 def strokes(n: int, frames: int) -> Iterator[tuple[FrameStream, calib.Calibration]]:
-    """n strokes over lumps and over none, through sensors from good to poor, with their calibrations."""
+    """n strokes over lumps, balls and nothing, through sensors from good to poor, with their calibrations."""
     fields = [StrokeField(*pair) for pair in read_strokes()]
     for seed in range(n):
         level = ("good", "typical", "poor")[seed // len(fields) % 3]
-        model = SensorModel(fields[seed % len(fields)], LEVELS[level], seed, travel_mm=76.0)
+        across_mm = 4.0 if seed % 5 == 1 else None
+        model = SensorModel(
+            fields[seed % len(fields)], LEVELS[level], seed, across_mm=across_mm, travel_mm=76.0
+        )
         yield model.stroke(frames), model.calibration()

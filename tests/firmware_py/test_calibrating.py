@@ -10,7 +10,7 @@ from palpate.sim.probe.virtual import VirtualBoard
 from palpate.wire.packing import pack
 from tests.firmware_py.talk import Bench
 
-ZERO, GAIN, CLEAR = messages.CALIBRATE_ZERO, messages.CALIBRATE_GAIN, messages.CALIBRATE_CLEAR
+ZERO, GAIN = messages.CALIBRATE_ZERO, messages.CALIBRATE_GAIN
 AIR = geometry.PEDESTAL_COUNTS
 
 

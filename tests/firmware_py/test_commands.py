@@ -17,7 +17,7 @@ from palpate.wire.identity import Identity
 from tests.campaigns import counted
 from tests.firmware_py.talk import Bench, Ears, command
 
-FRAMES, STROKES = messages.CONTENT_FRAMES, messages.CONTENT_STROKES
+FRAMES = messages.CONTENT_FRAMES
 
 
 def test_identify_says_who_it_is_and_gives_the_nonce_back():

@@ -10,10 +10,6 @@ from palpate.sim.probe.sensors import LEVELS, SensorModel, pack
 from tests.firmware_py import checked_int
 from tests.firmware_py import pipeline_features as field_features
 
-# .2 % of a feature: of the quantity under a logarithm, of the pressure or displacement a ratio is made of
-LOGARITHMS = [n for n in feature_names.NAMES if n.startswith(("ln_", "asinh_"))]
-RATIOS = [n for n in feature_names.NAMES if n not in LOGARITHMS]
-
 
 def replayed(replay, model, n_frames=50, **kwargs):
     frames = model.stroke(n_frames, **kwargs)
@@ -43,7 +39,8 @@ def test_within_a_fifth_of_a_percent_of_float64_on_200_strokes(fields, replay, f
                     worst[name] = max(worst[name], abs(got - true.features[name]))
             n += 1
     assert n == 200
-    # the misfit is a thousandth of the bump; the .2 % are of the bump
+    # .2 % of the quantity under a logarithm, of the pressure or displacement that a ratio is made of; of the
+    # bump for the misfit, which is a thousandth of it
     misfit = worst.pop("ln_misfit")
     assert misfit < 0.05
     assert {k: v for k, v in worst.items() if v > 2e-3} == {}

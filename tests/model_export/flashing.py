@@ -1,4 +1,4 @@
-"""A probe's slots, flashed as the link does it; and what a flashed model may carry."""
+"""A probe's slots, flashed as the link does it; what a flashed model may carry; what rots in a store."""
 
 from __future__ import annotations
 
@@ -43,3 +43,10 @@ def flash(probe, data):
 
 def model_id(data):
     return data[40:48]
+
+
+def flipped(files, name, bit):
+    """The files of a store, one bit of one of them another."""
+    data = bytearray(files[name])
+    data[bit // 8] ^= 1 << bit % 8
+    return {**files, name: bytes(data)}

@@ -16,11 +16,15 @@ from palpate.model_export.exporter import export, prepare
 from palpate.model_export.fixed_point import bounds, compiler, reference
 from palpate.model_export.schema import Estimate, FirstStage, ModelSpec
 from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS
-from tests.micropython import run_micropython
 from tests.model_export import synthetic
-from tests.model_export.test_two_stages import SCRIPT, loaded, noticed_flips, said, two_stages, vectors
-
-Q24 = 1 << 24
+from tests.model_export.test_two_stages import (
+    alike_on_micropython,
+    loaded,
+    noticed_flips,
+    said,
+    two_stages,
+    vectors,
+)
 
 WIDE = FirstStage(
     ("press_outer_quarter", "press_outer_full"),
@@ -183,15 +187,9 @@ def test_what_cannot_be_a_check_is_said(spec, change, words):
 
 
 def test_on_micropython_the_same_answers_and_not_one_byte_allocated(spec, body):
-    told_alike_on_micropython(body, some(spec, 40))
+    alike_on_micropython(body, some(spec, 40))
 
 
 def test_on_micropython_the_same_without_a_press(by_press):
     body = image_builder.build(by_press, compiler.compile_model(by_press), None, 1)
-    told_alike_on_micropython(body, pressed(by_press, 40))
-
-
-def told_alike_on_micropython(body, X):
-    told = run_micropython(SCRIPT, {"image": body, "vectors": np.round(X * Q24).astype("<i4").tobytes()})
-    _, model = loaded(body)
-    assert [[int(v) for v in line.split()] for line in told.splitlines()] == said(model, X).tolist()
+    alike_on_micropython(body, pressed(by_press, 40))

@@ -12,8 +12,6 @@ from tests.model_export.remembering import remember_signatures
 
 __all__ = ["remember_signatures"]
 
-PIECE = 48
-
 
 def records_left(files, name="cal"):
     return safe_record.Record(FlashSim(files), name).load()

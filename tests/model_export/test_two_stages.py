@@ -77,12 +77,14 @@ def vectors(spec, n, seed=5):
     return np.round(X * Q24) / Q24
 
 
-def said(model, X):
+def answers(model, rows):
+    """Status and integers that a model gives for rows of features in integers."""
     out = array("i", [0] * evaluator.OUT_SIZE)
-    rows = []
-    for row in np.round(X * Q24).astype(int).tolist():
-        rows.append([model.evaluate(array("i", row), out), *out])
-    return np.array(rows)
+    return [[model.evaluate(array("i", row), out), *out] for row in rows]
+
+
+def said(model, X):
+    return np.array(answers(model, np.round(X * Q24).astype(int).tolist()))
 
 
 def test_the_integers_of_both_stages_are_those_of_float64(spec, body):
@@ -212,17 +214,21 @@ def run(x):
     code = model.evaluate(x, out)
     micropython.heap_unlock()
     return code
-f = open("vectors", "rb")
-size = 4 * features.COUNT
-for k in range(40):
-    x = array("i", struct.unpack("<%di" % features.COUNT, f.read(size)))
-    print(run(x), *out)
+form = "<%di" % features.COUNT
+with open("vectors", "rb") as f:
+    while raw := f.read(4 * features.COUNT):
+        print(run(array("i", struct.unpack(form, raw))), *out)
 """
 
 
-def test_on_micropython_the_same_integers_and_not_one_byte_allocated(spec, body):
-    X = vectors(spec, 40)
-    raw = np.round(X * Q24).astype("<i4").tobytes()
-    told = run_micropython(SCRIPT, {"image": body, "vectors": raw})
+def alike_on_micropython(body, X):
+    """What an image's model answers, here and on MicroPython, where nothing is allocated for it."""
+    told = run_micropython(SCRIPT, {"image": body, "vectors": np.round(X * Q24).astype("<i4").tobytes()})
     _, model = loaded(body)
-    assert [[int(v) for v in line.split()] for line in told.splitlines()] == said(model, X).tolist()
+    here = said(model, X).tolist()
+    assert [[int(v) for v in line.split()] for line in told.splitlines()] == here
+    return here
+
+
+def test_on_micropython_the_same_integers_and_not_one_byte_allocated(spec, body):
+    alike_on_micropython(body, vectors(spec, 40))
