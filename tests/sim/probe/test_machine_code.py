@@ -11,7 +11,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from firmware_py import cobs, crc, features, forcemap, pipeline, signature, slh_dsa, status
+from firmware_py import cobs, crc, features, signature, slh_dsa, status
 from palpate.model_export.fixed_point import compiler
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
 from tests.firmware_py import stages, twins, vectors
@@ -190,25 +190,15 @@ def test_a_hash_that_gives_other_bytes_is_not_used(monkeypatch):
 # ---- whole strokes, whole models
 
 
-def feed(stream, calibration, force_map):
-    p = pipeline.Pipeline(calibration)
-    for packed, x, d in zip(stream.packed, stream.positions_um, stream.displacements_um):
-        p.add_frame(packed, int(x), int(d))
-    code = p.finish(force_map)
-    return [code, p.n, p.stuck, list(p.features), list(p.map), list(p.fit), list(p.span), list(p.columns)]
-
-
 def test_whole_strokes(hot, architecture):
-    force_map = forcemap.load(stages.any_force_map())
     calls: Counter[str] = Counter()
     code = MachineCode(twins.STROKE, architecture)
     for seed, pair in enumerate(read_strokes()[:2]):
         model = SensorModel(StrokeField(*pair), LEVELS["typical"], seed, across_mm=3.9)
-        stream = model.stroke(60)
-        given = stream, model.calibration(), force_map
-        expected = feed(*given)
+        given = model.stroke(60), model.calibration()
+        expected = stages.told(*given)
         with twins.installed(twins.HOT, hot) as called, twins.installed(twins.STROKE, code) as more:
-            assert feed(*given) == expected
+            assert stages.told(*given) == expected
         assert expected[0] == status.OK
         calls.update(called)
         calls.update(more)
