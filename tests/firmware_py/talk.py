@@ -1,8 +1,10 @@
 """A plain host for the tests: commands out, messages in, nothing retried."""
 
+import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from firmware_py import messages, wire
+from firmware_py import messages, status, wire
 from palpate.sim.probe.virtual import VirtualProbe
 
 
@@ -68,6 +70,15 @@ def message(body: bytearray, length: int) -> Message:
         messages.answer_status(body) if answer else 0,
         dict(zip(keys, values, strict=False)),
     )
+
+
+def send_model(ask: Callable[..., Message], image: bytes) -> bytes:
+    """A model image goes over piece by piece, each command by `ask`; the name that it went by."""
+    name = hashlib.sha256(image).digest()[:8]
+    assert ask("flash_begin", (len(image), name)).code == status.OK
+    for at in range(0, len(image), messages.FLASH_PIECE):
+        assert ask("flash_data", (at,), image[at : at + messages.FLASH_PIECE]).code == status.OK
+    return name
 
 
 class Bench:
