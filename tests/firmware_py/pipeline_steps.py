@@ -141,9 +141,7 @@ def find_place(y: Floats, low: int, high: int) -> int | None:
     return place
 
 
-def fit_like_firmware(
-    y: ArrayLike, centre: float = 0.0, widths_mm: tuple[float, ...] = (3.0, 6.0, 12.0)
-) -> Gaussian:
+def fit_like_firmware(y: ArrayLike, widths_mm: tuple[float, ...] = (3.0, 6.0, 12.0)) -> Gaussian:
     """Least squares of a Gaussian on a base, the best from several widths; x = -n/2 .. n/2 mm.
 
     Bounds: amp at least 0, stdev 1.5 to 25 mm, the centre 14 mm or more inside the ends.
@@ -152,11 +150,10 @@ def fit_like_firmware(
     half = len(y) // 2
     x = np.arange(len(y)) - float(half)
     size = float(np.ptp(y)) or 1.0
-    middle = float(np.clip(centre, 14.01 - half, half - 14.01))
     found = bounded_bump(
         x,
         y,
-        [(float(np.median(y)), size / 2, middle, stdev) for stdev in widths_mm],
+        [(float(np.median(y)), size / 2, 0.0, stdev) for stdev in widths_mm],
         (-np.inf, 0, 14 - half, STDEV_BOUNDS_MM[0]),
         (np.inf, np.inf, half - 14, STDEV_BOUNDS_MM[1]),
     )

@@ -3,9 +3,12 @@
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 from firmware_py import messages, status, wire
-from palpate.sim.probe.virtual import VirtualProbe
+from firmware_py.estimator import Estimator
+from firmware_py.store import FileStore
+from palpate.sim.probe.virtual import VirtualBoard, VirtualProbe
 
 
 @dataclass
@@ -89,6 +92,11 @@ class Bench:
         self.ears = Ears()
         self.heard: list[Message] = []
         self.number = 100
+
+    @classmethod
+    def measuring(cls, folder: Path, frames: bytes = b"", **link: int) -> "Bench":
+        """Of a probe that makes estimates, whose files are in this folder."""
+        return cls(VirtualBoard(frames, **link), Estimator(FileStore(str(folder))))
 
     def run(self, us: int) -> list[Message]:
         """Let time pass; what was said meanwhile."""

@@ -7,7 +7,6 @@ from firmware_py.estimator import Estimator
 from firmware_py.flash import Flash
 from firmware_py.store import FileStore
 from palpate.model_export.exporter import export
-from palpate.sim.probe.virtual import VirtualBoard
 from tests import reference_model
 from tests.firmware_py.talk import Bench, command, send_model
 
@@ -17,7 +16,7 @@ BOTH = (messages.CONTENT_FRAMES | messages.CONTENT_STROKES, 1, 0, 0)
 
 @pytest.fixture
 def bench(tmp_path):
-    return Bench(VirtualBoard(), Estimator(FileStore(str(tmp_path))))
+    return Bench.measuring(tmp_path)
 
 
 def running(bench):
@@ -63,9 +62,8 @@ def test_a_model_is_neither_verified_nor_confirmed_while_a_press_refers_to_the_l
     real_key_dir, public_key, tmp_path
 ):
     """The press went on with the tables of a model that had been set aside, and its result was lost."""
-    bench = Bench(
-        VirtualBoard(), Estimator(FileStore(str(tmp_path)), Flash(FileStore(str(tmp_path)), public_key))
-    )
+    store = FileStore(str(tmp_path))
+    bench = Bench(estimator=Estimator(store, Flash(store, public_key)))
     image, _ = export(reference_model.model(), real_key_dir)
     name, live = send_model(bench.ask, image), image[40:48]
     assert bench.ask("flash_verify", (name,)).code == status.OK

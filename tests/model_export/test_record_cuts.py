@@ -13,8 +13,8 @@ from tests.model_export.remembering import remember_signatures
 __all__ = ["remember_signatures"]
 
 
-def records_left(files, name="cal"):
-    return safe_record.Record(FlashSim(files), name).load()
+def records_left(files):
+    return safe_record.Record(FlashSim(files), "cal").load()
 
 
 @pytest.mark.parametrize("number", [255, 65_535, (1 << 24) - 1])

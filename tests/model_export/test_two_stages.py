@@ -23,10 +23,10 @@ Q24 = 1 << 24
 PRESS = feature_names.NAMES[features.PRESS : features.PRESS + 9]
 
 
-def two_stages(seed=1, terms=120):
+def two_stages():
     """The made-up field model; its last three features come of a made-up cubic of nine others."""
-    rng = np.random.default_rng(seed)
-    field = synthetic.model("field", seed=seed)
+    terms, rng = 120, np.random.default_rng(1)
+    field = synthetic.model("field")
     names = ("ln_reach", "ln_t", "ln_layers")
     every = [t for p in range(4) for t in combinations_with_replacement(range(9), p)]
     chosen = (*every[:10], *sorted(tuple(every[k]) for k in rng.choice(range(10, 220), terms - 10, False)))
