@@ -6,6 +6,8 @@ import numpy as np
 
 from firmware_py import features as firmware_features
 from firmware_py import forcemap, slots, status
+from palpate.model_export import image_builder
+from palpate.model_export.fixed_point import compiler
 
 
 def a_force_map():
@@ -18,6 +20,11 @@ def a_force_map():
         "ln_D": 1.0,
         "rms": 0.01,
     }
+
+
+def body_of(spec):
+    """A model's image, counter 1, without a signature."""
+    return image_builder.build(spec, compiler.compile_model(spec), None, 1)
 
 
 def probe_of(store, key, **words):

@@ -12,12 +12,12 @@ import pytest
 
 from firmware_py import evaluator, feature_names, status
 from palpate import models
-from palpate.model_export import image_builder
 from palpate.model_export.errors import ModelError
 from palpate.model_export.fixed_point import compiler
 from palpate.model_export.source import emit
 from tests.micropython import run_micropython
 from tests.model_export import synthetic
+from tests.model_export.flashing import body_of
 from tests.model_export.test_checks import pressed
 from tests.model_export.test_micropython import rows
 from tests.model_export.test_two_stages import Q24, answers, loaded, said
@@ -70,7 +70,7 @@ def bundled(name):
     """A model that comes with Palpate, its module's function, strokes, and what the image says of them."""
     spec = models.load(name)
     X = pressed(spec, 100)
-    code, model = loaded(image_builder.build(spec, compiler.compile_model(spec), None, 1))
+    code, model = loaded(body_of(spec))
     assert code == status.OK
     space: dict = {}
     exec(emit.emit_py(spec), space)

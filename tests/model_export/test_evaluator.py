@@ -100,14 +100,12 @@ def test_coefficients_beyond_the_integers_are_refused(field):
 
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.integers(-(2**29) + 1, 2**29 - 1), min_size=28, max_size=28))
-def test_whatever_the_features_the_answer_is_ordered_and_in_range(row):
-    spec = synthetic.model("thesis")
-    tables = compiler.compile_model(spec)
+def test_whatever_the_features_the_answer_is_ordered_and_in_range(thesis, thesis_tables, row):
     x = array("i", (row + [0] * firmware_features.COUNT)[: firmware_features.COUNT])
     out = array("i", [0] * evaluator.OUT_SIZE)
-    code = tables.evaluate(x, out)
+    code = thesis_tables.evaluate(x, out)
     assert code in (status.OK, status.NO_LUMP)
-    for j, output in enumerate(spec.outputs):
+    for j, output in enumerate(thesis.outputs):
         value, low, high = (out[3 * j + k] / 1e6 for k in range(3))
         if code == status.NO_LUMP:
             assert value == low == high == 0

@@ -86,14 +86,6 @@ def test_a_calibration_survives_every_cut():
     counted(f"{cuts} cuts, {len(seen)} different stores")
 
 
-def test_an_empty_store_holds_no_record_and_the_first_save_is_whole_or_nothing():
-    store = FlashSim()
-    assert safe_record.Record(store, "cal").load() is None
-    safe_record.Record(store, "cal").save(b"first")
-    for _number, _mode, left in cut_states({}, store.trace):
-        assert records_left(left) in (None, b"first")
-
-
 def test_a_full_store_keeps_the_old_record():
     store = FlashSim(full_at=60)
     assert safe_record.Record(store, "cal").save(b"x" * 20) == status.OK

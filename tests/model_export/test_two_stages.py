@@ -18,6 +18,7 @@ from palpate.model_export.fixed_point import bounds, compiler, reference
 from palpate.model_export.schema import Estimate, FirstStage, ModelSpec
 from tests.micropython import run_micropython
 from tests.model_export import synthetic
+from tests.model_export.flashing import body_of
 
 Q24 = 1 << 24
 PRESS = feature_names.NAMES[features.PRESS : features.PRESS + 9]
@@ -53,7 +54,7 @@ def spec():
 
 @pytest.fixture(scope="module")
 def body(spec):
-    return image_builder.build(spec, compiler.compile_model(spec), None, 1)
+    return body_of(spec)
 
 
 def loaded(body):
@@ -145,7 +146,7 @@ def test_an_image_of_both_stages_keeps_under_9_kB_and_is_itself_after_a_round_tr
 
 def test_models_of_one_stage_are_written_as_before(field):
     assert "first" not in field.to_dict()
-    body = image_builder.build(field, compiler.compile_model(field), None, 1)
+    body = body_of(field)
     assert body[102:104] == bytes(2)
 
 
