@@ -61,11 +61,15 @@ def bin_frames(
 
 
 def pressures(counts: Floats, calibration: calib.Calibration) -> Floats:
-    """Calibrated pressures (m, rows, columns) in kPa; dead cells filled from their live neighbours."""
+    """Calibrated pressures (m, rows, columns) in kPa; cells that hang or are dead have their neighbours'."""
+    return filled(mended(counts, hanging(counts, calibration.dead)), calibration)
+
+
+def filled(counts: ArrayLike, calibration: calib.Calibration) -> Floats:
+    """The same where no cell hangs."""
     offset = np.array(calibration.offset) / 8
     gain = np.array(calibration.gain) / calib.UNIT_GAIN * calibration.count_mpa / 1e6
-    counts = mended(counts, hanging(counts, calibration.dead))
-    p = (counts - offset) * gain
+    p = (np.asarray(counts, float) - offset) * gain
     for i in range(0, calibration.fills, 3):
         cell, a, b = calibration.fill[i : i + 3]
         p[:, cell] = 0.5 * (p[:, a] + p[:, b])
