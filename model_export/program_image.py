@@ -39,6 +39,9 @@ _WIDER = 0.2
 _MARGIN = 1.0
 """Half-widths that a prediction may lie beyond that range and still count as inside."""
 
+_SHARED = ("features", "centre", "scale", "clip_lo", "clip_hi", "terms")
+"""What models and their stages both have."""
+
 
 @dataclass(frozen=True)
 class Told:
@@ -125,17 +128,13 @@ def device_spec(program: Program, device: str) -> ModelSpec:
         raise ModelError(
             f"the evaluator takes {check.MAX_FEATURES} features, not {len(taken)}; choose them (SelectKBest)"
         )
-    return _spec(program, device=device)
+    return spec_of(program, device=device)
 
 
-def spec_of(program: Program, like: ModelSpec | None = None, first: Program | None = None) -> ModelSpec:
-    """The model that `image` exports; ModelError names what the probe's evaluator cannot run."""
-    return _spec(program, like, first)
-
-
-def _spec(
+def spec_of(
     program: Program, like: ModelSpec | None = None, first: Program | None = None, device: str | None = None
 ) -> ModelSpec:
+    """The model that `image` exports; ModelError names what the evaluator cannot run."""
     own = () if first is None else tuple(first.model.names)
     parts = _polynomials(program, own, device is not None)
     calibration = program.calibration
@@ -178,7 +177,7 @@ def _spec(
         kind="field" if like is None else like.kind,
         probe=geometry.NAME.decode() if device is None else device,
         features_version=features.FEATURES_VERSION if device is None else DEVICE_FEATURES,
-        **{word: parts[word] for word in ("features", "centre", "scale", "clip_lo", "clip_hi", "terms")},
+        **{word: parts[word] for word in _SHARED},
         outputs=tuple(found),
         interval=Interval(calibration.level, ((),), ((0.0,) * (1 + m),) * m, tuple(quantiles)),
         domain=_domain(calibration, parts, at, tuple(ranges)),
@@ -319,5 +318,4 @@ def _stage(first: Program) -> FirstStage:
         Estimate(name, float(lo), float(hi), tuple(float(poly.get(t, 0.0)) for t in parts["atoms"]))
         for name, poly, lo, hi in zip(model.names, model.polys, said.min(0) - more, said.max(0) + more)
     ]
-    words = ("features", "centre", "scale", "clip_lo", "clip_hi", "terms")
-    return FirstStage(**{word: parts[word] for word in words}, estimates=tuple(found))
+    return FirstStage(**{word: parts[word] for word in _SHARED}, estimates=tuple(found))

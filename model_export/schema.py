@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -67,12 +67,7 @@ class ModelSpec(ModelData):
     def to_dict(self) -> dict[str, Any]:
         """Plain dict as written to model.json."""
         body = asdict(self)
-        for part in (
-            "first",
-            "checks",
-            "across",
-            "layers",
-        ):  # without them as it was written before there were any
+        for part in ("first", "checks", "across", "layers"):  # without them as before there were any
             if body[part] is None:
                 del body[part]
         for stage in (body.get("first"), body.get("checks"), (body.get("across") or {}).get("width")):
@@ -148,6 +143,7 @@ _PARTS: dict[str, Any] = {"outputs": Output, "interval": Interval, "domain": Dom
                            "first": FirstStage, "checks": FirstStage, "estimates": Estimate,
                            "joining": Joining, "across": Across, "width": FirstStage,
                            "layers": Layers}  # fmt: skip
+_LISTS = ("outputs", "lump", "estimates")
 
 
 def _build(cls: Any, data: Any, where: str) -> Any:
@@ -167,22 +163,14 @@ def _build(cls: Any, data: Any, where: str) -> Any:
     values: dict[str, Any] = {}
     for key, value in data.items():
         part = _PARTS.get(key)
-        if (
-            cls in (ModelSpec, FirstStage, Across)
-            and part is not None
-            and is_dataclass(part)
-            and value is not None
-        ):
-            many = key in ("outputs", "lump", "estimates")
-            if many and not isinstance(value, list | tuple):
-                raise ModelError(f"{key} must be a list")
-            values[key] = (
-                tuple(_build(part, item, f"{key}[{i}]") for i, item in enumerate(value))
-                if many
-                else _build(part, value, key)
-            )
-        else:
+        if part is None or value is None:
             values[key] = value if isinstance(value, dict) else _tuples(value)
+        elif key not in _LISTS:
+            values[key] = _build(part, value, key)
+        elif isinstance(value, list | tuple):
+            values[key] = tuple(_build(part, item, f"{key}[{i}]") for i, item in enumerate(value))
+        else:
+            raise ModelError(f"{key} must be a list")
     return cls(**values)
 
 

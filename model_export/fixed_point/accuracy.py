@@ -34,20 +34,19 @@ def run(spec: ModelSpec, tables: evaluator.Tables, features: np.ndarray) -> np.n
     The lump rule is left out: errors are wanted of strokes without a lump, too.
     """
     x = array("i", [0] * (firmware_features.COUNT + stage.MOST))
-    head = array("i", tables.head)
-    head[evaluator.N_LIMITS] = 0
     out = array("i", [0] * evaluator.OUT_SIZE)
-    ids = list(tables.ids)
+    ids, head = list(tables.ids), array("i", tables.head)
+    head[evaluator.N_LIMITS] = 0
+    free = evaluator.Tables(
+        tables.ids, tables.feats, tables.steps, tables.c, tables.d, tables.own, tables.rows, tables.outs,
+        array("i"), head,
+    )  # fmt: skip
     whole = np.round(np.asarray(features) * compiler.Q24).astype(int)
     rows = []
     for row in whole.tolist():
         for ident, value in zip(ids, row):
             x[ident] = value
-        evaluator.compute(
-            x, tables.ids, tables.feats, tables.steps, tables.c, tables.d, tables.own, tables.rows,
-            tables.outs, tables.head, tables.u, tables.part, tables.high, tables.work, out,
-        )  # fmt: skip
-        evaluator.verdict(x, tables.ids, tables.feats, tables.limits, head, tables.work, out)
+        free.evaluate(x, out)
         rows.append(out.tolist())
     return np.array(rows)
 

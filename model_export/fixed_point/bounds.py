@@ -7,13 +7,24 @@ on intervals instead of integers (`palpate.fixedpoint.intervals`).
 from __future__ import annotations
 
 import types
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from firmware_py import evaluator, fixed, polynomial, scales, stage
 from palpate.fixedpoint import intervals
-from palpate.fixedpoint.errors import ProofError
+from palpate.fixedpoint.errors import CompileError
 from palpate.fixedpoint.intervals import LIMIT, Interval, Proof
-from palpate.model_export.fixed_point.errors import told_as_ours
+from palpate.model_export.errors import ProofError
+
+
+@contextmanager
+def told_as_ours() -> Iterator[None]:
+    """The general compiler's errors as the exporter's ProofError; also a decorator."""
+    try:
+        yield
+    except CompileError as error:
+        raise ProofError(str(error)) from None
 
 
 def _on_intervals() -> dict[str, Any]:

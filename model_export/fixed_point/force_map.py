@@ -26,6 +26,11 @@ DEPTH_UNITS_PER_MM = 16000
 ROWS, HALF = geometry.ROWS, geometry.HALF_ROWS
 FINEST, COARSEST = 14, 12  # Q formats of the coefficients
 _OF_THE_DEPTH = (2, 4, 5)  # inputs of the even half
+_NOISE_KPA = 0.012
+"""Given to the inputs, so that the map does not rely on what a sensor cannot show: white noise of .25 % of 25
+kPa over 26 columns."""
+_RIDGE = 1e-4
+"""Relative."""
 
 
 @dataclass(frozen=True)
@@ -128,8 +133,6 @@ def fit(
     high_kPa: Floats,
     high_mm: Floats,
     *,
-    noise_kPa: float = 0.012,
-    ridge: float = 1e-4,
     seed: int = 0,
     displacement: bool = True,
 ) -> ForceMap:
@@ -141,11 +144,8 @@ def fit(
         Images at the lower and the higher force.
     low_mm, high_mm : ndarray (n,)
         Displacements.
-    noise_kPa : float
-        Noise given to the inputs, so that the map does not rely on what a sensor cannot show; by default
-        white noise of .25 % of 25 kPa over 26 columns.
-    ridge : float
-        Relative ridge.
+    seed : int
+        Of the noise given to the inputs.
     displacement : bool
         Whether the map may use it; a map of the pressure alone serves recordings that have none.
     """
@@ -162,31 +162,31 @@ def fit(
     target = (high_kPa - low_kPa) / step[:, None] / middle.sum(1)[:, None] * ROWS
     target_depth = np.log(high_mm / low_mm) / step
     rng = np.random.default_rng(seed)
-    image = middle + noise_kPa * rng.standard_normal(middle.shape)
+    image = middle + _NOISE_KPA * rng.standard_normal(middle.shape)
     lf, ld = np.log(image.sum(1)), 0.5 * np.log(np.asarray(low_mm) * high_mm)
     ln_F, ln_D = float(lf.mean()), float(ld.mean())
     q = image / image.sum(1)[:, None] * ROWS
     inputs = even_inputs(lf - ln_F, ld - ln_D, q)
     if displacement:
-        even = _ridge(inputs, np.column_stack([_even(target), target_depth]), ridge)
+        even = _ridge(inputs, np.column_stack([_even(target), target_depth]))
     else:
         even = np.zeros((forcemap.EVEN_IN, forcemap.EVEN_OUT))
         used = np.setdiff1d(np.arange(forcemap.EVEN_IN), _OF_THE_DEPTH)
-        even[used, :HALF] = _ridge(inputs[:, used], _even(target), ridge)
-    odd = _ridge(_odd(q), _odd(target), ridge)
+        even[used, :HALF] = _ridge(inputs[:, used], _even(target))
+    odd = _ridge(_odd(q), _odd(target))
     out = ForceMap(even, odd, ln_F, ln_D if displacement else None)
     residual = out.slopes(image, np.exp(ld))[0] - target
     return replace(out, rms=float(np.sqrt((residual**2).mean())))
 
 
-def _ridge(x: Floats, y: Floats, ridge: float) -> Floats:
+def _ridge(x: Floats, y: Floats) -> Floats:
     """Coefficients on the grid of 2^-FINEST (or coarser) that the firmware holds.
 
     They are rounded one after the other, and those still free take up what rounding has cost (as in
     optimal brain quantisation: Frantar and Alistarh 2022), so that packing the map changes nothing.
     """
     size = np.sqrt((x * x).mean(0)) + 1e-12
-    H = x.T @ x / len(x) + ridge * np.diag(size**2)
+    H = x.T @ x / len(x) + _RIDGE * np.diag(size**2)
     free = np.linalg.solve(H, x.T @ y / len(x))
     grid = 2.0 ** -_shift(1.05 * np.abs(free).max())
     out = np.empty_like(free)

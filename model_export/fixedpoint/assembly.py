@@ -145,18 +145,13 @@ def _finite(model: Model) -> None:
 
 def _vectors(of: Space, X: Array | None, precise: str) -> Array:
     """Vectors over which words are chosen: of the data, if there are any, in the first half; int64."""
-
-    def whole(rows: Array) -> Array:
-        return np.stack([f.whole(rows[:, i]) for i, f in enumerate(of.features)], axis=1)
-
     rng = np.random.default_rng(1)
-    lo, hi = (np.array([getattr(f, end) for f in of.features]) for end in ("lo", "hi"))
-    box = rng.integers(lo, hi, (TRIED, len(lo)), endpoint=True)
+    box = of.random(rng, TRIED)
     if X is None:
         return box
     if precise == "data":
-        return whole(X[np.resize(rng.permutation(len(X)), 2 * TRIED)])
-    return np.vstack([whole(X[rng.integers(0, len(X), TRIED)]), box])
+        return of.whole(X[np.resize(rng.permutation(len(X)), 2 * TRIED)])
+    return np.vstack([of.whole(X[rng.integers(0, len(X), TRIED)]), box])
 
 
 def _outputs(

@@ -186,6 +186,7 @@ class _Walk:
         self.operations: dict[str, Callable[..., Any]] = {
             "number": lambda n: n,
             "var": env.__getitem__,
+            "dot": self._dot,
             "+": lambda a, b: self.value(a) + self.value(b),
             "-": lambda a, b: self.value(a) - self.value(b),
             "*": lambda a, b: self.value(a) * self.value(b),
@@ -197,6 +198,12 @@ class _Walk:
     def value(self, of: Node) -> Any:
         return self.operations[of.op](*of.args)
 
+    def _dot(self, coefficients: tuple[int, ...], names: tuple[str, ...]) -> Any:
+        total: Any = 0
+        for c, name in zip(coefficients, names):
+            total = total + self.env[name] * c
+        return total
+
 
 class _Ranges(_Walk):
     """On intervals."""
@@ -207,17 +214,10 @@ class _Ranges(_Walk):
             "number": lambda n: Interval(n, n),
             "clip": lambda v, lo, hi: intervals.clip(self.value(v), lo, hi),
             "pick": self._pick,
-            "dot": self._dot,
             "exp": lambda v, s: intervals.exp(self.value(v), s),
             "lookup": lambda v, table: code.tables[table].over(hull(self.value(v))),
             "tree": lambda k: Interval(*leaf_ends(code.trees[k])),
         }
-
-    def _dot(self, coefficients: tuple[int, ...], names: tuple[str, ...]) -> Any:
-        total: Any = 0
-        for c, name in zip(coefficients, names):
-            total = self.env[name] * c + total
-        return total
 
     def _pick(self, a: Node, b: Node, below: Node, above: Node) -> Any:
         # compared, not computed with: a feature that is anything at all takes nothing of the margin
@@ -239,17 +239,10 @@ class _Columns(_Walk):
             "pick": lambda a, b, below, above: np.where(
                 self.value(a) < self.value(b), self.value(below), self.value(above)
             ),
-            "dot": self._dot,
             "exp": lambda v, s: device.exp_of(np.asarray(self.value(v)), s),
             "lookup": lambda v, table: code.tables[table].of(self.value(v)),
             "tree": lambda k: _leaves(code.trees[k], x),
         }
-
-    def _dot(self, coefficients: tuple[int, ...], names: tuple[str, ...]) -> Any:
-        total: Any = 0
-        for c, name in zip(coefficients, names):
-            total = total + self.env[name] * c
-        return total
 
 
 def names_in(of: Node) -> Iterator[str]:

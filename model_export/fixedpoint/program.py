@@ -88,8 +88,7 @@ class Program:
 
     def quantised(self, X: Any) -> Array:
         """Features (n x features, in their units) as the device is given them: int64."""
-        X = self._table(X)
-        return np.stack([f.whole(X[:, i]) for i, f in enumerate(self.features)], axis=1)
+        return self.model.space.whole(self._table(X))
 
     def _table(self, X: Any) -> Array:
         columns = getattr(X, "columns", None)
@@ -118,12 +117,11 @@ class Program:
 
     def box(self, n: int, seed: int = 1) -> Array:
         """n random vectors of the box, and its corners, up to as many."""
-        rng = np.random.default_rng(seed)
         lo, hi = (np.array([getattr(f, end) for f in self.features]) for end in ("lo", "hi"))
         steps = np.array([f.step for f in self.features])
         ends = itertools.islice(itertools.product((0, 1), repeat=len(lo)), max(n, 2))
         corners = np.where(np.array(list(ends)), hi, lo)
-        return np.vstack([rng.integers(lo, hi, (n, len(lo)), endpoint=True), corners]) * steps
+        return np.vstack([self.model.space.random(np.random.default_rng(seed), n), corners]) * steps
 
     @cached_property
     def errors(self) -> tuple[Error, ...]:

@@ -44,7 +44,6 @@ class Writer:
     Parameters
     ----------
     choose : what writes "x where a < b, else y"
-    call : names of the functions
     c : whether it is C, where a shift of a negative number to the left is not defined
     """
 

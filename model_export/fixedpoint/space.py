@@ -147,6 +147,15 @@ class Space:
     """What polynomials take for the centre of an atom, where `linear` passed over the difference."""
     _of_feature: dict[int, int] = field(default_factory=dict)
 
+    def whole(self, X: Array) -> Array:
+        """Features (n x features, in their units) as the integers that the device is given."""
+        return np.stack([f.whole(X[:, i]) for i, f in enumerate(self.features)], axis=1)
+
+    def random(self, rng: np.random.Generator, n: int) -> Array:
+        """n vectors of the box, integers."""
+        lo, hi = (np.array([getattr(f, end) for f in self.features]) for end in ("lo", "hi"))
+        return rng.integers(lo, hi, (n, len(lo)), endpoint=True)
+
     def linear(self, feature: int, zero: float | None = None) -> Poly:
         """The feature itself; its atom's centre is `zero`, if that lies in its box, else the box's middle.
 

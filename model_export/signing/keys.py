@@ -197,8 +197,7 @@ def sign(
         minutes = int((_clock_s(key.directory, seen_s, force) - EPOCH_S) // 60)
         counter = min(max(key.counter + 1, minutes), MAX_COUNTER)
     message = make(counter)
-    signed = message + scheme.sign(key.secret, key.public, message, signature.MODEL)
-    _check(key, signed, signature.MODEL)
+    signed = _signed(key, message, signature.MODEL)
     # only an order within a minute hangs on it: a directory that cannot be written may sign all the same
     with contextlib.suppress(OSError):
         files.write(key.directory / "counter.json", json.dumps({"last": counter}).encode() + b"\n")
@@ -228,9 +227,7 @@ def succeed(
             named = (key.directory / SUCCESSION).read_bytes()[len(keyring.SUCCESSION) :][: keyring.MOMENT]
             moment_ns = min(max(moment_ns, 1 + int.from_bytes(named, "big")), 256**keyring.MOMENT - 1)
     message = keyring.SUCCESSION + max(moment_ns, 1).to_bytes(keyring.MOMENT, "big") + new
-    signed = message + scheme.sign(key.secret, key.public, message, signature.SUCCESSOR)
-    _check(key, signed, signature.SUCCESSOR)
-    return signed
+    return _signed(key, message, signature.SUCCESSOR)
 
 
 def sign_program(directory: str | os.PathLike[str], module: bytes) -> bytes:
@@ -244,15 +241,15 @@ def sign_program(directory: str | os.PathLike[str], module: bytes) -> bytes:
     SigningError
         If the key is missing or damaged, or its signature does not verify.
     """
-    key = load(directory)
-    signed = module + scheme.sign(key.secret, key.public, module, PROGRAM)
-    _check(key, signed, PROGRAM)
-    return signed
+    return _signed(load(directory), module, PROGRAM)
 
 
-def _check(key: Key, signed: bytes, context: bytes) -> None:
+def _signed(key: Key, message: bytes, context: bytes) -> bytes:
+    """The message and its signature, which verifies."""
+    signed = message + scheme.sign(key.secret, key.public, message, context)
     if signature.verify(key.public, lambda at, n: signed[at : at + n], len(signed), context) != status.OK:
         raise SigningError(
             f"the signing key in {key.directory} is damaged: its signature does not verify; copy it back "
             "from a backup"
         )
+    return signed

@@ -14,7 +14,7 @@ MCP3204_MAX_HZ = 1_200_000  # at 3.3 V, between 1 MHz at 2.7 V and 2 MHz at 5 V
 SELECT_HIGH_US = 0.5  # the MCP3204 wants to be let go so long between two conversions
 CHANNEL_A, CHANNEL_B, DISPLACEMENT = 0, 1, 2
 COLUMNS_ON_A = 16
-ROWS, COLUMNS, FULL = geometry.ROWS, geometry.COLUMNS, geometry.FULL_COUNT
+COLUMNS, FULL = geometry.COLUMNS, geometry.FULL_COUNT
 
 
 class CircuitError(Exception):
@@ -25,12 +25,13 @@ class Matrix:
     """Cells, row and column multiplexers, and the two amplifiers behind them.
 
     Parameters
-    cells: counts that the sensors would give, settled, (rows, columns) or (cells,)
     settling_us: time constant of the amplifiers
+
+    Attributes: cells (counts that the sensors would give, settled, in their order), displacement_counts.
     """
 
-    def __init__(self, cells: np.ndarray | None = None, settling_us: float = 1.0) -> None:
-        self.cells = np.zeros(ROWS * COLUMNS, int) if cells is None else np.asarray(cells).reshape(-1)
+    def __init__(self, settling_us: float = 1.0) -> None:
+        self.cells = np.zeros(geometry.CELLS, int)
         self.displacement_counts = 0.0
         self.settling_us = settling_us
         self._levels = [0.0, 0.0]

@@ -88,10 +88,8 @@ class EmulatedProbe:
         if runtime not in (*RUNTIMES, RP2040):
             raise UsageError(f"there is no runtime '{runtime}'; there are {', '.join((*RUNTIMES, RP2040))}")
         self._uf2: Path | None = None
-        if runtime == "micropython":
-            node.node()
-            node.check_wasm()
-        elif runtime == RP2040:
+        node.check_runtime(runtime)
+        if runtime == RP2040:
             from palpate.sim.probe.rp2040 import interpreter
 
             self._uf2 = interpreter.find()

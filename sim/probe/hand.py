@@ -15,6 +15,7 @@ from palpate.wire.packing import unpack
 
 TRAVEL_UM = 25_000  # of the potentiometer
 STEP_UM = 25  # a quarter step of the encoder
+PERIOD_US = 1e6 / 37.5  # from one moment to the next
 TICK_US = 100.0  # between two looks at where the wheel should be; a step in each at most: 250 mm/s
 _CYCLE = ((0, 0), (1, 0), (1, 1), (0, 1))  # A, B
 
@@ -55,15 +56,11 @@ class Hand:
     Parameters
     matrix: what it presses
     way: the moments
-    rate_Hz: how many of them a second
     repeat: begin again after the last
     """
 
-    def __init__(
-        self, matrix: Matrix, way: Sequence[Moment] = (), rate_Hz: float = 37.5, repeat: bool = False
-    ) -> None:
+    def __init__(self, matrix: Matrix, way: Sequence[Moment] = (), repeat: bool = False) -> None:
         self._matrix = matrix
-        self._period_us = 1e6 / rate_Hz
         self._repeat = repeat
         self._air = np.full(geometry.CELLS, geometry.PEDESTAL_COUNTS)
         self._frames = list(way)
@@ -104,7 +101,7 @@ class Hand:
         """Move on to now; levels of A and B."""
         if not self.at_rest:
             assert self.began_us is not None
-            time = (now_us - self.began_us) / self._period_us
+            time = (now_us - self.began_us) / PERIOD_US
             k = int(time)
             n = len(self._frames)
             if k // n > self._round:

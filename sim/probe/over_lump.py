@@ -5,6 +5,7 @@ The lump is simulated at several forces around its case's own, so that the hand 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 BESIDE_MM = 35.0
 """From the lump to the reference press."""
-FIRST_MM = (-28.0,)
+FIRST_MM = -28.0
 
 
 def strokes_over(
@@ -53,9 +54,9 @@ def strokes_over(
     press : bool
         The hand presses before it strokes, in `PRESS_FRAMES` frames more.
     """
-    case = Case.from_code(case) if isinstance(case, str) else case
+    case = _case(case)
     forces = [case.F_rel * FORCE_RATIO**part for part in (-0.5, 0.0, 0.5)]
-    ramped: list[Any] = _solid(case, forces) if case.solid else []
+    ramped = _solid(case, forces, ramp=True) if case.solid else []
     field = StrokeField(*(ramped or simulate_forces(case, forces, STROKES)))
     level = level_named(noise)
     if steady:
@@ -73,22 +74,17 @@ def strokes_over(
 
         pressed = StrokeField(*press_before(ramped))
     else:
-        pressed = StrokeField(*simulate_forces(case, [case.F_rel * part for part in PRESS_PARTS], PRESSES))
+        pressed = _pressed(case, PRESSES.start_mm, PRESS_PARTS)
     return [probe.stroke(frames, press=PRESS_FRAMES, pressed=pressed) for probe in probes], calibration
 
 
 def reference_beside(case: Case | str, noise: str, seed: int, steady: bool = False) -> FrameStream:
     """A press 35 mm beside the lump, by the probe and the hand of `strokes_over`."""
-    case = Case.from_code(case) if isinstance(case, str) else case
-    level = level_named(noise)
-    forces = [case.F_rel * part for part in REFERENCE_PARTS]
-    if case.solid:
-        from palpate.sim.tissue.solid.stroke import simulate_forces as simulate_solid
-
-        # where a stroke begins, as far beside the lump as the mesh goes
-        pressed = StrokeField(*simulate_solid(case, forces, positions_mm=FIRST_MM))
+    case, level = _case(case), level_named(noise)
+    if case.solid:  # where a stroke begins, as far beside the lump as the mesh goes
+        pressed = _pressed(case, FIRST_MM)
     else:
-        pressed = StrokeField(*simulate_forces(without_its_lump(case), forces, PRESSES))
+        pressed = _pressed(without_its_lump(case), PRESSES.start_mm)
     hand = SensorModel(pressed, level.without("force") if steady else level, seed)
     return hand.reference(pressed, case.F_N_per_m, place_mm=BESIDE_MM)
 
@@ -97,35 +93,33 @@ def presses_over(
     case: Case | str, noise: str, seed: int, presses: int = 1, beside_mm: float = 0.0
 ) -> list[FrameStream]:
     """Presses without a stroke, each from the air to the case's force and back, so far beside the lump."""
-    sensors, pressed, case = _pressing(case, noise, seed, beside_mm)
-    return [sensors(k).reference(pressed, case.F_N_per_m, place_mm=beside_mm) for k in range(presses)]
+    case, level = _case(case), level_named(noise)
+    pressed = _pressed(case, -abs(beside_mm))
+    probes = [SensorModel(pressed, level, seed + k) for k in range(presses)]
+    return [probe.reference(pressed, case.F_N_per_m, place_mm=beside_mm) for probe in probes]
 
 
 def cuffed(case: Case | str, noise: str, seed: int, pressure_kPa: float, frames: int) -> Any:
     """What the same cells read under a cuff: counts (frames, cells), of 0 kPa in the air."""
-    sensors, *_ = _pressing(case, noise, seed, 0.0)
+    sensors = SensorModel(_pressed(_case(case), 0.0), level_named(noise), seed)
     even = np.full((frames, *SHAPE), pressure_kPa)
-    counts, _, _ = sensors(0).felt(even, np.zeros(frames), 2.0 * np.arange(frames), np.zeros(frames))
+    counts, _, _ = sensors.felt(even, np.zeros(frames), np.arange(0.0, 2.0 * frames, 2.0), np.zeros(frames))
     return np.clip(np.rint(counts), 0, geometry.FULL_COUNT)
 
 
-def _pressing(case: Case | str, noise: str, seed: int, beside_mm: float) -> tuple[Any, StrokeField, Case]:
-    """The probe of press k, what is under it, and the case."""
-    case = Case.from_code(case) if isinstance(case, str) else case
-    forces = [case.F_rel * part for part in REFERENCE_PARTS]
+def _case(case: Case | str) -> Case:
+    return Case.from_code(case) if isinstance(case, str) else case
+
+
+def _pressed(case: Case, at_mm: float, parts: Sequence[float] = REFERENCE_PARTS) -> StrokeField:
+    """What is under the probe there, at these parts of the case's force."""
+    forces = [case.F_rel * part for part in parts]
     if case.solid:
-        from palpate.sim.tissue.solid.stroke import simulate_forces as simulate_solid
-
-        pressed = StrokeField(*simulate_solid(case, forces, positions_mm=(-abs(beside_mm),)))
-    else:
-        at = Settings(start_mm=-abs(beside_mm), press_only=True)
-        pressed = StrokeField(*simulate_forces(case, forces, at))
-    level = level_named(noise)
-    return (lambda k: SensorModel(pressed, level, seed + k)), pressed, case
+        return StrokeField(*_solid(case, forces, positions_mm=(at_mm,)))
+    return StrokeField(*simulate_forces(case, forces, Settings(start_mm=at_mm, press_only=True)))
 
 
-def _solid(case: Case, forces: list[float]) -> list[Any]:
-    """Strokes over a solid lump with images of the press before."""
+def _solid(case: Case, forces: list[float], **how: Any) -> list[Any]:
     from palpate.sim.tissue.solid.stroke import simulate_forces as simulate_solid
 
-    return list(simulate_solid(case, forces, ramp=True))
+    return list(simulate_solid(case, forces, **how))

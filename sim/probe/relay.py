@@ -72,12 +72,6 @@ class Relay:
         os.close(self._wake_in)
         os.close(self._wake_out)
 
-    def __enter__(self) -> "Relay":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def _allowance(self) -> int:
         """How many bytes the paced link carries towards the host now."""
         if not self._bytes_per_s:

@@ -37,6 +37,9 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
+FRAMES_PER_S = 37.5
+"""The usual rate."""
+
 PRESS_FRAMES = 24
 """Of a press, .64 s at the usual rate."""
 
@@ -142,11 +145,10 @@ class SensorModel:
         wave, phase, size = self._wave
         return (size * np.sin(2 * np.pi * np.asarray(x)[..., None] / wave + phase)).sum(-1)
 
-    def calibration(self, known_dead: bool = True) -> calib.Calibration:
+    def calibration(self) -> calib.Calibration:
         """The factory calibration of this probe: nominal but for its known dead cells."""
         c = calib.Calibration()
-        if known_dead:
-            c.set_dead([int(i) for i in np.flatnonzero(self.known_dead)])
+        c.set_dead([int(i) for i in np.flatnonzero(self.known_dead)])
         return c
 
     def force_at(self, stroke_mm: Floats) -> Floats:
@@ -253,16 +255,7 @@ class SensorModel:
             image = np.repeat(image[:, :, None], geometry.COLUMNS, axis=2)
         return image, depth * share**_DEPTH_OVER_FORCE
 
-    def reference(
-        self,
-        pressed: StrokeField,
-        force_N_per_m: float,
-        *,
-        place_mm: float = 0.0,
-        air: int = AIR_FRAMES,
-        frames: int = PRESS_FRAMES,
-        frames_per_s: float = 37.5,
-    ) -> FrameStream:
+    def reference(self, pressed: StrokeField, force_N_per_m: float, *, place_mm: float = 0.0) -> FrameStream:
         """A press beside the lump: from the air straight down to this force, held, and lifted again.
 
         Parameters
@@ -271,23 +264,21 @@ class SensorModel:
             What is under the probe: one position at rising forces.
         place_mm : float
             Where that is along the stroke's line: the tissue's thickness and stiffness there are its own.
-        air, frames : int
-            In the air before it, and until it has its force.
         """
-        held = frames // 6
-        force = force_N_per_m * np.concatenate([np.linspace(_PRESS_FROM, 1.0, frames), np.ones(held)])
+        air, held = AIR_FRAMES, PRESS_FRAMES // 6
+        force = force_N_per_m * np.concatenate([np.linspace(_PRESS_FROM, 1.0, PRESS_FRAMES), np.ones(held)])
         image, depth = self._pressed(pressed, force, place_mm)
         image = np.concatenate([image, np.zeros((_LIFTED_FRAMES, *image.shape[1:]))])
         depth = np.concatenate([depth, np.zeros(_LIFTED_FRAMES)])
         strokes_rng, self._rng = self._rng, self._reference_rng
-        moves_mm = _PRESS_MM_PER_S / frames_per_s
+        moves_mm = _PRESS_MM_PER_S / FRAMES_PER_S
         nothing = np.zeros((air, *image.shape[1:]))
         share: Floats = (np.arange(-air, 0) / len(depth)).astype(np.float64)
         along: Floats = place_mm + moves_mm * np.arange(air, dtype=np.float64)
         counts, _, depth_um = self.felt(nothing, np.zeros(air), along, share)
         self._lag = Lag()  # begins at the first force, as in `_press`
         stream = self._frames(
-            np.full(len(depth), place_mm), image, depth, frames_per_s, 0, (counts, depth_um), moves_mm
+            np.full(len(depth), place_mm), image, depth, FRAMES_PER_S, (counts, depth_um), moves_mm
         )
         self._rng = strokes_rng
         return replace(stream, press=0, truth=replace(stream.truth, F_N_per_m=force_N_per_m))
@@ -295,8 +286,7 @@ class SensorModel:
     def stroke(
         self,
         n_frames: int = 50,
-        frames_per_s: float = 37.5,
-        origin_um: int = 0,
+        frames_per_s: float = FRAMES_PER_S,
         *,
         press: int = 0,
         pressed: StrokeField | None = None,
@@ -305,8 +295,6 @@ class SensorModel:
 
         Parameters
         ----------
-        origin_um : int
-            What the encoder reads at its middle.
         press : int
             So many frames more before it: the probe stands where it will begin, and the hand's force rises
             from a fifth to all of what it is there.
@@ -320,12 +308,12 @@ class SensorModel:
         x = np.linspace(-self.travel_mm / 2, self.travel_mm / 2, n_frames)
         self._lag = Lag()
         before = self._press(press, frames_per_s, pressed) if press else None
-        return self._frames(x, *self.pressures_at(x), frames_per_s, origin_um, before)
+        return self._frames(x, *self.pressures_at(x), frames_per_s, before)
 
-    def untouched(self, n_frames: int = 50, frames_per_s: float = 37.5) -> FrameStream:
+    def untouched(self, n_frames: int = 50) -> FrameStream:
         """Frames of the probe lying in the air: its noise, its zeros, its dead cells."""
         x = np.zeros(n_frames)
-        frames = self._frames(x, np.zeros((n_frames, *SHAPE)), x, frames_per_s, 0)
+        frames = self._frames(x, np.zeros((n_frames, *SHAPE)), x, FRAMES_PER_S)
         return replace(frames, positions_um=np.zeros_like(frames.positions_um))  # nobody turns the wheel
 
     def _frames(
@@ -334,7 +322,6 @@ class SensorModel:
         pressure_kPa: Floats,
         displacement_mm: Floats,
         frames_per_s: float,
-        origin_um: int,
         before: tuple[Floats, NDArray[np.int64]] | None = None,
         moves_mm: float = 0.0,
     ) -> FrameStream:
@@ -357,7 +344,7 @@ class SensorModel:
         return FrameStream(
             packed=[pack(c) for c in whole],
             counts=whole if self.noise.quantise else counts,
-            positions_um=place + origin_um,
+            positions_um=place,
             displacements_um=depth,
             times_us=times,
             truth=self.truth(x),

@@ -35,11 +35,11 @@ class FramedStroke(Protocol):
         """(n,) int."""
 
 
-def lifted_record(position_um: int = 0) -> bytes:
+def lifted_record() -> bytes:
     """One frame of a probe in the air."""
     zero = geometry.PEDESTAL_COUNTS
     pair = zero | zero << 12
-    return struct.pack("<ii", position_um, 0) + pair.to_bytes(3, "little") * (geometry.CELLS // 2)
+    return bytes(8) + pair.to_bytes(3, "little") * (geometry.CELLS // 2)
 
 
 def records(frames: FramedStroke) -> bytes:

@@ -103,10 +103,7 @@ class StrokeField:
             logs = np.einsum("nk,knm->nm", shares, np.log(np.where(loaded, tables, 1.0)))
             out = np.where(loaded, np.exp(logs), out)
         out[:, -1] = np.exp(np.einsum("nk,kn->n", shares, np.log(np.maximum(tables[:, :, -1], 1e-6))))
-        return self._parted(out)
-
-    def _parted(self, table: Floats) -> tuple[Floats, Floats]:
-        return table[:, :-1].reshape(-1, *self.shape), table[:, -1]
+        return out[:, :-1].reshape(-1, *self.shape), out[:, -1]
 
 
 def _nearest(nodes: Floats, wanted: Floats) -> NDArray[np.int64]:

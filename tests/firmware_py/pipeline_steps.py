@@ -61,11 +61,15 @@ def bin_frames(
 
 
 def pressures(counts: Floats, calibration: calib.Calibration) -> Floats:
-    """Calibrated pressures (m, rows, columns) in kPa; dead cells filled from their live neighbours."""
+    """Calibrated pressures (m, rows, columns) in kPa; cells that hang or are dead have their neighbours'."""
+    return filled(mended(counts, hanging(counts, calibration.dead)), calibration)
+
+
+def filled(counts: ArrayLike, calibration: calib.Calibration) -> Floats:
+    """The same where no cell hangs."""
     offset = np.array(calibration.offset) / 8
     gain = np.array(calibration.gain) / calib.UNIT_GAIN * calibration.count_mpa / 1e6
-    counts = mended(counts, hanging(counts, calibration.dead))
-    p = (counts - offset) * gain
+    p = (np.asarray(counts, float) - offset) * gain
     for i in range(0, calibration.fills, 3):
         cell, a, b = calibration.fill[i : i + 3]
         p[:, cell] = 0.5 * (p[:, a] + p[:, b])
@@ -141,9 +145,7 @@ def find_place(y: Floats, low: int, high: int) -> int | None:
     return place
 
 
-def fit_like_firmware(
-    y: ArrayLike, centre: float = 0.0, widths_mm: tuple[float, ...] = (3.0, 6.0, 12.0)
-) -> Gaussian:
+def fit_like_firmware(y: ArrayLike, widths_mm: tuple[float, ...] = (3.0, 6.0, 12.0)) -> Gaussian:
     """Least squares of a Gaussian on a base, the best from several widths; x = -n/2 .. n/2 mm.
 
     Bounds: amp at least 0, stdev 1.5 to 25 mm, the centre 14 mm or more inside the ends.
@@ -152,11 +154,10 @@ def fit_like_firmware(
     half = len(y) // 2
     x = np.arange(len(y)) - float(half)
     size = float(np.ptp(y)) or 1.0
-    middle = float(np.clip(centre, 14.01 - half, half - 14.01))
     found = bounded_bump(
         x,
         y,
-        [(float(np.median(y)), size / 2, middle, stdev) for stdev in widths_mm],
+        [(float(np.median(y)), size / 2, 0.0, stdev) for stdev in widths_mm],
         (-np.inf, 0, 14 - half, STDEV_BOUNDS_MM[0]),
         (np.inf, np.inf, half - 14, STDEV_BOUNDS_MM[1]),
     )

@@ -12,6 +12,7 @@ from firmware_py import calib, geometry, press, profile
 from palpate.features.press_features import NAMES
 from palpate.model_export.vocabulary import ABSENT
 from palpate.wire.cells import PITCH_MM, ROW_MM
+from tests.firmware_py.pipeline_steps import filled
 
 Floats = NDArray[np.float64]
 
@@ -47,13 +48,7 @@ def curves(
         By default nominal. Its dead cells are filled as in a stroke.
     """
     calibration = calibration or calib.Calibration()
-    offset = np.array(calibration.offset) / 8
-    gain = np.array(calibration.gain) / calib.UNIT_GAIN * calibration.count_mpa / 1e6
-    cells = (np.asarray(counts, float) - offset) * gain
-    for i in range(0, calibration.fills, 3):
-        cell, a, b = calibration.fill[i : i + 3]
-        cells[:, cell] = 0.5 * (cells[:, a] + cells[:, b])
-    image = cells.reshape(-1, geometry.ROWS, geometry.COLUMNS)
+    image = filled(counts, calibration)
     rows, outer = image.mean(2), max(1, int(_OUTER_MM / PITCH_MM))
     sides = image[:, _MIDDLE][:, :, np.r_[:outer, geometry.COLUMNS - outer : geometry.COLUMNS]].mean((1, 2))
     least = press.LEAST / 2 / 32 * calibration.count_mpa / 1e6

@@ -68,12 +68,8 @@ def words(packet: bytes, head: str) -> str:
     return " ".join([f"**{told.name}**{kind}", head, ", ".join(said)]).strip()
 
 
-def _wire(name, values, tail=b"", answer=False):
-    body = bytearray(1000)
-    kind = messages.TYPE[name] | (messages.ANSWER if answer else 0)
-    length = messages.pack(body, kind, 1, 0, values, tail)
-    target = bytearray(1100)
-    return bytes(target[: wire.seal(body, length, target, 0)])
+def _wire(name, values, tail=b""):
+    return command(name, 1, values, tail)[1:]
 
 
 STREAM = 0x10001

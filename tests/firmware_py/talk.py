@@ -1,9 +1,14 @@
 """A plain host for the tests: commands out, messages in, nothing retried."""
 
+import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
-from firmware_py import messages, wire
-from palpate.sim.probe.virtual import VirtualProbe
+from firmware_py import messages, status, wire
+from firmware_py.estimator import Estimator
+from firmware_py.store import FileStore
+from palpate.sim.probe.virtual import VirtualBoard, VirtualProbe
 
 
 @dataclass
@@ -70,6 +75,15 @@ def message(body: bytearray, length: int) -> Message:
     )
 
 
+def send_model(ask: Callable[..., Message], image: bytes) -> bytes:
+    """A model image goes over piece by piece, each command by `ask`; the name that it went by."""
+    name = hashlib.sha256(image).digest()[:8]
+    assert ask("flash_begin", (len(image), name)).code == status.OK
+    for at in range(0, len(image), messages.FLASH_PIECE):
+        assert ask("flash_data", (at,), image[at : at + messages.FLASH_PIECE]).code == status.OK
+    return name
+
+
 class Bench:
     """A virtual probe with a host beside it."""
 
@@ -78,6 +92,11 @@ class Bench:
         self.ears = Ears()
         self.heard: list[Message] = []
         self.number = 100
+
+    @classmethod
+    def measuring(cls, folder: Path, frames: bytes = b"", **link: int) -> "Bench":
+        """Of a probe that makes estimates, whose files are in this folder."""
+        return cls(VirtualBoard(frames, **link), Estimator(FileStore(str(folder))))
 
     def run(self, us: int) -> list[Message]:
         """Let time pass; what was said meanwhile."""

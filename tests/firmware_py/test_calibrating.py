@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 
 from firmware_py import geometry, messages, status
-from firmware_py.estimator import Estimator
-from firmware_py.store import FileStore
-from palpate.sim.probe.virtual import VirtualBoard
 from palpate.wire.packing import pack
 from tests.firmware_py.talk import Bench
 
-ZERO, GAIN, CLEAR = messages.CALIBRATE_ZERO, messages.CALIBRATE_GAIN, messages.CALIBRATE_CLEAR
+ZERO, GAIN = messages.CALIBRATE_ZERO, messages.CALIBRATE_GAIN
 AIR = geometry.PEDESTAL_COUNTS
 
 
@@ -20,7 +17,7 @@ def record(counts) -> bytes:
 
 @pytest.fixture
 def calibrate(tmp_path):
-    bench = Bench(VirtualBoard(), Estimator(FileStore(str(tmp_path))))
+    bench = Bench.measuring(tmp_path)
 
     def run(kind, counts, pressure_pa=0, frames=8):
         bench.probe.board.frames = counts if isinstance(counts, bytes) else record(counts)

@@ -9,15 +9,13 @@ import numpy as np
 import pytest
 
 from firmware_py import geometry, messages, status
-from firmware_py.estimator import Estimator
-from firmware_py.store import FileStore
 from palpate.sim.probe import source
 from palpate.sim.probe.virtual import VirtualBoard
 from palpate.wire.identity import Identity
 from tests.campaigns import counted
 from tests.firmware_py.talk import Bench, Ears, command
 
-FRAMES, STROKES = messages.CONTENT_FRAMES, messages.CONTENT_STROKES
+FRAMES = messages.CONTENT_FRAMES
 
 
 def test_identify_says_who_it_is_and_gives_the_nonce_back():
@@ -30,7 +28,7 @@ def test_identify_says_who_it_is_and_gives_the_nonce_back():
 
 
 def test_identify_says_what_the_probe_can_do(tmp_path):
-    bench = Bench(estimator=Estimator(FileStore(str(tmp_path))))
+    bench = Bench.measuring(tmp_path)
     told = Identity.from_answer(tuple(bench.ask("identify", (1,)).fields.values()))
     assert told.capabilities == ("calibrate",)
 

@@ -10,15 +10,10 @@ from palpate.sim.probe.virtual import VirtualBoard
 from tests.campaigns import counted
 from tests.firmware_py.streaming import STROKE
 from tests.firmware_py.talk import Bench
+from tests.model_export.flashing import flipped
 
 RATE = 80_000
 COPIES = ("set0", "set1")
-
-
-def flipped(files, name, bit):
-    data = bytearray(files[name])
-    data[bit // 8] ^= 1 << bit % 8
-    return {**files, name: bytes(data)}
 
 
 def started(files, frames=b"", estimator=None):

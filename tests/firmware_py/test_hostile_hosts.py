@@ -7,9 +7,7 @@ from hypothesis import strategies as st
 from firmware_py import messages, status
 from tests.firmware_py.talk import Bench, packet
 
-FRAMES, STROKES = messages.CONTENT_FRAMES, messages.CONTENT_STROKES
-
-
+FRAMES = messages.CONTENT_FRAMES
 COMMAND_NAMES = [c[1] for c in messages.COMMANDS]
 
 

@@ -7,18 +7,8 @@ from firmware_py import calib, feature_names, features, forcemap, status
 from palpate.firmware_twin.replay_core import Replay
 from palpate.model_export.vocabulary import OF_THE_COLUMNS
 from palpate.sim.probe.sensors import LEVELS, SensorModel, pack
-from tests.firmware_py import checked_int
 from tests.firmware_py import pipeline_features as field_features
-
-# .2 % of a feature: of the quantity under a logarithm, of the pressure or displacement a ratio is made of
-LOGARITHMS = [n for n in feature_names.NAMES if n.startswith(("ln_", "asinh_"))]
-RATIOS = [n for n in feature_names.NAMES if n not in LOGARITHMS]
-
-
-def replayed(replay, model, n_frames=50, **kwargs):
-    frames = model.stroke(n_frames, **kwargs)
-    code = replay.stream(frames, model.calibration())
-    return frames, code
+from tests.firmware_py.stages import replayed, watched
 
 
 def in_float64(frames, model, fitted_map):
@@ -43,7 +33,8 @@ def test_within_a_fifth_of_a_percent_of_float64_on_200_strokes(fields, replay, f
                     worst[name] = max(worst[name], abs(got - true.features[name]))
             n += 1
     assert n == 200
-    # the misfit is a thousandth of the bump; the .2 % are of the bump
+    # .2 % of the quantity under a logarithm, of the pressure or displacement that a ratio is made of; of the
+    # bump for the misfit, which is a thousandth of it
     misfit = worst.pop("ln_misfit")
     assert misfit < 0.05
     assert {k: v for k, v in worst.items() if v > 2e-3} == {}
@@ -68,22 +59,16 @@ def test_how_a_bump_is_spread_across_is_told_to_a_fiftieth_of_its_best_columns(f
 
 @pytest.mark.parametrize("level", ["none", "typical"])
 def test_compiled_plain_and_watched_give_the_same_integers(fields, map_blob, level):
-    watched, watch = checked_int.load()
-    slow = watched.pipeline.Pipeline(calib.Calibration())
+    slow, watch = watched(map_blob)
     fast, plain = Replay(map_blob), Replay(map_blob, plain=True)
     for i, field in enumerate(fields[:4]):
         model = SensorModel(field, LEVELS[level], i, across_mm=3.9 if i % 2 else None)
         frames, code = replayed(fast, model)
-        assert plain.stream(frames, model.calibration()) == code
-        slow.reset()
-        slow.calibration = model.calibration()
-        for k, packed in enumerate(frames.packed):
-            slow.add_frame(packed, int(frames.positions_um[k]), int(frames.displacements_um[k]))
-        assert slow.finish(forcemap.load(map_blob)) == code
+        assert plain.stream(frames, model.calibration()) == slow.stream(frames, model.calibration()) == code
         for name in ("features", "map", "fit", "span", "columns", "profile"):
             expected = list(getattr(plain.pipeline, name))
             assert list(getattr(fast.pipeline, name)) == expected, name
-            assert list(getattr(slow, name)) == expected, name
+            assert list(getattr(slow.pipeline, name)) == expected, name
     assert watch.most > 2**28
 
 
@@ -104,45 +89,38 @@ def garbage(rng, kind):
 
 @pytest.mark.parametrize("kind", ["noise", "full", "empty", "flicker", "cells"])
 def test_no_frames_whatever_lead_out_of_range(kind, map_blob):
-    watched, _ = checked_int.load()
+    replay, _ = watched(map_blob)
+    force_map = replay.force_map
     rng = np.random.default_rng(11)
     c = calib.Calibration()
-    p = watched.pipeline.Pipeline(c)
     for k in range(3):
         for i in range(calib.CELLS):
             c.gain[i] = int(rng.choice([0, 8192, 32767]))
             c.offset[i] = int(rng.choice([0, 655, 32767]))
         counts, x, d = garbage(rng, kind)
-        p.reset()
-        for j in range(len(x)):
-            p.add_frame(pack(counts[j]), int(x[j]), int(d[j]))
-        p.finish(None if k == 1 else forcemap.load(map_blob))
-        assert all(abs(v) < 2**29 for v in p.features)
+        replay.force_map = None if k == 1 else force_map
+        replay.stroke(map(pack, counts), x, d, c)
+        assert all(abs(v) < 2**29 for v in replay.pipeline.features)
 
 
 def test_a_force_map_of_extreme_numbers_stays_in_range(fields):
-    watched, _ = checked_int.load()
     rng = np.random.default_rng(3)
-    p = watched.pipeline.Pipeline(calib.Calibration())
     frames = SensorModel(fields[0], LEVELS["poor"], 1).stroke()
     for extreme in (-32768, 32767, None):
         blob = bytearray([0x46, forcemap.VERSION, 12, 0, *bytes(4), 1, 0, 0, 0])
         for _ in range(forcemap.COEFS):
             v = int(rng.integers(-32768, 32768)) if extreme is None else extreme
             blob += (v & 65535).to_bytes(2, "little")
-        p.reset()
-        for k, packed in enumerate(frames.packed):
-            p.add_frame(packed, int(frames.positions_um[k]), int(frames.displacements_um[k]))
-        p.finish(watched.forcemap.load(bytes(blob)))
+        replay, _ = watched(bytes(blob))
+        assert replay.force_map is not None
+        replay.stream(frames)
 
 
 @pytest.mark.long
 @pytest.mark.timeout(1800)
 def test_all_200_strokes_stay_in_range(fields, map_blob):
     """The strokes of the accuracy test, and as many over balls, every intermediate watched."""
-    watched, watch = checked_int.load()
-    p = watched.pipeline.Pipeline(calib.Calibration())
-    loaded = forcemap.load(map_blob)
+    slow, watch = watched(map_blob)
     fast = Replay(map_blob)
     for i, field in enumerate(fields):
         for seed in range(20):
@@ -150,11 +128,7 @@ def test_all_200_strokes_stay_in_range(fields, map_blob):
             for across in (None, 3.9):
                 model = SensorModel(field, LEVELS[level], 100 * i + seed, across_mm=across)
                 frames, code = replayed(fast, model)
-                p.reset()
-                p.calibration = model.calibration()
-                for k, packed in enumerate(frames.packed):
-                    p.add_frame(packed, int(frames.positions_um[k]), int(frames.displacements_um[k]))
-                assert p.finish(loaded) == code
-                assert list(p.features) == list(fast.pipeline.features)
+                assert slow.stream(frames, model.calibration()) == code
+                assert list(slow.pipeline.features) == list(fast.pipeline.features)
     print(f"largest intermediate: {watch.most} at {watch.where}")
     assert 2**29 < watch.most < 2**30

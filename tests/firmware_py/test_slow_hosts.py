@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from firmware_py import messages, results
-from firmware_py.estimator import Estimator
-from firmware_py.store import FileStore
 from palpate.sim.probe import source
 from palpate.sim.probe.virtual import VirtualBoard
 from tests.benchmarks.bench_link import Still
@@ -16,8 +14,7 @@ FRAMES, STROKES = messages.CONTENT_FRAMES, messages.CONTENT_STROKES
 
 
 def slow(tmp_path, bytes_per_s):
-    board = VirtualBoard(STROKE, bytes_per_s=bytes_per_s, link_bytes=4096)
-    return Bench(board, Estimator(FileStore(str(tmp_path))))
+    return Bench.measuring(tmp_path, STROKE, bytes_per_s=bytes_per_s, link_bytes=4096)
 
 
 def add_up(bench):
@@ -92,8 +89,8 @@ def test_estimates_go_before_maps(tmp_path):
 def campaign(tmp_path, bytes_per_s, stopped_s, seconds=180):
     """A stroke every 2.4 s, over such a link, whose host reads nothing in the middle; what came of it."""
     stroke = AIR * 3 + source.records(Still(114)) + AIR * 3
-    board = VirtualBoard(stroke, bytes_per_s=bytes_per_s, link_bytes=4096)
-    bench = Bench(board, Estimator(FileStore(str(tmp_path))))
+    bench = Bench.measuring(tmp_path, stroke, bytes_per_s=bytes_per_s, link_bytes=4096)
+    board = bench.probe.board
     bench.ask("stream_start", (FRAMES | STROKES, 1, 0, messages.LEASE_MOST_MS), us=SECOND)
     came = {}
 

@@ -24,7 +24,6 @@ MODULES = {
     "firmware_py.boards.fast_scan": twins.SCAN,
 }
 PARTS = (*plain_machine_code.PARTS, ("scan", plain_machine_code.scan_part))
-LOOPS = {name for source in MODULES.values() for name in twins.places(source)}
 
 
 def loops():

@@ -1,7 +1,5 @@
 """The states of docs/protocol.md: idle, streaming, measuring, and what leads from one to another."""
 
-import hashlib
-
 import pytest
 
 from firmware_py import messages, status
@@ -9,9 +7,8 @@ from firmware_py.estimator import Estimator
 from firmware_py.flash import Flash
 from firmware_py.store import FileStore
 from palpate.model_export.exporter import export
-from palpate.sim.probe.virtual import VirtualBoard
 from tests import reference_model
-from tests.firmware_py.talk import Bench, command
+from tests.firmware_py.talk import Bench, command, send_model
 
 ZERO = (messages.CALIBRATE_ZERO, 20, 0)
 BOTH = (messages.CONTENT_FRAMES | messages.CONTENT_STROKES, 1, 0, 0)
@@ -19,7 +16,7 @@ BOTH = (messages.CONTENT_FRAMES | messages.CONTENT_STROKES, 1, 0, 0)
 
 @pytest.fixture
 def bench(tmp_path):
-    return Bench(VirtualBoard(), Estimator(FileStore(str(tmp_path))))
+    return Bench.measuring(tmp_path)
 
 
 def running(bench):
@@ -65,22 +62,13 @@ def test_a_model_is_neither_verified_nor_confirmed_while_a_press_refers_to_the_l
     real_key_dir, public_key, tmp_path
 ):
     """The press went on with the tables of a model that had been set aside, and its result was lost."""
-    bench = Bench(
-        VirtualBoard(), Estimator(FileStore(str(tmp_path)), Flash(FileStore(str(tmp_path)), public_key))
-    )
+    store = FileStore(str(tmp_path))
+    bench = Bench(estimator=Estimator(store, Flash(store, public_key)))
     image, _ = export(reference_model.model(), real_key_dir)
-    name, live = hashlib.sha256(image).digest()[:8], image[40:48]
-
-    def send():
-        assert bench.ask("flash_begin", (len(image), name)).code == status.OK
-        for at in range(0, len(image), messages.FLASH_PIECE):
-            piece = image[at : at + messages.FLASH_PIECE]
-            assert bench.ask("flash_data", (at,), piece).code == status.OK
-
-    send()
+    name, live = send_model(bench.ask, image), image[40:48]
     assert bench.ask("flash_verify", (name,)).code == status.OK
     assert bench.ask("flash_confirm", (live,)).code == status.OK
-    send()  # the same once more, so that there is something to verify
+    send_model(bench.ask, image)  # the same once more, so that there is something to verify
     taking = command("reference", 77, (messages.REFERENCE_TAKE,))
     assert bench.send(taking) == []
     assert bench.ask("flash_verify", (name,)).code == status.BUSY

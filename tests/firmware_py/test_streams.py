@@ -3,8 +3,6 @@
 import pytest
 
 from firmware_py import messages, results, status
-from firmware_py.estimator import Estimator
-from firmware_py.store import FileStore
 from palpate.sim.probe.virtual import VirtualBoard
 from tests.firmware_py.streaming import AIR, SECOND, STROKE, of, run_awake, start
 from tests.firmware_py.talk import Bench, command
@@ -15,7 +13,7 @@ FRAMES, STROKES = messages.CONTENT_FRAMES, messages.CONTENT_STROKES
 @pytest.fixture
 def bench(tmp_path):
     """A probe that strokes without end, two strokes a second, with a host beside it."""
-    return Bench(VirtualBoard(STROKE), Estimator(FileStore(str(tmp_path))))
+    return Bench.measuring(tmp_path, STROKE)
 
 
 def test_every_stream_has_a_number_of_its_own_over_restarts_too(tmp_path):

@@ -13,12 +13,7 @@ from palpate.sim.probe.sensors import LEVELS, Noise, SensorModel, pack
 from palpate.wire.cells import FULL_SCALE_KPA
 from tests.benchmarks.bench_refused import RisingForce
 from tests.firmware_py import pipeline_features as field_features
-
-
-def replayed(replay, model, n_frames=50, **kwargs):
-    frames = model.stroke(n_frames, **kwargs)
-    code = replay.stream(frames, model.calibration())
-    return frames, code
+from tests.firmware_py.stages import replayed
 
 
 def feature(replay, name):

@@ -263,16 +263,17 @@ def test_the_command_writes_one(felt, key, tmp_path, capsys):
     assert found.signature == "good" and found.features == tuple(X.columns)
 
 
-def of_a_board(y, links=None, outputs_named=("gap",)):
+def of_a_board(y, links=None):
     """A program of two readings of a converter, whose target is y of them."""
     rng = np.random.default_rng(5)
     X = pd.DataFrame(rng.integers(200, 3900, (400, 2)), columns=["hall", "thermistor"])
-    inner = cubic()
-    model = inner if links is None else TransformedTargetRegressor(inner, func=np.log, inverse_func=np.exp)
+    model = cubic()
+    if links is not None:
+        model = TransformedTargetRegressor(model, func=np.log, inverse_func=np.exp)
     target = np.asarray(y(X["hall"] / 4000, X["thermistor"] / 4000))
     model.fit(X[:200], target[:200])
     calibrate = (X[200:], target[200:])
-    return from_sklearn(model, X, output_names=list(outputs_named), calibrate=calibrate), X
+    return from_sklearn(model, X, output_names=["gap"], calibrate=calibrate), X
 
 
 @pytest.mark.parametrize("scale", [3e-7, 1.0, 2e5])

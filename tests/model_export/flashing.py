@@ -1,4 +1,4 @@
-"""A probe's slots, flashed as the link does it; and what a flashed model may carry."""
+"""A probe's slots, flashed as the link does it; what a flashed model may carry; what rots in a store."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import numpy as np
 
 from firmware_py import features as firmware_features
 from firmware_py import forcemap, slots, status
+from palpate.model_export import image_builder
+from palpate.model_export.fixed_point import compiler
 
 
 def a_force_map():
@@ -18,6 +20,11 @@ def a_force_map():
         "ln_D": 1.0,
         "rms": 0.01,
     }
+
+
+def body_of(spec):
+    """A model's image, counter 1, without a signature."""
+    return image_builder.build(spec, compiler.compile_model(spec), None, 1)
 
 
 def probe_of(store, key, **words):
@@ -43,3 +50,10 @@ def flash(probe, data):
 
 def model_id(data):
     return data[40:48]
+
+
+def flipped(files, name, bit):
+    """The files of a store, one bit of one of them another."""
+    data = bytearray(files[name])
+    data[bit // 8] ^= 1 << bit % 8
+    return {**files, name: bytes(data)}

@@ -16,11 +16,16 @@ from palpate.model_export.exporter import export, prepare
 from palpate.model_export.fixed_point import bounds, compiler, reference
 from palpate.model_export.schema import Estimate, FirstStage, ModelSpec
 from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS
-from tests.micropython import run_micropython
 from tests.model_export import synthetic
-from tests.model_export.test_two_stages import SCRIPT, loaded, noticed_flips, said, two_stages, vectors
-
-Q24 = 1 << 24
+from tests.model_export.flashing import body_of
+from tests.model_export.test_two_stages import (
+    alike_on_micropython,
+    loaded,
+    noticed_flips,
+    said,
+    two_stages,
+    vectors,
+)
 
 WIDE = FirstStage(
     ("press_outer_quarter", "press_outer_full"),
@@ -61,7 +66,7 @@ def spec(request):
 
 @pytest.fixture(scope="module")
 def body(spec):
-    return image_builder.build(spec, compiler.compile_model(spec), None, 1)
+    return body_of(spec)
 
 
 def some(spec, n=600):
@@ -74,9 +79,7 @@ def test_a_stroke_where_a_check_is_above_zero_is_outside_and_its_numbers_stay(sp
     X = some(spec, 2000)
     code, model = loaded(body)
     assert code == status.OK
-    _, plain = loaded(
-        image_builder.build(dataclasses.replace(spec, checks=None), compiler.compile_model(spec), None, 1)
-    )
+    _, plain = loaded(body_of(dataclasses.replace(spec, checks=None)))
     got, without = said(model, X), said(plain, X)
     flags = 1 + evaluator.FLAGS
     assert np.array_equal(np.delete(got, flags, 1), np.delete(without, flags, 1))
@@ -109,7 +112,7 @@ def pressed(spec, n=600):
 
 def test_checks_of_the_press_say_nothing_where_there_was_none(by_press):
     """Absent features would be a press at the end of its clip box, and every stroke without one strange."""
-    body = image_builder.build(by_press, compiler.compile_model(by_press), None, 1)
+    body = body_of(by_press)
     code, model = loaded(body)
     assert code == status.OK
     X = pressed(by_press, 4000)
@@ -117,7 +120,7 @@ def test_checks_of_the_press_say_nothing_where_there_was_none(by_press):
     assert (values[:2000, 2] == 0).all() and 200 < (values[2000:, 2] > 0).sum() < 1800
     assert (values[:2000, :2] > 0).any(axis=1).sum() > 200, "those of the stroke go on"
     without = dataclasses.replace(by_press, checks=None)
-    _, plain = loaded(image_builder.build(without, compiler.compile_model(without), None, 1))
+    _, plain = loaded(body_of(without))
     flags = 1 + evaluator.FLAGS
     inside, was = (said(m, X)[:, flags] & outputs.IN_DOMAIN > 0 for m in (model, plain))
     assert (was & inside)[2000:].sum() > 10 < (was & ~inside)[2000:].sum()
@@ -147,7 +150,7 @@ def test_checks_go_through_file_and_signed_image(spec, key_dir, tmp_path):
     assert ModelSpec.load(tmp_path / "model.json") == spec
     data, _ = export(spec, key_dir)
     info = image_builder.inspect(data)
-    _, model = loaded(image_builder.build(spec, compiler.compile_model(spec), None, 1))
+    _, model = loaded(body_of(spec))
     X = some(spec, 100)
     assert np.array_equal(said(info.model, X), said(model, X))
 
@@ -183,15 +186,9 @@ def test_what_cannot_be_a_check_is_said(spec, change, words):
 
 
 def test_on_micropython_the_same_answers_and_not_one_byte_allocated(spec, body):
-    told_alike_on_micropython(body, some(spec, 40))
+    alike_on_micropython(body, some(spec, 40))
 
 
 def test_on_micropython_the_same_without_a_press(by_press):
-    body = image_builder.build(by_press, compiler.compile_model(by_press), None, 1)
-    told_alike_on_micropython(body, pressed(by_press, 40))
-
-
-def told_alike_on_micropython(body, X):
-    told = run_micropython(SCRIPT, {"image": body, "vectors": np.round(X * Q24).astype("<i4").tobytes()})
-    _, model = loaded(body)
-    assert [[int(v) for v in line.split()] for line in told.splitlines()] == said(model, X).tolist()
+    body = body_of(by_press)
+    alike_on_micropython(body, pressed(by_press, 40))

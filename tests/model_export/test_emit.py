@@ -6,22 +6,21 @@ import functools
 import json
 import subprocess
 import sys
-from array import array
 
 import numpy as np
 import pytest
 
 from firmware_py import evaluator, feature_names, status
 from palpate import models
-from palpate.model_export import image_builder
 from palpate.model_export.errors import ModelError
 from palpate.model_export.fixed_point import compiler
 from palpate.model_export.source import emit
 from tests.micropython import run_micropython
 from tests.model_export import synthetic
+from tests.model_export.flashing import body_of
 from tests.model_export.test_checks import pressed
 from tests.model_export.test_micropython import rows
-from tests.model_export.test_two_stages import Q24, loaded, said
+from tests.model_export.test_two_stages import Q24, answers, loaded, said
 
 SCRIPT = """
 import json, sys
@@ -41,12 +40,6 @@ def chosen(spec, vectors):
     return [[row[i] for i in compiler.feature_ids(names)] for row in vectors]
 
 
-def expected(spec, vectors):
-    tables = compiler.compile_model(spec)
-    out = array("i", [0] * evaluator.OUT_SIZE)
-    return [[tables.evaluate(array("i", row), out), *out] for row in vectors]
-
-
 @pytest.mark.parametrize(("kind", "degree"), [("thesis", 2), ("field", 2), ("field", 3)])
 def test_the_module_stands_alone_on_cpython(kind, degree, tmp_path):
     spec = synthetic.model(kind, degree)
@@ -56,7 +49,7 @@ def test_the_module_stands_alone_on_cpython(kind, degree, tmp_path):
     said = subprocess.run(
         [sys.executable, "-S", "-c", SCRIPT], cwd=tmp_path, capture_output=True, text=True, check=True
     ).stdout
-    assert json.loads(said) == expected(spec, vectors)
+    assert json.loads(said) == answers(compiler.compile_model(spec), vectors)
 
 
 @pytest.mark.parametrize("compiled", [False, True])
@@ -69,7 +62,7 @@ def test_and_on_micropython_as_source_and_as_bytecode(compiled, kind, degree):
         files["palpate_model.mpy"] = emit.emit_mpy(spec)
     else:
         files["palpate_model.py"] = emit.emit_py(spec).encode()
-    assert json.loads(run_micropython(SCRIPT, files)) == expected(spec, vectors)
+    assert json.loads(run_micropython(SCRIPT, files)) == answers(compiler.compile_model(spec), vectors)
 
 
 @functools.cache
@@ -77,7 +70,7 @@ def bundled(name):
     """A model that comes with Palpate, its module's function, strokes, and what the image says of them."""
     spec = models.load(name)
     X = pressed(spec, 100)
-    code, model = loaded(image_builder.build(spec, compiler.compile_model(spec), None, 1))
+    code, model = loaded(body_of(spec))
     assert code == status.OK
     space: dict = {}
     exec(emit.emit_py(spec), space)

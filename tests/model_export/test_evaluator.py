@@ -14,8 +14,8 @@ from firmware_py import evaluator, scales, status
 from firmware_py import features as firmware_features
 from palpate.model_export.errors import ProofError
 from palpate.model_export.fixed_point import accuracy, bounds, compiler, reference, sampling
+from tests.firmware_py import checked_int
 from tests.model_export import synthetic
-from tests.model_export.checked import Checked
 
 
 @pytest.mark.parametrize("kind", ["thesis", "field"])
@@ -53,26 +53,18 @@ def test_the_evaluators_own_exponential_is_within_a_millionth():
 
 
 def test_every_intermediate_of_random_vectors_stays_within_2_30(field, field_tables):
-    tables = field_tables
-    parts = [
-        [Checked(v) for v in getattr(tables, name)]
-        for name in ("feats", "c", "d", "own", "rows", "outs", "head")
-    ]
-    feats, c, d, own, rows, outs, head = parts
-    n = tables.head[evaluator.N_FEATURES]
+    watched, watch = checked_int.load(("scales", "polynomial", "verdict", "evaluator"))
+    t, plain, got = field_tables, *(array("i", [0] * evaluator.OUT_SIZE) for _ in range(2))
     rng = np.random.default_rng(3)
     wild = rng.integers(-(2**29) + 1, 2**29, (20, firmware_features.COUNT)).tolist()
     for row in wild + accuracy_inputs(field, 20):
-        x = [Checked(v) for v in row]
-        work = [[Checked(0)] * k for k in (n, n + evaluator.OUTPUTS, n + evaluator.OUTPUTS, evaluator.WORK)]
-        out = [Checked(0)] * evaluator.OUT_SIZE
-        evaluator.compute(x, tables.ids, feats, tables.steps, c, d, own, rows, outs, head, *work, out)
-        plain = array("i", [0] * evaluator.OUT_SIZE)
-        evaluator.compute(
-            array("i", row), tables.ids, tables.feats, tables.steps, tables.c, tables.d, tables.own,
-            tables.rows, tables.outs, tables.head, tables.u, tables.part, tables.high, tables.work, plain,
-        )  # fmt: skip
-        assert [int(v) for v in out] == list(plain)
+        for compute, out in ((evaluator.compute, plain), (watched.evaluator.compute, got)):
+            compute(
+                array("i", row), t.ids, t.feats, t.steps, t.c, t.d, t.own, t.rows, t.outs, t.head, t.u,
+                t.part, t.high, t.work, out,
+            )  # fmt: skip
+        assert got == plain
+    assert 2**28 < watch.most < 2**30
 
 
 def accuracy_inputs(spec, n):
@@ -108,14 +100,12 @@ def test_coefficients_beyond_the_integers_are_refused(field):
 
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.integers(-(2**29) + 1, 2**29 - 1), min_size=28, max_size=28))
-def test_whatever_the_features_the_answer_is_ordered_and_in_range(row):
-    spec = synthetic.model("thesis")
-    tables = compiler.compile_model(spec)
+def test_whatever_the_features_the_answer_is_ordered_and_in_range(thesis, thesis_tables, row):
     x = array("i", (row + [0] * firmware_features.COUNT)[: firmware_features.COUNT])
     out = array("i", [0] * evaluator.OUT_SIZE)
-    code = tables.evaluate(x, out)
+    code = thesis_tables.evaluate(x, out)
     assert code in (status.OK, status.NO_LUMP)
-    for j, output in enumerate(spec.outputs):
+    for j, output in enumerate(thesis.outputs):
         value, low, high = (out[3 * j + k] / 1e6 for k in range(3))
         if code == status.NO_LUMP:
             assert value == low == high == 0

@@ -10,10 +10,9 @@ import pytest
 from palpate.model_export import image_builder as image
 from palpate.model_export.errors import ExportError, ImageError, ModelError
 from palpate.model_export.exporter import export
-from palpate.model_export.fixed_point import compiler
 from palpate.model_export.signing import keys
 from tests.model_export import small_key, synthetic
-from tests.model_export.flashing import a_force_map
+from tests.model_export.flashing import a_force_map, body_of
 
 SIGNATURE = 7856
 
@@ -26,8 +25,7 @@ def test_a_field_model_with_force_map_and_intervals_has_2812_bytes_and_a_thesis_
     assert image.inspect(data).model.force_map is not None
     assert report.size == len(data) and report.signature_size == SIGNATURE
     assert len(data) <= 2812 + SIGNATURE
-    body = image.build(thesis, compiler.compile_model(thesis), None, 1)
-    assert len(body) <= 1128
+    assert len(body_of(thesis)) <= 1128
 
 
 def test_the_report_measures_over_the_training_set_if_the_model_brings_it(thesis, key_dir):
@@ -81,8 +79,7 @@ def test_a_precision_that_is_no_metric_is_refused(thesis, key_dir):
 
 
 def signed_body(spec):
-    body = image.build(spec, compiler.compile_model(spec), None, 1)
-    return bytearray(body), *small_key.signer()
+    return bytearray(body_of(spec)), *small_key.signer()
 
 
 @pytest.mark.parametrize(

@@ -39,10 +39,6 @@ def places(body):
     return fw.Header(lambda at, n: body[at : at + n], len(body)).places
 
 
-def with_int(body, at, value):
-    return body[:at] + struct.pack("<i", value) + body[at + 4 :]
-
-
 def opened(body):
     """Status of an image as the probe opens it; it must end, and raise nothing but what it is guarded for."""
 

@@ -3,54 +3,16 @@
 from __future__ import annotations
 
 import json
-from array import array
 
+import numpy as np
 import pytest
 
-from firmware_py import evaluator, model_image
 from firmware_py import features as firmware_features
+from firmware_py import model_image
+from palpate.model_export import image_builder
 from palpate.model_export.fixed_point import compiler, sampling
 from tests.micropython import run_micropython
-
-COMMON = """
-import json, micropython
-from array import array
-from firmware_py import evaluator, features, signature, slh_dsa, model_image, slots, status, store
-
-def reader(name):
-    data = open(name, 'rb').read()
-    return lambda at, n: data[at:at + n], len(data)
-
-key = open('public.key', 'rb').read()
-slh_dsa.SETS[200] = 2, 4, 8, 4  # tests.model_export.small_key
-"""
-
-EVALUATE = (
-    COMMON
-    + """
-read, size = reader('model.palp')
-assert signature.verify(key, read, size) == 0
-body = size - signature.size(key)
-code, model = model_image.load(read, body, features.FEATURES_VERSION, features.COUNT)
-assert code == 0 and model_image.self_test(model, read, features.COUNT) == 0
-x = array('i', [0] * features.COUNT)
-out = array('i', [0] * evaluator.OUT_SIZE)
-
-def locked():
-    micropython.heap_lock()
-    code = model.evaluate(x, out)
-    micropython.heap_unlock()
-    return code
-
-answers = []
-for row in json.loads(open('vectors.json').read()):
-    for i in range(features.COUNT):
-        x[i] = row[i]
-    code = locked()
-    answers.append([code] + list(out))
-print(json.dumps(answers))
-"""
-)
+from tests.model_export.test_two_stages import Q24, alike_on_micropython
 
 
 def rows(spec, n):
@@ -66,31 +28,19 @@ def rows(spec, n):
 
 
 @pytest.mark.parametrize("kind", ["thesis", "field"])
-def test_1000_vectors_give_the_same_integers_and_allocate_nothing(kind, request, key_dir, tmp_path):
-    from palpate.model_export.exporter import export
-
-    spec = request.getfixturevalue(kind)
-    data, _ = export(spec, key_dir)
-    vectors = rows(spec, 1000)
-    said = run_micropython(
-        EVALUATE,
-        {
-            "model.palp": data,
-            "public.key": (key_dir / "public.key").read_bytes(),
-            "vectors.json": json.dumps(vectors).encode(),
-        },
-    )
-    tables = compiler.compile_model(spec)
-    out = array("i", [0] * evaluator.OUT_SIZE)
-    here = [[tables.evaluate(array("i", row), out), *out] for row in vectors]
-    assert json.loads(said) == here
+def test_1000_vectors_give_the_same_integers_and_allocate_nothing(kind, request):
+    spec, tables = request.getfixturevalue(kind), request.getfixturevalue(f"{kind}_tables")
+    body = image_builder.build(spec, tables, None, 1)
+    here = alike_on_micropython(body, np.array(rows(spec, 1000)) / Q24)
     assert len({tuple(row) for row in here}) > 500
 
 
-FLASH = (
-    COMMON
-    + """
-import os
+FLASH = """
+import json, os
+from firmware_py import features, slh_dsa, slots, store
+
+key = open('public.key', 'rb').read()
+slh_dsa.SETS[200] = 2, 4, 8, 4  # tests.model_export.small_key
 os.mkdir('/probe')
 place = store.FileStore('/probe')
 
@@ -110,7 +60,6 @@ for name in ('one', 'two', 'one', 'back', 'torn'):
     said.append([code, booted, s.live_id().hex() if hasattr(bytes, 'hex') else None])
 print(json.dumps(said))
 """
-)
 
 
 def test_flashing_verifying_and_rolling_back_on_micropython(signed, public_key):

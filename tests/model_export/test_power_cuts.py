@@ -8,35 +8,22 @@ from __future__ import annotations
 
 import pytest
 
-from firmware_py import features as firmware_features
-from firmware_py import slots, status
+from firmware_py import status
 from palpate.sim.probe.flash_sim import FlashSim, cut_states
 from tests.campaigns import counted
+from tests.model_export.flashing import flash, probe_of
 from tests.model_export.remembering import remember_signatures
 
 __all__ = ["remember_signatures"]
 
-PIECE = 48
 NOW_AND_THEN, NEAR_EVERY = 97, 7
 """In every `make test`; `make test-long` makes all second cuts near the record, and most others."""
 
 
-def start(store, key):
-    """A probe with this store after its boot."""
-    probe = slots.Slots(store, key, firmware_features.FEATURES_VERSION, firmware_features.COUNT)
-    probe.boot()
-    return probe
-
-
-def flash(store, key, image):
-    """Boot, and flash an image as the host would."""
-    probe = start(store, key)
-    assert probe.begin(len(image)) == status.OK
-    for at in range(0, len(image), PIECE):
-        assert probe.write(at, image[at : at + PIECE]) == status.OK
-    assert probe.verify() == status.OK
-    assert probe.try_() == status.OK
-    assert probe.confirm() == status.OK
+def updated(store, key, image):
+    """Boot, and flash an image as the host would; the id of what is live then."""
+    probe = probe_of(store, key)
+    assert flash(probe, image) == status.OK
     return probe.live_id()
 
 
@@ -59,7 +46,7 @@ class Watched(FlashSim):
 class Boots:
     """What a probe with this key boots to. A boot depends on nothing but the names it looks at."""
 
-    def __init__(self, key, start=start):
+    def __init__(self, key, start=probe_of):
         self.key = key
         self.start = start
         self.known: dict[tuple, list] = {}
@@ -90,8 +77,8 @@ class Campaign:
         self.files = files
         self.boot = Boots(key)
         store = FlashSim(files)
-        self.old = start(store, key).live_id()
-        self.new = flash(store, key, image)
+        self.old = probe_of(store, key).live_id()
+        self.new = updated(store, key, image)
         self.trace = store.trace
         self.cuts = self.pairs = 0
         self.found = set()
@@ -120,7 +107,7 @@ class Campaign:
         same stores from then on; those are tried once.
         """
         store = FlashSim(files)
-        assert flash(store, self.key, self.image) == self.new
+        assert updated(store, self.key, self.image) == self.new
         assert store.trace[0][0] == "create" and store.trace[0][2] == b""
         target = store.trace[0][1]
         rest = frozenset((k, v) for k, v in files.items() if k != target)
@@ -147,7 +134,7 @@ def campaign(files, key, image, recover_every):
 def once_flashed(key, *images):
     store = FlashSim()
     for image in images:
-        flash(store, key, image)
+        updated(store, key, image)
     return store.files
 
 
@@ -173,7 +160,7 @@ def test_the_first_model_of_all_is_there_whole_or_not_at_all(signed, public_key)
 def test_an_aborted_update_leaves_the_old_model_at_every_cut(signed, public_key):
     files = once_flashed(public_key, signed[1])
     store = FlashSim(files)
-    probe = start(store, public_key)
+    probe = probe_of(store, public_key)
     old = probe.live_id()
     probe.begin(len(signed[2]))
     probe.write(0, signed[2][:1000])

@@ -12,11 +12,9 @@ from tests.model_export.remembering import remember_signatures
 
 __all__ = ["remember_signatures"]
 
-PIECE = 48
 
-
-def records_left(files, name="cal"):
-    return safe_record.Record(FlashSim(files), name).load()
+def records_left(files):
+    return safe_record.Record(FlashSim(files), "cal").load()
 
 
 @pytest.mark.parametrize("number", [255, 65_535, (1 << 24) - 1])
@@ -86,14 +84,6 @@ def test_a_calibration_survives_every_cut():
         seen.add(frozenset(left.items()))
         assert records_left(left) in (old, new)
     counted(f"{cuts} cuts, {len(seen)} different stores")
-
-
-def test_an_empty_store_holds_no_record_and_the_first_save_is_whole_or_nothing():
-    store = FlashSim()
-    assert safe_record.Record(store, "cal").load() is None
-    safe_record.Record(store, "cal").save(b"first")
-    for _number, _mode, left in cut_states({}, store.trace):
-        assert records_left(left) in (None, b"first")
 
 
 def test_a_full_store_keeps_the_old_record():

@@ -10,13 +10,7 @@ from palpate.model_export.signing import keys
 from palpate.sim.probe.flash_sim import FlashSim
 from tests.campaigns import counted
 from tests.model_export import small_key
-from tests.model_export.flashing import flash, model_id, probe_of
-
-
-def flipped(files, name, bit):
-    data = bytearray(files[name])
-    data[bit // 8] ^= 1 << bit % 8
-    return {**files, name: bytes(data)}
+from tests.model_export.flashing import flash, flipped, model_id, probe_of
 
 
 def settled(files, key):

@@ -8,7 +8,6 @@ from firmware_py import forcemap, model_image, signature, slh_dsa, slots, status
 from firmware_py.store import FileStore
 from palpate.link import emulator_model as emulator
 from palpate.model_export import image_builder as host_image
-from palpate.model_export.fixed_point import compiler
 from palpate.model_export.fixed_point.force_map import blob as pack_force_map
 from palpate.sim.probe.flash_sim import FlashSim
 from tests.model_export import small_key
@@ -71,23 +70,21 @@ def test_an_older_image_is_refused_unless_signed_as_a_rollback(store, signed, pu
     assert flash(probe, signed[3]) == status.OK
 
 
-def test_a_rollback_reaches_no_further_than_it_says(thesis, signer):
+def test_a_rollback_reaches_no_further_than_it_says(thesis, thesis_tables, signer):
     key, sign = signer
-    tables = compiler.compile_model(thesis)
-    new = sign(host_image.build(thesis, tables, None, 9))
-    rollback = sign(host_image.build(thesis, tables, None, 2, 8))
+    new = sign(host_image.build(thesis, thesis_tables, None, 9))
+    rollback = sign(host_image.build(thesis, thesis_tables, None, 2, 8))
     probe = probe_of(FlashSim(), key)
     assert flash(probe, rollback) == status.OK
     assert flash(probe, new) == status.OK
     assert flash(probe, rollback) == status.TOO_OLD
 
 
-def test_an_image_that_says_what_it_replaces_and_is_no_rollback_is_no_model(thesis, signer):
+def test_an_image_that_says_what_it_replaces_and_is_no_rollback_is_no_model(thesis, thesis_tables, signer):
     key, sign = signer
-    tables = compiler.compile_model(thesis)
     probe = probe_of(FlashSim(), key)
-    assert flash(probe, sign(host_image.build(thesis, tables, None, 5))) == status.OK
-    older = changed(host_image.build(thesis, tables, None, 2), 16, 99)
+    assert flash(probe, sign(host_image.build(thesis, thesis_tables, None, 5))) == status.OK
+    older = changed(host_image.build(thesis, thesis_tables, None, 2), 16, 99)
     assert flash(probe, sign(older)) == status.BAD_MODEL
 
 
@@ -241,10 +238,9 @@ def test_what_is_rightly_signed_may_still_not_fit_this_probe(thesis, thesis_tabl
     assert flash(probe, sign(body)) == status.OK
 
 
-def test_a_model_whose_own_vectors_fail_is_not_confirmed(thesis, signer):
+def test_a_model_whose_own_vectors_fail_is_not_confirmed(thesis, thesis_tables, signer):
     key, sign = signer
-    tables = compiler.compile_model(thesis)
-    body = host_image.build(thesis, tables, None, 1)
+    body = host_image.build(thesis, thesis_tables, None, 1)
     wrong = bytearray(body)
     wrong[-3] ^= 1  # inside the last stated integer
     probe = probe_of(FlashSim(), key)
@@ -267,11 +263,10 @@ def test_a_damaged_live_slot_gives_way_to_the_model_before(signed, public_key):
     assert probe_of(store, public_key).live_id() == model_id(signed[3])
 
 
-def test_a_model_whose_own_vectors_fail_is_not_started_either(thesis, signer):
+def test_a_model_whose_own_vectors_fail_is_not_started_either(thesis, thesis_tables, signer):
     """Its record is lost, and it is the newest that is signed: the other slot's model serves."""
     key, sign = signer
-    tables = compiler.compile_model(thesis)
-    good, newer = (host_image.build(thesis, tables, None, counter) for counter in (1, 2))
+    good, newer = (host_image.build(thesis, thesis_tables, None, counter) for counter in (1, 2))
     wrong = bytearray(newer)
     wrong[-3] ^= 1  # inside the last stated integer
     probe = probe_of(FlashSim(), key)
@@ -298,11 +293,10 @@ def test_without_sha256_it_says_not_supported(monkeypatch, signed, public_key):
     assert probe_of(FlashSim(), public_key).live() is None
 
 
-def test_the_force_map_and_kind_travel(field, signer):
+def test_the_force_map_and_kind_travel(field, field_tables, signer):
     key, sign = signer
     blob = pack_force_map(a_force_map())
-    tables = compiler.compile_model(field)
-    body = host_image.build(field, tables, blob, 1)
+    body = host_image.build(field, field_tables, blob, 1)
     probe = probe_of(FlashSim(), key)
     assert flash(probe, sign(body)) == status.OK
     assert probe.live().force_map == forcemap.load(blob)

@@ -18,15 +18,16 @@ from palpate.model_export.fixed_point import bounds, compiler, reference
 from palpate.model_export.schema import Estimate, FirstStage, ModelSpec
 from tests.micropython import run_micropython
 from tests.model_export import synthetic
+from tests.model_export.flashing import body_of
 
 Q24 = 1 << 24
 PRESS = feature_names.NAMES[features.PRESS : features.PRESS + 9]
 
 
-def two_stages(seed=1, terms=120):
+def two_stages():
     """The made-up field model; its last three features come of a made-up cubic of nine others."""
-    rng = np.random.default_rng(seed)
-    field = synthetic.model("field", seed=seed)
+    terms, rng = 120, np.random.default_rng(1)
+    field = synthetic.model("field")
     names = ("ln_reach", "ln_t", "ln_layers")
     every = [t for p in range(4) for t in combinations_with_replacement(range(9), p)]
     chosen = (*every[:10], *sorted(tuple(every[k]) for k in rng.choice(range(10, 220), terms - 10, False)))
@@ -53,7 +54,7 @@ def spec():
 
 @pytest.fixture(scope="module")
 def body(spec):
-    return image_builder.build(spec, compiler.compile_model(spec), None, 1)
+    return body_of(spec)
 
 
 def loaded(body):
@@ -77,12 +78,14 @@ def vectors(spec, n, seed=5):
     return np.round(X * Q24) / Q24
 
 
-def said(model, X):
+def answers(model, rows):
+    """Status and integers that a model gives for rows of features in integers."""
     out = array("i", [0] * evaluator.OUT_SIZE)
-    rows = []
-    for row in np.round(X * Q24).astype(int).tolist():
-        rows.append([model.evaluate(array("i", row), out), *out])
-    return np.array(rows)
+    return [[model.evaluate(array("i", row), out), *out] for row in rows]
+
+
+def said(model, X):
+    return np.array(answers(model, np.round(X * Q24).astype(int).tolist()))
 
 
 def test_the_integers_of_both_stages_are_those_of_float64(spec, body):
@@ -143,7 +146,7 @@ def test_an_image_of_both_stages_keeps_under_9_kB_and_is_itself_after_a_round_tr
 
 def test_models_of_one_stage_are_written_as_before(field):
     assert "first" not in field.to_dict()
-    body = image_builder.build(field, compiler.compile_model(field), None, 1)
+    body = body_of(field)
     assert body[102:104] == bytes(2)
 
 
@@ -212,17 +215,21 @@ def run(x):
     code = model.evaluate(x, out)
     micropython.heap_unlock()
     return code
-f = open("vectors", "rb")
-size = 4 * features.COUNT
-for k in range(40):
-    x = array("i", struct.unpack("<%di" % features.COUNT, f.read(size)))
-    print(run(x), *out)
+form = "<%di" % features.COUNT
+with open("vectors", "rb") as f:
+    while raw := f.read(4 * features.COUNT):
+        print(run(array("i", struct.unpack(form, raw))), *out)
 """
 
 
-def test_on_micropython_the_same_integers_and_not_one_byte_allocated(spec, body):
-    X = vectors(spec, 40)
-    raw = np.round(X * Q24).astype("<i4").tobytes()
-    told = run_micropython(SCRIPT, {"image": body, "vectors": raw})
+def alike_on_micropython(body, X):
+    """What an image's model answers, here and on MicroPython, where nothing is allocated for it."""
+    told = run_micropython(SCRIPT, {"image": body, "vectors": np.round(X * Q24).astype("<i4").tobytes()})
     _, model = loaded(body)
-    assert [[int(v) for v in line.split()] for line in told.splitlines()] == said(model, X).tolist()
+    here = said(model, X).tolist()
+    assert [[int(v) for v in line.split()] for line in told.splitlines()] == here
+    return here
+
+
+def test_on_micropython_the_same_integers_and_not_one_byte_allocated(spec, body):
+    alike_on_micropython(body, vectors(spec, 40))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from palpate.sim.probe import source
 from palpate.sim.probe.circuit import Matrix
 from palpate.sim.probe.hand import Hand, Moment, moments
 from palpate.sim.probe.rp2040 import interpreter
-from tests.firmware_py.talk import Ears, Message, command
+from tests.firmware_py.talk import Ears, Message, command, send_model
 
 PROMPT = b"\r\n>>> "
 
@@ -145,6 +144,11 @@ class Board:
         except PalpateError as dead:
             raise type(dead)(f"{dead}; before that: {self._last!r}") from None
 
+    def until_up(self, limit_us: float = 10e6) -> Board:
+        """Run until it has said that it has started."""
+        self.until(lambda: bool(self.named("boot")), limit_us)
+        return self
+
     def run_us(self, us: float) -> None:
         """Run for so long."""
         end = self.chip.us + us
@@ -178,11 +182,7 @@ class Board:
 
     def flash(self, image: bytes) -> None:
         """Send a signed model, piece by piece, and have it verified and made live."""
-        name = hashlib.sha256(image).digest()[:8]
-        assert self.ask("flash_begin", (len(image), name)).code == status.OK
-        for at in range(0, len(image), messages.FLASH_PIECE):
-            piece = image[at : at + messages.FLASH_PIECE]
-            assert self.ask("flash_data", (at,), piece).code == status.OK
+        name = send_model(self.ask, image)
         made_ready = self.ask("flash_verify", (name,), limit_us=10e6).fields["model_id"]
         assert self.ask("flash_confirm", (made_ready,), limit_us=10e6).code == status.OK
 

@@ -82,8 +82,8 @@ def record(folder: Path, key_dir: Path, over: str) -> Flashed:
     """Flash a bundled model onto a board over this (of OVERS)."""
     old = OVERS[over] and bundled(str(OVERS[over]), key_dir)
     new = bundled(models.FIELD, key_dir)
-    board = Board({"key.pub": (key_dir / "public.key").read_bytes(), **kept_files(folder, old or None)})
-    board.until(lambda: bool(board.named("boot")), 10e6)
+    files = {"key.pub": (key_dir / "public.key").read_bytes(), **kept_files(folder, old or None)}
+    board = Board(files).until_up()
     before = board.chip.files()
     changes: list[Change] = []
     board.chip.before_flash = lambda command: changes.append(of_command(command))
@@ -93,9 +93,9 @@ def record(folder: Path, key_dir: Path, over: str) -> Flashed:
     return Flashed(before, changes, old or None, new)
 
 
-def cuts(flashed: Flashed, n: int, seed: int = 13) -> list[Cut]:
+def cuts(flashed: Flashed, n: int) -> list[Cut]:
     """So many at random commands; every second one leaves its command half done."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(13)
     chosen = Counter(random.integers(len(flashed.changes), size=n).tolist())
     made: list[Cut] = []
     for k, chip in states(flashed.before, flashed.changes, set(chosen)):
@@ -141,7 +141,7 @@ def start(blocks: bytes, watch: Callable[[Board], None] = lambda _: None) -> Sta
     """Power comes; what the board says. `watch` sees it first."""
     board = Board(blocks=blocks)
     watch(board)
-    board.until(lambda: bool(board.named("boot")), 20e6)
+    board.until_up(20e6)
     (boot,) = board.named("boot")
     identity = board.ask("identify", (7,)).fields
     return Start(boot["status"], identity["model_status"], identity["model_id"])

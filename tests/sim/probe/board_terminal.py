@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 import pytest
 
 from palpate.link.commands import PendingCommands
 from palpate.sim.probe.relay import Relay
+from palpate.stroke.replay import ReplayedStroke, replay
 from tests.firmware_py.talk import Ears
 from tests.sim.probe.board_bench import Board
 
@@ -90,3 +92,15 @@ def terminal(board: Board) -> Iterator[Terminal]:
             yield end
         finally:
             end.close()
+
+
+def streamed(board: Board, palpate: Callable, visit: Path, strokes: int) -> list[ReplayedStroke]:
+    """What `palpate stream` records of a board's strokes, worked out once more: identical."""
+    with terminal(board) as end:
+        words = ("--strokes", strokes, "--record", visit, "--timeout", 36000)
+        code, _, wrong = palpate("stream", "--port", end.port, *words)
+    assert code == 0, wrong
+    again = list(replay(visit))
+    assert len(again) == strokes
+    assert all(stroke.identical and stroke.features_equal for stroke in again)
+    return again

@@ -12,8 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from firmware_py import messages, status
 from palpate.errors import PalpateError
+from tests.sim.probe.board_bench import Board
 
+LEAST_FREE, LEAST_PIECE = 40_000, 4_000
 _RAM = 0x20000000
 _BLOCK = 16
 _BLOCKS_A_BYTE = 4
@@ -55,3 +58,16 @@ def heap(chip: Any) -> Heap:
     edges = np.flatnonzero(np.diff(np.r_[0, free.astype(np.int8), 0]))
     pieces = (edges[1::2] - edges[::2]) * _BLOCK
     return Heap(len(free) * _BLOCK, int(pieces.sum()), int(pieces.max(initial=0)))
+
+
+def leaves_room_while_it_streams(board: Board) -> None:
+    """So much is free while a board's stream runs, in pieces that are large enough."""
+    content = messages.CONTENT_FRAMES | messages.CONTENT_STROKES
+    assert board.ask("stream_start", (content, 1, 0, 60_000)).code == status.OK
+    before = len(board.named("frame"))
+    board.until(lambda: len(board.named("frame")) > before, 2e6)
+    found = heap(board.chip)
+    assert board.ask("stream_stop").code == status.OK
+    print(f"{found.free_bytes} bytes free, the largest piece {found.largest_bytes}", flush=True)
+    assert found.free_bytes > LEAST_FREE
+    assert found.largest_bytes > LEAST_PIECE

@@ -12,11 +12,11 @@ from tests.model_export import synthetic
 from tests.model_export.flashing import a_force_map
 from tests.sim.probe import board_bench
 from tests.sim.probe.board_bench import Board
+from tests.sim.probe.heap import LEAST_FREE
 
 pytestmark = [pytest.mark.board, pytest.mark.long]
 
 READY_US = 2e6
-LEAST_FREE = 40_000
 LUMP, MOMENTS = "d12h07e20f09", 40
 RATE_MHZ = 85_000
 CONTENT = messages.CONTENT_FRAMES | messages.CONTENT_STROKES
@@ -43,7 +43,7 @@ def test_with_a_live_model_it_is_ready_in_two_seconds_and_streams_with_40_kB_fre
     board = live
     board.until(lambda: bool(board.heard), 10e6)
     first_us = board.chip.us
-    board.until(lambda: bool(board.named("boot")), 10e6)
+    board.until_up()
     ready_us = board.chip.us
     print(f"first word after {first_us / 1e6:.2f} s, ready after {ready_us / 1e6:.2f} s")
     assert board.logs()[0].startswith("starting: ")

@@ -11,13 +11,14 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from firmware_py import cobs, crc, evaluator, features, forcemap, pipeline, signature, slh_dsa, status
+from firmware_py import cobs, crc, features, signature, slh_dsa, status
 from palpate.model_export.fixed_point import compiler
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
 from tests.firmware_py import stages, twins, vectors
 from tests.firmware_py.strokes import read_strokes
 from tests.model_export import small_key, synthetic
 from tests.model_export.test_micropython import rows
+from tests.model_export.test_two_stages import answers
 from tests.sim.probe import mpy_file
 from tests.sim.probe.machine_code import PROCESSORS, BadAccess, MachineCode
 from tests.sim.probe.viper_source import compile_viper
@@ -189,25 +190,15 @@ def test_a_hash_that_gives_other_bytes_is_not_used(monkeypatch):
 # ---- whole strokes, whole models
 
 
-def feed(stream, calibration, force_map):
-    p = pipeline.Pipeline(calibration)
-    for packed, x, d in zip(stream.packed, stream.positions_um, stream.displacements_um):
-        p.add_frame(packed, int(x), int(d))
-    code = p.finish(force_map)
-    return [code, p.n, p.stuck, list(p.features), list(p.map), list(p.fit), list(p.span), list(p.columns)]
-
-
 def test_whole_strokes(hot, architecture):
-    force_map = forcemap.load(stages.any_force_map())
     calls: Counter[str] = Counter()
     code = MachineCode(twins.STROKE, architecture)
     for seed, pair in enumerate(read_strokes()[:2]):
         model = SensorModel(StrokeField(*pair), LEVELS["typical"], seed, across_mm=3.9)
-        stream = model.stroke(60)
-        given = stream, model.calibration(), force_map
-        expected = feed(*given)
+        given = model.stroke(60), model.calibration()
+        expected = stages.told(*given)
         with twins.installed(twins.HOT, hot) as called, twins.installed(twins.STROKE, code) as more:
-            assert feed(*given) == expected
+            assert stages.told(*given) == expected
         assert expected[0] == status.OK
         calls.update(called)
         calls.update(more)
@@ -216,15 +207,14 @@ def test_whole_strokes(hot, architecture):
 
 def test_whole_models_on_random_vectors(architecture, count):
     code = MachineCode(twins.EVALUATOR, architecture)
-    out = array("i", [0] * evaluator.OUT_SIZE)
     calls: Counter[str] = Counter()
     for kind, degree in (("thesis", 2), ("field", 2), ("field", 3)):
         spec = synthetic.model(kind, degree)
         tables = compiler.compile_model(spec)
         given = rows(spec, count if degree == 2 else 50)
-        plain = [[tables.evaluate(array("i", row), out), *out] for row in given]
+        plain = answers(tables, given)
         with twins.installed(twins.EVALUATOR, code) as called:
-            assert [[tables.evaluate(array("i", row), out), *out] for row in given] == plain
+            assert answers(tables, given) == plain
         assert max(called.values()) >= len(given)
         assert all(len(row) == features.COUNT for row in given)
         calls.update(called)

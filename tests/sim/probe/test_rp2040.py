@@ -23,7 +23,7 @@ from palpate.stroke.replay import replay
 from tests.sim.probe import board_bench
 from tests.sim.probe.board_bench import Board
 from tests.sim.probe.board_terminal import terminal
-from tests.sim.probe.heap import heap
+from tests.sim.probe.heap import LEAST_FREE, leaves_room_while_it_streams
 
 pytestmark = [pytest.mark.board, pytest.mark.timeout(3600)]  # a busy machine takes minutes a second
 
@@ -33,7 +33,6 @@ FIRST_WORD_US = 1.2e6
 RESTARTED_US = 2.2e6
 """On a file system that it has written itself; 2 s, wanted from power, are held by test_board_memory.py."""
 LATE = 2
-LEAST_FREE, LEAST_PIECE = 40_000, 4_000
 LATEST_ESTIMATE_US = 1e6
 LUMP, MOMENTS = "d12h07e20f09", 40
 LIFTED = 6
@@ -131,8 +130,7 @@ def started(bench, tmp_path_factory):
     kept = board_bench.kept_files(tmp_path_factory.mktemp("store"), None, bench[1])
     board = Board({"key.pub": emulator.public_key(), **kept}, cells=RANDOM_CELLS, displacement=1000)
     board.hand.begin = board.hand.end = lambda *_: None  # nobody touches it
-    board.until(lambda: bool(board.named("boot")), 10e6)
-    return board
+    return board.until_up()
 
 
 def test_it_says_who_it_is_by_its_flash_chips_number(started):
@@ -222,15 +220,7 @@ def test_a_stroke_goes_from_the_pins_to_an_estimate_and_its_replay_is_identical(
 
 def test_after_a_stroke_40_kB_are_free_while_it_streams_with_its_model_live(flashed):
     """Ten kB were free, in pieces, with a smaller model."""
-    board = flashed
-    assert board.ask("stream_start", (FRAMES | STROKES, 1, 0, 60_000)).code == status.OK
-    before = len(board.named("frame"))
-    board.until(lambda: len(board.named("frame")) > before, 2e6)
-    found = heap(board.chip)
-    assert board.ask("stream_stop").code == status.OK
-    print(f"{found.free_bytes} bytes free, the largest piece {found.largest_bytes}")
-    assert found.free_bytes > LEAST_FREE
-    assert found.largest_bytes > LEAST_PIECE
+    leaves_room_while_it_streams(flashed)
 
 
 @pytest.mark.long
@@ -246,7 +236,7 @@ def test_a_processor_that_hangs_is_restarted_by_the_watchdog_in_machine_code_wit
     board.heard.clear()
     board.until(lambda: bool(board.heard), 10e6)
     first_us = board.chip.us - reset_us
-    board.until(lambda: bool(board.named("boot")), 10e6)
+    board.until_up()
     up_us = board.chip.us - reset_us
     board.until(lambda: len(board.logs()) >= 3)
     first, code, memory = board.logs()[:3]

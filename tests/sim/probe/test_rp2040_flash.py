@@ -3,23 +3,20 @@
 One of them goes onto an empty board in `make test`, too (test_rp2040.py).
 """
 
-import hashlib
-
 import pytest
 
-from firmware_py import messages, status
+from firmware_py import status
 from palpate import models
 from palpate.sim.probe.over_lump import strokes_over
-from palpate.stroke.replay import replay
+from tests.firmware_py.talk import send_model
 from tests.sim.probe.board_bench import Board, bundled, kept_files
 from tests.sim.probe.board_copies import in_a_copy
-from tests.sim.probe.board_terminal import terminal
-from tests.sim.probe.heap import heap
+from tests.sim.probe.board_terminal import streamed
+from tests.sim.probe.heap import heap, leaves_room_while_it_streams
 
 pytestmark = [pytest.mark.board, pytest.mark.long, pytest.mark.timeout(0)]
 
 LUMP, MOMENTS = "d12h07e20f09", 40
-LEAST_FREE, LEAST_PIECE = 40_000, 4_000
 TURNS = 20
 
 
@@ -31,9 +28,8 @@ def hand():
 @pytest.fixture(scope="module")
 def board(hand, public_key, tmp_path_factory):
     """It has a key and a calibration, and no model; what happens to it happens to copies."""
-    board = Board({"key.pub": public_key, **kept_files(tmp_path_factory.mktemp("store"), None, hand[1])})
-    board.until(lambda: bool(board.named("boot")), 10e6)
-    return board
+    kept = kept_files(tmp_path_factory.mktemp("store"), None, hand[1])
+    return Board({"key.pub": public_key, **kept}).until_up()
 
 
 def live(board):
@@ -45,26 +41,10 @@ def live(board):
 def stroke(board, hand, palpate, folder):
     """One goes over the lump; its replay is identical, and while the next stream runs 40 kB are free."""
     board.stroke(hand[0], folder)
-    visit = folder / "visit.mcap"
-    with terminal(board) as end:
-        words = ("--strokes", 1, "--record", visit, "--timeout", 36000)
-        code, _, wrong = palpate("stream", "--port", end.port, *words)
-    assert code == 0, wrong
-    (again,) = replay(visit)
-    assert again.identical and again.features_equal
+    (again,) = streamed(board, palpate, folder / "visit.mcap", 1)
     assert again.probe.as_dict()["lump"] is True
     board.stroke((), folder)
-    content = messages.CONTENT_FRAMES | messages.CONTENT_STROKES
-    assert board.ask("stream_start", (content, 1, 0, 60_000)).code == status.OK
-    before = len(board.named("frame"))
-    board.until(lambda: len(board.named("frame")) > before, 2e6)
-    found = heap(board.chip)
-    assert board.ask("stream_stop").code == status.OK
-    print(
-        f"{found.free_bytes} bytes free after the stroke, the largest piece {found.largest_bytes}", flush=True
-    )
-    assert found.free_bytes > LEAST_FREE
-    assert found.largest_bytes > LEAST_PIECE
+    leaves_room_while_it_streams(board)
 
 
 @pytest.mark.parametrize("name", models.NAMES)
@@ -93,11 +73,7 @@ def test_one_that_is_refused_leaves_the_live_one_at_work(board, hand, real_key_d
         before = live(board)
         image = bytearray(bundled(models.FIELD, real_key_dir))
         image[-1] ^= 1
-        name = hashlib.sha256(image).digest()[:8]
-        assert board.ask("flash_begin", (len(image), name)).code == status.OK
-        for at in range(0, len(image), messages.FLASH_PIECE):
-            piece = bytes(image[at : at + messages.FLASH_PIECE])
-            assert board.ask("flash_data", (at,), piece).code == status.OK
+        name = send_model(board.ask, bytes(image))
         assert board.ask("flash_verify", (name,), limit_us=10e6).code == status.BAD_SIGNATURE
         assert live(board) == before and before[1] == status.OK
         stroke(board, hand, palpate, tmp_path)

@@ -16,8 +16,7 @@ BURSTS = (("stroke_ack",), 3 * ("stroke_ack",), 6 * ("stroke_ack",), 2 * ("stati
 
 def test_six_commands_at_once_make_a_frame_late_by_less_than_a_period():
     """The next one comes early, so that the rate stays."""
-    board = Board()
-    board.until(lambda: bool(board.named("boot")), 10e6)
+    board = Board().until_up()
     number = board.ask("stream_start", (CONTENT, 1, 0, 60_000)).fields["stream"]
     for names in BURSTS:
         board.run_us(AROUND_US)

@@ -5,9 +5,8 @@ import pytest
 from firmware_py import messages, status
 from palpate.link import emulator_model as emulator
 from palpate.sim.probe.over_lump import strokes_over
-from palpate.stroke.replay import replay
 from tests.sim.probe.board_bench import Board, kept_files
-from tests.sim.probe.board_terminal import terminal
+from tests.sim.probe.board_terminal import streamed
 
 pytestmark = [pytest.mark.board, pytest.mark.long, pytest.mark.timeout(0)]
 
@@ -38,22 +37,15 @@ def test_every_estimate_comes_its_replay_is_identical_no_frame_is_lost_and_the_h
     made, calibration = strokes
     (tmp_path / "store").mkdir()
     files = kept_files(tmp_path / "store", emulator.image(), calibration)
-    board = Board({"key.pub": emulator.public_key(), **files})
-    board.until(lambda: bool(board.named("boot")), 10e6)
+    board = Board({"key.pub": emulator.public_key(), **files}).until_up()
     free, estimates = [], []
     for visit in VISITS:
         some = made[len(estimates) : len(estimates) + visit]
         board.stroke(some, tmp_path)
         recording = tmp_path / f"visit-{len(estimates)}.mcap"
-        with terminal(board) as end:
-            words = ("--strokes", visit, "--record", recording, "--timeout", 36000)
-            code, _, wrong = palpate("stream", "--port", end.port, *words)
-        assert code == 0, wrong
+        again = streamed(board, palpate, recording, visit)
         code, said, wrong = palpate("replay", recording)
         assert code == 0 and said.splitlines()[-1].startswith("replay: identical"), said + wrong
-        again = list(replay(recording))
-        assert len(again) == visit
-        assert all(stroke.identical and stroke.features_equal for stroke in again)
         estimates += [stroke.probe for stroke in again]
         counted = board.counters()
         free.append(free_bytes(board, tmp_path))

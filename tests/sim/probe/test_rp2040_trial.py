@@ -1,12 +1,11 @@
 """A model in whose trial the reference board hangs: the watchdog ends it, and the model it had stays."""
 
-import hashlib
-
 import pytest
 
 from firmware_py import live_model, messages, status
 from palpate.model_export.image_builder import inspect
 from palpate.sim.probe.rp2040 import flash
+from tests.firmware_py.talk import send_model
 from tests.host.conftest import bench, images, specs
 from tests.sim.probe.board_bench import Board, kept_files
 from tests.sim.probe.flash_cuts import of_command
@@ -21,13 +20,8 @@ def test_a_board_that_hangs_while_it_tries_a_model_comes_back_with_the_old_one_a
     """The processor is stopped between the commands that write and remove the file `trial`."""
     old, new = images
     before, after = (bytes.fromhex(inspect(image).model_id) for image in images)
-    board = Board({"key.pub": public_key, **kept_files(tmp_path, old)})
-    board.until(lambda: bool(board.named("boot")), 10e6)
-    name = hashlib.sha256(new).digest()[:8]
-    assert board.ask("flash_begin", (len(new), name)).code == status.OK
-    for at in range(0, len(new), messages.FLASH_PIECE):
-        piece = new[at : at + messages.FLASH_PIECE]
-        assert board.ask("flash_data", (at,), piece).code == status.OK
+    board = Board({"key.pub": public_key, **kept_files(tmp_path, old)}).until_up()
+    name = send_model(board.ask, new)
     told = []
 
     def watch(command: bytes) -> None:

@@ -21,8 +21,7 @@ def test_the_probe_goes_on_with_the_stroke_and_tells_its_estimate_when_it_is_fou
     strokes, calibration = bench
     way = moments(source.write_source(tmp_path / "way", strokes[:1]).read_bytes())
     (tmp_path / "store").mkdir()
-    board = Board(kept_files(tmp_path / "store", calibration=calibration), way)
-    board.until(lambda: bool(board.named("boot")), 10e6)
+    board = Board(kept_files(tmp_path / "store", calibration=calibration), way).until_up()
     began = board.ask("stream_start", (CONTENT, 1, 0, 60_000))
     assert began.code == status.OK
     number = began.fields["stream"]
