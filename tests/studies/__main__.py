@@ -39,13 +39,20 @@ RETRAINED = (*TOLD, "tissue")
 @click.option(
     "--lumps", default=None, type=click.IntRange(1), help="How many to simulate, where it simulates."
 )
+@click.option("--after", default=0, type=click.IntRange(0), help="So many of the first ones are left out.")
 @click.option(
     "--seed", type=SEED, default=1, show_default=True, help="Of the split and of the sensors' noise."
 )
 @click.option("--noise", default=None, help="Sensors: a level, or a file of palpate characterise.")
 @json_option
 def command(
-    name: str, directory: Path, lumps: int | None, seed: int, noise: str | None, as_json: bool
+    name: str,
+    directory: Path,
+    lumps: int | None,
+    after: int,
+    seed: int,
+    noise: str | None,
+    as_json: bool,
 ) -> None:
     """Judge the product: what the probe, the hand, the tissue or the noise does to estimates.
 
@@ -67,7 +74,7 @@ def command(
         raise UsageError(f"there is no study {name!r}; there are {', '.join(MODULES)}")
     module = importlib.import_module(f"tests.studies.{MODULES[name]}")
     with showing_progress() as progress, one_blas_thread():
-        asked = Asked(directory, lumps, seed, noise, progress, note)
+        asked = Asked(directory, lumps, seed, noise, progress, note, after)
         if name in RETRAINED:
             study = module.STUDIES[name]
             found = [study.shown(study.of_directory(asked))]

@@ -17,7 +17,7 @@ from palpate.progress import ProgressCallback
 class Asked:
     """Where strokes lie or are simulated, how many lumps, the noise's seed and level (None: the study's own).
 
-    `tell` is told a line for each setting that was tried.
+    The first `after` lumps are left out. `tell` is told a line for each setting that was tried.
     """
 
     directory: Path
@@ -26,6 +26,7 @@ class Asked:
     noise: str | None = None
     progress: ProgressCallback | None = None
     tell: Callable[[str], None] = lambda line: None
+    after: int = 0
 
 
 @dataclass(frozen=True)
@@ -51,14 +52,14 @@ def kept_rows(
     asked.directory.mkdir(parents=True, exist_ok=True)
     lines = kept.read_text().splitlines() if kept.exists() else []
     done = {(row["seed"], row["lump"]): row for row in map(json.loads, lines)}
-    for k in range(count):
+    for k in range(asked.after, count):
         if (asked.seed, k) not in done:
             row = {"seed": asked.seed, "lump": k, **row_of(k)}
             with kept.open("a") as out:
                 out.write(json.dumps(row) + "\n")
             done[asked.seed, k] = row
             asked.tell(f"{k + 1} of {count}: {row['code']}")
-    return [row for (seed, _), row in done.items() if seed == asked.seed]
+    return [row for (seed, lump), row in done.items() if seed == asked.seed and lump >= asked.after]
 
 
 def of_text(title: str, heads: list[str], rows: list[list[str]]) -> StudyTable:
