@@ -55,6 +55,7 @@ def test_a_lump_has_all_its_numbers_with_their_intervals_and_units():
     assert rows["F_N_per_m"]["unit"] == "N/m" and said["model_id"] == b"MODEL-ID".hex()
     assert said["E_ratio"]["value"] == pytest.approx(0.1**-1.5) and "× fat" in said["stiffness_text"]
     assert said["layer"] is None and not said["reference"]
+    assert said["notice"] == "Research use, not a diagnosis."
     assert said["hardness"] == "hard" and said["hardness_text"].startswith("hard")
     assert card(answered(hard=False))["hardness_text"].startswith("soft")
     assert "kPa" in card(answered(), fat_kPa=10.0)["stiffness_text"]
