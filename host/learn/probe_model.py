@@ -32,8 +32,9 @@ from palpate.model_export.schema import (
     Output,
 )
 from palpate.model_export.vocabulary import SYMBOLS
+from palpate.spans import BORDER
 
-HARD_BELOW = 10.0 ** (-2 / 3)
+HARD_BELOW = BORDER ** (-2 / 3)
 LEAST_AMP_SHARE = 0.01
 WIDEST_STDEV_MM = 20.0
 _TAIL, _ROOM = 0.001, 0.1

@@ -15,7 +15,7 @@ from palpate.wire.packing import unpack
 
 TRAVEL_UM = 25_000  # of the potentiometer
 STEP_UM = 25  # a quarter step of the encoder
-PERIOD_US = 1e6 / 37.5  # from one moment to the next
+PERIOD_US = 1e6 / source.FRAMES_PER_S  # from one moment to the next
 TICK_US = 100.0  # between two looks at where the wheel should be; a step in each at most: 250 mm/s
 _CYCLE = ((0, 0), (1, 0), (1, 1), (0, 1))  # A, B
 

@@ -17,6 +17,7 @@ from palpate.errors import UsageError
 from palpate.sim.probe.creep import Lag
 from palpate.sim.probe.noise import LEVELS, WAVE_MM, Noise
 from palpate.sim.probe.packed_frames import FrameStream, Truth
+from palpate.sim.probe.source import FRAMES_PER_S
 from palpate.sim.probe.stroke_field import FORCE_RATIO, StrokeField
 from palpate.sim.tissue import Stroke
 from palpate.wire.cells import COLUMN_MM, FULL_SCALE_KPA, PEDESTAL_KPA, SHAPE
@@ -36,9 +37,6 @@ __all__ = [
 ]
 
 Floats = NDArray[np.float64]
-
-FRAMES_PER_S = 37.5
-"""The usual rate."""
 
 PRESS_FRAMES = 24
 """Of a press, .64 s at the usual rate."""

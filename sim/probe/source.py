@@ -12,6 +12,8 @@ import numpy as np
 
 from firmware_py import geometry
 
+FRAMES_PER_S = 37.5
+"""The usual rate."""
 RECORD_BYTES = 8 + geometry.FRAME_BYTES
 LIFTED = 3
 LIFTED_AS_BY_HAND = 24

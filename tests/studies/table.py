@@ -10,6 +10,7 @@ from typing import Any
 
 import pandas as pd
 
+from palpate.errors import UsageError
 from palpate.progress import ProgressCallback
 
 
@@ -48,6 +49,8 @@ def kept_rows(
     asked: Asked, name: str, count: int, row_of: Callable[[int], dict[str, Any]]
 ) -> list[dict[str, Any]]:
     """A row for each lump, worked out where DIRECTORY/`name` (JSON, a line each) does not hold it yet."""
+    if asked.after >= count:
+        raise UsageError(f"--after {asked.after} leaves none of the {count} lumps")
     kept = asked.directory / name
     asked.directory.mkdir(parents=True, exist_ok=True)
     lines = kept.read_text().splitlines() if kept.exists() else []
