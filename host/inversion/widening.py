@@ -41,7 +41,7 @@ WIDER = {
     "ln depth": Widening(1.25, 2.0, 0.02),
     "ln t": Widening(1.65, 2.0, 0.02),
     "E^-2/3": Widening(1.3, 1.6, 0.015),
-    "ln_E": Widening(1.25, 1.25, 0.04),
+    "ln_E": Widening(1.25, 1.25, 0.02),
     "apart": Widening(1.3, 3.3, 0.3),
 }
 """By unknown; docs/inversion.md says how they are known."""

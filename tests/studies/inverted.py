@@ -23,6 +23,7 @@ from palpate.inversion.widening import NORMAL, WIDER
 from palpate.learn.conformal import quantile_of_part
 from palpate.learn.observed import random_scale
 from palpate.sim.probe.noise import level_named
+from palpate.sim.probe.packed_frames import Truth
 from palpate.sim.tissue import Case
 from palpate.sim.tissue.anywhere import anywhere_lumps
 from tests.host.inversion.world import felt_of, in_fat_of
@@ -54,7 +55,7 @@ def tables(asked: Asked) -> list[StudyTable]:
 def inverted(case: Case, seed: int, noise: str) -> dict[str, Any]:
     """One stroke: how far the regression and the inversion are from the truth, and Laplace's half-widths."""
     try:
-        felt, start, _, _ = felt_of(case, seed, noise)
+        felt, start, stream, _ = felt_of(case, seed, noise)
     except PalpateError as error:  # no such tissue, no equilibrium, or a stroke that cannot be inverted
         return {"code": case.code, "problem": str(error)}
     begun = time.process_time()
@@ -63,9 +64,9 @@ def inverted(case: Case, seed: int, noise: str) -> dict[str, Any]:
     row: dict[str, Any] = {"code": case.code, "cpu_s": took, "problem": found.problem}
     if found.problem:
         return row
-    first = said_first(start)
+    first, truths = said_first(start), truths_of(stream.truth)
     for name, factor in WORDS.items():
-        value, truth = found.values[name], getattr(case, name)
+        value, truth = found.values[name], truths[name]
         assert value.high is not None
         if name == "E_inv23":
             half, apart, before = value.high - value.value, value.value - truth, first[name] - truth
@@ -79,6 +80,11 @@ def inverted(case: Case, seed: int, noise: str) -> dict[str, Any]:
     right = None if said == "unsure" else (said == "hard") == hard
     more_likely = (found.values["E_inv23"].value < HARD) == hard
     return row | {"chi2": found.chi2, "settled": found.settled, "right": right, "likely": more_likely}
+
+
+def truths_of(under: Truth) -> dict[str, float]:
+    """What was under the probe, by what is judged: the fat as stiff as it was there."""
+    return {name: getattr(under.case, name) for name in WORDS} | {"E_fat_kPa": under.fat_kPa}
 
 
 def said_first(start: Start) -> dict[str, float]:
