@@ -36,6 +36,7 @@ def cells():
     return felt
 
 
+@pytest.mark.long  # the course is felt in real time, which other tests beside it distort
 def test_creep_and_hysteresis_of_an_array_come_back_from_two_courses(cells, tmp_path, capsys):
     """The stream begins when it will: the course is found in the frames, a second off or not."""
     times, levels = np.array(COURSE, float).T
