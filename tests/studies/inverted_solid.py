@@ -22,7 +22,7 @@ from palpate.sim.probe.noise import level_named
 from palpate.sim.tissue import Case
 from palpate.sim.tissue.solid.design import ball_cases
 from tests.host.inversion.solid_world import felt_over, kept_strokes
-from tests.studies.inverted import halves_crossed, said_first
+from tests.studies.inverted import halves_crossed, said_first, truths_of
 from tests.studies.table import Asked, StudyTable, kept_rows, of_text
 
 LUMPS = 24
@@ -59,8 +59,7 @@ def inverted(case: Case, asked: Asked, k: int) -> dict[str, Any]:
     }  # fmt: skip
     if found.problem:
         return row
-    truth = {name: getattr(case, name) for name in ("d_mm", "depth_mm", "t_mm", "E_inv23")}
-    truth |= {"width_mm": 2 * case.half_axes_mm[1], "E_fat_kPa": stream.truth.fat_kPa}
+    truth = truths_of(stream.truth) | {"width_mm": 2 * case.half_axes_mm[1]}
     first = said_first(start) | {"width_mm": start.d_mm}
     for name in WORDS:
         value, scale = found.values[name], (lambda v: v) if name == "E_inv23" else np.log
