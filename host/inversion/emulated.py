@@ -13,10 +13,11 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from palpate import models
 from palpate.inversion.classes import FAT_KPA, Class
-from palpate.inversion.forward import COARSE, FINE, Asked, Emulated, Forward, SaysSlopes, Slopes
+from palpate.inversion.forward import FINE, Asked, Emulated, Forward, SaysSlopes, Slopes
 from palpate.learn.plane_emulator import (
     FORCE,
     LOW,
@@ -26,7 +27,7 @@ from palpate.learn.plane_emulator import (
     inputs_of,
     read_plane_emulator,
 )
-from palpate.sim.tissue import Case, CaseError, StrokeError
+from palpate.sim.tissue import Case, CaseError, Settings, StrokeError
 from palpate.sim.tissue.contact import places_read
 from palpate.sim.tissue.derivatives import differentiate
 from palpate.sim.tissue.frames import SolvedFrames, solve_frames
@@ -40,29 +41,21 @@ _FACE_MM = ROWS * _PITCH_MM
 _STEP = 1e-6
 AFAR_MM, _END_MM = LOW[PLACE], 50.0
 """So far before the lump there is none, as far as the emulator knows; so far away the solver is asked."""
-_APART_MM, _SHALLOW_MM = 3.0, 4.0
-_THIN_MM, _THIN = 3.0, replace(FINE, hx_mm=0.5)
-"""Over a lump so near the skin the usual columns are up to nine standard deviations off."""
-_CLOSE_MM, _CLOSER_MM = (14.0, 8.0), (1.0, 2.0)
-"""The solver is asked so often along the stroke, and so near the lump more often: under thin skin, and under
-thicker."""
-_PLAIN_APART_MM = 12.0
-"""Without a lump."""
-_LEVELS = 5
-"""And under so many forces where the stroke begins."""
+_FINER = replace(FINE, hx_mm=0.5)
+"""Columns of 1 mm are up to a standard deviation off: they do for a glance."""
+_ALIKE, _GLANCE, _PLAIN = (1.0, 0.05), (2.0, 0.1), (12.0, 0.2)
+"""The solver is asked about the frames themselves, but for those so like another, in mm and by ln F; at a
+glance; and without a lump."""
 _ALL, _ALONG = 0.01, ((0.004, 1.2), (0.004, 2.5), (0.005, 10.0))
 _LN_F = 0.8
-_OF_THE_MESH = 0.003
+_OF_THE_MESH = {FINE: 0.003, _FINER: 0.0003}
 """The spreads of corrections: of all frames alike, along the stroke by mm, by the logarithm of the force, and
-of what the contact's nodes make of a single frame."""
-_LARGER, _SMALLER = (1.0, 2.0, 4.0), (0.1, 0.3)
-"""So much larger they may be, all alike: as is likeliest. By the force the contact's nodes make more of the
-derivatives than the tissue does: there corrections may be smaller, too."""
-_SOME = 2
-"""Every so-manieth place is asked about at a glance, and for derivatives, unless under thin skin: errors are
-much alike there."""
-_SIDES_MM = 14.0, 34.0
-"""There the sides of the lump are compared: tissue ends nearer behind it than before it."""
+of what the contact's nodes make of a single frame of either mesh."""
+_LARGER, _OF_SLOPES = (1.0, 2.0, 4.0), (0.1, 0.3, 1.0, 2.0, 4.0, 8.0)
+"""So much larger they may be, all alike: as is likeliest. The contact's nodes may make more of derivatives
+than the tissue does: their corrections may be smaller, too."""
+_SIDES_MM, _LEAST_MM = (4.0, 9.0, 14.0, 20.0, 28.0, 40.0), 4.0
+"""Near there the sides of the lump are compared: tissue ends nearer behind it than before it."""
 _LUMP, _SOME_LUMP = [0, 1, 3], (np.log(8.0), np.log(8.0), 0.3)
 
 
@@ -80,11 +73,15 @@ class _Smooth:
     """
 
     def __init__(
-        self, places_mm: Floats, ln_F: Floats, parts: Sequence[tuple[Floats, Sequence[float]]]
+        self,
+        places_mm: Floats,
+        ln_F: Floats,
+        parts: Sequence[tuple[Floats, Sequence[float]]],
+        of_the_mesh: float,
     ) -> None:
         self._own = places_mm, ln_F
         K = _kernel(*self._own, *self._own)[0]
-        self._weights = np.concatenate([_smoothed(K, *part) for part in parts], 1)
+        self._weights = np.concatenate([_smoothed(K, *part, of_the_mesh) for part in parts], 1)
 
     def __call__(self, before: Floats, ln_F: Floats) -> tuple[Floats, Floats, Floats]:
         """Of frames (n, q), part after part, and their derivatives by place and ln F."""
@@ -98,6 +95,8 @@ class _Correction:
 
     theta: Floats
     topology: Topology
+    ln_F: Floats
+    """Of each frame that of the asked one nearest to it: from there on its force counts to first order."""
     at: _Smooth
     """Of 17 values."""
     turns: _Smooth | None
@@ -117,11 +116,11 @@ def _kernel(x: Floats, ln_F: Floats, x2: Floats, ln_F2: Floats) -> tuple[Floats,
     return along * force, slope * force, -along * force * off / _LN_F
 
 
-def _smoothed(K: Floats, values: Floats, larger: Sequence[float]) -> Floats:
+def _smoothed(K: Floats, values: Floats, larger: Sequence[float], of_the_mesh: float) -> Floats:
     """Weights (m, q) of a Gaussian process through values (m, q), as smooth as is likeliest."""
     best = np.inf, values
     for times in larger:
-        L = np.linalg.cholesky(times**2 * K + _OF_THE_MESH**2 * np.eye(len(K)))
+        L = np.linalg.cholesky(times**2 * K + of_the_mesh**2 * np.eye(len(K)))
         weights = np.linalg.solve(L.T, np.linalg.solve(L, values))
         spread = float((values * weights).mean()) + 1e-30
         unlikely = len(K) * float(np.log(spread)) + 2 * float(np.log(np.diag(L)).sum())
@@ -145,8 +144,7 @@ class EmulatedForward(SaysSlopes):
         self._press = np.concatenate([np.arange(frames) < press for frames, press in strokes])
         self._emulator = bundled()
         self._right: list[_Correction] = []
-        self._places_mm = self._ln_F = np.empty(0)
-        self._behind: Floats | None = None
+        self._behind: CubicSpline | None = None
         self._settings = FINE
 
     def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> Emulated:
@@ -183,30 +181,31 @@ class EmulatedForward(SaysSlopes):
             There is no such tissue, or no equilibrium in it.
         """
         case = self.of.case(theta)
-        if not self._right:
-            self._settings = _THIN if self.of.lump and case.depth_mm < _THIN_MM else FINE
-            self._lay(places_mm, np.log(forces_N_per_m / FAT_KPA), int(case.depth_mm > _SHALLOW_MM))
-            if self.of.lump and self._behind is None:
-                self._behind = _other_side(case, float(FAT_KPA * np.exp(self._ln_F[0])))
-        topology = self._topology(case)
-        few = slice(None, None, 1 if self._settings is _THIN else _SOME)
-        some = few if asked is Asked.GLANCE else slice(None)
-        places, ln_F = self._places_mm[some], self._ln_F[some]
-        forces = FAT_KPA * np.exp(ln_F)
-        solved = solve_frames(case, self._settings, topology.geometry(case), places, forces)
-        base, chain = self._inputs(theta)
-        y, by = self._frames(base, places, ln_F)
-        apart = np.column_stack([_shares(solved), np.log(solved.displacement_mm)]) - y
-        turns = None
-        if asked is Asked.SLOPES:
-            emulated = np.concatenate([by[few, :, :PLACE] @ chain, by[few, :, FORCE:]], -1)
-            *steeper, by_force = np.moveaxis(
-                self._slopes_of(theta, solved.some(few), topology) - emulated, -1, 0
+        ln_F = np.log(forces_N_per_m / FAT_KPA)
+        glance = asked is Asked.GLANCE
+        self._settings = FINE if glance else _FINER
+        own = np.clip(self._before(places_mm)[0], -_END_MM, _END_MM)
+        some = _unlike(own, ln_F, (_GLANCE if glance else _ALIKE) if self.of.lump else _PLAIN)
+        places, asked_F = own[some], ln_F[some]
+        topology = self._topology(case, float(places.min()) - 1.0, float(places.max()) + 1.0)
+        solved = solve_frames(
+            case, self._settings, topology.geometry(case), places, FAT_KPA * np.exp(asked_F)
+        )
+        if self.of.lump and (self._behind is None or asked is Asked.SLOPES):
+            self._behind = _other_side(
+                case, self._settings, solved, ~self._press[some], float(places_mm.max())
             )
-            parts = [*((one, _LARGER) for one in steeper), (by_force, _SMALLER + _LARGER)]
-            turns = _Smooth(places[few], ln_F[few], parts)
-        right = _Smooth(places, ln_F, [(apart, _LARGER)])
-        self._right.append(_Correction(theta.copy(), topology, right, turns))
+        base, chain = self._inputs(theta)
+        y, by = self._frames(base, places, asked_F)
+        apart = _values(solved) - y
+        turns, ripple = None, _OF_THE_MESH[self._settings]
+        if asked is Asked.SLOPES:
+            emulated = np.concatenate([by[..., :PLACE] @ chain, by[..., FORCE:]], -1)
+            steeper = np.moveaxis(self._slopes_of(theta, solved, topology) - emulated, -1, 0)
+            turns = _Smooth(places, asked_F, [(one, _OF_SLOPES) for one in steeper], ripple)
+        right = _Smooth(places, asked_F, [(apart, _LARGER)], ripple)
+        near = asked_F[_far_off(own[:, None], ln_F[:, None], places, asked_F, _ALIKE).argmin(1)]
+        self._right.append(_Correction(theta.copy(), topology, near, right, turns))
 
     def _slopes_of(self, theta: Floats, solved: SolvedFrames, topology: Topology) -> Floats:
         """The solver's derivatives of rows over the mean pressure and ln displacement, (m, 17, k + 1)."""
@@ -226,20 +225,6 @@ class EmulatedForward(SaysSlopes):
         """The last guess but one is the better one; what the last has told is kept."""
         self._right[-2:] = self._right[:-3:-1]
 
-    def _lay(self, places_mm: Floats, ln_F: Floats, deep: int) -> None:
-        """Choose where the solver is asked, and under which forces: from the lump on, the press last."""
-        press = self._press
-        within = np.clip(places_mm, -_END_MM, _END_MM)
-        first = float(max(np.abs(within).max(), _CLOSE_MM[deep]))
-        close = np.arange(0.0, min(first, _CLOSE_MM[deep]) + 0.5, _CLOSER_MM[deep])
-        far = np.arange(close[-1] + _APART_MM, first + _APART_MM / 2, _APART_MM)
-        nodes = -np.concatenate([close, far])[::-1]
-        if not self.of.lump:
-            nodes = np.arange(np.rint(within.min()), within.max() + 1.0, _PLAIN_APART_MM)
-        levels = np.linspace(ln_F[press].min(), ln_F[press].max(), _LEVELS) if press.any() else np.empty(0)
-        self._places_mm = np.concatenate([nodes[::-1], np.full(len(levels), nodes[0])])
-        self._ln_F = np.concatenate([np.full(len(nodes), float(ln_F[~press].mean())), levels[::-1]])
-
     def by_friction(self, at: Emulated) -> Floats:
         """Derivatives of images and displacement, (n, 17), by the friction of the face, from none at all.
 
@@ -256,15 +241,15 @@ class EmulatedForward(SaysSlopes):
         behind = (places_mm > 0) & self.of.lump
         return np.where(behind, -places_mm, places_mm), behind
 
-    def _topology(self, case: Case) -> Topology:
+    def _topology(self, case: Case, first_mm: float, last_mm: float) -> Topology:
         for right in self._right[-1:]:
             try:
                 right.topology.grid(case)
-                return right.topology
             except OutsideTopology:
-                pass
-        span = float(self._places_mm.min()) - 1.0, float(self._places_mm.max()) + 1.0
-        return Topology(case, self._settings, *span)
+                continue
+            if right.topology.settings == self._settings:
+                return right.topology
+        return Topology(case, self._settings, first_mm, last_mm)
 
     def _inputs(self, theta: Floats) -> tuple[Floats, Floats]:
         """The emulator's inputs of tissue and lump, (9,), and their derivatives by the unknowns."""
@@ -287,8 +272,7 @@ class EmulatedForward(SaysSlopes):
         y, by = self._emulator(np.column_stack([np.tile(base, (len(before), 1)), before, ln_F]))
         y[behind] = _turned(y[behind])
         if self._behind is not None:
-            beyond = np.minimum(places_mm[behind], _END_MM)[:, None]
-            y[behind] += beyond * self._behind[0] + beyond**2 * self._behind[1]
+            y[behind] += self._behind(np.minimum(places_mm[behind], _END_MM))
         by[behind, :ROWS] = by[behind, :ROWS][:, ::-1]
         by[behind, :, PLACE] *= -1
         if not self.of.lump:
@@ -299,7 +283,7 @@ class EmulatedForward(SaysSlopes):
         """To be added to frames (n, 17), and derivatives (n, 17, k + 2) by the unknowns, place and ln F."""
         last = self._right[-1]
         before, behind = self._before(places_mm)
-        there = np.where(self._press, ln_F, self._ln_F[0])
+        there = np.where(self._press, ln_F, last.ln_F)
         out, by_place, by_force = last.at(before, there)
         slopes, of_force = np.zeros((*out.shape, len(theta))), by_force
         steep = [right.turns for right in self._right if right.turns is not None]
@@ -323,16 +307,43 @@ def emulates(of: Class) -> bool:
     )
 
 
-def _other_side(case: Case, force_N_per_m: float) -> Floats:
-    """What is otherwise behind the lump than before it: (2, 17), by the place and by its square."""
-    x = np.array(_SIDES_MM)
-    topology = Topology(case, COARSE, -x[-1], x[-1])
-    places = np.concatenate([-x[::-1], x])
-    solved = solve_frames(case, COARSE, topology.geometry(case), places, np.full(len(places), force_N_per_m))
-    values = np.column_stack([_shares(solved), np.log(solved.displacement_mm)])
-    apart = values[len(x) :] - _turned(values[: len(x)][::-1])
-    out: Floats = np.linalg.solve(np.column_stack([x, x**2]), apart)
+def _unlike(places_mm: Floats, ln_F: Floats, alike: tuple[float, float]) -> NDArray[np.int64]:
+    """The frames that are unlike all others before them which are taken, from place to place."""
+    chosen: list[int] = []
+    for k in np.lexsort((ln_F, places_mm)).tolist():
+        if not chosen or _far_off(places_mm[k], ln_F[k], places_mm[chosen], ln_F[chosen], alike).min() > 1.0:
+            chosen.append(k)
+    return np.array(chosen)
+
+
+def _far_off(
+    places_mm: Floats, ln_F: Floats, others_mm: Floats, others_ln_F: Floats, alike: tuple[float, float]
+) -> Floats:
+    """How unlike frames are; up to 1 one may stand for the other."""
+    out: Floats = np.hypot((places_mm - others_mm) / alike[0], (ln_F - others_ln_F) / alike[1])
     return out
+
+
+def _other_side(
+    case: Case, settings: Settings, before: SolvedFrames, of_stroke: NDArray[np.bool_], reach_mm: float
+) -> CubicSpline:
+    """What is otherwise behind the lump than at a stroke's frames before it, of places (n,): (n, 17)."""
+    away, stroke = -before.places_mm, np.flatnonzero(of_stroke)
+    near = {
+        int(stroke[np.abs(away[stroke] - x).argmin()]) for x in _SIDES_MM if x <= max(reach_mm, _LEAST_MM)
+    }
+    some = sorted(near, key=lambda k: float(away[k]))
+    some = [k for k, last in zip(some, [0.0, *away[some]]) if away[k] > last + _LEAST_MM / 2]
+    x = away[some]
+    there = Topology(case, settings, x[0] - 1.0, x[-1] + 1.0)
+    behind = solve_frames(case, settings, there.geometry(case), x, before.forces_N_per_m[some])
+    apart = _values(behind) - _turned(_values(before)[some])
+    return CubicSpline(np.append(0.0, x), np.vstack([0.0 * apart[:1], apart]), bc_type="natural")
+
+
+def _values(solved: SolvedFrames) -> Floats:
+    """Rows over the mean pressure and ln displacement, (n, 17)."""
+    return np.column_stack([_shares(solved), np.log(solved.displacement_mm)])
 
 
 def _shares(solved: SolvedFrames) -> Floats:

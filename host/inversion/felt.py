@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.errors import PalpateError
 from palpate.link.face import Face
+from palpate.sim.probe.creep import LAG_MM
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -62,6 +64,10 @@ class FeltStroke:
         Standard deviation of what the cells' response curves get wrong, row by row.
     image_kPa : ndarray (n, rows, columns), optional
         Where a lump ends across the stroke: every cell, dead ones NaN.
+    each : ndarray (n,), optional
+        Each frame is the mean of so many.
+    lag : ndarray (n, n), optional
+        What of every frame's pressure is in the slow part of each; None: by the clock.
     """
 
     rows_kPa: Floats
@@ -76,6 +82,8 @@ class FeltStroke:
     measured: bool = True
     curve_kPa: float = 0.0
     image_kPa: Floats | None = None
+    each: Ints | None = None
+    lag: Floats | None = None
 
     @property
     def solid(self) -> bool:
@@ -87,14 +95,52 @@ class FeltStroke:
         """Whether it is a press without a stroke."""
         return self.press == len(self.place_mm)
 
+    def slow(self) -> Floats:
+        """What of every frame's pressure is in the slow part of each, (n, n)."""
+        return lagging(np.eye(len(self.along_mm)), self.along_mm) if self.lag is None else self.lag
+
     def take(self, press: Ints, stroke: Ints) -> FeltStroke:
         """Some frames of the press and of the stroke, each counted from its own first."""
-        k = np.concatenate([press, self.press + stroke])
+        return self.means(list(press[:, None]), list(stroke[:, None]))
+
+    def means(self, press: Sequence[Ints], stroke: Sequence[Ints]) -> FeltStroke:
+        """Means of neighbours in the press and in the stroke, each counted from its own first."""
+        groups = [*press, *(self.press + group for group in stroke)]
+        n = len(self.place_mm)
+        each = np.ones(n) if self.each is None else self.each
+        mean = np.zeros((len(groups), n))
+        for weights, group in zip(mean, groups):
+            weights[group] = 1 / len(group)
+        images, between = self.image_kPa, _between(mean @ np.arange(n), n)
+        slow = lagging(between, self.along_mm) if self.lag is None else self.lag @ between
         return replace(
-            self, rows_kPa=self.rows_kPa[k], displacement_mm=self.displacement_mm[k],
-            place_mm=self.place_mm[k], share=self.share[k], along_mm=self.along_mm[k], press=len(press),
-            image_kPa=None if self.image_kPa is None else self.image_kPa[k],
+            self, rows_kPa=mean @ self.rows_kPa, displacement_mm=mean @ self.displacement_mm,
+            place_mm=mean @ self.place_mm, share=mean @ self.share, along_mm=mean @ self.along_mm,
+            press=len(press), lag=mean @ slow,
+            image_kPa=None if images is None else np.tensordot(mean, images, 1),
+            each=np.array([each[group].sum() for group in groups]),
         )  # fmt: skip
+
+
+def _between(taken: Floats, n: int) -> Floats:
+    """What n frames have of those that were taken: along lines between them, and before the first."""
+    frame, out = np.arange(n), np.zeros((n, len(taken)))
+    if len(taken) == 1:
+        return out + 1.0
+    after = np.clip(np.searchsorted(taken, frame), 1, len(taken) - 1)
+    share = np.minimum((frame - taken[after - 1]) / (taken[after] - taken[after - 1]), 1.0)
+    out[frame, after], out[frame, after - 1] = share, 1 - share
+    return out
+
+
+def lagging(pressure: Floats, along_mm: Floats) -> Floats:
+    """The slow part of what frames read (n, q), as `sim.probe.creep` has it."""
+    out = np.empty_like(pressure)
+    out[0] = pressure[0]
+    for k, travel in enumerate(np.abs(np.diff(along_mm)), 1):
+        kept = np.exp(-travel / LAG_MM)
+        out[k] = kept * out[k - 1] + (1 - kept) * pressure[k]
+    return out
 
 
 def felt_stroke(
@@ -145,11 +191,11 @@ def felt_stroke(
     start = place_mm[press]
     share = np.concatenate([np.zeros(press), np.linspace(0.0, 1.0, len(place_mm) - press)])
     before = start + _CREEP_MM_PER_S * (time_s[:press] - time_s[press])
-    along = np.concatenate([before, place_mm[press:]])
     place = np.concatenate([np.full(press, start), place_mm[press:]])
     face = face or _OWN
     live = (~dead).sum(1)
     image = None if even else np.where(dead, np.nan, pressure_kPa)
+    along = np.concatenate([before, place_mm[press:]])
     return FeltStroke(rows, live, displacement_mm, place, share, along, press, stroke, face, image_kPa=image)
 
 

@@ -31,8 +31,11 @@ from palpate.sim.tissue import CaseError, StrokeError
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_NEAR_MM, _MOST_NEAR = 16.0, 40
-"""Farther from the lump every fourth frame will do, nearer so many."""
+_NEAR_MM, _MOST_NEAR, _ALIKE_MM = 16.0, 40, 1.0
+"""So far from the lump it is near; so many frames are enough there; those so far apart are alike."""
+_EMULATED, _COARSELY, _FINELY = (3, 1, 3), (6, 3, 4), (6, 1, 4)
+"""So-manieth frame of the press counts, and means of so many near the lump and far from it: for the emulator,
+and for the solver on the usual mesh and the fine one."""
 _ELSEWHERE_MM = 4.0
 """A first estimate whose lump is so far from the stroke's is not of that lump."""
 _ILL = 1.3
@@ -105,12 +108,8 @@ class _Coarse:
         self.modes: list[Found] = []
         self._of, self._of_first, self._assemble, self._hopeless = of, placed[0], assemble, hopeless
         self.emulated = emulates(of)
-        taken = [
-            _thinned(
-                stroke, start.lump_mm, press=6, near=_every(stroke, start) if self.emulated else 3, far=4
-            )
-            for (stroke, _), start in zip(strokes, self.starts)
-        ]
+        how = _EMULATED if self.emulated else _COARSELY
+        taken = [_gathered(stroke, start.lump_mm, *how) for (stroke, _), start in zip(strokes, self.starts)]
         mesh = EMULATED if self.emulated else COARSE.hx_mm
         self._parts = [Posterior(of, some, noise, mesh) for some, _ in taken]
         self._kept = [kept for _, kept in taken]
@@ -235,7 +234,7 @@ def _fine(strokes: Sequence[Felt], noise: Noise, found: Found, assemble: Assembl
         strokes, found.posterior.parts, found.posterior.index, found.kept
     ):
         own = found.mode.z[index]
-        more, now = _thinned(stroke, part.one(own, "start"), press=6, near=1, far=4)
+        more, now = _gathered(stroke, part.one(own, "start"), *_FINELY)
         parts.append(Posterior(of, more, noise, FINE.hx_mm))
         zs.append(_carried(part, own, before, parts[-1], now))
         kept.append(now)
@@ -265,17 +264,26 @@ def _carried(part: Posterior, z: Floats, before: Ints, other: Posterior, now: In
     return out
 
 
-def _every(stroke: FeltStroke, start: Start) -> int:
-    """So-manieth frame near the lump: a slow stroke's neighbours say the same."""
-    close = np.abs(stroke.place_mm[stroke.press :] - start.lump_mm) < _NEAR_MM
-    return max(1, -(-int(close.sum()) // _MOST_NEAR))
-
-
-def _thinned(stroke: FeltStroke, lump_mm: float, press: int, near: int, far: int) -> tuple[FeltStroke, Ints]:
-    """Every so-manieth frame, and their numbers: the lump is what the others are compared with."""
-    p, n = stroke.press, len(stroke.place_mm) - stroke.press
-    number = np.arange(n)
+def _gathered(stroke: FeltStroke, lump_mm: float, press: int, near: int, far: int) -> tuple[FeltStroke, Ints]:
+    """Some frames of the press and means of so many others, and the first ones' numbers."""
+    p = stroke.press
     close = np.abs(stroke.place_mm[p:] - lump_mm) < _NEAR_MM
-    chosen = np.flatnonzero(np.where(close, number % near == 0, number % far == 0))
-    pressed = np.arange(press - 1, p, press)
-    return stroke.take(pressed, chosen), np.concatenate([pressed, p + chosen])
+    close[0] = True  # the press stands there
+    near = max(near, -(-int(close.sum()) // _MOST_NEAR))
+    groups = [_alike(group, stroke.place_mm[p:]) for group in _runs(np.flatnonzero(close), near)]
+    groups += _runs(np.flatnonzero(~close), far)
+    groups.sort(key=lambda group: int(group[0]))
+    pressed = np.arange(press - 1, p, press)  # not means: over rising forces they are no frame's
+    first = np.append(pressed, [p + int(group[0]) for group in groups])
+    return stroke.means(list(pressed[:, None]), groups), first
+
+
+def _alike(group: Ints, place_mm: Floats) -> Ints:
+    """What of a group feels the lump like its middle."""
+    return group[np.abs(place_mm[group] - place_mm[group[len(group) // 2]]) < _ALIKE_MM]
+
+
+def _runs(numbers: Ints, most: int) -> list[Ints]:
+    """Neighbours together, `most` at the most."""
+    whole = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
+    return [group for run in whole if len(run) for group in np.array_split(run, -(-len(run) // most))]

@@ -22,7 +22,6 @@ from palpate.answer.fitted import Laid
 from palpate.inversion.classes import FAT_KPA, PADDING, Class
 from palpate.inversion.felt import FeltStroke, Ints
 from palpate.inversion.forward import Predicted, Slopes
-from palpate.sim.probe.creep import LAG_MM
 from palpate.sim.probe.noise import Noise
 from palpate.wire.cells import FULL_SCALE_KPA, PITCH_MM
 
@@ -81,13 +80,14 @@ class Posterior:
         ends = np.cumsum([0, *sizes.values()])
         self.at = {name: slice(int(a), int(b)) for name, a, b in zip(sizes, ends, ends[1:])}
         self.size = int(ends[-1])
+        self._each = np.ones(n) if stroke.each is None else stroke.each
         self.mean, self.sd = self._known()
         self.force_sd = max(0.5 * noise.force, 2e-3)
-        self._lag = _lag(stroke.along_mm)
+        self._lag = stroke.slow()
         self._weight = self._weights(hx_mm)
 
     def _known(self) -> tuple[Floats, Floats]:
-        noise, live = self.noise, self.stroke.live
+        noise, live, p = self.noise, self.stroke.live, self.stroke.press
         zero = noise.drift * FULL_SCALE_KPA
         spread: dict[str, Any] = {
             "tissue": self.of.column("sd"),
@@ -100,7 +100,7 @@ class Posterior:
             "drift": 2 * zero,
             "depth_zero": noise.displacement_zero_mm,
             "depth_drift": noise.displacement_drift_mm,
-            "place": noise.position_mm,
+            "place": noise.position_mm / np.sqrt(self._each[p:]),
             "force": np.inf,
         }
         if self.own_channels:
@@ -130,11 +130,10 @@ class Posterior:
         return weight
 
     def _sensors(self, live: Floats | Ints) -> tuple[Floats, Floats]:
-        """Standard deviations of white noise in the mean of so many live cells, and of displacements (n,)."""
-        noise, count = self.noise, FULL_SCALE_KPA / _COUNTS
+        """Standard deviations (n, rows) of white noise in means of live cells, and (n,) in displacements."""
+        noise, count, less = self.noise, FULL_SCALE_KPA / _COUNTS, 1 / np.sqrt(self._each)
         white = np.hypot(noise.white * FULL_SCALE_KPA, count / np.sqrt(12)) / np.sqrt(live)
-        depth = np.full(len(self.stroke.place_mm), np.hypot(noise.displacement_noise_mm, _DEPTH_ERROR_MM))
-        return white, depth
+        return less[:, None] * white, np.hypot(noise.displacement_noise_mm * less, _DEPTH_ERROR_MM)
 
     def start(self, theta: Floats, E_kPa: float, lump_mm: float) -> Floats:
         """A first guess: tissue and lump (k,), the fat's modulus, where along the stroke the lump lies."""
@@ -266,14 +265,3 @@ class Posterior:
         if PADDING in (names := [unknown.name for unknown in self.of.unknowns]):
             padding[0, names.index(PADDING)], padding[0, at["ln_E"]] = 1 / _PADDING_SD, -1 / _PADDING_SD
         return data.reshape(-1, self.size), np.vstack([np.diag(1 / self.sd), wander, padding])
-
-
-def _lag(along_mm: Floats) -> Floats:
-    """What of every frame's pressure is in the slow part of each, (n, n), as `sim.probe.creep` has it."""
-    out = np.zeros((len(along_mm), len(along_mm)))
-    out[0, 0] = 1.0
-    for k in range(1, len(along_mm)):
-        kept = np.exp(-abs(along_mm[k] - along_mm[k - 1]) / LAG_MM)
-        out[k] = kept * out[k - 1]
-        out[k, k] += 1 - kept
-    return out

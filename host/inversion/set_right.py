@@ -18,15 +18,17 @@ from palpate.inversion.search import Mode, search
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue import CaseError, StrokeError
 
-_FIRST, _MOST = 6, 3
+_FIRST, _MOST = 6, 4
 """So many modes are glanced at; so many of them, at most, go on."""
 _NEARLY, _AS_WELL = 40.0, 20.0
 """Within so much of the best one's misfit, a stroke, after a glance, and later."""
-_ROUNDS, _STAYS, _FAR = 5, 2.0, 10.0
-"""Guesses of one mode, at most: until it promises so little of the misfit; where it promises so much
-derivatives are asked for anew."""
+_ROUNDS, _STAYS = 6, 2.0
+"""Guesses of one mode, at most: until it promises so little of the misfit. Where a promise was not kept to so
+much, derivatives are asked for anew."""
 _RIPPLE = 5.0
 """Of two guesses the contact's nodes may make the better one worse by so much."""
+_SHORTER = 0.1, 0.5
+"""So much of a step that led up is tried next, as a parabola says."""
 _STEPS, _ENOUGH, _DAMPING = 20, 0.1, 1e-3
 
 
@@ -40,7 +42,8 @@ def set_right(noise: Noise, modes: Sequence[Found], assemble: Assemble) -> list[
     going = distinct(begun, lambda one: one.promised)[:_MOST]
     while True:
         least = min((one.promised for one in going), default=np.inf)
-        going = [one for one in going if one.promised < least + one.within]
+        near = [one for one in going if one.promised < least + one.within]
+        going = distinct(near, lambda one: one.promised)  # some come together on their way
         moving = [one for one in going if one.goes_on]
         if not moving:
             return [one.told() for one in going]
@@ -71,7 +74,7 @@ class _Followed:
         self._forward = forward
         self._next = self._best = found.mode.z
         self._least, self._stays = np.inf, False
-        self._asks, self._done = Asked.GLANCE, 0
+        self._asks, self._done, self._fine = Asked.GLANCE, 0, False
         self.within = _NEARLY * len(parts)
         self._mode: Mode | None = None
 
@@ -93,18 +96,25 @@ class _Followed:
             self._next = (self._best + z) / 2
             return self._mode is not None
         there = posterior.misfit(z, forward(tissue, posterior.places(z), posterior.forces(z))).total
+        as_promised = there < self.promised + _STAYS
+        glanced = self._asks is Asked.GLANCE
+        if not glanced and not self._fine:  # on another mesh misfits are others, and derivatives are new
+            self._least, self._fine, as_promised = np.inf, True, True
         if there < self._least + _RIPPLE:
             self._best, self._least = z, min(there, self._least)
         else:
             forward.go_back()
+            promised, worse = self._least - self.promised, there - self._least
+            share = np.clip(promised / (worse + 2 * promised), *_SHORTER)
+            self._next = self._best + share * (z - self._best)
+            return True
         self._mode = search(posterior, forward, self._best, _STEPS, enough=_ENOUGH, damping=_DAMPING)
         self._next, self.promised = self._mode.z, self._mode.misfit.total
-        gains, glanced = self._least - self.promised, self._asks is Asked.GLANCE
         if not glanced:
             self.within = _AS_WELL * len(self.found.kept)
-            self._stays = gains < _STAYS
+            self._stays = self._least - self.promised < _STAYS
             self.goes_on &= not self._stays
-        self._asks = Asked.SLOPES if glanced or gains > _FAR else Asked.VALUES
+        self._asks = Asked.VALUES if as_promised and not glanced else Asked.SLOPES
         return True
 
     @property

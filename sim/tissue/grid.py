@@ -137,7 +137,7 @@ def lay_grid(case: Case, settings: Settings, first_mm: float, last_mm: float) ->
         below=k * below,
         in_gland=k * (below if met else below + above if border > 0 else 0),
         inner=k * max(1, math.ceil(0.36 * r / max(1.8, case.d_mm / 6))),
-        outer=k * max(1, round((half - r) / 2.0)),
+        outer=k * max(settings.shells, round((half - r) / 2.0)),
         radius=r,
         borders=case.borders_mm[:-1],
         turns=turns(line / r),

@@ -52,6 +52,9 @@ class Settings:
         Largest height of element rows in fat and gland.
     skin_mm : tuple of float
         Heights of the thin rows under the surface.
+    shells : int
+        Least number of element rings in the tissue round a lump in the plane. A lump of up to 9 mm has one
+        otherwise, and a bump 1 to 2 % too high.
     left_mm, right_mm : float
         Where the roller sides stand.
     tolerance : float
@@ -72,6 +75,7 @@ class Settings:
     row_mm: float = 3.5
     gland_row_mm: float = 5.0
     skin_mm: tuple[float, ...] = (0.35, 0.55)
+    shells: int = 1
     left_mm: float = -120.0
     right_mm: float = 100.0
     tolerance: float = 1e-5
@@ -91,6 +95,8 @@ class Settings:
             raise CaseError("far_start_mm must lie between -60 and start_mm")
         if not 1 <= self.refine <= 64 or int(self.refine) != self.refine:
             raise CaseError(f"refine must be a whole number from 1 to 64, not {self.refine}")
+        if not 1 <= self.shells <= 16 or int(self.shells) != self.shells:
+            raise CaseError(f"shells must be a whole number from 1 to 16, not {self.shells}")
         if not (-1000.0 <= self.left_mm <= -75.0 and 75.0 <= self.right_mm <= 1000.0):
             raise CaseError("the sides must stand 75 to 1000 mm from the lump")
         if not 1e-10 <= self.tolerance <= 1e-3:
@@ -152,8 +158,9 @@ def case_key(case: Case, settings: Settings) -> str:
     plane = FINE_SOLVER_VERSION if settings.fine else SOLVER_VERSION
     version = SOLID_SOLVER_VERSION if case.solid else plane
     numerics = asdict(settings)
-    if not settings.press_only:
-        del numerics["press_only"]  # as keys were before there was one
+    for name in ("press_only", "shells"):
+        if numerics[name] == getattr(Settings, name):
+            del numerics[name]  # as keys were before there was one
     record = {"case": case.to_dict(), "settings": numerics, "solver": version}
     text = json.dumps(record, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:32]

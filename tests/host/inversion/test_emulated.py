@@ -103,7 +103,8 @@ def test_the_jacobian_is_the_misfit_s_derivative_before_and_after_the_solver_has
 def test_set_right_it_says_what_the_solver_says_and_is_as_steep(of):
     posterior, z = a_few_frames(of, np.random.default_rng(4))
     theta, places, forces = z[posterior.at["tissue"]], posterior.places(z), posterior.forces(z)
-    solver = Forward(of, FINE)
+    forces[posterior.stroke.press :] *= 1 + 0.1 * (-1.0) ** np.arange(len(forces) - posterior.stroke.press)
+    solver = Forward(of, replace(FINE, hx_mm=0.5))
     solved = solver(theta, np.rint(places), forces)
     forward = EmulatedForward(of, [(len(places), posterior.stroke.press)])
     off = []
@@ -120,7 +121,7 @@ def test_set_right_it_says_what_the_solver_says_and_is_as_steep(of):
         ]  # fmt: skip
         off.append(wrong)
     # the contact's nodes make single frames ripple, their derivatives most
-    assert max(off[1][:2]) < 0.005 and off[1][2] < 0.25
+    assert max(off[1][:2]) < 0.002 and off[1][2] < 0.1
     assert off[1][0] < off[0][0] and off[1][1] < off[0][1]
 
 
