@@ -68,20 +68,21 @@ def bundled() -> PlaneEmulator:
 class _Smooth:
     """A Gaussian process from frame to frame, over place and force, through values of m frames.
 
-    What the mesh makes of a single frame is no part of it. Values come in parts (m, q), each with how much
-    larger it may be, and each is as smooth as is likeliest.
+    What the mesh makes of a single frame is no part of it. Values come in parts (m, q), and each
+    is as smooth as is likeliest.
     """
 
     def __init__(
         self,
         places_mm: Floats,
         ln_F: Floats,
-        parts: Sequence[tuple[Floats, Sequence[float]]],
+        parts: Sequence[Floats],
+        larger: Sequence[float],
         of_the_mesh: float,
     ) -> None:
         self._own = places_mm, ln_F
         K = _kernel(*self._own, *self._own)[0]
-        self._weights = np.concatenate([_smoothed(K, *part, of_the_mesh) for part in parts], 1)
+        self._weights = np.concatenate([_smoothed(K, part, larger, of_the_mesh) for part in parts], 1)
 
     def __call__(self, before: Floats, ln_F: Floats) -> tuple[Floats, Floats, Floats]:
         """Of frames (n, q), part after part, and their derivatives by place and ln F."""
@@ -145,7 +146,6 @@ class EmulatedForward(SaysSlopes):
         self._emulator = bundled()
         self._right: list[_Correction] = []
         self._behind: CubicSpline | None = None
-        self._settings = FINE
 
     def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> Emulated:
         """Frames (n,) of a guess.
@@ -183,27 +183,23 @@ class EmulatedForward(SaysSlopes):
         case = self.of.case(theta)
         ln_F = np.log(forces_N_per_m / FAT_KPA)
         glance = asked is Asked.GLANCE
-        self._settings = FINE if glance else _FINER
+        settings = FINE if glance else _FINER
         own = np.clip(self._before(places_mm)[0], -_END_MM, _END_MM)
         some = _unlike(own, ln_F, (_GLANCE if glance else _ALIKE) if self.of.lump else _PLAIN)
         places, asked_F = own[some], ln_F[some]
-        topology = self._topology(case, float(places.min()) - 1.0, float(places.max()) + 1.0)
-        solved = solve_frames(
-            case, self._settings, topology.geometry(case), places, FAT_KPA * np.exp(asked_F)
-        )
+        topology = self._topology(case, settings, float(places.min()), float(places.max()))
+        solved = solve_frames(case, settings, topology.geometry(case), places, FAT_KPA * np.exp(asked_F))
         if self.of.lump and (self._behind is None or asked is Asked.SLOPES):
-            self._behind = _other_side(
-                case, self._settings, solved, ~self._press[some], float(places_mm.max())
-            )
+            self._behind = _other_side(case, settings, solved, ~self._press[some], float(places_mm.max()))
         base, chain = self._inputs(theta)
         y, by = self._frames(base, places, asked_F)
         apart = _values(solved) - y
-        turns, ripple = None, _OF_THE_MESH[self._settings]
+        turns, ripple = None, _OF_THE_MESH[settings]
         if asked is Asked.SLOPES:
             emulated = np.concatenate([by[..., :PLACE] @ chain, by[..., FORCE:]], -1)
             steeper = np.moveaxis(self._slopes_of(theta, solved, topology) - emulated, -1, 0)
-            turns = _Smooth(places, asked_F, [(one, _OF_SLOPES) for one in steeper], ripple)
-        right = _Smooth(places, asked_F, [(apart, _LARGER)], ripple)
+            turns = _Smooth(places, asked_F, list(steeper), _OF_SLOPES, ripple)
+        right = _Smooth(places, asked_F, [apart], _LARGER, ripple)
         near = asked_F[_far_off(own[:, None], ln_F[:, None], places, asked_F, _ALIKE).argmin(1)]
         self._right.append(_Correction(theta.copy(), topology, near, right, turns))
 
@@ -241,15 +237,14 @@ class EmulatedForward(SaysSlopes):
         behind = (places_mm > 0) & self.of.lump
         return np.where(behind, -places_mm, places_mm), behind
 
-    def _topology(self, case: Case, first_mm: float, last_mm: float) -> Topology:
-        for right in self._right[-1:]:
+    def _topology(self, case: Case, settings: Settings, first_mm: float, last_mm: float) -> Topology:
+        if self._right and (last := self._right[-1].topology).settings == settings:
             try:
-                right.topology.grid(case)
+                last.grid(case)
+                return last
             except OutsideTopology:
-                continue
-            if right.topology.settings == self._settings:
-                return right.topology
-        return Topology(case, self._settings, first_mm, last_mm)
+                pass
+        return Topology(case, settings, first_mm - 1.0, last_mm + 1.0)
 
     def _inputs(self, theta: Floats) -> tuple[Floats, Floats]:
         """The emulator's inputs of tissue and lump, (9,), and their derivatives by the unknowns."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.errors import PalpateError
 from palpate.link.face import Face
-from palpate.sim.probe.creep import LAG_MM
+from palpate.sim.probe.creep import Lag
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -95,9 +95,14 @@ class FeltStroke:
         """Whether it is a press without a stroke."""
         return self.press == len(self.place_mm)
 
-    def slow(self) -> Floats:
-        """What of every frame's pressure is in the slow part of each, (n, n)."""
-        return lagging(np.eye(len(self.along_mm)), self.along_mm) if self.lag is None else self.lag
+    @property
+    def frames(self) -> Ints:
+        """Of how many frames each is the mean, (n,)."""
+        return np.ones(len(self.place_mm), np.int64) if self.each is None else self.each
+
+    def slow(self, pressure: Floats) -> Floats:
+        """The slow part of what frames read (n, q)."""
+        return Lag().follow(pressure, self.along_mm) if self.lag is None else self.lag @ pressure
 
     def take(self, press: Ints, stroke: Ints) -> FeltStroke:
         """Some frames of the press and of the stroke, each counted from its own first."""
@@ -107,18 +112,16 @@ class FeltStroke:
         """Means of neighbours in the press and in the stroke, each counted from its own first."""
         groups = [*press, *(self.press + group for group in stroke)]
         n = len(self.place_mm)
-        each = np.ones(n) if self.each is None else self.each
         mean = np.zeros((len(groups), n))
         for weights, group in zip(mean, groups):
             weights[group] = 1 / len(group)
-        images, between = self.image_kPa, _between(mean @ np.arange(n), n)
-        slow = lagging(between, self.along_mm) if self.lag is None else self.lag @ between
+        images = self.image_kPa
         return replace(
             self, rows_kPa=mean @ self.rows_kPa, displacement_mm=mean @ self.displacement_mm,
             place_mm=mean @ self.place_mm, share=mean @ self.share, along_mm=mean @ self.along_mm,
-            press=len(press), lag=mean @ slow,
+            press=len(press), lag=mean @ self.slow(_between(mean @ np.arange(n), n)),
             image_kPa=None if images is None else np.tensordot(mean, images, 1),
-            each=np.array([each[group].sum() for group in groups]),
+            each=np.array([self.frames[group].sum() for group in groups]),
         )  # fmt: skip
 
 
@@ -130,16 +133,6 @@ def _between(taken: Floats, n: int) -> Floats:
     after = np.clip(np.searchsorted(taken, frame), 1, len(taken) - 1)
     share = np.minimum((frame - taken[after - 1]) / (taken[after] - taken[after - 1]), 1.0)
     out[frame, after], out[frame, after - 1] = share, 1 - share
-    return out
-
-
-def lagging(pressure: Floats, along_mm: Floats) -> Floats:
-    """The slow part of what frames read (n, q), as `sim.probe.creep` has it."""
-    out = np.empty_like(pressure)
-    out[0] = pressure[0]
-    for k, travel in enumerate(np.abs(np.diff(along_mm)), 1):
-        kept = np.exp(-travel / LAG_MM)
-        out[k] = kept * out[k - 1] + (1 - kept) * pressure[k]
     return out
 
 

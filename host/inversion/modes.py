@@ -33,7 +33,7 @@ Ints = NDArray[np.int64]
 
 _NEAR_MM, _MOST_NEAR, _ALIKE_MM = 16.0, 40, 1.0
 """So far from the lump it is near; so many frames are enough there; those so far apart are alike."""
-_EMULATED, _COARSELY, _FINELY = (3, 1, 3), (6, 3, 4), (6, 1, 4)
+_BY_EMULATOR, _COARSELY, _FINELY = (3, 1, 3), (6, 3, 4), (6, 1, 4)
 """So-manieth frame of the press counts, and means of so many near the lump and far from it: for the emulator,
 and for the solver on the usual mesh and the fine one."""
 _ELSEWHERE_MM = 4.0
@@ -108,7 +108,7 @@ class _Coarse:
         self.modes: list[Found] = []
         self._of, self._of_first, self._assemble, self._hopeless = of, placed[0], assemble, hopeless
         self.emulated = emulates(of)
-        how = _EMULATED if self.emulated else _COARSELY
+        how = _BY_EMULATOR if self.emulated else _COARSELY
         taken = [_gathered(stroke, start.lump_mm, *how) for (stroke, _), start in zip(strokes, self.starts)]
         mesh = EMULATED if self.emulated else COARSE.hx_mm
         self._parts = [Posterior(of, some, noise, mesh) for some, _ in taken]

@@ -80,10 +80,9 @@ class Posterior:
         ends = np.cumsum([0, *sizes.values()])
         self.at = {name: slice(int(a), int(b)) for name, a, b in zip(sizes, ends, ends[1:])}
         self.size = int(ends[-1])
-        self._each = np.ones(n) if stroke.each is None else stroke.each
         self.mean, self.sd = self._known()
         self.force_sd = max(0.5 * noise.force, 2e-3)
-        self._lag = stroke.slow()
+        self._lag = stroke.slow(np.eye(n))
         self._weight = self._weights(hx_mm)
 
     def _known(self) -> tuple[Floats, Floats]:
@@ -100,7 +99,7 @@ class Posterior:
             "drift": 2 * zero,
             "depth_zero": noise.displacement_zero_mm,
             "depth_drift": noise.displacement_drift_mm,
-            "place": noise.position_mm / np.sqrt(self._each[p:]),
+            "place": noise.position_mm / np.sqrt(self.stroke.frames[p:]),
             "force": np.inf,
         }
         if self.own_channels:
@@ -131,7 +130,7 @@ class Posterior:
 
     def _sensors(self, live: Floats | Ints) -> tuple[Floats, Floats]:
         """Standard deviations (n, rows) of white noise in means of live cells, and (n,) in displacements."""
-        noise, count, less = self.noise, FULL_SCALE_KPA / _COUNTS, 1 / np.sqrt(self._each)
+        noise, count, less = self.noise, FULL_SCALE_KPA / _COUNTS, 1 / np.sqrt(self.stroke.frames)
         white = np.hypot(noise.white * FULL_SCALE_KPA, count / np.sqrt(12)) / np.sqrt(live)
         return less[:, None] * white, np.hypot(noise.displacement_noise_mm * less, _DEPTH_ERROR_MM)
 

@@ -74,7 +74,7 @@ class _Followed:
         self._forward = forward
         self._next = self._best = found.mode.z
         self._least, self._stays = np.inf, False
-        self._asks, self._done, self._fine = Asked.GLANCE, 0, False
+        self._asks, self._done = Asked.GLANCE, 0
         self.within = _NEARLY * len(parts)
         self._mode: Mode | None = None
 
@@ -96,10 +96,7 @@ class _Followed:
             self._next = (self._best + z) / 2
             return self._mode is not None
         there = posterior.misfit(z, forward(tissue, posterior.places(z), posterior.forces(z))).total
-        as_promised = there < self.promised + _STAYS
-        glanced = self._asks is Asked.GLANCE
-        if not glanced and not self._fine:  # on another mesh misfits are others, and derivatives are new
-            self._least, self._fine, as_promised = np.inf, True, True
+        as_promised = self._least == np.inf or there < self.promised + _STAYS
         if there < self._least + _RIPPLE:
             self._best, self._least = z, min(there, self._least)
         else:
@@ -110,11 +107,13 @@ class _Followed:
             return True
         self._mode = search(posterior, forward, self._best, _STEPS, enough=_ENOUGH, damping=_DAMPING)
         self._next, self.promised = self._mode.z, self._mode.misfit.total
-        if not glanced:
-            self.within = _AS_WELL * len(self.found.kept)
-            self._stays = self._least - self.promised < _STAYS
-            self.goes_on &= not self._stays
-        self._asks = Asked.VALUES if as_promised and not glanced else Asked.SLOPES
+        if self._asks is Asked.GLANCE:
+            self._asks, self._least = Asked.SLOPES, np.inf  # misfits of the finer mesh are others
+            return True
+        self._asks = Asked.VALUES if as_promised else Asked.SLOPES
+        self.within = _AS_WELL * len(self.found.kept)
+        self._stays = self._least - self.promised < _STAYS
+        self.goes_on &= not self._stays
         return True
 
     @property

@@ -19,7 +19,7 @@ class Lag:
         self._at_mm = 0.0
 
     def follow(self, pressure_kPa: Floats, stroke_mm: Floats) -> Floats:
-        """`pressure_kPa` (n, rows, columns) as it lags behind, at places `stroke_mm` (n,)."""
+        """`pressure_kPa` (n, ...) as it lags behind, at places `stroke_mm` (n,)."""
         out = np.empty_like(pressure_kPa)
         for k, (p, x) in enumerate(zip(pressure_kPa, stroke_mm)):
             if self._now is None:

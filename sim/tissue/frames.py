@@ -64,14 +64,6 @@ class SolvedFrames:
     displacement_mm: Floats
     sensors: Floats = field(default_factory=lambda: OWN_PLACES)
 
-    def some(self, which: slice) -> SolvedFrames:
-        """Some of the frames."""
-        places, forces = self.places_mm[which], self.forces_N_per_m[which]
-        return SolvedFrames(
-            self.run, places, forces, np.lexsort((forces, places)), self.states[which],
-            self.images_kPa[which], self.displacement_mm[which], self.sensors,
-        )  # fmt: skip
-
 
 def solve_frames(
     case: Case,
