@@ -54,8 +54,8 @@ of what the contact's nodes make of a single frame of either mesh."""
 _LARGER, _OF_SLOPES = (1.0, 2.0, 4.0), (0.1, 0.3, 1.0, 2.0, 4.0, 8.0)
 """So much larger they may be, all alike: as is likeliest. The contact's nodes may make more of derivatives
 than the tissue does: their corrections may be smaller, too."""
-_SIDES_MM, _LEAST_MM = (4.0, 9.0, 14.0, 20.0, 28.0, 40.0), 4.0
-"""Near there the sides of the lump are compared: tissue ends nearer behind it than before it."""
+_SIDES_MM, _LEAST_MM = (4.0, 9.0, 14.0, 20.0, 28.0, 40.0), 2.0
+"""Near there, so far apart, the lump's sides are compared: tissue ends nearer behind it than before it."""
 _LUMP, _SOME_LUMP = [0, 1, 3], (np.log(8.0), np.log(8.0), 0.3)
 
 
@@ -323,12 +323,11 @@ def _other_side(
     case: Case, settings: Settings, before: SolvedFrames, of_stroke: NDArray[np.bool_], reach_mm: float
 ) -> CubicSpline:
     """What is otherwise behind the lump than at a stroke's frames before it, of places (n,): (n, 17)."""
-    away, stroke = -before.places_mm, np.flatnonzero(of_stroke)
-    near = {
-        int(stroke[np.abs(away[stroke] - x).argmin()]) for x in _SIDES_MM if x <= max(reach_mm, _LEAST_MM)
-    }
-    some = sorted(near, key=lambda k: float(away[k]))
-    some = [k for k, last in zip(some, [0.0, *away[some]]) if away[k] > last + _LEAST_MM / 2]
+    away = -before.places_mm
+    may = np.flatnonzero(of_stroke & (away > _LEAST_MM))
+    asked = [x for x in _SIDES_MM if x <= max(reach_mm, _SIDES_MM[0])]
+    some = sorted({int(may[np.abs(away[may] - x).argmin()]) for x in asked}, key=lambda k: float(away[k]))
+    some = [k for k, last in zip(some, [0.0, *away[some]]) if away[k] > last + _LEAST_MM]
     x = away[some]
     there = Topology(case, settings, x[0] - 1.0, x[-1] + 1.0)
     behind = solve_frames(case, settings, there.geometry(case), x, before.forces_N_per_m[some])

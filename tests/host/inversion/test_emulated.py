@@ -125,6 +125,15 @@ def test_set_right_it_says_what_the_solver_says_and_is_as_steep(of):
     assert off[1][0] < off[0][0] and off[1][1] < off[0][1]
 
 
+def test_of_a_fast_stroke_no_frame_need_be_where_the_sides_are_compared():
+    """Frames at 1.6 and 6.6 mm: the one nearest to 4 mm was too near the lump, and there was no other."""
+    places, forces = np.array([-40.0, -40.0, -25.0, -10.0, 1.6, 6.6]), np.full(6, 50.0)
+    theta, forward = ANYWHERE.column("mean"), EmulatedForward(ANYWHERE, [(6, 1)])
+    forward.set_right(theta, places, forces, Asked.SLOPES)
+    solved = Forward(ANYWHERE, replace(FINE, hx_mm=0.5))(theta, places, forces)
+    assert np.allclose(forward(theta, places, forces).depth, solved.depth, rtol=2e-3)
+
+
 def test_a_guess_that_turns_out_worse_is_gone_back_from():
     posterior, z = a_few_frames(ANYWHERE, np.random.default_rng(4))
     first, places, forces = z[posterior.at["tissue"]], np.rint(posterior.places(z)), posterior.forces(z)
