@@ -51,12 +51,12 @@ def simulate_fields(
     CaseError, StrokeError
         As `simulate`.
     """
-    seen: list[tuple[SolidRun, float, State]] = []
+    seen: list[tuple[SolidRun, float, list[State]]] = []
     stroke = simulate_forces(
         case, [case.F_rel], settings, positions_mm, visit=lambda *what: seen.append(what)
     )[0]
     projector = _Projector(seen[0][0])
-    return stroke, [projector(position, state) for _, position, state in seen]
+    return stroke, [projector(position, states[0]) for _, position, states in seen]
 
 
 class _Projector:

@@ -35,7 +35,6 @@ _LEAST_ROW_MM = 0.1
 _GLAND_ROW_MM = 9.0
 _FAR_GROWTH = 3.0
 _LEAST_GAP_MM = 1.4
-_WIDEST_LAYER_MM = 5.5
 _SHELLS_ROUND = 2
 """Of elements between the lump and its box: one alone makes the bump 5 % too high, docs/physics.md."""
 _HIGHEST_SPLIT = 0.7
@@ -114,7 +113,7 @@ def lay_grid(
     left, right = _far(fine[0], _SIDES_MM[0], 3.0 * hx), _far(fine[-1], _SIDES_MM[1], 3.0 * hx)
     x = np.concatenate([left[:0:-1], fine, right[1:]])
     y, box_y, split = _rows(case, follow_border)
-    z, box_z = _layers(case.offset_mm, 0.0 if through else across, half)
+    z, box_z = _layers(case.offset_mm, 0.0 if through else across, half, settings.layer_mm)
     if through:
         box_z = (0, len(z) - 1)
     k = settings.refine
@@ -181,19 +180,22 @@ def _rows_over(bottom: float, top: float, first: float) -> Floats:
     return top - np.array(depth)[::-1] * (length / depth[-1])
 
 
-def _layers(offset: float, across: float, half: bool) -> tuple[Floats, tuple[int, int]]:
+def _layers(offset: float, across: float, half: bool, widest: float) -> tuple[Floats, tuple[int, int]]:
     """Borders across the stroke, and the box's four layers (two in the half model) among them."""
     wanted = np.array(_FACE_LINES_MM)
     margin = min(max(0.4 * across, 1.2), 2.0)
     far = _far(wanted[-1], _ACROSS_MM, 9.0)[1:]
     if half:
         edge = _snapped(across + margin, across, wanted)
-        right = _beyond(edge, wanted, far)
+        right = _beyond(edge, wanted, far, widest)
         return np.concatenate([[0.0, edge / 2], right]), (0, 2)
     lines = np.concatenate([-wanted[::-1], [-6.0, 0.0, 6.0], wanted])
     high = _snapped(offset + across + margin, offset + across, lines)
     low = -_snapped(-offset + across + margin, -offset + across, -lines[::-1])
-    right, left = _beyond(high, lines, far), -_beyond(-low, -lines[::-1], far)[::-1]
+    right, left = (
+        _beyond(high, lines, far, widest),
+        -_beyond(-low, -lines[::-1], far, widest)[::-1],
+    )
     inside = [(low + offset) / 2, offset, (offset + high) / 2]
     return np.concatenate([left, inside, right]), (len(left) - 1, len(left) + 3)
 
@@ -204,7 +206,7 @@ def _snapped(edge: float, lump: float, lines: Floats) -> float:
     return float(near[np.abs(near - edge).argmin()]) if len(near) else edge
 
 
-def _beyond(edge: float, lines: Floats, far: Floats) -> Floats:
+def _beyond(edge: float, lines: Floats, far: Floats, widest: float) -> Floats:
     """Borders from `edge` on: the lines that are not too near, cut where they are far apart, and the far
     ones."""
     out = [edge]
@@ -212,7 +214,7 @@ def _beyond(edge: float, lines: Floats, far: Floats) -> Floats:
         gap = line - out[-1]
         if gap < _LEAST_GAP_MM:
             continue
-        parts = math.ceil(gap / _WIDEST_LAYER_MM - 0.2) if line <= lines[-1] else 1
+        parts = math.ceil(gap / widest - 0.2) if line <= lines[-1] else 1
         out += list(out[-1] + gap * np.arange(1, parts + 1) / parts)
     return np.array(out)
 

@@ -150,6 +150,20 @@ class SolidNewton:
             self.counts.iterations += 1
         raise NoConvergence(f"no equilibrium within {limit} iterations (still {error:.1e} of the force out)")
 
+    def linearise(self, state: State, position: float) -> Touching:
+        """Factor the whole tangent at an equilibrium, for its derivatives; what touches there.
+
+        Raises
+        ------
+        NoConvergence
+            The equilibrium is not stable.
+        """
+        seen = self.contact.evaluate(state.u, state.multiplier.copy(), state.height, position)
+        _, theta = self.body.residual(state.u, state.pressure, self._frozen)
+        own = replace(state, pressure=self.body.constants.bulk[:, None] * theta)
+        self._factor(own, seen, self._all)
+        return seen
+
     def _balance(self, residual: Floats, seen: Touching) -> None:
         self.contact.push(seen, residual)
         residual[self._held] = 0.0

@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 RAMP = (0.25, 0.5)
 """Parts of the lowest force at which a press-in ramp takes images."""
 
-Visit = Callable[[SolidRun, float, State], None]
+Visit = Callable[[SolidRun, float, list[State]], None]
 
 _local = threading.local()
 
@@ -51,7 +51,8 @@ def simulate_forces(
     ramp : bool
         Also take images at `RAMP` parts of the lowest force while pressing in.
     visit : callable, optional
-        Called with the run, the position and the first force's state at each position.
+        Called with the run, the position and the states there, by rising force; at the first position the
+        ramp's come before them.
 
     Raises
     ------
@@ -98,7 +99,7 @@ class _Stroking:
             if i:
                 self.run.slide(tracks, position)
             if visit is not None:
-                visit(self.run, position, tracks[0].recent[-1][1])
+                visit(self.run, position, [t.recent[-1][1] for t in tracks] if i else states)
             rows.append([self.run.read(t.recent[-1][1], position, t.force) for t in tracks])
             iterations.append(self.run.newton.counts.iterations - before)
             before = self.run.newton.counts.iterations

@@ -1,0 +1,107 @@
+"""Derivatives of a stroke over a solid lump agree with strokes that differ in one number."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from palpate.sim.tissue import Case, Settings
+from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.solid.derivatives import differentiable, strokes_with_derivatives
+from palpate.sim.tissue.solid.design import ball_cases
+from palpate.sim.tissue.solid.element import integrate
+from palpate.sim.tissue.solid.grid import lay_grid
+from palpate.sim.tissue.solid.run import SolidGeometry, SolidRun, set_up
+from palpate.sim.tissue.solid.stroke import simulate_forces
+from palpate.sim.tissue.solid.topology import SolidTopology
+
+PLACES = [-8.13, -4.37]
+"""Where no sensor's sample falls on a node, at which what it reads has two slopes."""
+AGREE = 2e-3
+BALL = Case(12.0, 0.6, 8.0, 0.4, shape="ball", fat_stiffening=1.0, gland_stiffening=0.5)
+BESIDE = Case(
+    13.0, 0.5, 12.0, 0.4, shape="ellipsoid", half_across_mm=5.0, half_down_mm=4.0, offset_mm=5.0,
+    fat_stiffening=1.0, gland_stiffening=0.5,
+)  # fmt: skip
+
+
+def worst_difference(case, settings, by):
+    """By parameter, how far derivatives are from differences of equilibria, over the largest of them."""
+    _, found = strokes_with_derivatives(case, [case.F_rel], settings, PLACES, by)
+    states = []
+    simulate_forces(case, [case.F_rel], settings, PLACES, visit=lambda run, x, seen: states.append(seen[-1]))
+    grid = lay_grid(case, settings, PLACES[0], PLACES[-1])
+    fronts, topology = set_up(grid).fronts, SolidTopology(case, grid)
+
+    def felt(other, i, moved=0.0):
+        mesh = topology.mesh(other)
+        share = 0.5 if grid.half else 1.0
+        run = SolidRun(other, settings, SolidGeometry(mesh, integrate(mesh), fronts), share, np.array(PLACES))
+        begin, x = states[i].copy(), PLACES[i] + moved
+        begin.height += other.centre_mm - case.centre_mm
+        force = run.force(other.F_rel)
+        row = run.read(run.newton.solve(begin, x, force, careful=True), x, force)
+        return np.append(row["images_kPa"], row["displacement_mm"])
+
+    out = {}
+    for i in range(len(PLACES)):
+        for j, name in enumerate(found.by):
+            if name == "place_mm":
+                step = 1e-4
+                ends = felt(case, i, -step), felt(case, i, step)
+            else:
+                of = "F_rel" if name == "force_N_per_m" else name
+                value = getattr(case, of)
+                step = 1e-4 * value
+                ends = (
+                    felt(replace(case, **{of: value - step}), i),
+                    felt(replace(case, **{of: value + step}), i),
+                )
+                step *= 100.0 if of == "F_rel" else 1.0
+            difference = (ends[1] - ends[0]) / (2 * step)
+            derivative = np.append(found.images[i, ..., j], found.displacement[i, j])
+            apart = np.abs(derivative - difference)
+            out[name, i] = max(
+                apart[:-1].max() / np.abs(difference[:-1]).max(), apart[-1] / np.abs(difference).max()
+            )
+    return out
+
+
+def test_derivatives_over_a_ball_are_those_of_whole_strokes():
+    by = ("d_mm", "E_ratio", "fat_stiffening", "probe_radius_mm")
+    found = worst_difference(BALL, Settings(hx_mm=4.0, tolerance=1e-10), by)
+    assert len(found) == 2 * (len(by) + 2)
+    assert max(found.values()) < AGREE
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("case", [BALL, BESIDE, *ball_cases(8, 5)[1::3]])
+def test_derivatives_of_solid_lumps_of_all_kinds(case):
+    by = [name for name in differentiable(case) if getattr(case, name)]
+    found = worst_difference(case, Settings(tolerance=1e-10), by)
+    assert max(found.values()) < AGREE
+
+
+def test_derivatives_of_several_strokes_are_of_the_one_asked_for_and_of_the_ramp():
+    settings = Settings(hx_mm=3.0)
+    alone = strokes_with_derivatives(BALL, [0.4], settings, PLACES, ["E_ratio"])
+    others = strokes_with_derivatives(BALL, [0.34, 0.4], settings, PLACES, ["E_ratio"], ramp=True, at=1)
+    assert len(others[0]) == 2
+    assert others[1].images == pytest.approx(alone[1].images, abs=3e-4)
+    assert others[1].ramp_images.shape == (2, 16, 26, 3)
+    assert np.isfinite(others[1].ramp_images).all()
+
+
+def test_a_field_that_has_no_derivative_is_refused_and_so_are_forces_that_fall():
+    with pytest.raises(CaseError, match="no derivative by friction"):
+        strokes_with_derivatives(BALL, [0.4], by=["friction"])
+    with pytest.raises(CaseError, match="no derivative by offset_mm"):
+        strokes_with_derivatives(BALL, [0.4], by=["offset_mm"])
+    with pytest.raises(CaseError, match="rise"):
+        strokes_with_derivatives(BALL, [0.4, 0.3], by=["d_mm"])
+
+
+def test_lengths_have_no_derivatives_where_the_border_cuts_elements():
+    case = replace(BALL, fat_mm=BALL.depth_mm + 0.05 * BALL.d_mm)
+    with pytest.raises(CaseError, match="cuts elements"):
+        strokes_with_derivatives(case, [0.4], Settings(hx_mm=4.0), PLACES, ["d_mm"])
