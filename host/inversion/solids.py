@@ -7,7 +7,7 @@ ellipsoids are compared by their evidence.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -51,6 +51,9 @@ _RARE = 0.01
 _AS_WELL, _SAME = 10.0, 0.5
 """An interval holds those of every mode of a class with greater odds whose misfit is within so much of its
 best one's: the valley is long, and curved. Modes nearer than so many standard deviations are one."""
+_BESIDE_MM, _MATTERS = (0.0, 2.0, 4.0, 6.0, 8.0), 100.0
+"""The emulator has met few lumps beside the line, so a search stays about where it begins there: the first of
+these whose misfit is not larger than another's by more than the emulator may be wrong."""
 _ON_LINE_MM = 2.5
 """A bump whose middle is so near that of the face is looked for on the line."""
 
@@ -113,14 +116,45 @@ def _first(classes: list[Class], stroke: FeltStroke, start: Start, noise: Noise)
     """The modes by the emulator alone, from several starts; the later classes begin at the first's."""
     modes: list[Found] = []
     for of in classes:
-        forward = SolidForward(of, stroke.press)
-        of_class: list[Found] = []
-        for theta in [one.theta(of) for one in modes] or _starts(of, stroke, start):
-            posterior = SolidPosterior(of, stroke, noise)
-            least = min((one.mode.misfit.total for one in of_class), default=np.inf)
-            z = posterior.start(theta, start.E_kPa, start.lump_mm)
-            _take(of_class, _searched(posterior, forward, z, least + _HOPELESS))
+        if modes:
+            of_class = _from(of, [one.theta(of) for one in modes], stroke, start, noise)
+        else:
+            of_class = _beside(of, stroke, start, noise)
         modes += _near(of_class)
+    return modes
+
+
+def _beside(of: Class, stroke: FeltStroke, start: Start, noise: Noise) -> list[Found]:
+    """A class's modes, searched from beside the line as the columns say or, where it matters, elsewhere."""
+    said = _across(stroke, start.lump_mm)
+    side = 1.0 if said >= 0 else -1.0
+    one_each = [
+        (offset, found)
+        for offset in (said, *(side * y for y in _BESIDE_MM))
+        for found in _from(of, [next(_starts(of, start, offset))], stroke, start, noise)
+    ]
+    least = min((found.mode.misfit.total for _, found in one_each), default=np.inf)
+    for offset, found in one_each:
+        if found.mode.misfit.total <= least + _MATTERS:
+            return _from(of, list(_starts(of, start, offset)), stroke, start, noise, [found])
+    return []
+
+
+def _from(
+    of: Class,
+    thetas: list[Floats],
+    stroke: FeltStroke,
+    start: Start,
+    noise: Noise,
+    known: Sequence[Found] = (),
+) -> list[Found]:
+    """A class's modes by the emulator alone, those known and others that guesses lead to."""
+    modes, forward = list(known), SolidForward(of, stroke.press)
+    for theta in thetas:
+        posterior = SolidPosterior(of, stroke, noise)
+        least = min((one.mode.misfit.total for one in modes), default=np.inf)
+        z = posterior.start(theta, start.E_kPa, start.lump_mm)
+        _take(modes, _searched(posterior, forward, z, least + _HOPELESS))
     return modes
 
 
@@ -161,9 +195,8 @@ def _searched(
     return Found(posterior, mode)
 
 
-def _starts(of: Class, stroke: FeltStroke, start: Start) -> Iterator[Floats]:
+def _starts(of: Class, start: Start, offset_mm: float) -> Iterator[Floats]:
     """First guesses: the estimate, softer, harder, smaller and larger over other glands; the middle."""
-    offset = _across(stroke, start.lump_mm)
     valley = [start.as_stiff(s) for s in (start.E_inv23, _SOFT, _HARD)]
     names = [unknown.name for unknown in of.unknowns]
     sized = [
@@ -173,7 +206,7 @@ def _starts(of: Class, stroke: FeltStroke, start: Start) -> Iterator[Floats]:
     for one, ratio in (*((one, 0.0) for one in valley), *sized, (MIDDLE, 0.0)):
         theta = of.column("mean")
         theta[:3] = np.log(one.d_mm), np.log(one.depth_mm), one.E_inv23
-        theta[names.index(OFFSET)] = offset
+        theta[names.index(OFFSET)] = offset_mm
         theta[names.index(RATIO)] += ratio
         yield theta
 

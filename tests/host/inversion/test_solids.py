@@ -124,3 +124,15 @@ def test_an_emulated_ball_is_found_again(monkeypatch):
     both = invert_together([(felt, start)] * 2, level_named("typical"))
     assert "as over a ball; several together" in both.problem
     assert "--class border" in invert_stroke(felt, start, level_named("typical"), "border").problem
+
+
+def test_a_lump_far_beside_the_line_is_found_there(monkeypatch):
+    """The columns said 6.8 mm where it lay 8.5 mm beside, and the search stayed where it began."""
+    without_solver(monkeypatch)
+    beside = replace(BALL, offset_mm=8.5)
+    felt, start, _ = felt_over(*emulated(beside), 4)
+    found = invert_stroke(felt, start, level_named("typical"))
+    assert found.fits, found
+    for name, true in {"d_mm": 12.0, "width_mm": 12.0, "depth_mm": 7.2, "t_mm": 13.2}.items():
+        said = found.values[name]
+        assert said.low < true < said.high, (name, said)
