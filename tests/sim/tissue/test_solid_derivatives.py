@@ -18,7 +18,7 @@ from palpate.sim.tissue.solid.topology import SolidTopology
 PLACES = [-8.13, -4.37]
 """Where no sensor's sample falls on a node, at which what it reads has two slopes."""
 AGREE, AT_KINKS = 3e-3, 2e-2
-"""What sensors read has kinks where their samples pass a node: steps of place and Poisson's ratio meet them."""
+"""What sensors read has kinks where their samples pass a node, as steps of the place do."""
 STEPS = dict.fromkeys(("E_ratio", "half_across_mm", "fat_stiffening", "gland_stiffening"), 1e-3)
 STEPS |= dict.fromkeys(("fillet_per_mm2", "across_fillet_per_mm2"), 5e-3)
 """Relative. Smaller ones are lost in Newton's tolerance where they hardly matter; of the rest, 1e-4, larger
