@@ -130,13 +130,14 @@ def _beside(of: Class, stroke: FeltStroke, start: Start, noise: Noise) -> list[F
     side = 1.0 if said >= 0 else -1.0
     one_each = [
         (offset, found)
-        for offset in (said, *(side * y for y in _BESIDE_MM))
+        for offset in dict.fromkeys((said, *(side * y for y in _BESIDE_MM)))
         for found in _from(of, [next(_starts(of, start, offset))], stroke, start, noise)
     ]
     least = min((found.mode.misfit.total for _, found in one_each), default=np.inf)
     for offset, found in one_each:
         if found.mode.misfit.total <= least + _MATTERS:
-            return _from(of, list(_starts(of, start, offset)), stroke, start, noise, [found])
+            _, *others = _starts(of, start, offset)
+            return _from(of, others, stroke, start, noise, [found])
     return []
 
 

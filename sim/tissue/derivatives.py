@@ -86,14 +86,18 @@ class Derivatives:
         return out
 
 
-def differentiable(case: Case) -> tuple[str, ...]:
-    """All of `FIELDS` that a case has."""
+def absent(case: Case) -> set[str]:
+    """Fields that mean nothing in a case: of layers that it has not, and of a lump where there is none."""
     without = {"fat_mm"} if case.fat_mm is None else set()
     for layer in DEEPER:
         if getattr(case, f"{layer}_mm") is None:
             without |= set(fields_of(layer))
-    if not case.has_lump:
-        without |= {"E_ratio", "d_mm", "lump_stiffening"}
+    return without if case.has_lump else without | {"E_ratio", "lump_stiffening"}
+
+
+def differentiable(case: Case) -> tuple[str, ...]:
+    """All of `FIELDS` that a case has."""
+    without = absent(case) if case.has_lump else absent(case) | {"d_mm"}
     return tuple(name for name in FIELDS if name not in without)
 
 

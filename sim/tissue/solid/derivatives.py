@@ -11,22 +11,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.derivatives import MODULI, absent
 from palpate.sim.tissue.errors import CaseError, StrokeError
 from palpate.sim.tissue.face_sensors import ACROSS, SENSORS_MM, places_mm
-from palpate.sim.tissue.layers import DEEPER, UNDER_FAT, fields_of
+from palpate.sim.tissue.layers import UNDER_FAT
 from palpate.sim.tissue.newton import NoConvergence
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.solid.body import Body
 from palpate.sim.tissue.solid.element import elasticity, integrate
-from palpate.sim.tissue.solid.face import FaceShape, Touching
+from palpate.sim.tissue.solid.face import ACROSS_FIELDS, Touching
 from palpate.sim.tissue.solid.result import SolidStroke
-from palpate.sim.tissue.solid.run import SolidRun, face_of
+from palpate.sim.tissue.solid.run import SolidRun
 from palpate.sim.tissue.solid.stroke import simulate_forces
 from palpate.sim.tissue.solid.topology import SolidTopology
 from palpate.sim.tissue.state import State
@@ -44,24 +44,13 @@ LENGTHS = (
     "fat_mm",
 )
 """They move the mesh."""
-MODULI = (
-    "E_ratio",
-    *(f"{layer}_ratio" for layer in UNDER_FAT),
-    "fat_kPa",
-    "poisson",
-    *(f"{tissue}_stiffening" for tissue in ("fat", *UNDER_FAT, "lump")),
-)
-FACE = (
-    "probe_radius_mm", "face_half_mm", "fillet_per_mm2",
-    "across_radius_mm", "across_half_mm", "across_fillet_per_mm2",
-)  # fmt: skip
+FACE = (*ACROSS_FIELDS.values(), *ACROSS_FIELDS)
 FIELDS = (*LENGTHS, *MODULI, *FACE)
 
 _LENGTH_STEP = 5e-8
 """Relative, as in the plane: the bulk modulus magnifies its square."""
-_MODULUS_STEP, _STIFFENING_STEP = 1e-3, 1e-5
+_MODULUS_STEP, _STIFFENING_STEP, _POISSON_STEP = 1e-3, 1e-5, 1e-6
 """Forces are linear in moduli, nearly so in b."""
-_FACE_STEP = 1e-6
 _REFINEMENTS, _ALONG_MM = 1, 1e-6
 _READ_MM = 1e-5
 """So far nodes are moved to see what the sensors read then."""
@@ -92,16 +81,11 @@ class SolidDerivatives:
 
 def differentiable(case: Case) -> tuple[str, ...]:
     """All of `FIELDS` that a case has, and that do not break its symmetry."""
-    without = {"fat_mm"} if case.fat_mm is None else set()
+    without = absent(case)
     if case.shape != "ellipsoid":
         without |= {"half_across_mm", "half_down_mm"}
     if case.offset_mm == 0.0:
         without.add("offset_mm")
-    if not case.has_lump:
-        without |= {"E_ratio", "lump_stiffening"}
-    for layer in DEEPER:
-        if getattr(case, f"{layer}_mm") is None:
-            without |= set(fields_of(layer))
     return tuple(name for name in FIELDS if name not in without)
 
 
@@ -156,7 +140,8 @@ def _differentiated(
 ) -> tuple[Floats, Floats]:
     """Derivatives of images (n, 16, 26, k) and displacements (n, k) at states, each with its position."""
     k = len(by) + 2
-    pushed, rise = _moved_forces(run, [state.u for _, state in states], by)
+    now = [run.newton.body.forces(state.u) for _, state in states]
+    pushed, rise = _moved_forces(run, [state.u for _, state in states], now, by)
     images = np.empty((len(states), len(SENSORS_MM), ACROSS, k))
     depth = np.empty((len(states), k))
     for i, (x, state) in enumerate(states):
@@ -166,19 +151,17 @@ def _differentiated(
             raise StrokeError(run.case.code, x, f"differentiating, {error}") from None
         forces, gap, deficit = _sides(run, state, touching, x, by, rise)
         forces[: k - 2] += pushed[i]
-        du, dY, dlam = _solved(run, state, touching, x, forces, gap, deficit)
+        du, dY, dlam = _solved(run, state.u, now[i], touching, forces, gap, deficit)
         images[i] = _read(run, state, x, touching, du, dlam)
         depth[i] = rise - dY
     return images, depth
 
 
 def _moved_forces(
-    run: SolidRun, displacements: Sequence[Floats], by: tuple[str, ...]
+    run: SolidRun, displacements: Sequence[Floats], now: Sequence[Floats], by: tuple[str, ...]
 ) -> tuple[NDArray[np.float32], Floats]:
-    """Of the internal forces, by all fields but the face's, (n, k, 3N), and how the skin rises, (k + 2,)."""
-    own = run.newton.body
-    before = [own.forces(u) for u in displacements]
-    out = np.zeros((len(before), len(by), len(before[0])), np.float32)
+    """Of the internal forces now, by all fields but the face's, (n, k, 3N); how the skin rises, (k + 2,)."""
+    out = np.zeros((len(now), len(by), len(now[0])), np.float32)
     rise = np.zeros(len(by) + 2)
     lengths = SolidTopology(run.case, run.mesh.grid) if set(by) & set(LENGTHS) else None
     for j, name in enumerate(by):
@@ -191,10 +174,10 @@ def _moved_forces(
             integrals = integrate(mesh)
             rise[j] = (other.centre_mm - run.case.centre_mm) / step
         else:
-            mesh, integrals = run.mesh, own.integrals
+            mesh, integrals = run.mesh, run.newton.body.integrals
         body = Body(mesh, integrals, elasticity(other, mesh, integrals))
         for i, u in enumerate(displacements):
-            out[i, j] = (body.forces(u) - before[i]) / step
+            out[i, j] = (body.forces(u) - now[i]) / step
     return out, rise
 
 
@@ -205,7 +188,7 @@ def _stepped(case: Case, name: str) -> tuple[Case, float]:
         if name.endswith("_stiffening"):
             step = sign * _STIFFENING_STEP
         elif name in MODULI:
-            step = sign * (_FACE_STEP if name == "poisson" else _MODULUS_STEP) * value
+            step = sign * (_POISSON_STEP if name == "poisson" else _MODULUS_STEP) * value
         else:
             step = sign * _LENGTH_STEP * max(abs(value), 1.0)
         try:
@@ -229,27 +212,23 @@ def _sides(
     for j, name in enumerate(by):
         if name not in FACE:
             continue
-        value = getattr(run.case, name)
-        (f0, s0, _), (f1, s1, _) = (
-            _shape(run.case, name, v).height(along, across)
-            for v in (value * (1 - _FACE_STEP), value * (1 + _FACE_STEP))
-        )
-        step = 2 * _FACE_STEP * value
-        gap[j] -= (f1 - f0) / step
-        forces[j][dofs[:, [0, 2]]] -= touching.force[:, None] * (s1 - s0) / step
+        height, slopes = contact.shape.derivatives(along, across, name)
+        gap[j] -= height
+        forces[j][dofs[:, [0, 2]]] -= touching.force[:, None] * slopes
     gap[-2] = -touching.normal[:, 0]
     forces[-2, dofs[:, 0]] += touching.force * touching.curvature[:, 0]
     deficit[-1] = run.force(run.case.F_rel) / run.case.F_N_per_m
     return forces, gap, deficit
 
 
-def _shape(case: Case, name: str, value: float) -> FaceShape:
-    field: dict[str, Any] = {name: value}
-    return face_of(replace(case, **field))
-
-
 def _solved(
-    run: SolidRun, state: State, touching: Touching, x: float, forces: Floats, gap: Floats, deficit: Floats
+    run: SolidRun,
+    u: Floats,
+    now: Floats,
+    touching: Touching,
+    forces: Floats,
+    gap: Floats,
+    deficit: Floats,
 ) -> tuple[Floats, Floats, Floats]:
     """d u (k, 3N), d height (k,) and d lambda (k, active): a step of Newton's method, and its refinements."""
     contact, newton = run.contact, run.newton
@@ -262,7 +241,6 @@ def _solved(
     border[held] = 0.0
     of_height = newton.solver.solve(border[None])[0]
     pivot = r * w.sum() - border @ of_height
-    before = newton.body.forces(state.u)
 
     def step(forces: Floats, gap: Floats, deficit: Floats) -> tuple[Floats, Floats, Floats]:
         pull = r * gap
@@ -276,7 +254,7 @@ def _solved(
 
     du, rise, dlam = step(forces, gap, deficit)
     for _ in range(_REFINEMENTS):
-        left = forces + np.array([_along(newton.body, state.u, one, before) for one in du])
+        left = forces + np.array([_along(newton.body, u, one, now) for one in du])
         moved = du[:, dofs]
         push = (w * dlam)[..., None] * normal
         push[..., 0] -= bend[:, 0] * moved[..., 0]
@@ -288,10 +266,10 @@ def _solved(
     return du, rise, dlam
 
 
-def _along(body: Body, u: Floats, direction: Floats, before: Floats) -> Floats:
+def _along(body: Body, u: Floats, direction: Floats, now: Floats) -> Floats:
     """How internal forces change along a direction (3N,)."""
     step = _ALONG_MM / max(float(np.abs(direction).max()), 1e-12)
-    change: Floats = (body.forces(u + step * direction) - before) / step
+    change: Floats = (body.forces(u + step * direction) - now) / step
     return change
 
 

@@ -24,6 +24,14 @@ _SWITCH = 50.0
 """kPa/mm: weighs penetration against multiplier when the active set is chosen."""
 
 
+ACROSS_FIELDS = {
+    "across_radius_mm": "probe_radius_mm",
+    "across_half_mm": "face_half_mm",
+    "across_fillet_per_mm2": "fillet_per_mm2",
+}
+"""A case's fields of the face across the stroke, and those of the same meaning along it."""
+
+
 @dataclass(frozen=True)
 class FaceShape:
     """Height of the face over its lowest point: the sum of an arc along the stroke and one across it."""
@@ -36,6 +44,14 @@ class FaceShape:
         fx, sx, bx = self.along.height(x)
         fz, sz, bz = self.across.height(z)
         return fx + fz, np.stack([sx, sz], -1), np.stack([bx, bz], -1)
+
+    def derivatives(self, x: Floats, z: Floats, by: str) -> tuple[Floats, Floats]:
+        """Of f (n,) and its slopes (n, 2) by a field of the face's, along or across."""
+        if by in ACROSS_FIELDS:
+            f, slope = self.across.derivatives(z, ACROSS_FIELDS[by])
+            return f, np.stack([np.zeros_like(slope), slope], -1)
+        f, slope = self.along.derivatives(x, by)
+        return f, np.stack([slope, np.zeros_like(slope)], -1)
 
 
 @dataclass(frozen=True)

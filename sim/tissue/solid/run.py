@@ -57,14 +57,6 @@ def set_up(grid: SolidGrid) -> SolidGeometry:
     return SolidGeometry(mesh, integrate(mesh), lay_fronts(mesh))
 
 
-def face_of(case: Case) -> FaceShape:
-    """The face of a case's probe."""
-    return FaceShape(
-        ProbeShape(case.probe_radius_mm, case.face_half_mm, case.fillet_per_mm2),
-        ProbeShape(case.across_radius_mm, case.across_half_mm, case.across_fillet_per_mm2),
-    )
-
-
 class SolidRun:
     """One case on one geometry.
 
@@ -86,7 +78,11 @@ class SolidRun:
     ) -> None:
         self.case, self.mesh, self.share = case, geometry.mesh, share
         body = Body(geometry.mesh, geometry.integrals, elasticity(case, geometry.mesh, geometry.integrals))
-        self.contact = FaceContact(geometry.mesh, face_of(case))
+        shape = FaceShape(
+            ProbeShape(case.probe_radius_mm, case.face_half_mm, case.fillet_per_mm2),
+            ProbeShape(case.across_radius_mm, case.across_half_mm, case.across_fillet_per_mm2),
+        )
+        self.contact = FaceContact(geometry.mesh, shape)
         solver = Multifrontal(geometry.fronts, [near_probe(geometry.mesh, x) for x in positions])
         self.newton = SolidNewton(body, self.contact, solver, settings.tolerance)
         self.predictor = SolidPredictor(geometry.mesh, geometry.integrals.volume)

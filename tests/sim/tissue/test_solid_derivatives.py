@@ -1,5 +1,6 @@
 """Derivatives of a stroke over a solid lump agree with strokes that differ in one number."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -118,3 +119,11 @@ def test_lengths_have_no_derivatives_where_the_border_cuts_elements():
     case = replace(BALL, fat_mm=BALL.depth_mm + 0.05 * BALL.d_mm)
     with pytest.raises(CaseError, match="cuts elements"):
         strokes_with_derivatives(case, [0.4], Settings(hx_mm=4.0), PLACES, ["d_mm"])
+
+
+def test_a_flat_face_has_derivatives_too():
+    """By its radius, which has no end, they were no numbers."""
+    flat = replace(BALL, probe_radius_mm=math.inf)
+    _, found = strokes_with_derivatives(flat, [0.4], Settings(hx_mm=4.0), PLACES[1:], ["probe_radius_mm"])
+    assert not found.images[..., 0].any()
+    assert np.isfinite(found.images).all()
