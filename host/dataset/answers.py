@@ -12,11 +12,12 @@ from palpate.dataset.checks import fault, slip_of
 from palpate.dataset.strokes import ObservedDataSet
 from palpate.dataset.table import DataSet
 from palpate.features.map_features import Floats
+from palpate.learn import probe_model
 from palpate.learn.observed import NAMES as FEATURES
 from palpate.model_export.fixed_point.reference import evaluate, inputs
 from palpate.model_export.schema import ModelSpec
 from palpate.model_export.vocabulary import WORDS
-from palpate.spans import BORDER, Span, depth_mm
+from palpate.spans import Span, depth_mm
 
 DEPTH = "depth_mm"
 OUTPUTS = tuple(dict.fromkeys((*outputs.NAMES, DEPTH)))
@@ -93,12 +94,7 @@ def found(spec: ModelSpec, X: Floats, codes: NDArray[np.int64]) -> NDArray[np.bo
 
 def shows_lump(spec: ModelSpec, X: Floats) -> NDArray[np.bool_]:
     """The model's lump rule on features (n, all)."""
-    shown = np.ones(len(X), bool)
-    for limit in spec.lump:
-        x = X[:, FEATURES.index(limit.feature)]
-        shown &= x >= (-np.inf if limit.lo is None else limit.lo)
-        shown &= x <= (np.inf if limit.hi is None else limit.hi)
-    return shown
+    return probe_model.shows_lump(X, FEATURES, spec.lump)
 
 
 def truth_of(seen: ObservedDataSet) -> Floats:
@@ -127,7 +123,7 @@ def answers(spec: ModelSpec, seen: ObservedDataSet) -> JudgedAnswers:
         said["force_out"],
         said["hardness"],
         seen.lump,
-        truth[:, outputs.E_INV23] <= BORDER ** (-2 / 3) + 1e-12,
+        truth[:, outputs.E_INV23] <= probe_model.HARD_BELOW + 1e-12,
         spec.interval.level,
     )
 

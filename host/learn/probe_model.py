@@ -20,7 +20,8 @@ from firmware_py import features as firmware_features
 from palpate.features.map_features import Floats
 from palpate.learn.conformal import Widths
 from palpate.learn.domain import DomainCheck
-from palpate.learn.ridge import STRENGTHS, Term, fit_ridge, monomials
+from palpate.learn.ridge import STRENGTHS, Term, fit_ridge
+from palpate.model_export.fixed_point.reference import monomials
 from palpate.model_export.schema import (
     Domain,
     Estimate,
@@ -35,8 +36,8 @@ from palpate.model_export.vocabulary import SYMBOLS
 from palpate.spans import BORDER
 
 HARD_BELOW = BORDER ** (-2 / 3)
-LEAST_AMP_SHARE = 0.01
-WIDEST_STDEV_MM = 20.0
+LUMP = (Limit("asinh_amp", lo=math.asinh(100 * 0.01)), Limit("ln_stdev", hi=math.log(20.0)))
+"""The lump rule of every model: Amp over 1 % of Base, Stdev under 20 mm."""
 _TAIL, _ROOM = 0.001, 0.1
 _LINK_LN = np.array(outputs.LOGARITHMIC)
 E_INV23 = outputs.E_INV23
@@ -228,10 +229,7 @@ def spec_of(
             _ranges(model, domain),
             domain.margin,
         ),
-        lump=(
-            Limit("asinh_amp", lo=math.asinh(100 * LEAST_AMP_SHARE)),
-            Limit("ln_stdev", hi=math.log(WIDEST_STDEV_MM)),
-        ),
+        lump=LUMP,
         hard_below=hard_below,
         force_range=force_range_N_per_m,
         training=training,
@@ -276,10 +274,14 @@ def _ranges(model: Polynomial, domain: DomainCheck) -> tuple[tuple[float | None,
     return tuple(zip(*ends))
 
 
-def shows_lump(X: Floats, names: Sequence[str]) -> NDArray[np.bool_]:
-    """The lump rule: Amp over 1 % of Base, Stdev under 20 mm, on features X with these names."""
-    amp, stdev = (X[:, list(names).index(n)] for n in ("asinh_amp", "ln_stdev"))
-    return (amp >= math.asinh(100 * LEAST_AMP_SHARE)) & (stdev <= math.log(WIDEST_STDEV_MM))
+def shows_lump(X: Floats, names: Sequence[str], rule: Sequence[Limit] = LUMP) -> NDArray[np.bool_]:
+    """Whether features X (n, features) with these names keep a model's lump rule."""
+    shown = np.ones(len(X), bool)
+    for limit in rule:
+        x = X[:, list(names).index(limit.feature)]
+        shown &= x >= (-np.inf if limit.lo is None else limit.lo)
+        shown &= x <= (np.inf if limit.hi is None else limit.hi)
+    return shown
 
 
 def training_hash(*arrays: Floats) -> str:

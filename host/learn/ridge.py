@@ -28,21 +28,6 @@ def all_terms(features: int, degree: int) -> tuple[Term, ...]:
     return tuple(t for k in range(degree + 1) for t in combinations_with_replacement(range(features), k))
 
 
-def monomials(z: Floats, terms: Sequence[Term]) -> Floats:
-    """(n, terms): products of the columns of z (n, features)."""
-    out = np.empty((len(z), len(terms)))
-    made: dict[Term, int] = {}
-    for k, term in enumerate(terms):
-        if not term:
-            out[:, k] = 1.0
-        elif term[:-1] in made:
-            np.multiply(out[:, made[term[:-1]]], z[:, term[-1]], out=out[:, k])
-        else:
-            out[:, k] = z[:, list(term)].prod(axis=1)
-        made[term] = k
-    return out
-
-
 @dataclass(frozen=True)
 class RidgeFit:
     """Coefficients (terms, outputs), the strength chosen for each output, and its cross-validated error.

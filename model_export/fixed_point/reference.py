@@ -12,12 +12,18 @@ from palpate.model_export.schema import FirstStage, ModelSpec, Term
 from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS
 
 
-def monomials(z: np.ndarray, terms: tuple[Term, ...]) -> np.ndarray:
+def monomials(z: np.ndarray, terms: Sequence[Term]) -> np.ndarray:
     """Products of columns of z (n x features) for each term: n x terms."""
-    out = np.ones((len(z), len(terms)))
+    out = np.empty((len(z), len(terms)))
+    made: dict[Term, int] = {}
     for k, term in enumerate(terms):
-        for i in term:
-            out[:, k] *= z[:, i]
+        if not term:
+            out[:, k] = 1.0
+        elif term[:-1] in made:
+            np.multiply(out[:, made[term[:-1]]], z[:, term[-1]], out=out[:, k])
+        else:
+            out[:, k] = z[:, list(term)].prod(axis=1)
+        made[term] = k
     return out
 
 

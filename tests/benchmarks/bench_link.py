@@ -1,8 +1,8 @@
 """What the link carries, and what it costs the probe: python -m tests.benchmarks.bench_link
 
 Frames a second over a paced 921,600-baud line and over an unpaced pseudo-terminal, with the firmware
-under CPython and under MicroPython/WASM; overhead beside what people would write; microseconds a frame
-on the probe; and what a compressed frame would save and cost.
+under CPython and under MicroPython/WASM; overhead beside what people would write; and microseconds a frame
+on the probe.
 """
 
 from __future__ import annotations
@@ -80,34 +80,6 @@ def stream(runtime: str, baud: int, seconds: float) -> dict:
         }
 
 
-def latency(runtime: str) -> dict:
-    """From the last frame of a stroke to its estimate at the host, ms."""
-    with EmulatedProbe(runtime, [Still()]) as probe:
-        fd = os.open(probe.port, os.O_RDWR | os.O_NOCTTY)
-        ears = Ears()
-        os.write(fd, command("stream_start", 2, (messages.CONTENT_FRAMES | messages.CONTENT_STROKES, 1, 0)))
-        last = 0.0
-        delays = []
-        end = time.monotonic() + 15
-        while not delays and time.monotonic() < end:
-            if not select.select([fd], [], [], 0.02)[0]:
-                continue
-            data = os.read(fd, 65536)
-            now = time.monotonic()
-            for m in ears.hear(data):
-                if m.name == "stroke_state" and m.fields["state"] == messages.STATE_ENDED:
-                    last = last or now
-                elif m.name == "frame" and not last:
-                    before = now
-                elif m.name == "estimate":
-                    delays.append(now - before)
-        os.close(fd)
-    return {
-        "runtime": runtime,
-        "last_frame_to_estimate_ms": round(1000 * min(delays, default=float("nan")), 1),
-    }
-
-
 def overhead() -> dict:
     """Bytes beyond the data, in per cent of what is on the wire.
 
@@ -137,38 +109,6 @@ f = open("frames", "rb")
 frames = [f.read(624) for _ in range(60)]
 body, out = bytearray(645), bytearray(700)
 
-def rice(counts, before, out, k):
-    held = bits = at = p = 0
-    mask = (1 << k) - 1
-    for i in range(0, 416, 2):
-        b = counts[p + 1]
-        c = before[p + 1]
-        for half in range(2):
-            if half:
-                d = (b >> 4 | counts[p + 2] << 4) - (c >> 4 | before[p + 2] << 4)
-            else:
-                d = (counts[p] | (b & 15) << 8) - (before[p] | (c & 15) << 8)
-            d = d << 1 if d >= 0 else (-d << 1) - 1
-            q = d >> k
-            if q > 11:
-                held |= 4095 << bits
-                bits += 12
-                held |= d << bits
-                bits += 13
-            else:
-                held |= ((1 << q) - 1) << bits
-                bits += q + 1
-                held |= (d & mask) << bits
-                bits += k
-            while bits >= 8:
-                out[at] = held & 255
-                at += 1
-                held >>= 8
-                bits -= 8
-        p += 3
-    out[at] = held & 255
-    return at + 1
-
 def clock(work, n=300):
     best = 1 << 29
     for _ in range(3):
@@ -180,29 +120,20 @@ def clock(work, n=300):
 
 p = pipeline.Pipeline(calib.Calibration())
 s = stroke_state.StrokeState(settings.Settings().values)
-size = sum([rice(frames[i + 1], frames[i], out, 4) for i in range(59)]) // 59
 print(clock(lambda i: crc.append(body, 641)), clock(lambda i: cobs.encode(body, 645, out, 0)),
       clock(lambda i: s.update(frames[i], 1000 * i, 20000 * i)),
-      clock(lambda i: p.add_frame(frames[i], 1500 * i, 2500)),
-      clock(lambda i: rice(frames[i + 1], frames[i], out, 4)), size)
+      clock(lambda i: p.add_frame(frames[i], 1500 * i, 2500)))
 """
 
 
 def costs() -> dict:
-    """Microseconds a frame in plain bytecode on MicroPython/WASM, and what delta + Rice coding would do."""
+    """Microseconds a frame in plain bytecode on MicroPython/WASM."""
     said = run_micropython(COSTS, {"frames": b"".join(Still().packed)}).split()
-    names = ("crc_us", "cobs_us", "stroke_state_us", "pipeline_us", "rice_us", "rice_bytes")
-    return dict(zip(names, map(int, said), strict=True))
+    return dict(zip(PARTS, map(int, said), strict=True))
 
 
 NAMES = {"cpython": "CPython firmware", "micropython": "MicroPython/WASM firmware"}
-COST_NAMES = {
-    "crc_us": "checksum",
-    "cobs_us": "stuffing",
-    "stroke_state_us": "watching the stroke",
-    "pipeline_us": "the pipeline's share of a frame",
-    "rice_us": "delta and Rice coding",
-}
+PARTS = ("checksum", "stuffing", "watching the stroke", "the pipeline's share of a frame")
 
 
 def main(seconds: float = 5.0) -> None:
@@ -225,13 +156,8 @@ def main(seconds: float = 5.0) -> None:
         f"\noverhead {size['overhead_percent']} %; all but the counts {size['all_but_counts_percent']} %"
         "\n\n| on MicroPython/WASM, plain bytecode | us a frame |\n|---|---|"
     )
-    spent = costs()
-    for name, words in COST_NAMES.items():
-        print(f"| {words} | {spent[name]} |")
-    print(f"\ndelta and Rice coding: {geometry.FRAME_BYTES} bytes become {spent['rice_bytes']}")
-    for runtime in RUNTIMES:
-        waited = latency(runtime)["last_frame_to_estimate_ms"]
-        print(f"{NAMES[runtime]}: {waited} ms from the last frame to the estimate")
+    for part, spent_us in costs().items():
+        print(f"| {part} | {spent_us} |")
 
 
 if __name__ == "__main__":

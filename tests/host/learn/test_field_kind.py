@@ -13,7 +13,7 @@ from palpate.learn.probe_model import training_hash
 from palpate.learn.table import TableError
 from palpate.model_export import exporter
 from palpate.model_export import image_builder as image
-from palpate.model_export.fixed_point.reference import evaluate
+from palpate.model_export.fixed_point.reference import evaluate, monomials
 from palpate.model_export.schema import ModelSpec
 from palpate.report import held_out_figures
 from palpate.sim.tissue import Case
@@ -148,7 +148,7 @@ def test_ridge_finds_a_polynomial_and_judges_on_whole_lumps():
     z = rng.uniform(-1, 1, (400, 3))
     terms = ridge.all_terms(3, 3)
     assert len(terms) == 20 and terms[0] == ()
-    A = ridge.monomials(z, terms)
+    A = monomials(z, terms)
     assert A[:, terms.index((0, 0, 2))] == pytest.approx(z[:, 0] ** 2 * z[:, 2])
     truth = rng.normal(size=(20, 2))
     found = ridge.fit_ridge(A, A @ truth, [len(t) for t in terms], np.arange(400) // 4)
@@ -156,7 +156,7 @@ def test_ridge_finds_a_polynomial_and_judges_on_whole_lumps():
     # Copies of a lump in every fold make noise look learnable; whole lumps do not.
     noise = np.repeat(rng.normal(size=(40, 1)), 10, axis=0)
     z = np.repeat(rng.uniform(-1, 1, (40, 3)), 10, axis=0)
-    A = ridge.monomials(z, terms)
+    A = monomials(z, terms)
     honest = ridge.fit_ridge(A, noise, [len(t) for t in terms], np.arange(400) // 10)
     fooled = ridge.fit_ridge(A, noise, [len(t) for t in terms], np.arange(400))
     assert fooled.error[0] < honest.error[0]

@@ -195,13 +195,3 @@ def test_a_refused_image_is_refused_again_with_the_same_reason(emulated, images)
             codes.append(refusal.value.status)
             probe.refresh_identity()
         assert codes == [status.BAD_SIGNATURE] * 2
-
-
-def test_another_image_of_the_same_size_begins_at_its_beginning(emulated, images):
-    """`received` said how much there was of the other one."""
-    with connect(emulated()) as probe:
-        size = len(images[0])
-        assert probe.command("flash_begin", size, b"image  A") == (0,)
-        assert probe.command("flash_data", 0, tail=images[0][:48]) == (48,)
-        assert probe.command("flash_begin", size, b"image  A") == (48,)
-        assert probe.command("flash_begin", size, b"image  B") == (0,)

@@ -10,7 +10,6 @@ import pytest
 from playwright.sync_api import expect
 
 from palpate.stroke.answered import Answered
-from tests.host.view.chromium import free_port
 from tests.host.view.pages import LUMP, new_visit, once
 from tests.host.view.synthetic import IN_GLAND, Bump, SyntheticSource
 from tests.host.view.waiting import eventually, noticed, recording_begun, recording_ended
@@ -184,18 +183,6 @@ def test_pictures_and_tables_can_be_taken_away(viewer, open_page):
         assert data.startswith(start), words
     line = next(csv.DictReader(io.StringIO(data.decode())))
     assert float(line["d_mm"]) == 10.0 and line["notice"] == "Research use, not a diagnosis."
-
-
-def test_the_page_outlives_the_viewer_program(viewer, open_page):
-    port = free_port()
-    first = viewer(SyntheticSource([LUMP], seconds=0.5), port=port)
-    page = open_page(first)
-    expect(page.locator("#stroke-1")).to_be_visible()
-    first.__exit__()
-    expect(page.locator("#link-text")).to_have_text("Viewer stopped")
-    viewer(SyntheticSource([Bump(d_mm=20.0)], seconds=0.5), port=port, token=first.token)
-    expect(page.locator("#link-text")).to_have_text("Connected")
-    expect(page.locator('[data-key="d_mm"]')).to_contain_text("20.0")
 
 
 def test_two_visits_say_what_their_comparison_takes_for_granted(viewer, open_page):

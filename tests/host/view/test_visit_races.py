@@ -81,6 +81,7 @@ def test_a_new_viewer_behind_the_same_address_begins_with_an_empty_page(viewer, 
     expect(page.locator("#link-text")).to_have_text("Viewer stopped")
     source = SyntheticSource([Bump(d_mm=15.0)], seconds=0.3, limit=0)
     viewer(source, port=port, token=first.token)
+    expect(page.locator("#link-text")).to_have_text("Connected")
     expect(page.locator("#card")).to_contain_text("No stroke yet.")
     expect(page.locator("#strokes")).to_contain_text("Strokes are listed here as they end.")
     expect(page.locator("#back-live")).to_be_hidden()
