@@ -19,25 +19,6 @@ class ScriptFailed(PalpateError):
     """The script ended with an error; the message is what it said."""
 
 
-def stage(folder: Path, script: str, files: Mapping[str, bytes], heap: int, **more: object) -> Path:
-    """Put a script and its files into `folder` for MicroPython/WASM; gives the configuration's path."""
-    (folder / "script.py").write_text(script)
-    names = {}
-    for i, (name, contents) in enumerate(files.items()):
-        (folder / f"file-{i}").write_bytes(contents)
-        names[name] = str(folder / f"file-{i}")
-    config = {
-        "firmware": str(FIRMWARE),
-        "array": str(sensor_array.__file__),
-        "files": names,
-        "script": str(folder / "script.py"),
-        "heap": heap,
-    }
-    path = folder / "config.json"
-    path.write_text(json.dumps(config | more))
-    return path
-
-
 def run_micropython(
     script: str,
     files: Mapping[str, bytes] | None = None,
@@ -60,15 +41,25 @@ def run_micropython(
     node.check_wasm()
     with tempfile.TemporaryDirectory(prefix="palpate-script-") as scratch:
         folder = Path(scratch)
-        config = stage(folder, script, files or {}, heap, turns=turns)
-        return _run([node.node(), str(Path(__file__).with_suffix(".mjs")), str(config)], folder, timeout_s)
-
-
-def _run(command: list[str], folder: Path, timeout_s: float) -> str:
-    environment = {**os.environ, "PYTHONPATH": str(FIRMWARE.parent)}
-    done = subprocess.run(
-        command, cwd=folder, capture_output=True, text=True, timeout=timeout_s, env=environment
-    )
+        (folder / "script.py").write_text(script)
+        names = {}
+        for i, (name, contents) in enumerate((files or {}).items()):
+            (folder / f"file-{i}").write_bytes(contents)
+            names[name] = str(folder / f"file-{i}")
+        config = {
+            "firmware": str(FIRMWARE),
+            "array": str(sensor_array.__file__),
+            "files": names,
+            "script": str(folder / "script.py"),
+            "heap": heap,
+            "turns": turns,
+        }
+        (folder / "config.json").write_text(json.dumps(config))
+        done = subprocess.run(
+            [node.node(), str(Path(__file__).with_suffix(".mjs")), str(folder / "config.json")],
+            cwd=folder, capture_output=True, text=True, timeout=timeout_s,
+            env={**os.environ, "PYTHONPATH": str(FIRMWARE.parent)},
+        )  # fmt: skip
     if done.returncode:
         raise ScriptFailed((done.stderr or done.stdout).strip()[-4000:])
     return done.stdout
