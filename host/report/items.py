@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 TITLES = {
     "Figure 2": "A Two-Dimensional Tactile Map of a Real Tumor",
-    "Figure 5": "Breast Tissue Geometry Used in the Finite Element Simulations",
     "Figure 6d": "Development of the Finite Element Model: the final mesh",
     "Figure 7": "Finite Element Models for Selected Tissue Geometries",
     "Figure 8": "Tissue Deformation and Tactile Images",

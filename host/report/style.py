@@ -20,7 +20,7 @@ BLUE = "#2366a8"
 ORANGE = "#c8641b"
 TEAL = "#0b7a75"
 COLORS = (BLUE, ORANGE, TEAL, "#8b3a62", "#7a8b1f", "#4b4fa3", "#b03a2e")
-FAT, GLAND, LUMP, WALL = "#f4dfb5", "#e5aa9a", "#a4473f", "#7d6b66"
+FAT, GLAND, LUMP = "#f4dfb5", "#e5aa9a", "#a4473f"
 
 _RC: dict[Any, Any] = {
     "figure.dpi": 100,

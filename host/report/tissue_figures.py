@@ -1,4 +1,4 @@
-"""Figures 5 to 8: the tissue, its mesh, and how it gives way under the probe. Units: mm, kPa."""
+"""Figures 6d to 8: the tissue, its mesh, and how it gives way under the probe. Units: mm, kPa."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon, Rectangle
+from matplotlib.patches import Polygon
 
 from palpate.report import style
 from palpate.report.items import Beside, Item
 from palpate.sim.tissue import Case, Settings
 from palpate.sim.tissue.deformation import Pressed, deformation
 from palpate.sim.tissue.mesh import FAT, GLAND, TissueMesh, build_mesh
-from palpate.sim.tissue.probe_shape import ProbeShape
 
 REFERENCE = "d10h08e10f10"
 SHOWN_GEOMETRIES = ("d05h15e10f10", REFERENCE, "d20h03e10f10")
@@ -23,14 +22,15 @@ _RIM = (0, 1, 2, 5, 8, 7, 6, 3)
 
 
 def items(*, simulate: bool = True) -> list[Item]:
-    """Figures 5, 6d, 7 and 8; without `simulate` Figure 8 is left out (it takes a stroke of its own)."""
+    """Figures 6d, 7 and 8; without `simulate` Figure 8 is left out (it takes a stroke of its own)."""
     case = Case.from_code(REFERENCE)
     mesh = build_mesh(case, Settings(), -28.0, 0.0)
     out = [
         Item(
-            "Figure 5",
+            "Figure 6d",
             "Fat over gland over chest wall, a round lump on the border between fat and gland; the probe "
-            "presses from above and is stroked along the surface. t = d (h + 1/2).",
+            "presses from above and is stroked along the surface. t = d (h + 1/2). Small elements in a skin "
+            "along the surface and round the lump, coarse ones elsewhere.",
             [
                 Beside(
                     "reference case",
@@ -39,13 +39,6 @@ def items(*, simulate: bool = True) -> list[Item]:
                 ),
                 Beside("gland", "6 times as stiff as fat", f"{case.gland_ratio:g} times"),
                 Beside("unit of force", "not given", f"F = 1.0 is {case.F_N_per_m:g} N per metre of width"),
-            ],
-            figure_5,
-        ),
-        Item(
-            "Figure 6d",
-            "Small elements in a skin along the surface and round the lump, coarse ones elsewhere.",
-            [
                 Beside("nodes", "about 3000", f"{len(mesh.nodes_mm)}"),
                 Beside("elements", "over 1000 quadratic", f"{len(mesh.elements)} with nine nodes each"),
             ],
@@ -67,45 +60,6 @@ def items(*, simulate: bool = True) -> list[Item]:
         )
         out.append(Item("Figure 8", caption, beside, lambda: figure_8(deformed, pressed)))
     return out
-
-
-def figure_5() -> Figure:
-    """The layers with their five dimensions."""
-    case = Case.from_code(REFERENCE)
-    figure = style.new(8.4, 4.7)
-    ax = figure.subplots()
-    left, right = -34.0, 34.0
-    ax.add_patch(Rectangle((left, 0), right - left, case.t_mm, fc=style.FAT, ec="none"))
-    ax.add_patch(Rectangle((left, -case.gland_mm), right - left, case.gland_mm, fc=style.GLAND, ec="none"))
-    ax.add_patch(Rectangle((left, -case.gland_mm - 3), right - left, 3, fc=style.WALL, ec="none"))
-    ax.add_patch(Circle((0, 0), case.d_mm / 2, fc=style.LUMP, ec="white", lw=1))
-    s = np.linspace(-14, 14, 99)
-    face = case.t_mm + 0.6 + _shape(case).height(s)[0]
-    ax.add_patch(
-        Polygon(
-            np.vstack((np.column_stack((s - 12, face)), [[2, 24], [-26, 24]])), fc="#c9d4dc", ec=style.SOFT
-        )
-    )
-    arrow = {"arrowstyle": "<->", "color": style.INK, "lw": 1, "shrinkA": 0, "shrinkB": 0}
-    for (x0, y0), (x1, y1), text, place, color in (
-        ((24, 0), (24, case.t_mm), "t", (25.0, case.t_mm / 2), style.INK),
-        ((0, case.d_mm / 2), (0, case.t_mm), "h d", (0.8, case.d_mm / 2 + case.depth_mm / 2), style.INK),
-        ((-case.d_mm / 2, 0), (case.d_mm / 2, 0), "d", (-0.5, 1.7), "white"),
-    ):
-        ax.annotate("", (x0, y0), (x1, y1), arrowprops=arrow | {"color": color})
-        ax.text(*place, text, fontsize=12, style="italic", va="center", color=color)
-    ax.annotate("", (-12, 15), (-12, 23), arrowprops={"arrowstyle": "-|>", "color": style.INK, "lw": 2})
-    ax.text(-11, 20, "F", fontsize=12, style="italic", va="center")
-    for y, text in (
-        (case.t_mm - 2.5, "fat, stiffness 1"),
-        (-6, "gland, 6"),
-        (-case.gland_mm - 1.5, "chest wall"),
-    ):
-        ax.text(left + 1, y, text, va="center", color="white" if text == "chest wall" else style.INK)
-    ax.text(0, -2.6, "E", ha="center", fontsize=12, style="italic", color="white")
-    ax.set(xlim=(left, right), ylim=(-case.gland_mm - 3, 25), aspect="equal", xlabel="mm", ylabel="mm")
-    ax.grid(visible=False)
-    return figure
 
 
 def figure_6d(mesh: TissueMesh) -> Figure:
@@ -171,7 +125,3 @@ def draw_mesh(ax: Axes, mesh: TissueMesh, nodes_mm: np.ndarray) -> None:
     )
     ax.set_aspect("equal")
     ax.grid(visible=False)
-
-
-def _shape(case: Case) -> ProbeShape:
-    return ProbeShape(case.probe_radius_mm, case.face_half_mm, case.fillet_per_mm2)

@@ -92,7 +92,7 @@ def write_report(
         measured = None if recording is None else Path(recording)
         tell("Figure 2")
         found = [recording_figures.map_2d(measured, simulate=simulate)]
-        tell("Figure 8" if simulate else "Figure 5")
+        tell("Figure 8" if simulate else "Figure 6d")
         found += tissue_figures.items(simulate=simulate)
         found += map_figures.items(strokes)
         if thesis is not None:
