@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from palpate.learn.study import cell
 from palpate.models import ANYWHERE, BALLS, FIELD, NAMES, TOLD, load, recipe
 from palpate.sim.tissue.any_tissue import TissueRanges
 from palpate.wire.events import OUTPUTS
@@ -149,29 +150,15 @@ def errors_table(rows: Sequence[Scores]) -> str:
     """R2, median error and coverage of every output, by setting."""
     keys = [key for key in OUTPUT_NAMES if any(f"{key}_error" in row for row in rows)]
     heads = ("Strokes", *(OUTPUT_NAMES[key] for key in keys), "hard or soft", "not found", "lumps")
-    return table(heads, [(_setting(row), *(_cell(row, key) for key in keys), *_end(row)) for row in rows])
+    return table(
+        heads, [(_setting(row), *(cell(row, key) or ABSENT for key in keys), *_end(row)) for row in rows]
+    )
 
 
 def _setting(row: Scores) -> str:
     return row.get("setting") or f"{row['noise']}, {row['strokes']} stroke" + "s averaged" * (
         row["strokes"] > 1
     )
-
-
-def _cell(row: Scores, key: str) -> str:
-    error = row.get(f"{key}_error")
-    if error is None:
-        return ABSENT
-    r2, hold = row.get(f"{key}_r2"), row.get(f"{key}_covered")
-    width = (
-        f"{error:.1f} mm"
-        if key == "place"
-        else f"{error:.3f}"
-        if key in ("E_inv23", "in_fat")
-        else percent(error, 1)
-    )
-    parts = ([] if r2 is None else [f"{r2:.3f}"]) + [width] + ([] if hold is None else [f"{100 * hold:.0f}"])
-    return " / ".join(parts)
 
 
 def _end(row: Scores) -> tuple[str, str, str]:

@@ -295,8 +295,7 @@ def _show(
     if isinstance(event, Estimate):
         estimates.append(estimate_dict(event, fat_kPa, told))
         if json_lines:
-            sys.stdout.write(json.dumps(plain(estimates[-1])) + "\n")
-            sys.stdout.flush()
+            _print_line(estimates[-1])
         elif not quiet:
             say("\n".join(estimate_lines(event, fat_kPa, told)))
     elif quiet:
@@ -310,6 +309,12 @@ def _show(
             note(line)
 
 
+def _print_line(found: dict[str, Any]) -> None:
+    """As `--json-lines` prints it, at once."""
+    sys.stdout.write(json.dumps(plain(found)) + "\n")
+    sys.stdout.flush()
+
+
 def _refined(found: Iterator[Inverted], quiet: bool, json_lines: bool) -> list[dict[str, Any]]:
     """Show what was found, and give it as `--json` prints it."""
     from palpate.cli.refine import lines_of
@@ -318,8 +323,7 @@ def _refined(found: Iterator[Inverted], quiet: bool, json_lines: bool) -> list[d
     for one in found:
         out.append(one.as_dict())
         if json_lines:
-            sys.stdout.write(json.dumps(plain({"refined": out[-1]})) + "\n")
-            sys.stdout.flush()
+            _print_line({"refined": out[-1]})
         elif not quiet:
             say("refined: " + "\n".join(lines_of(one)))
     return out

@@ -172,7 +172,7 @@ def text_of(
         ["wanted", *(_wanted(name, targets) for name in names), *(_share(targets, n) for n in shares), ""]
     ]
     for row in result.to_dict("records"):
-        cells = [_cell(row, name) for name in names]
+        cells = [cell(row, name) for name in names]
         rows.append([str(row["setting"]), *cells, *(_share(row, name) for name in shares), str(row["lumps"])])
     words = [name.replace("hard_soft", "hard/soft").replace("_", " ") for name in shares]
     return ["noise, input", *(_COLUMNS[name] for name in names), *words, "lumps"], rows
@@ -183,7 +183,8 @@ def _wanted(name: str, targets: Mapping[str, float]) -> str:
     return " / ".join([*r2, *([f"{100 * targets[name]:g} %"] if name in targets else [])])
 
 
-def _cell(row: Mapping[Any, Any], name: str) -> str:
+def cell(row: Mapping[Any, Any], name: str) -> str:
+    """R2 / median error / coverage in per cent of an output in a row of scores; "" where it has none."""
     error, r2, covered = (row.get(f"{name}_{word}") for word in ("error", "r2", "covered"))
     if not isinstance(error, float) or np.isnan(error):
         return ""

@@ -57,14 +57,14 @@ class PageCommands:
             "mark": self._mark,
             "new-visit": self._new_visit,
             "lanes": self._lanes,
-            "recordings": self._list,
+            "recordings": lambda message: {"files": self._files()},
             "load-visit": self._load_visit,
             "repeatability": self._repeatability,
             "compare": self._compare,
             "reference": self._reference,
             "forget-reference": self._forget_reference,
-            "play": self._play,
-            "pause": self._pause,
+            "play": lambda message: {"commands_applied": self._playable().play()},
+            "pause": lambda message: {"commands_applied": self._playable().pause()},
             "seek": self._seek,
             "speed": self._speed,
         }
@@ -209,9 +209,6 @@ class PageCommands:
             self._session.tell_visits()
         return {"visit": number}
 
-    def _list(self, message: dict[str, Any]) -> dict[str, Any]:
-        return {"files": self._files()}
-
     def _load_visit(self, message: dict[str, Any]) -> dict[str, Any]:
         name = _text(message, "file", "")
         if name not in self._files():
@@ -246,12 +243,6 @@ class PageCommands:
         return number
 
     # ---- replay
-
-    def _play(self, message: dict[str, Any]) -> dict[str, Any]:
-        return {"commands_applied": self._playable().play()}
-
-    def _pause(self, message: dict[str, Any]) -> dict[str, Any]:
-        return {"commands_applied": self._playable().pause()}
 
     def _seek(self, message: dict[str, Any]) -> dict[str, Any]:
         return {"commands_applied": self._playable().seek(max(0.0, _number(message, "position_s", 0.0)))}

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import hmac
 import ipaddress
-from http.cookies import CookieError, SimpleCookie
-from urllib.parse import parse_qs, urlencode, urlsplit
+from urllib.parse import urlencode, urlsplit
 
+from starlette.requests import HTTPConnection
 from starlette.responses import PlainTextResponse, RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -87,10 +87,10 @@ class Guard:
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
-        headers = {k.decode("latin-1").lower(): v.decode("latin-1") for k, v in scope["headers"]}
-        refusal = self._refuse(scope, headers)
-        if refusal is None and scope["type"] == "http" and self._token_in_query(scope):
-            await self._exchange(scope, receive, send)
+        asked = HTTPConnection(scope)
+        refusal = self._refuse(asked)
+        if refusal is None and self._token and _is_get(scope) and "token" in asked.query_params:
+            await self._without_token(asked)(scope, receive, _with_headers(send))
             return
         if refusal is not None:
             status, text = refusal
@@ -101,55 +101,43 @@ class Guard:
             return
         await self._app(scope, receive, _with_headers(send))
 
-    def _refuse(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
-        host = headers.get("host", "")
+    def _refuse(self, asked: HTTPConnection) -> tuple[int, str] | None:
+        host = asked.headers.get("host", "")
         if self._loopback and host_name(host) not in _LOOPBACK_NAMES:
             return 403, "The viewer answers only under the name localhost."
-        origin = headers.get("origin")
+        origin = asked.headers.get("origin")
         if origin is not None and _place(origin) != host.lower():
             return 403, "Another site's page may not talk to the viewer."
-        if scope["type"] == "websocket" and origin is None and "sec-fetch-site" in headers:
+        if asked["type"] == "websocket" and origin is None and "sec-fetch-site" in asked.headers:
             return 403, "A browser must say which page opens the connection."
-        if self._token and not self._has_token(scope, headers):
+        if self._token and not self._has_token(asked, host):
             return 401, "This address needs the token: open the link that `palpate view` printed."
         return None
 
-    def _has_token(self, scope: Scope, headers: dict[str, str]) -> bool:
-        offered = [_query(scope).get("token", [""])[0]]
-        if offered[0] in self._once and scope["type"] == "http" and scope["method"] == "GET":
+    def _has_token(self, asked: HTTPConnection, host: str) -> bool:
+        offered = [asked.query_params.get("token", "")]
+        if offered[0] in self._once and _is_get(asked.scope):
             self._once.discard(offered[0])
             return True
-        scheme, _, bearer = headers.get("authorization", "").partition(" ")
+        scheme, _, bearer = asked.headers.get("authorization", "").partition(" ")
         if scheme.lower() == "bearer":
             offered.append(bearer.strip())
-        try:
-            morsel = SimpleCookie(headers.get("cookie", "")).get(cookie_name(headers.get("host", "")))
-        except CookieError:
-            morsel = None
-        if morsel is not None:
-            offered.append(morsel.value)
+        offered.append(asked.cookies.get(cookie_name(host), ""))
         wanted = self._token.encode()
         return any(hmac.compare_digest(o.encode("utf-8", "replace"), wanted) for o in offered)
 
-    def _token_in_query(self, scope: Scope) -> bool:
-        return bool(self._token) and scope["method"] == "GET" and "token" in _query(scope)
-
-    async def _exchange(self, scope: Scope, receive: Receive, send: Send) -> None:
+    def _without_token(self, asked: HTTPConnection) -> RedirectResponse:
         """Move the token out of the address bar into a cookie that scripts cannot read."""
-        query = {k: v for k, v in _query(scope).items() if k != "token"}
-        rest = urlencode(query, doseq=True)
-        path = "/" + scope["path"].lstrip("/\\")  # "//name/" would be another site's
+        rest = urlencode([(k, v) for k, v in asked.query_params.multi_items() if k != "token"])
+        path = "/" + asked["path"].lstrip("/\\")  # "//name/" would be another site's
         response = RedirectResponse(path + (f"?{rest}" if rest else ""), 303)
-        host = next((v.decode("latin-1") for k, v in scope["headers"] if k.lower() == b"host"), "")
-        response.set_cookie(cookie_name(host), self._token, httponly=True, samesite="strict")
-        await response(scope, receive, _with_headers(send))
+        name = cookie_name(asked.headers.get("host", ""))
+        response.set_cookie(name, self._token, httponly=True, samesite="strict")
+        return response
 
 
-def _query(scope: Scope) -> dict[str, list[str]]:
-    try:
-        return parse_qs(scope.get("query_string", b"").decode("latin-1"), max_num_fields=32)
-    except ValueError:  # more fields than anything of ours has
-        return {}
+def _is_get(scope: Scope) -> bool:
+    return scope["type"] == "http" and scope["method"] == "GET"
 
 
 def _place(origin: str) -> str | None:
