@@ -165,15 +165,19 @@ def under(face: Face, of: Class, half_mm: float) -> Class:
     mean = float(np.log(min(face.radius_mm, _FLAT_MM)))
     radius = Unknown("ln R", mean, 0.029, mean - 0.17, mean + 0.17, 0.03)
     unknowns = tuple(radius if unknown.name == radius.name else unknown for unknown in of.unknowns)
+    face_half = half_mm - _EDGE_MM
     if not face.padding_mm:
-        return replace(
-            of, unknowns=unknowns, case=lambda theta: replace(of.case(theta), face_half_mm=half_mm - _EDGE_MM)
-        )
+        return replace(of, unknowns=unknowns, case=lambda theta: _faced(of.case(theta), face_half))
     gives = float(np.log(face.yields_mm_per_kPa))
     padding = Unknown(PADDING, gives, 2.0, gives - 3.0, min(gives + 3.0, np.log(0.9)), 0.3)
 
     def case(theta: Floats) -> Case:
         bare = of.case(theta[:-1])
-        return replace(bare, face_half_mm=half_mm - _EDGE_MM, padding_mm_per_kPa=float(np.exp(theta[-1])))
+        return replace(bare, face_half_mm=face_half, padding_mm_per_kPa=float(np.exp(theta[-1])))
 
     return Class(of.name, (*unknowns, padding), case, (*of.fields, "padding_mm_per_kPa"))
+
+
+def _faced(case: Case, face_half_mm: float) -> Case:
+    """Under a face that is rounded off there."""
+    return case if case.face_half_mm == face_half_mm else replace(case, face_half_mm=face_half_mm)

@@ -131,17 +131,16 @@ class Case:
                 value = float(raw) + 0.0  # no negative zero
             except (TypeError, ValueError):
                 raise CaseError(f"{name} must be a number, not {raw!r}") from None
-            if math.isnan(value) or not low <= value <= high or (math.isinf(value) and high < math.inf):
+            if not low <= value <= high:  # as NaN does not
                 raise CaseError(f"{name} must lie between {low:g} and {high:g}, not {value:g}")
             object.__setattr__(self, name, value)
-        defaults = {f.name: f.default for f in fields(self)}
         for layer in DEEPER:
             mm, *others = fields_of(layer)
-            if getattr(self, mm) is None and any(getattr(self, name) != defaults[name] for name in others):
+            if getattr(self, mm) is None and any(getattr(self, name) != _DEFAULTS[name] for name in others):
                 raise CaseError(f"a case without {mm} has no {layer} whose stiffness could be given")
-        self._check_shape(defaults)
+        self._check_shape()
 
-    def _check_shape(self, defaults: dict[str, Any]) -> None:
+    def _check_shape(self) -> None:
         if self.law not in LAWS:
             raise CaseError(f"law must be one of {', '.join(LAWS)}, not {self.law!r}")
         if self.solid and self.law != LAWS[0]:
@@ -152,7 +151,7 @@ class Case:
         if any(axes) if self.shape != "ellipsoid" else not all(axes):
             raise CaseError("half_across_mm and half_down_mm belong to an ellipsoid, which needs both")
         if not self.solid:
-            if extra := [name for name in ONLY_SOLID if getattr(self, name) != defaults[name]]:
+            if extra := [name for name in ONLY_SOLID if getattr(self, name) != _DEFAULTS[name]]:
                 raise CaseError(f"a cylinder has no {extra[0]}: that takes a ball or an ellipsoid")
         elif self.friction or self.padding_mm_per_kPa:
             what = "friction is" if self.friction else "padding is"
@@ -315,4 +314,5 @@ class Case:
 SOLID_FIELDS = ("shape", *ONLY_SOLID)
 """Fields that a cylinder's record leaves out."""
 
-_OPTIONAL = tuple(f.name for f in fields(Case) if f.default is None)
+_DEFAULTS = {f.name: f.default for f in fields(Case)}
+_OPTIONAL = tuple(name for name, default in _DEFAULTS.items() if default is None)
