@@ -33,7 +33,8 @@ _PRESS_ANEW_MM = 9.0
 _HALVINGS = 5
 _GUESSED_STEPS = 5
 _GUESSES_FAIL = 2
-"""Where so many guesses in a row have led nowhere, the others will not: they were all carried equally far."""
+"""Where so many guesses in a row have led nowhere, the others will not: they were all carried equally far.
+But for those of a press: small forces need nearer ones."""
 
 
 @dataclass
@@ -114,7 +115,7 @@ class _March:
 
     def __init__(self, run: StrokeRun) -> None:
         self._run = run
-        self._failed = 0
+        self._failed: list[float] = []
         self._past: list[tuple[float, float, State]] = []
 
     def on(self, place: float, force: float, guess: State | None = None) -> State:
@@ -137,15 +138,22 @@ class _March:
         return self._checked(self._run.press(place, None))
 
     def _from(self, guess: State | None, place: float, force: float) -> State | None:
-        if guess is None or self._failed == _GUESSES_FAIL:
+        if guess is None or self._hopeless(place):
             return None
         try:
             state = self._checked(self._run.newton.solve(guess, place, force, _GUESSED_STEPS))
         except NoConvergence:
-            self._failed += 1
+            self._failed.append(place)
             return None
-        self._failed = 0
+        self._failed = []
         return state
+
+    def _hopeless(self, place: float) -> bool:
+        """Whether a guess would lead nowhere: the last ones have not, at two places, or at this one."""
+        last = self._failed[-_GUESSES_FAIL:]
+        if len(last) < _GUESSES_FAIL:
+            return False
+        return abs(last[0] - last[-1]) > _SAME_PLACE_MM or abs(last[-1] - place) <= _SAME_PLACE_MM
 
     def _reached(self, place: float, force: float, halved: int) -> State:
         """From the last frames; what does not converge is done in halves."""
