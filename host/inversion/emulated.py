@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from palpate import models
+from palpate.inversion.asked import PRESS, Alike, Frames, Solves, far_off
 from palpate.inversion.classes import FAT_KPA, Class
 from palpate.inversion.forward import FINE, Asked, Emulated, Forward, SaysSlopes, Slopes
 from palpate.learn.plane_emulator import (
@@ -29,9 +30,9 @@ from palpate.learn.plane_emulator import (
 )
 from palpate.sim.tissue import Case, CaseError, Settings, StrokeError
 from palpate.sim.tissue.contact import places_read
-from palpate.sim.tissue.derivatives import differentiate
+from palpate.sim.tissue.derivatives import Derivatives
 from palpate.sim.tissue.frames import SolvedFrames, solve_frames
-from palpate.sim.tissue.topology import OutsideTopology, Topology
+from palpate.sim.tissue.topology import Topology
 from palpate.wire.cells import PITCH_MM, SHAPE
 
 Floats = NDArray[np.float64]
@@ -43,9 +44,10 @@ AFAR_MM, _END_MM = LOW[PLACE], 50.0
 """So far before the lump there is none, as far as the emulator knows; so far away the solver is asked."""
 _FINER = replace(FINE, hx_mm=0.5)
 """Columns of 1 mm are up to a standard deviation off: they do for a glance."""
-_ALIKE, _GLANCE, _PLAIN = (1.0, 0.05), (2.0, 0.1), (12.0, 0.2)
-"""The solver is asked about the frames themselves, but for those so like another, in mm and by ln F; at a
-glance; and without a lump."""
+_ALIKE, _ONE_SIDE = Alike(1.0, 0.05, 0.05), Alike(1.2, 0.2, 0.3)
+_GLANCE, _PLAIN = Alike(2.0, 0.1, 0.1), Alike(12.0, 0.2, 0.2)
+"""The solver is asked about the frames themselves, but for those so like another: of all; along the side of
+the lump that comes first; at a glance; and without a lump."""
 _ALL, _ALONG = 0.01, ((0.004, 1.2), (0.004, 2.5), (0.005, 10.0))
 _LN_F = 0.8
 _OF_THE_MESH = {FINE: 0.003, _FINER: 0.0003}
@@ -95,7 +97,6 @@ class _Correction:
     """What the solver says otherwise of one guess: rows over the mean pressure, ln displacement."""
 
     theta: Floats
-    topology: Topology
     ln_F: Floats
     """Of each frame that of the asked one nearest to it: from there on its force counts to first order."""
     at: _Smooth
@@ -142,10 +143,13 @@ class EmulatedForward(SaysSlopes):
     def __init__(self, of: Class, strokes: Sequence[tuple[int, int]]) -> None:
         self.of, self.strokes = of, tuple(strokes)
         self.scale = of.scale
+        self._stroke = np.repeat(np.arange(len(strokes)), [frames for frames, _ in strokes])
         self._press = np.concatenate([np.arange(frames) < press for frames, press in strokes])
         self._emulator = bundled()
         self._right: list[_Correction] = []
+        self._solves = Solves(of)
         self._behind: CubicSpline | None = None
+        self._finely = False  # whether that is the finer mesh's
 
     def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> Emulated:
         """Frames (n,) of a guess.
@@ -180,32 +184,34 @@ class EmulatedForward(SaysSlopes):
         CaseError, StrokeError
             There is no such tissue, or no equilibrium in it.
         """
-        case = self.of.case(theta)
         ln_F = np.log(forces_N_per_m / FAT_KPA)
         glance = asked is Asked.GLANCE
         settings = FINE if glance else _FINER
-        own = np.clip(self._before(places_mm)[0], -_END_MM, _END_MM)
-        some = _unlike(own, ln_F, (_GLANCE if glance else _ALIKE) if self.of.lump else _PLAIN)
-        places, asked_F = own[some], ln_F[some]
-        topology = self._topology(case, settings, float(places.min()), float(places.max()))
-        solved = solve_frames(case, settings, topology.geometry(case), places, FAT_KPA * np.exp(asked_F))
-        if self.of.lump and (self._behind is None or asked is Asked.SLOPES):
-            self._behind = _other_side(case, settings, solved, ~self._press[some], float(places_mm.max()))
+        before, behind = self._before(places_mm)
+        way = np.where(self._press, PRESS, 2 * self._stroke + behind)
+        frames = Frames(np.clip(before, -_END_MM, _END_MM), ln_F, way)
+        along, each = (_GLANCE, _GLANCE) if glance else (_ONE_SIDE, _ALIKE)
+        if not self.of.lump:
+            along = each = _PLAIN
+        slopes = asked is Asked.SLOPES
+        solved = self._solves(theta, settings, frames, along, each, slopes)
+        places, asked_F = solved.places_mm, np.log(solved.forces_N_per_m / FAT_KPA)
+        if self.of.lump and not self._finely and (self._behind is None or not glance):
+            self._behind = _other_side(self.of.case(theta), settings, solved, float(places_mm.max()))
+            self._finely = not glance
         base, chain = self._inputs(theta)
         y, by = self._frames(base, places, asked_F)
-        apart = _values(solved) - y
         turns, ripple = None, _OF_THE_MESH[settings]
-        if asked is Asked.SLOPES:
+        right = _Smooth(places, asked_F, [_values(solved) - y], _LARGER, ripple)
+        if slopes and (all_of := self._solves.along) is not None:
             emulated = np.concatenate([by[..., :PLACE] @ chain, by[..., FORCE:]], -1)
-            steeper = np.moveaxis(self._slopes_of(theta, solved, topology) - emulated, -1, 0)
+            steeper = np.moveaxis(self._slopes_of(theta, solved, all_of.derivatives) - emulated, -1, 0)
             turns = _Smooth(places, asked_F, list(steeper), _OF_SLOPES, ripple)
-        right = _Smooth(places, asked_F, [apart], _LARGER, ripple)
-        near = asked_F[_far_off(own[:, None], ln_F[:, None], places, asked_F, _ALIKE).argmin(1)]
-        self._right.append(_Correction(theta.copy(), topology, near, right, turns))
+        away = far_off(frames.places_mm[:, None], ln_F[:, None], places, asked_F, *each[:2])
+        self._right.append(_Correction(theta.copy(), asked_F[away.argmin(1)], right, turns))
 
-    def _slopes_of(self, theta: Floats, solved: SolvedFrames, topology: Topology) -> Floats:
+    def _slopes_of(self, theta: Floats, solved: SolvedFrames, found: Derivatives) -> Floats:
         """The solver's derivatives of rows over the mean pressure and ln displacement, (m, 17, k + 1)."""
-        found = differentiate(solved, topology, self.of.fields)
         F = solved.forces_N_per_m[:, None, None]
         of_depth = found.displacement / solved.displacement_mm[:, None]
         steep = np.concatenate([found.images * _FACE_MM / F, of_depth[:, None]], 1)
@@ -215,7 +221,8 @@ class EmulatedForward(SaysSlopes):
 
     def like(self, other: EmulatedForward) -> None:
         """Behind the lump tissue is as another guess of the same strokes has it: that varies little."""
-        self._behind = other._behind
+        if not self._finely:
+            self._behind, self._finely = other._behind, other._finely
 
     def go_back(self) -> None:
         """The last guess but one is the better one; what the last has told is kept."""
@@ -236,15 +243,6 @@ class EmulatedForward(SaysSlopes):
         """Where frames behind the lump have their mirror images, and which those are; none without a lump."""
         behind = (places_mm > 0) & self.of.lump
         return np.where(behind, -places_mm, places_mm), behind
-
-    def _topology(self, case: Case, settings: Settings, first_mm: float, last_mm: float) -> Topology:
-        if self._right and (last := self._right[-1].topology).settings == settings:
-            try:
-                last.grid(case)
-                return last
-            except OutsideTopology:
-                pass
-        return Topology(case, settings, first_mm - 1.0, last_mm + 1.0)
 
     def _inputs(self, theta: Floats) -> tuple[Floats, Floats]:
         """The emulator's inputs of tissue and lump, (9,), and their derivatives by the unknowns."""
@@ -302,35 +300,17 @@ def emulates(of: Class) -> bool:
     )
 
 
-def _unlike(places_mm: Floats, ln_F: Floats, alike: tuple[float, float]) -> NDArray[np.int64]:
-    """The frames that are unlike all others before them which are taken, from place to place."""
-    chosen: list[int] = []
-    for k in np.lexsort((ln_F, places_mm)).tolist():
-        if not chosen or _far_off(places_mm[k], ln_F[k], places_mm[chosen], ln_F[chosen], alike).min() > 1.0:
-            chosen.append(k)
-    return np.array(chosen)
-
-
-def _far_off(
-    places_mm: Floats, ln_F: Floats, others_mm: Floats, others_ln_F: Floats, alike: tuple[float, float]
-) -> Floats:
-    """How unlike frames are; up to 1 one may stand for the other."""
-    out: Floats = np.hypot((places_mm - others_mm) / alike[0], (ln_F - others_ln_F) / alike[1])
-    return out
-
-
-def _other_side(
-    case: Case, settings: Settings, before: SolvedFrames, of_stroke: NDArray[np.bool_], reach_mm: float
-) -> CubicSpline:
+def _other_side(case: Case, settings: Settings, before: SolvedFrames, reach_mm: float) -> CubicSpline:
     """What is otherwise behind the lump than at a stroke's frames before it, of places (n,): (n, 17)."""
-    away = -before.places_mm
-    may = np.flatnonzero(of_stroke & (away > _LEAST_MM))
+    away, force = -before.places_mm, before.forces_N_per_m
+    may = np.flatnonzero(away > _LEAST_MM)
     asked = [x for x in _SIDES_MM if x <= max(reach_mm, _SIDES_MM[0])]
-    some = sorted({int(may[np.abs(away[may] - x).argmin()]) for x in asked}, key=lambda k: float(away[k]))
+    near = {int(may[np.lexsort((-force[may], np.abs(away[may] - x)))[0]]) for x in asked}
+    some = sorted(near, key=lambda k: float(away[k]))
     some = [k for k, last in zip(some, [0.0, *away[some]]) if away[k] > last + _LEAST_MM]
     x = away[some]
     there = Topology(case, settings, x[0] - 1.0, x[-1] + 1.0)
-    behind = solve_frames(case, settings, there.geometry(case), x, before.forces_N_per_m[some])
+    behind = solve_frames(case, settings, there.geometry(case), x, force[some])
     apart = _values(behind) - _turned(_values(before)[some])
     return CubicSpline(np.append(0.0, x), np.vstack([0.0 * apart[:1], apart]), bc_type="natural")
 

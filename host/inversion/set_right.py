@@ -32,22 +32,29 @@ _SHORTER = 0.1, 0.5
 _STEPS, _ENOUGH, _DAMPING = 20, 0.1, 1e-3
 
 
-def set_right(noise: Noise, modes: Sequence[Found], assemble: Assemble) -> list[Found]:
-    """The modes as the solver has them, but for those that it does not explain or cannot compute."""
+def set_right(noise: Noise, modes: Sequence[Found], assemble: Assemble, known: float = np.inf) -> list[Found]:
+    """The modes as the solver has them, but for those that it does not explain or cannot compute.
+
+    known : float
+        Another class's misfit; modes that stay far over it are not followed.
+    """
     begun: list[_Followed] = []
     for mode in modes[:_FIRST]:
         follow = _Followed(noise, mode, assemble)
         if follow.on(begun[0] if begun else None):
             begun.append(follow)
     going = distinct(begun, lambda one: one.promised)[:_MOST]
+    ahead = going[0] if going else None
     while True:
         least = min((one.promised for one in going), default=np.inf)
+        if known < least - _NEARLY * len(modes[0].kept):
+            return [one.told() for one in going]
         near = [one for one in going if one.promised < least + one.within]
         going = distinct(near, lambda one: one.promised)  # some come together on their way
         moving = [one for one in going if one.goes_on]
         if not moving:
             return [one.told() for one in going]
-        min(moving, key=lambda one: one.promised).on()
+        min(moving, key=lambda one: one.promised).on(ahead)
 
 
 class _Followed:

@@ -114,7 +114,7 @@ def invert_together(strokes: Sequence[Felt], noise: Noise, kind: str = AUTO) -> 
     first = modes[0]
     others = odds_of_departures(first.posterior, first.mode, first.forward)
     maybe = others.get(TWO_LUMPS, -np.inf) > _MAYBE and isinstance(first.forward, Emulates)
-    two = as_two(noise, tried[best]) if maybe else []
+    two = as_two(noise, tried[best], first.mode.misfit.total) if maybe else []
     if two:
         others[TWO_LUMPS] = RARE + two[0].mode.log_evidence - first.mode.log_evidence
     all_of_them = float(np.logaddexp.reduce([0.0, *others.values()]))

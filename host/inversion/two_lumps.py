@@ -47,13 +47,15 @@ def two_of(one: Class) -> Class:
     )
 
 
-def as_two(noise: Noise, modes: Sequence[Found]) -> list[Found]:
+def as_two(noise: Noise, modes: Sequence[Found], misfit: float) -> list[Found]:
     """The modes of two lumps set right, the best first, where the emulator finds them.
 
     Parameters
     ----------
     modes : sequence of Found
         The emulator's of one lump, the best first.
+    misfit : float
+        One lump's, set right.
     """
     one = modes[0]
     of = two_of(one.posterior.of)
@@ -74,7 +76,7 @@ def as_two(noise: Noise, modes: Sequence[Found]) -> list[Found]:
             continue
         found.append(Found(posterior, forward, mode, one.kept))
     likely = distinct(found, lambda it: it.mode.misfit.total)[:_FOLLOWED]
-    right = set_right(noise, likely, assemble) if likely else []
+    right = set_right(noise, likely, assemble, misfit) if likely else []
     return sorted(right, key=lambda it: -it.mode.log_evidence)
 
 

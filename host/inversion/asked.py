@@ -1,0 +1,219 @@
+"""What the solver is asked about strokes: few frames, of one guess after the other.
+
+Along one side of the lump the probe is pressed and slides from frame to frame. Where there are derivatives,
+the other side's frames, whose forces are others, are carried on from those nearest to them, and the next
+guess's from the last one's: Newton's method begins nearly at its end. In fat of 10 kPa. Units: mm, kPa, N/m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.inversion.classes import FAT_KPA, Class
+from palpate.sim.tissue import Settings
+from palpate.sim.tissue.derivatives import Derivatives, differentiate
+from palpate.sim.tissue.frames import SolvedFrames, solve_frames
+from palpate.sim.tissue.geometry import Geometry
+from palpate.sim.tissue.state import State
+from palpate.sim.tissue.topology import OutsideTopology, Topology
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+PRESS = -1
+"""The way of a press's frames."""
+_PAST_MM, _APART_MM = 4.0, 0.3
+"""States so near lead on to a frame, if they are so far apart."""
+_CARRIED = 1.0, 0.1
+"""As far as states so much apart, in mm and by ln F, derivatives carry alike."""
+
+
+class Alike(NamedTuple):
+    """How near frames are that stand for each other: in mm, by ln F, and by ln F in a press."""
+
+    mm: float
+    ln_F: float
+    pressed: float
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Frames (n,) of a guess.
+
+    Attributes
+    ----------
+    places_mm, ln_F : ndarray (n,)
+        Before the lump or mirrored there; forces over the fat's modulus.
+    way : ndarray (n,), int
+        One for each side of each stroke; `PRESS`.
+    """
+
+    places_mm: Floats
+    ln_F: Floats
+    way: Ints
+
+    def unlike(self, alike: Alike, taken: Frames | None = None) -> Frames:
+        """Those unlike all that are taken before them; of a press the greatest forces first."""
+        places, ln_F = ([], []) if taken is None else (taken.places_mm.tolist(), taken.ln_F.tolist())
+        pressed, chosen = self.way == PRESS, []
+        for k in np.lexsort((np.where(pressed, -1, 1) * self.ln_F, self.places_mm, pressed)).tolist():
+            x, F = self.places_mm[k], self.ln_F[k]
+            within = alike.mm, alike.pressed if pressed[k] else alike.ln_F
+            if (far_off(x, F, np.array(places), np.array(ln_F), *within) > 1.0).all():
+                chosen.append(k)
+                places.append(x)
+                ln_F.append(F)
+        return self._of(np.array(chosen, int))
+
+    def longest(self) -> Frames:
+        """The presses, and the way that reaches farthest."""
+        pressed = self.way == PRESS
+        far = np.where(pressed, -1.0, np.abs(self.places_mm)).argmax()
+        return self._of(np.flatnonzero(pressed | (self.way == self.way[far])))
+
+    def _of(self, which: Ints) -> Frames:
+        return Frames(self.places_mm[which], self.ln_F[which], self.way[which])
+
+
+@dataclass(frozen=True)
+class Along:
+    """Frames that others may be carried on from.
+
+    Attributes
+    ----------
+    theta : ndarray (k,)
+        Tissue and lump.
+    derivatives : Derivatives
+        Of these frames, or of others near them.
+    near : ndarray (n,), int
+        Which of those is nearest.
+    """
+
+    theta: Floats
+    solved: SolvedFrames
+    derivatives: Derivatives
+    near: Ints
+
+
+class Solves:
+    """Computes some frames of one guess after the other, under one class.
+
+    Attributes
+    ----------
+    along : Along or None
+        Of the last guess; None as long as there are no derivatives.
+    """
+
+    def __init__(self, of: Class) -> None:
+        self._of = of
+        self._topology: Topology | None = None
+        self.along: Along | None = None
+
+    def __call__(
+        self,
+        theta: Floats,
+        settings: Settings,
+        frames: Frames,
+        along: Alike,
+        each: Alike,
+        slopes: bool,
+    ) -> SolvedFrames:
+        """Frames (m,) of a guess that stand for all of them; first those along one side.
+
+        Parameters
+        ----------
+        along, each : Alike
+            Of the frames along one side, and of all.
+        slopes : bool
+            Work out derivatives.
+
+        Raises
+        ------
+        CaseError, StrokeError
+            There is no such tissue, or no equilibrium in it.
+        """
+        topology, geometry = self._mesh(theta, settings, frames.places_mm)
+
+        def solve(some: Frames) -> SolvedFrames:
+            places, F = some.places_mm, FAT_KPA * np.exp(some.ln_F)
+            guesses = None if self.along is None else self._carried(self.along, theta, places, F)
+            return solve_frames(self._of.case(theta), settings, geometry, places, F, guesses)
+
+        some = frames.longest().unlike(along)
+        found = solve(some)
+        if slopes:
+            self.along = Along(theta.copy(), found, self._derived(found, topology), np.arange(len(some.ln_F)))
+        elif (last := self.along) is not None:
+            near = last.near[_away(found.places_mm, found.forces_N_per_m, last.solved).argmin(1)]
+            self.along = Along(theta.copy(), found, last.derivatives, near)
+        others = frames.unlike(each, some)
+        if not len(others.ln_F):
+            return found
+        other = solve(others)
+        both = _together(found, other)
+        if slopes and self.along is not None:
+            derivatives = self.along.derivatives.beside(self._derived(other, topology))
+            self.along = Along(theta.copy(), both, derivatives, np.arange(len(both.states)))
+        return both
+
+    def _derived(self, solved: SolvedFrames, topology: Topology) -> Derivatives:
+        return differentiate(solved, topology, self._of.fields)
+
+    def _mesh(self, theta: Floats, settings: Settings, places_mm: Floats) -> tuple[Topology, Geometry]:
+        """On a mesh of the last guess's topology, where that will do."""
+        case, topology = self._of.case(theta), self._topology
+        if topology is not None and topology.settings == settings:
+            try:
+                return topology, topology.geometry(case)
+            except OutsideTopology:
+                pass
+        topology = Topology(case, settings, float(places_mm.min()) - 1.0, float(places_mm.max()) + 1.0)
+        self._topology, self.along = topology, None
+        return topology, topology.geometry(case)
+
+    def _carried(self, last: Along, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> list[State]:
+        """The nearest states with another theta and under another force; two of them lead on to a place."""
+        known, at, out = last.solved, last.solved.places_mm, []
+        change = np.zeros(len(self._of.fields) + 2)
+        change[:-2] = self._of.values(theta) - self._of.values(last.theta)
+        for x, F, away in zip(places_mm, forces_N_per_m, _away(places_mm, forces_N_per_m, known)):
+            first = int(away.argmin())
+            others = np.flatnonzero((np.abs(at - at[first]) > _APART_MM) & (np.abs(at - x) < _PAST_MM))
+            past = []
+            for k in (*others[away[others].argsort()[:1]].tolist(), first):
+                change[-1] = F - known.forces_N_per_m[k]
+                past.append(
+                    (float(at[k]), last.derivatives.carried_on(known.states[k], int(last.near[k]), change))
+                )
+            out.append(known.run.predictor(past, float(x)))
+        return out
+
+
+def _away(places_mm: Floats, forces_N_per_m: Floats, known: SolvedFrames) -> Floats:
+    """How far (n, m) frames are from those known."""
+    ln_F = np.log(forces_N_per_m)[:, None], np.log(known.forces_N_per_m)
+    return far_off(places_mm[:, None], ln_F[0], known.places_mm, ln_F[1], *_CARRIED)
+
+
+def _together(first: SolvedFrames, other: SolvedFrames) -> SolvedFrames:
+    """The frames of both."""
+    places, forces, images, depth = (
+        np.concatenate([getattr(one, name) for one in (first, other)])
+        for name in ("places_mm", "forces_N_per_m", "images_kPa", "displacement_mm")
+    )
+    return SolvedFrames(
+        first.run, places, forces, np.lexsort((forces, places)), first.states + other.states,
+        images, depth, first.sensors,
+    )  # fmt: skip
+
+
+def far_off(
+    places_mm: Floats, ln_F: Floats, others_mm: Floats, others_ln_F: Floats, mm: float, by_ln_F: float
+) -> Floats:
+    """How unlike frames are; up to 1 one may stand for the other."""
+    out: Floats = np.hypot((places_mm - others_mm) / mm, (ln_F - others_ln_F) / by_ln_F)
+    return out
