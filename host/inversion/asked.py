@@ -19,7 +19,7 @@ from palpate.sim.tissue.derivatives import Derivatives, differentiate
 from palpate.sim.tissue.frames import SolvedFrames, solve_frames
 from palpate.sim.tissue.geometry import Geometry
 from palpate.sim.tissue.state import State
-from palpate.sim.tissue.topology import OutsideTopology, Topology
+from palpate.sim.tissue.topology import Topology, follow
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -165,15 +165,11 @@ class Solves:
 
     def _mesh(self, theta: Floats, settings: Settings, places_mm: Floats) -> tuple[Topology, Geometry]:
         """On a mesh of the last guess's topology, where that will do."""
-        case, topology = self._of.case(theta), self._topology
-        if topology is not None and topology.settings == settings:
-            try:
-                return topology, topology.geometry(case)
-            except OutsideTopology:
-                pass
-        topology = Topology(case, settings, float(places_mm.min()) - 1.0, float(places_mm.max()) + 1.0)
-        self._topology, self.along = topology, None
-        return topology, topology.geometry(case)
+        reach = float(places_mm.min()) - 1.0, float(places_mm.max()) + 1.0
+        topology, geometry = follow(self._topology, self._of.case(theta), settings, *reach)
+        if topology is not self._topology:
+            self._topology, self.along = topology, None
+        return topology, geometry
 
     def _carried(self, last: Along, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> list[State]:
         """The nearest states with another theta and under another force; two of them lead on to a place."""

@@ -20,7 +20,7 @@ from palpate.sim.tissue.contact import OWN_PLACES
 from palpate.sim.tissue.derivatives import Derivatives, differentiate
 from palpate.sim.tissue.frames import SolvedFrames, solve_frames
 from palpate.sim.tissue.state import State
-from palpate.sim.tissue.topology import OutsideTopology, Topology
+from palpate.sim.tissue.topology import Topology, follow
 
 Floats = NDArray[np.float64]
 
@@ -210,15 +210,8 @@ class Forward:
         if last is not None and last.of(theta, places_mm, forces_N_per_m):
             return last
         case = self.of.case(theta)
-        try:
-            if self._topology is None:
-                raise OutsideTopology
-            topology = self._topology
-            geometry = topology.geometry(case)
-        except OutsideTopology:
-            reach = _REACH_MM if np.ptp(places_mm) else _PRESS_REACH_MM
-            topology = Topology(case, self.settings, -reach, reach)
-            geometry = topology.geometry(case)
+        reach = _REACH_MM if np.ptp(places_mm) else _PRESS_REACH_MM
+        topology, geometry = follow(self._topology, case, self.settings, -reach, reach)
         on = self._track(places_mm, forces_N_per_m)
         there = (places_mm, forces_N_per_m) if on is None else (on.places_mm, on.forces_N_per_m)
         guesses = self._guesses(theta, *there, topology)

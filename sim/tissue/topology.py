@@ -157,6 +157,25 @@ class Topology:
         return _Lines(np.array(knots), line)
 
 
+def follow(
+    last: Topology | None, case: Case, settings: Settings, first_mm: float, last_mm: float
+) -> tuple[Topology, Geometry]:
+    """The geometry of a case by the last topology where that will do, otherwise by one of its own.
+
+    Raises
+    ------
+    CaseError
+        The case cannot be meshed.
+    """
+    if last is not None and last.settings == settings:
+        try:
+            return last, last.geometry(case)
+        except OutsideTopology:
+            pass
+    own = Topology(case, settings, first_mm, last_mm)
+    return own, own.geometry(case)
+
+
 def _place_of(case: Case) -> str:
     """Where the lump lies for the mesh: the border meets it, or it is in the "fat" or in the "gland"."""
     if grids.meets(case.border_mm, case.d_mm / 2):
