@@ -6,7 +6,7 @@ In fat of 10 kPa. Units: mm, kPa, N/m.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 from typing import Any, Protocol, runtime_checkable
 
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from palpate.inversion.classes import Class
 from palpate.inversion.track import Track, side_by_side, track
 from palpate.sim.tissue import Settings
-from palpate.sim.tissue.contact import OWN_PLACES
 from palpate.sim.tissue.derivatives import Derivatives, differentiate
 from palpate.sim.tissue.frames import SolvedFrames, solve_frames
+from palpate.sim.tissue.reading import OWN_PLACES
 from palpate.sim.tissue.state import State
 from palpate.sim.tissue.topology import Topology, follow
 
@@ -26,8 +26,8 @@ Floats = NDArray[np.float64]
 
 _TOLERANCE = 1e-3
 """The misfit knows no difference from 1e-5 (less than .03); an iteration in four is saved."""
-COARSE = Settings(shells=3, tolerance=_TOLERANCE)
-FINE = Settings(hx_mm=1.0, shells=3, tolerance=_TOLERANCE)
+COARSE = Settings(shells=3, to_border=True, tolerance=_TOLERANCE)
+FINE = replace(COARSE, hx_mm=1.0)
 _REACH_MM = 56.0
 _PRESS_REACH_MM = 24.0
 """Frames at one place need no more."""

@@ -12,7 +12,7 @@ from palpate.inversion.emulated import EmulatedForward
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import Forward
 from palpate.sim.tissue import Settings
-from palpate.sim.tissue.contact import places_read
+from palpate.sim.tissue.reading import places_read
 from palpate.wire.cells import PITCH_MM, SHAPE
 
 AUTO = "auto"

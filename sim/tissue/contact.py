@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.sim.tissue import contact_kernels as kernels
-from palpate.sim.tissue.face_sensors import ALONG, PITCH_MM, places_mm
 from palpate.sim.tissue.mesh import TissueMesh
 from palpate.sim.tissue.probe_shape import ProbeShape
 
@@ -132,37 +131,3 @@ class Contact:
         darea[:, 1:-1:2] += 4 * (c - a) / 6
         darea[:, 2::2] += (a - 4 * b + 3 * c) / 6
         return dx, np.where(pressure > 0, (dmultiplier * self.weight - pressure * darea) / area, 0.0)
-
-
-_SAMPLE_WEIGHTS = np.array([0.5, *[1.0] * 7, 0.5]) / 8
-
-
-def places_read(count: int, pitch_mm: float) -> Floats:
-    """Where a row of sensors is read, (count, 9), mm: nine places over each."""
-    return places_mm(count, pitch_mm)[:, None] + np.linspace(-pitch_mm / 2, pitch_mm / 2, 9)
-
-
-OWN_PLACES = places_read(ALONG, PITCH_MM)
-"""Of `SENSORS_MM`."""
-
-
-def read_sensors(s_mm: Floats, pressure_kPa: Floats, at: Floats = OWN_PLACES) -> Floats:
-    """Mean pressure over each sensor, kPa, from a profile in the probe's frame.
-
-    s_mm (S,): places, ascending; pressure_kPa (S,); at (n, 9): `places_read`.
-    """
-    return np.interp(at.ravel(), s_mm, pressure_kPa).reshape(at.shape) @ _SAMPLE_WEIGHTS
-
-
-def differentiate_sensors(
-    s_mm: Floats, pressure_kPa: Floats, ds: Floats, dp: Floats, sensors: Floats = OWN_PLACES
-) -> Floats:
-    """How `read_sensors` changes (k, n) with changes ds, dp (k, S) of the profile's places and pressures."""
-    at = sensors.ravel()
-    i = np.clip(np.searchsorted(s_mm, at, side="right") - 1, 0, len(s_mm) - 2)
-    length, inside = s_mm[i + 1] - s_mm[i], at - s_mm[i]
-    share = inside / length
-    moved = -(ds[:, i] * (1 - share) + ds[:, i + 1] * share) / length
-    change = dp[:, i] * (1 - share) + dp[:, i + 1] * share + (pressure_kPa[i + 1] - pressure_kPa[i]) * moved
-    out: Floats = change.reshape(len(ds), *sensors.shape) @ _SAMPLE_WEIGHTS
-    return out

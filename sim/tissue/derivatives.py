@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from palpate.sim.tissue import kernels
 from palpate.sim.tissue.case import Case
-from palpate.sim.tissue.contact import ContactState, differentiate_sensors
+from palpate.sim.tissue.contact import ContactState
 from palpate.sim.tissue.element import integrate
 from palpate.sim.tissue.errors import CaseError
 from palpate.sim.tissue.frames import SolvedFrames
@@ -219,7 +219,7 @@ class _Columns:
         places, pressures, _ = contact.pressure(state.u, state.multiplier, x)
         dx, dp = contact.pressure_derivatives(state.u, state.multiplier, du, multipliers)
         dx[-2] -= 1.0  # the frame's own place carries its sensors along
-        images = differentiate_sensors(places - x, pressures, dx, dp, self._sensors)
+        images = self._run.reading.differentiate(places - x, pressures, dx, dp, self._sensors)
         return images.T, self._rise - rise, (du.astype(np.float32), multipliers, rise)
 
     def _sides(self, state: State, touching: ContactState, x: float) -> tuple[Floats, Floats, Floats]:

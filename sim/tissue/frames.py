@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M, Case
 from palpate.sim.tissue.checks import inside_out
-from palpate.sim.tissue.contact import OWN_PLACES, read_sensors
 from palpate.sim.tissue.errors import StrokeError
 from palpate.sim.tissue.geometry import Geometry
 from palpate.sim.tissue.newton import NoConvergence
+from palpate.sim.tissue.reading import OWN_PLACES
 from palpate.sim.tissue.run import StrokeRun
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.state import State, combine, extrapolation
@@ -86,7 +86,7 @@ def solve_frames(
     guesses : sequence of State, optional
         A guess for each frame.
     sensors : ndarray (rows, 9)
-        `palpate.sim.tissue.contact.places_read` of an array.
+        `palpate.sim.tissue.reading.places_read` of an array.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def solve_frames(
     images, depth = np.empty((len(found), len(sensors))), np.empty(len(found))
     for k, state in enumerate(found):
         x, pressure, _ = run.contact.pressure(state.u, state.multiplier, places[k])
-        images[k] = read_sensors(x - places[k], pressure, sensors)
+        images[k] = run.reading(x - places[k], pressure, sensors)
         depth[k] = run.surface_mm - state.height
     return SolvedFrames(run, places, forces, order, found, images, depth, sensors)
 

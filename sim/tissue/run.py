@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.checks import fault, inside_out
-from palpate.sim.tissue.contact import Contact, read_sensors
+from palpate.sim.tissue.contact import Contact
 from palpate.sim.tissue.errors import CaseError, StrokeError
 from palpate.sim.tissue.geometry import Geometry
 from palpate.sim.tissue.material import Tissue, elasticity
 from palpate.sim.tissue.newton import Equilibrium, Newton, NoConvergence
 from palpate.sim.tissue.predictor import Predictor
 from palpate.sim.tissue.probe_shape import ProbeShape
+from palpate.sim.tissue.reading import Reading
 from palpate.sim.tissue.reference import ReferenceNewton
 from palpate.sim.tissue.result import Stroke
 from palpate.sim.tissue.settings import Settings
@@ -47,6 +48,8 @@ class StrokeRun:
         if padding and settings.solver == "reference":
             raise CaseError(f"{case.code}: the reference solver knows bare faces only")
         self.contact = Contact(geometry.mesh, shape, case.friction, padding_mm_per_kPa=padding)
+        # under a padding the pressure ends in a straight line
+        self.reading = Reading(self.contact.x0, settings.to_border and not padding)
         self.newton: Equilibrium = (
             ReferenceNewton(self.mesh, self.tissue.constants, shape, case.friction, settings.tolerance)
             if settings.solver == "reference"
@@ -169,7 +172,7 @@ class StrokeRun:
         peak = int(pressure.argmax())
         row = {
             "displacement_mm": self.surface_mm - state.height,
-            "images_kPa": read_sensors(s, pressure),
+            "images_kPa": self.reading(s, pressure),
             "peak_mm": s[peak],
             "peak_kPa": pressure[peak],
             "contact_mm": s[touching[[0, -1]]],

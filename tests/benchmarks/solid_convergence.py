@@ -25,6 +25,8 @@ CODE = "d10h08e10f07_ball"
 VARIANTS: dict[str, tuple[dict[str, Any], Settings]] = {
     "as it is": ({}, Settings()),
     "columns 1 mm": ({}, Settings(hx_mm=1.0)),
+    "read up to the border": ({}, Settings(to_border=True)),
+    "both": ({}, Settings(hx_mm=1.0, to_border=True)),
     "layers halved": ({"_LEAST_GAP_MM": 1.0}, Settings(layer_mm=2.6)),
     "rows halved": ({"_SKIN_MM": 0.75, "_ROW_GROWTH": 1.8, "_ROW_MM": 4.0}, Settings()),
     "two shells in the lump": ({"inner": 2}, Settings()),

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.sim.tissue.border import last_over_next
 from palpate.sim.tissue.face_sensors import PITCH_MM
 from palpate.sim.tissue.probe_shape import ProbeShape
 from palpate.sim.tissue.solid import face_kernels as kernels
@@ -83,7 +84,9 @@ class FaceContact:
     whatever it is, but the larger, the more of single precision's digits are rounded away.
     """
 
-    def __init__(self, mesh: SolidMesh, shape: FaceShape, augmentation: float = 1e4) -> None:
+    def __init__(
+        self, mesh: SolidMesh, shape: FaceShape, augmentation: float = 1e4, to_border: bool = False
+    ) -> None:
         self.shape, self.augmentation = shape, augmentation
         self.nodes = mesh.surface.ravel()
         self.dofs = 3 * self.nodes[:, None] + np.arange(3)
@@ -92,6 +95,8 @@ class FaceContact:
         self._lattice = mesh.surface.shape
         self._lattice_x = self.x0.reshape(self._lattice)[:, 0].copy()
         self._lattice_z = self.z0.reshape(self._lattice)[0].copy()
+        lines = self._lattice_x, self._lattice_z
+        self._last_over_next = tuple(map(last_over_next, lines)) if to_border else None
         self.weight = _integrals(self.x0.reshape(self._lattice), self.z0.reshape(self._lattice)).ravel()
 
     def evaluate(self, u: Floats, multiplier: Floats, height: float, position: float) -> Touching:
@@ -131,7 +136,7 @@ class FaceContact:
         force = (np.maximum(multiplier, 0.0) * self.weight).reshape(self._lattice)
         pressure = np.divide(force, area, out=np.zeros_like(force), where=force > 0)
         lines = self._lattice_x, self._lattice_z
-        return Profile(*lines, x, z, pressure, float(force.sum()))
+        return Profile(*lines, x, z, pressure, float(force.sum()), self._last_over_next)
 
 
 @dataclass(frozen=True)
@@ -146,6 +151,8 @@ class Profile:
         Where its nodes are now, and the pressure on them.
     force : float
         Sum of the vertical forces, mN.
+    last_over_next : tuple of ndarray, optional
+        `palpate.sim.tissue.border.last_over_next` along and across, to read up to the contact's border.
     """
 
     x0: Floats
@@ -154,6 +161,7 @@ class Profile:
     z: Floats
     pressure: Floats
     force: float
+    last_over_next: tuple[Floats, ...] | None = None
 
     def read(self, position: float, along_mm: Floats, across_mm: Floats, mirrored: bool) -> Floats:
         """Mean pressure over each sensor, kPa, (along, across), of a probe that stands at `position`.
@@ -163,7 +171,12 @@ class Profile:
         fine = ((np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5) * PITCH_MM
         x = (position + along_mm[:, None] + fine).ravel()
         z = (across_mm[:, None] + fine).ravel()
-        at = kernels.sample(self.x0, self.z0, self.x, self.z, self.pressure, x, np.abs(z) if mirrored else z)
+        z = np.abs(z) if mirrored else z
+        squared = self.last_over_next is not None
+        values = self.pressure
+        if self.last_over_next is not None:
+            values = kernels.to_border(self.x, self.z, values, *self.last_over_next)
+        at = kernels.sample(self.x0, self.z0, self.x, self.z, values, squared, x, z)
         return np.asarray(at.reshape(len(along_mm), _SAMPLES, len(across_mm), _SAMPLES).mean((1, 3)))
 
 

@@ -22,10 +22,10 @@ from pathlib import Path
 import numpy as np
 
 from palpate.sim.tissue import Case, Settings
-from palpate.sim.tissue.contact import read_sensors
 from palpate.sim.tissue.material import elasticity
 from palpate.sim.tissue.mesh import TissueMesh, build_mesh
 from palpate.sim.tissue.probe_shape import ProbeShape
+from palpate.sim.tissue.reading import read_sensors
 from tests.benchmarks.peers import QUARTERS, Peer
 
 _CONTACT_SLOPE = (

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.sim.tissue import Case, Settings
-from palpate.sim.tissue.contact import read_sensors
 from palpate.sim.tissue.material import elasticity
 from palpate.sim.tissue.mesh import build_mesh
 from palpate.sim.tissue.probe_shape import ProbeShape
+from palpate.sim.tissue.reading import read_sensors
 from tests.benchmarks.peers import QUARTERS, Peer
 from tests.benchmarks.peers.felupe_sliding import PenaltyContact, Sliding
 

@@ -111,6 +111,13 @@ def test_derivatives_of_fifty_random_cases(number):
     assert max(worst_difference(case, settings, fields_of(case), number).values()) < AGREE
 
 
+@pytest.mark.parametrize("number", [2, 3])
+def test_derivatives_of_rows_that_are_read_up_to_the_contact_s_border(number):
+    case = list(random_cases(4, 7))[number]
+    by = ("d_mm", "h", "E_ratio", "gland_ratio", "probe_radius_mm")
+    assert max(worst_difference(case, replace(FINE, to_border=True), by, number, n=2).values()) < AGREE
+
+
 def test_friction_s_derivative_is_where_strokes_with_a_little_of_it_go():
     case = Case(10.0, 0.8, 10.0, 0.6)
     places = np.array([-20.0, -6.0, 0.0, 5.0])

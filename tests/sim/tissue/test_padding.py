@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from palpate.sim.tissue import Case, CaseError, Settings
-from palpate.sim.tissue.contact import OWN_PLACES, Contact, places_read, read_sensors
+from palpate.sim.tissue.contact import Contact
 from palpate.sim.tissue.derivatives import differentiate
 from palpate.sim.tissue.frames import solve_frames
 from palpate.sim.tissue.geometry import geometry_of
 from palpate.sim.tissue.newton import Newton
 from palpate.sim.tissue.probe_shape import ProbeShape
+from palpate.sim.tissue.reading import OWN_PLACES, places_read, read_sensors
 from palpate.sim.tissue.solver.choice import make_solver
 from palpate.sim.tissue.state import State
 from palpate.sim.tissue.topology import Topology
