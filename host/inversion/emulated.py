@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from palpate import models
 from palpate.inversion.asked import PRESS, Alike, Frames, Solves, far_off
 from palpate.inversion.classes import FAT_KPA, Class
-from palpate.inversion.forward import COARSE, FINE, Asked, Emulated, Forward, SaysSlopes, Slopes
+from palpate.inversion.forward import FINE, Asked, Emulated, Forward, SaysSlopes, Slopes
 from palpate.learn.plane_emulator import (
     FORCE,
     LOW,
@@ -42,15 +42,15 @@ _FACE_MM = ROWS * _PITCH_MM
 _STEP = 1e-6
 AFAR_MM, _END_MM = LOW[PLACE], 50.0
 """So far before the lump there is none, as far as the emulator knows; so far away the solver is asked."""
-_FINEST = replace(FINE, hx_mm=0.5)
-"""Columns of 1 mm are up to a standard deviation off. For a glance those of 2 mm do."""
+_FINER = replace(FINE, hx_mm=0.5)
+"""Columns of 1 mm are up to a standard deviation off: they do for a glance."""
 _ALIKE, _ONE_SIDE = Alike(1.0, 0.05, 0.05), Alike(1.2, 0.2, 0.3)
 _GLANCE, _PLAIN = Alike(2.0, 0.1, 0.1), Alike(12.0, 0.2, 0.2)
 """The solver is asked about the frames themselves, but for those so like another: of all; along the side of
 the lump that comes first; at a glance; and without a lump."""
 _ALL, _ALONG = 0.01, ((0.004, 1.2), (0.004, 2.5), (0.005, 10.0))
 _LN_F = 0.8
-_OF_THE_MESH = {COARSE: 0.003, _FINEST: 0.0003}
+_OF_THE_MESH = {FINE: 0.003, _FINER: 0.0003}
 """The spreads of corrections: of all frames alike, along the stroke by mm, by the logarithm of the force, and
 of what the contact's nodes make of a single frame of either mesh."""
 _LARGER, _OF_SLOPES = (1.0, 2.0, 4.0), (0.1, 0.3, 1.0, 2.0, 4.0, 8.0)
@@ -186,7 +186,7 @@ class EmulatedForward(SaysSlopes):
         """
         ln_F = np.log(forces_N_per_m / FAT_KPA)
         glance = asked is Asked.GLANCE
-        settings = COARSE if glance else _FINEST
+        settings = FINE if glance else _FINER
         before, behind = self._before(places_mm)
         way = np.where(self._press, PRESS, 2 * self._stroke + behind)
         frames = Frames(np.clip(before, -_END_MM, _END_MM), ln_F, way)

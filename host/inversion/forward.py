@@ -6,7 +6,7 @@ In fat of 10 kPa. Units: mm, kPa, N/m.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Any, Protocol, runtime_checkable
 
@@ -26,8 +26,8 @@ Floats = NDArray[np.float64]
 
 _TOLERANCE = 1e-3
 """The misfit knows no difference from 1e-5 (less than .03); an iteration in four is saved."""
-COARSE = Settings(shells=3, to_border=True, tolerance=_TOLERANCE)
-FINE = replace(COARSE, hx_mm=1.0)
+COARSE = Settings(shells=3, tolerance=_TOLERANCE)
+FINE = Settings(hx_mm=1.0, shells=3, tolerance=_TOLERANCE)
 _REACH_MM = 56.0
 _PRESS_REACH_MM = 24.0
 """Frames at one place need no more."""

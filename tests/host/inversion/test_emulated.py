@@ -121,7 +121,7 @@ def test_set_right_it_says_what_the_solver_says_and_is_as_steep(of):
         ]  # fmt: skip
         off.append(wrong)
     # the contact's nodes make single frames ripple, their derivatives most
-    assert max(off[1][:2]) < 0.0025 and off[1][2] < 0.1
+    assert max(off[1][:2]) < 0.002 and off[1][2] < 0.1
     assert off[1][0] < off[0][0] and off[1][1] < off[0][1]
 
 
