@@ -172,10 +172,10 @@ class Profile:
         x = (position + along_mm[:, None] + fine).ravel()
         z = (across_mm[:, None] + fine).ravel()
         z = np.abs(z) if mirrored else z
-        squared = self.last_over_next is not None
-        values = self.pressure
-        if self.last_over_next is not None:
-            values = kernels.to_border(self.x, self.z, values, *self.last_over_next)
+        if self.last_over_next is None:
+            values, squared = self.pressure, False
+        else:
+            values, squared = kernels.to_border(self.x, self.z, self.pressure, *self.last_over_next), True
         at = kernels.sample(self.x0, self.z0, self.x, self.z, values, squared, x, z)
         return np.asarray(at.reshape(len(along_mm), _SAMPLES, len(across_mm), _SAMPLES).mean((1, 3)))
 

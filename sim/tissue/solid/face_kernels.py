@@ -59,9 +59,10 @@ def to_border(x, z, pressure, along, across):
                 inner, own, outer = squares(last, ways, ratios, next_ratios)
                 factor[a, b] *= inner / last[1] ** 2
                 here = own / last[0] ** 2
-                factor[i, j] = (
-                    min(factor[i, j], here) if min(factor[i, j], here) < 0.0 else factor[i, j] * here
-                )
+                if min(factor[i, j], here) < 0.0:  # beyond the border one way: so it is, whatever the other
+                    factor[i, j] = min(factor[i, j], here)
+                else:
+                    factor[i, j] *= here
                 beyond[out_a, out_b] += outer
                 seen[out_a, out_b] += 1.0
     square = np.where(seen > 0.0, beyond / np.maximum(seen, 1.0), pressure * pressure * factor)
