@@ -23,7 +23,7 @@ from palpate.inversion.forward import Emulated, SaysSlopes, Slopes
 from palpate.learn.emulator import NO_CONTACT, OFFSET, Parts, StrokeEmulator, inputs_of, unsigned
 from palpate.learn.emulator_file import Errors, read_emulator
 from palpate.learn.gaussian_process import GaussianProcess
-from palpate.sim.tissue import Case, Settings
+from palpate.sim.tissue import Case
 from palpate.sim.tissue.any_tissue import FORCE_PARTS
 from palpate.sim.tissue.solid.stroke import RAMP, simulate_forces
 
@@ -34,7 +34,6 @@ BINS = (16, 13)
 _CELLS = (16, 26)
 _NODES = np.log(FORCE_PARTS)
 _STEP = 1e-6
-_SOLVER = Settings(to_border=True)
 _ON_LINE_MM = 1.5
 """A lump so near the stroke's line is set right as if it lay on it: that costs the solver a quarter."""
 _STILL_WRONG = 0.35
@@ -88,7 +87,7 @@ def correction_at(case: Case, emulator: StrokeEmulator) -> Correction:
     if abs(case.offset_mm) < _ON_LINE_MM:
         case = replace(case, offset_mm=0.0)
     forces = [case.F_rel * part for part in FORCE_PARTS]
-    found = simulate_forces(case, forces, _SOLVER, emulator.positions_mm.tolist(), ramp=True)
+    found = simulate_forces(case, forces, None, emulator.positions_mm.tolist(), ramp=True)
     unit = np.array([one.case.F_N_per_m for one in found])
     x = np.array([inputs_of(one.case) for one in found])
     images, depths = emulator.stroked(x, *emulator.pressed(x))

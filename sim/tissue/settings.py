@@ -23,7 +23,7 @@ SOLVER_VERSION = "tissue-3"
 FINE_SOLVER_VERSION = "tissue-4"
 """The same for finer meshes than the default's: pressing starts higher and renews less of the tangent."""
 
-SOLID_SOLVER_VERSION = "solid-3"
+SOLID_SOLVER_VERSION = "solid-4"
 """The same for solid lumps."""
 
 _FAR_STEP_MM = 4.0
@@ -58,11 +58,12 @@ class Settings:
         Least number of element rings in the tissue round a lump in the plane. A lump of up to 9 mm has one
         otherwise, and a bump 1 to 2 % too high.
     layer_mm : float
-        Widest layer of elements under the face, across the stroke, where the lump is solid. The usual ones
-        leave the outermost columns about 1 % of the mean pressure off; 3 mm, .1 %.
+        Widest layer of elements under the face, across the stroke, where the lump is solid. Those of 5.5 mm
+        read cells by 1 % of the mean pressure wrong.
     to_border : bool
-        Read pressures up to the border of the contact, between the skin's nodes. Straight lines from node to
-        node read the rows by the border up to a tenth wrong, at columns of 2 mm.
+        Read pressures in the plane up to the border of the contact, between the skin's nodes, as over solid
+        lumps always. Straight lines from node to node read the rows by the border up to a tenth wrong, at
+        columns of 2 mm.
     left_mm, right_mm : float
         Where the roller sides stand.
     tolerance : float
@@ -84,7 +85,7 @@ class Settings:
     gland_row_mm: float = 5.0
     skin_mm: tuple[float, ...] = (0.35, 0.55)
     shells: int = 1
-    layer_mm: float = 5.5
+    layer_mm: float = 3.0
     to_border: bool = False
     left_mm: float = -120.0
     right_mm: float = 100.0

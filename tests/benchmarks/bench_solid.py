@@ -101,6 +101,9 @@ def main() -> None:
     )
     print("| " + " | ".join((*heads, "stroke / floor", "nodes", "factorisations", "iterations")) + " |")
     print("|---" * (len(heads) + 4) + "|", flush=True)
+    # first, since a process begins with the most that its parent has had
+    fresh = ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1)
+    memory = list(fresh.map(most_MB, (code for _, code in CASES)))
     for words, code in CASES:
         case, settings = Case.from_code(code), Settings()
         simulate(case, settings)
@@ -120,9 +123,8 @@ def main() -> None:
         cells = (f"{a:.1f}", f"{of_it:.1f}", f"{b:.1f}", f"{c:.1f}", f"{a / c:.1f}", f"{stroke.nodes:,}")
         counts = (str(stroke.factorisations), str(stroke.iterations.sum()))
         print("| " + " | ".join((f"`{code}`, {words}", *cells, *counts)) + " |", flush=True)
-    fresh = ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1)
-    for (words, _), memory in zip(CASES, fresh.map(most_MB, (code for _, code in CASES)), strict=True):
-        print(f"\na process that computes the one {words} takes {memory:.0f} MB at most")
+    for (words, _), most in zip(CASES, memory, strict=True):
+        print(f"\na process that computes the one {words} takes {most:.0f} MB at most")
 
 
 def most_MB(code: str) -> float:

@@ -1,8 +1,9 @@
 """How far rows by the border of the contact can be believed, docs/physics.md: python -m
 tests.benchmarks.contact_border
 
-Cells of columns of 2 and 1 mm against columns of 0.25 mm (1 over the ball) that are read up to the border:
-read straight from node to node, and up to the border (`palpate.sim.tissue.border`).
+Cells of columns of 2 and 1 mm in the plane, read straight from node to node and up to the border
+(`palpate.sim.tissue.border`), against columns of 0.25 mm that are read up to the border; and those over a
+ball by columns of 3, 2 and 1.5 mm against 1 mm.
 """
 
 from __future__ import annotations
@@ -39,21 +40,21 @@ def main() -> None:
     print("| rms of the cells, Pa | 2 mm, straight | 2 mm | 1 mm, straight | 1 mm |")
     print("|---|--:|--:|--:|--:|", flush=True)
     for words, code in PLANE.items():
-        _row(words, _plane, Case.from_code(code), 0.25, (2.0, 1.0))
-    _row("a ball", _solid, Case.from_code(BALL), 1.0, (2.0,))
+        row(
+            words,
+            _plane,
+            Case.from_code(code),
+            0.25,
+            [Settings(hx_mm=hx, to_border=how) for hx in (2.0, 1.0) for how in (False, True)],
+        )
+    print("\n| rms of the cells, Pa | 3 mm | 2 mm | 1.5 mm |\n|---|--:|--:|--:|", flush=True)
+    row("a ball", _solid, Case.from_code(BALL), 1.0, [Settings(hx_mm=hx) for hx in (3.0, 2.0, 1.5)])
 
 
-def _row(
-    words: str, read: Callable[..., Images], case: Case, least: float, columns: tuple[float, ...]
-) -> None:
-    fine = read(case, Settings(hx_mm=least, to_border=True))
-    off = [
-        1000 * np.sqrt(np.square(read(case, Settings(hx_mm=hx, to_border=how)) - fine).mean())
-        for hx in columns
-        for how in (False, True)
-    ]
-    cells = [f"{pa:.0f}" for pa in off] + [""] * (4 - len(off))
-    print(f"| {words} |", " | ".join(cells), "|", flush=True)
+def row(words: str, read: Callable[..., Images], case: Case, least_mm: float, asked: list[Settings]) -> None:
+    fine = read(case, Settings(hx_mm=least_mm, to_border=True))
+    off = [1000 * np.sqrt(np.square(read(case, settings) - fine).mean()) for settings in asked]
+    print(f"| {words} |", " | ".join(f"{pa:.0f}" for pa in off), "|", flush=True)
 
 
 if __name__ == "__main__":

@@ -25,9 +25,7 @@ CODE = "d10h08e10f07_ball"
 VARIANTS: dict[str, tuple[dict[str, Any], Settings]] = {
     "as it is": ({}, Settings()),
     "columns 1 mm": ({}, Settings(hx_mm=1.0)),
-    "read up to the border": ({}, Settings(to_border=True)),
-    "both": ({}, Settings(hx_mm=1.0, to_border=True)),
-    "layers halved": ({"_LEAST_GAP_MM": 1.0}, Settings(layer_mm=2.6)),
+    "layers halved": ({"_LEAST_GAP_MM": 0.7}, Settings(layer_mm=1.5)),
     "rows halved": ({"_SKIN_MM": 0.75, "_ROW_GROWTH": 1.8, "_ROW_MM": 4.0}, Settings()),
     "two shells in the lump": ({"inner": 2}, Settings()),
     "four shells round the lump": ({"outer": 4}, Settings()),
@@ -36,7 +34,7 @@ VARIANTS: dict[str, tuple[dict[str, Any], Settings]] = {
 WHOLE = {
     "columns 1 mm, layers / 4, rows / 2": (
         {"_LEAST_GAP_MM": 0.6, "_SKIN_MM": 0.75, "_ROW_GROWTH": 1.8, "_ROW_MM": 4.0},
-        Settings(hx_mm=1.0, layer_mm=1.3),
+        Settings(hx_mm=1.0, layer_mm=0.75),
     ),
     "everything halved": ({}, Settings(refine=2)),
 }

@@ -119,8 +119,9 @@ def errors(old: Halves, new: Halves) -> dict[str, float]:
     """Of lumps that the regression had not seen, before and after: rms of the outermost column and of the
     others over the image's mean, and of the displacement."""
     pressures, depths = np.empty_like(old.kPa), np.empty_like(old.displacement_mm)
+    order = np.unique(old.lump, return_inverse=True)[1]
     for k in range(FOLDS):
-        asked = old.lump % FOLDS == k
+        asked = order % FOLDS == k
         if asked.any():
             carrier = learn(old.take(~asked), new.take(~asked))
             pressures[asked], depths[asked] = carrier.carried(old.take(asked))
@@ -160,9 +161,9 @@ def carry(old: Path, new: Path, out: Path, *others: Path) -> dict[str, float]:
             target,
             {
                 "design": recipe["design"],
-                "settings": recipe["settings"],
+                "settings": read_recipe(new)["settings"],
                 "computed": computed,
-                "carried": {"from": "solid-2", **told},
+                "carried": {"from": recipe["solver"], **told},
             },
         )
     return found

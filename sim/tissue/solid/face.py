@@ -84,9 +84,7 @@ class FaceContact:
     whatever it is, but the larger, the more of single precision's digits are rounded away.
     """
 
-    def __init__(
-        self, mesh: SolidMesh, shape: FaceShape, augmentation: float = 1e4, to_border: bool = False
-    ) -> None:
+    def __init__(self, mesh: SolidMesh, shape: FaceShape, augmentation: float = 1e4) -> None:
         self.shape, self.augmentation = shape, augmentation
         self.nodes = mesh.surface.ravel()
         self.dofs = 3 * self.nodes[:, None] + np.arange(3)
@@ -95,8 +93,7 @@ class FaceContact:
         self._lattice = mesh.surface.shape
         self._lattice_x = self.x0.reshape(self._lattice)[:, 0].copy()
         self._lattice_z = self.z0.reshape(self._lattice)[0].copy()
-        lines = self._lattice_x, self._lattice_z
-        self._last_over_next = tuple(map(last_over_next, lines)) if to_border else None
+        self._last_over_next = last_over_next(self._lattice_x), last_over_next(self._lattice_z)
         self.weight = _integrals(self.x0.reshape(self._lattice), self.z0.reshape(self._lattice)).ravel()
 
     def evaluate(self, u: Floats, multiplier: Floats, height: float, position: float) -> Touching:
@@ -135,8 +132,8 @@ class FaceContact:
         area = _integrals(x, z)
         force = (np.maximum(multiplier, 0.0) * self.weight).reshape(self._lattice)
         pressure = np.divide(force, area, out=np.zeros_like(force), where=force > 0)
-        lines = self._lattice_x, self._lattice_z
-        return Profile(*lines, x, z, pressure, float(force.sum()), self._last_over_next)
+        square = kernels.to_border(x, z, pressure, *self._last_over_next)
+        return Profile(self._lattice_x, self._lattice_z, x, z, pressure, square, float(force.sum()))
 
 
 @dataclass(frozen=True)
@@ -149,10 +146,10 @@ class Profile:
         Lines of the undeformed lattice.
     x, z, pressure : ndarray (2 nx + 1, 2 nz + 1)
         Where its nodes are now, and the pressure on them.
+    square : ndarray (2 nx + 1, 2 nz + 1)
+        What is straight between the nodes: the pressure's square, below 0 beyond the contact's border.
     force : float
         Sum of the vertical forces, mN.
-    last_over_next : tuple of ndarray, optional
-        `palpate.sim.tissue.border.last_over_next` along and across, to read up to the contact's border.
     """
 
     x0: Floats
@@ -160,27 +157,23 @@ class Profile:
     x: Floats
     z: Floats
     pressure: Floats
+    square: Floats
     force: float
-    last_over_next: tuple[Floats, ...] | None = None
 
     def read(self, position: float, along_mm: Floats, across_mm: Floats, mirrored: bool) -> Floats:
         """Mean pressure over each sensor, kPa, (along, across), of a probe that stands at `position`.
 
         `mirrored` tells that the lattice is the half z >= 0 of a symmetric one.
         """
-        fine = ((np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5) * PITCH_MM
-        x = (position + along_mm[:, None] + fine).ravel()
-        z = (across_mm[:, None] + fine).ravel()
+        parts = (np.arange(_PARTS + 1) / _PARTS - 0.5) * PITCH_MM
+        x = position + along_mm[:, None] + parts
+        z = across_mm[:, None] + parts
         z = np.abs(z) if mirrored else z
-        if self.last_over_next is None:
-            values, squared = self.pressure, False
-        else:
-            values, squared = kernels.to_border(self.x, self.z, self.pressure, *self.last_over_next), True
-        at = kernels.sample(self.x0, self.z0, self.x, self.z, values, squared, x, z)
-        return np.asarray(at.reshape(len(along_mm), _SAMPLES, len(across_mm), _SAMPLES).mean((1, 3)))
+        return np.asarray(kernels.mean_pressures(self.x0, self.z0, self.x, self.z, self.square, x, z))
 
 
-_SAMPLES = 5
+_PARTS = 5
+"""Each way, of a sensor; what is straight in each is the pressure's square."""
 
 
 def _integrals(x: Floats, z: Floats) -> Floats:

@@ -82,7 +82,7 @@ class SolidRun:
             ProbeShape(case.probe_radius_mm, case.face_half_mm, case.fillet_per_mm2),
             ProbeShape(case.across_radius_mm, case.across_half_mm, case.across_fillet_per_mm2),
         )
-        self.contact = FaceContact(geometry.mesh, shape, to_border=settings.to_border)
+        self.contact = FaceContact(geometry.mesh, shape)
         solver = Multifrontal(geometry.fronts, [near_probe(geometry.mesh, x) for x in positions])
         self.newton = SolidNewton(body, self.contact, solver, settings.tolerance)
         self.predictor = SolidPredictor(geometry.mesh, geometry.integrals.volume)

@@ -68,7 +68,8 @@ def run(case: Case, settings: Settings, positions_mm: Sequence[float]) -> Peer:
         now = (skin + stroke.values[nodes]).reshape(rest.shape)
         pull = np.maximum(contact.forces(contact.look(position)[0]), 0.0).reshape(mesh.surface.shape)
         x, z = now[..., 0], now[..., 2]
-        profile = Profile(rest[:, 0, 0], rest[0, :, 2], x, z, pull / _areas(x, z), pull.sum())
+        pressure = pull / _areas(x, z)
+        profile = Profile(rest[:, 0, 0], rest[0, :, 2], x, z, pressure, pressure**2, pull.sum())
         displacement.append(stroke.depth_mm)
         images.append(profile.read(position, SENSORS_MM, places_mm(ACROSS), True))
     spent = time.process_time() - began
