@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 
 _FACTOR = 1.6
 """So much wider than Laplace's is the mode's own spread, for what the valley is curved."""
-_MODEL = {"ln d": 0.05, WIDTH: 0.1, HEIGHT: 0.1, "ln depth": 0.1, "E^-2/3": 0.04, "ln_E": 0.05}
+_MODEL = {"ln d": 0.05, WIDTH: 0.1, HEIGHT: 0.1, "ln depth": 0.05, "E^-2/3": 0.04, "ln_E": 0.05}
 """Standard deviations of what emulator and mesh get wrong, by unknown."""
 
 
