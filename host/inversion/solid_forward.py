@@ -87,7 +87,7 @@ def correction_at(case: Case, emulator: StrokeEmulator) -> Correction:
     if abs(case.offset_mm) < _ON_LINE_MM:
         case = replace(case, offset_mm=0.0)
     forces = [case.F_rel * part for part in FORCE_PARTS]
-    found = simulate_forces(case, forces, None, emulator.positions_mm.tolist(), ramp=True)
+    found = simulate_forces(case, forces, positions_mm=emulator.positions_mm.tolist(), ramp=True)
     unit = np.array([one.case.F_N_per_m for one in found])
     x = np.array([inputs_of(one.case) for one in found])
     images, depths = emulator.stroked(x, *emulator.pressed(x))

@@ -53,7 +53,7 @@ _MODULUS_STEP, _STIFFENING_STEP, _POISSON_STEP = 1e-3, 1e-5, 1e-6
 """Forces are linear in moduli, nearly so in b."""
 _REFINEMENTS, _ALONG_MM = 1, 1e-6
 _READ_MM = 1e-5
-"""So far nodes are moved to see what the sensors read then."""
+"""So far nodes are moved, and so many kPa more or less put on them, to see what the sensors read then."""
 
 
 @dataclass(frozen=True)
@@ -279,7 +279,8 @@ def _read(run: SolidRun, state: State, x: float, touching: Touching, du: Floats,
     before = run.contact.pressure(state.u, state.multiplier).read(x, SENSORS_MM, across, half)
     out = np.empty((*before.shape, len(du)))
     for j, (moved, pressed) in enumerate(zip(du, dlam)):
-        step = _READ_MM / max(float(np.abs(moved[run.contact.dofs]).max()), float(j == len(du) - 2), 1e-12)
+        far = max(float(np.abs(moved[run.contact.dofs]).max()), float(np.abs(pressed).max()))
+        step = _READ_MM / max(far, float(j == len(du) - 2), 1e-12)
         multiplier = state.multiplier.copy()
         multiplier[touching.active] += step * pressed
         skin = run.contact.pressure(state.u + step * moved, multiplier)
