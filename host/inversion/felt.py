@@ -27,6 +27,10 @@ _UNEVEN, _SIDE_BY_SIDE = 0.010, 4
 """The share of the force on columns side by side changes by so much of itself, noise apart, where a lump ends
 across: over sixty cylinders by .008 at most, for the gains of cells; over balls by more, unless they are deep
 or soft."""
+_BENT = 0.12
+"""From the middle column to the outermost ones the mean pressure rises or falls by so much of itself in real
+tissue, which the face's sides bend: over balls by .07 to 1.5, over endless cylinders by .02 at most, by .1
+where sensors are as noisy as `real`."""
 
 _PRESSED_UNEVENLY = 0.06
 """In a press over five balls a column gains .09 to .19 more or less than its rows; over twelve cylinders, by
@@ -63,7 +67,9 @@ class FeltStroke:
     curve_kPa : float
         Standard deviation of what the cells' response curves get wrong, row by row.
     image_kPa : ndarray (n, rows, columns), optional
-        Where a lump ends across the stroke: every cell, dead ones NaN.
+        Every cell, dead ones NaN.
+    solid : bool
+        Whether the lump under it, or the tissue beside the face, ends across the stroke.
     each : ndarray (n,), optional
         Each frame is the mean of so many.
     lag : ndarray (n, n), optional
@@ -82,13 +88,9 @@ class FeltStroke:
     measured: bool = True
     curve_kPa: float = 0.0
     image_kPa: Floats | None = None
+    solid: bool = False
     each: Ints | None = None
     lag: Floats | None = None
-
-    @property
-    def solid(self) -> bool:
-        """Whether the lump under it ends across the stroke."""
-        return self.image_kPa is not None
 
     @property
     def alone(self) -> bool:
@@ -146,7 +148,7 @@ def felt_stroke(
     stroke: int = 0,
     face: Face | None = None,
 ) -> FeltStroke:
-    """Row means of n frames of a stroke; every cell, where the lump ends across it.
+    """Row means and cells of n frames of a stroke, and whether its lump ends across it.
 
     Parameters
     ----------
@@ -176,6 +178,7 @@ def felt_stroke(
         raise NotInvertible(f"stroke {stroke} has no displacement: the probe's sensor for it does not move")
     rows = _rows(pressure_kPa, dead, f"stroke {stroke}")
     even = _even(pressure_kPa[press:], dead)
+    flat = face is not None or _flat(pressure_kPa[press:], dead)
     if not even and face is not None:
         raise NotInvertible(
             f"stroke {stroke}: its image changes across the stroke, as over a ball, which the inversion "
@@ -187,9 +190,11 @@ def felt_stroke(
     place = np.concatenate([np.full(press, start), place_mm[press:]])
     face = face or _OWN
     live = (~dead).sum(1)
-    image = None if even else np.where(dead, np.nan, pressure_kPa)
     along = np.concatenate([before, place_mm[press:]])
-    return FeltStroke(rows, live, displacement_mm, place, share, along, press, stroke, face, image_kPa=image)
+    return FeltStroke(
+        rows, live, displacement_mm, place, share, along, press, stroke, face,
+        image_kPa=np.where(dead, np.nan, pressure_kPa), solid=not (even and flat),
+    )  # fmt: skip
 
 
 def felt_press(
@@ -252,6 +257,14 @@ def _even(pressure_kPa: Floats, dead: NDArray[np.bool_]) -> bool:
     apart = share - share.mean(axis=0)
     white = (np.diff(share, axis=0) ** 2).mean(axis=0) / 2
     return bool(((apart**2).mean(axis=0) - white).max() <= _UNEVEN**2)
+
+
+def _flat(pressure_kPa: Floats, dead: NDArray[np.bool_]) -> bool:
+    """Whether the face's sides are not felt: then tissue and lump are endless across the stroke."""
+    columns = np.nanmean(np.where(dead, np.nan, pressure_kPa), axis=(0, 1))
+    across = np.linspace(-1.0, 1.0, len(columns)) ** 2
+    across = across - across.mean()
+    return bool(abs(across @ columns) <= _BENT * (across @ across) * columns.mean())
 
 
 def _check_pressed_evenly(pressure_kPa: Floats, dead: NDArray[np.bool_], name: str) -> None:

@@ -48,7 +48,8 @@ class Together:
             index[own] = size + np.arange(len(own))
             size += len(own)
             self.index.append(index)
-        self.size, self.at = size, {"tissue": first.at["tissue"]}
+        k = first.at["tissue"].stop
+        self.size, self.at = size, {"tissue": first.at["tissue"], "ln_E": slice(k, k + 1)}
         self.sd = self.joined([part.sd for part in self.parts])
         ends = np.cumsum([0, *(len(part.stroke.displacement_mm) for part in self.parts)])
         self._frames = [slice(int(a), int(b)) for a, b in pairwise(ends)]
@@ -64,6 +65,10 @@ class Together:
         for values, index in reversed(list(zip(own, self.index))):
             z[index] = values
         return z
+
+    def start(self, theta: Floats, E_kPa: float, lumps_mm: Sequence[float]) -> Floats:
+        """As `Posterior.start`; the lump lies elsewhere along each stroke."""
+        return self.joined([part.start(theta, E_kPa, at) for part, at in zip(self.parts, lumps_mm)])
 
     def places(self, z: Floats) -> Floats:
         """Of all frames of all strokes, from the lump, mm."""
@@ -89,12 +94,17 @@ class Together:
         for i, (part, index, frames) in enumerate(zip(self.parts, self.index, self._frames)):
             own = Slopes(slopes.images[frames], slopes.depth[frames])
             A, B = part.jacobian(z[index], _some(found, frames), own)
-            B = B if i == 0 else np.delete(B, self._known, 0)
-            for block, blocks in ((A, data), (B, prior)):
-                wide = np.zeros((len(block), self.size))
-                wide[:, index] = block
-                blocks.append(wide)
-        return np.vstack(data), np.vstack(prior)
+            data.append(A)
+            prior.append(B if i == 0 else np.delete(B, self._known, 0))
+        return self._wide(data), self._wide(prior)
+
+    def _wide(self, blocks: Sequence[Floats]) -> Floats:
+        """The strokes' blocks below each other, each by its own unknowns."""
+        out = np.zeros((sum(map(len, blocks)), self.size))
+        ends = np.cumsum([0, *map(len, blocks)])
+        for block, index, a, b in zip(blocks, self.index, ends, ends[1:]):
+            out[a:b, index] = block
+        return out
 
     def laid(self, z: Floats, found: Predicted) -> tuple[Laid, ...]:
         """Of each stroke, the fitted one over the measured one."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from palpate.answer.fitted import Inverted, Value
 from palpate.inversion.classes import APART, DEEPER, LARGER
 from palpate.inversion.departures import DEPARTURES, FRICTION, TWO_LUMPS, UNDULATING
+from palpate.inversion.joint import Together
 from palpate.inversion.posterior import Posterior
 from palpate.inversion.search import Mode
 from palpate.inversion.solid_classes import HEIGHT, WIDTH
@@ -121,6 +122,17 @@ def told(
         posterior.stroke.stroke, values, posterior.of.name, odds, mode.chi2, not why, mode.settled, worst,
         centre, why, layers, press=posterior.stroke.alone,
     )  # fmt: skip
+
+
+def told_together(
+    posterior: Together, mode: Mode, odds: dict[str, float], wider: Mapping[str, Widening] = WIDER
+) -> Inverted:
+    """What a mode over several strokes says, by the first of them; as `told`."""
+    index = posterior.index[0]
+    own = replace(mode, z=mode.z[index], covariance=mode.covariance[np.ix_(index, index)])
+    said = told(posterior.parts[0], own, odds, posterior.places(mode.z), wider)
+    strokes = len(posterior.parts)
+    return said if strokes == 1 else replace(said, together=strokes, centre_mm=None)
 
 
 def of_modes(said: Sequence[Inverted], log_evidence: Sequence[float]) -> Inverted:

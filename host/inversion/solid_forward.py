@@ -10,8 +10,10 @@ lump to over it, and its displacements; a frame's image is binned, `BINS`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,7 @@ from scipy.interpolate import CubicSpline
 
 from palpate import models
 from palpate.inversion.classes import FAT_KPA, Class
+from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import Emulated, SaysSlopes, Slopes
 from palpate.learn.emulator import NO_CONTACT, OFFSET, Parts, StrokeEmulator, inputs_of, unsigned
 from palpate.learn.emulator_file import Errors, read_emulator
@@ -34,6 +37,7 @@ BINS = (16, 13)
 _CELLS = (16, 26)
 _NODES = np.log(FORCE_PARTS)
 _STEP = 1e-6
+_GRID = 0.1
 _ON_LINE_MM = 1.5
 """A lump so near the stroke's line is set right as if it lay on it: that costs the solver a quarter."""
 _STILL_WRONG = 0.35
@@ -71,9 +75,9 @@ class Correction:
     cpu_s: float = 0.0
 
     @property
-    def ramp_nodes(self) -> Floats:
-        """ln of the ramp's forces over the middle one, (5,)."""
-        return np.append(np.log(RAMP) + _NODES[0], _NODES)
+    def middle(self) -> float:
+        """ln of the middle force over the fat's modulus."""
+        return float(np.log(self.case.F_N_per_m / self.case.fat_kPa))
 
 
 def correction_at(case: Case, emulator: StrokeEmulator) -> Correction:
@@ -138,7 +142,9 @@ class SolidForward(SaysSlopes):
         own = len(theta) - len(self.errors.image)
         base, chain = self._inputs(theta, own)
         ln_force = np.log(forces_N_per_m / FAT_KPA)
-        middle = float(ln_force[p:].mean())
+        # it stays while forces change a little, so that slopes by each force are all there is
+        middle = _GRID * round(float(ln_force[p:].mean()) / _GRID)
+        middle = middle if self.correction is None else self.correction.middle
         levels = np.concatenate([ln_force[:p], middle + _NODES])
         x = np.column_stack([np.tile(base, (len(levels), 1)), levels])
         tables, deep, of_tables, of_deep = self._tables(x, chain, theta[own:], levels - middle)
@@ -183,7 +189,7 @@ class SolidForward(SaysSlopes):
         force.
         """
         image, of_image, depth, of_depth = _emulated(self.emulator, x)
-        m, places, own = len(x), len(self.emulator.positions_mm), chain.shape[1]
+        m, p, places, own = len(x), self.press, len(self.emulator.positions_mm), chain.shape[1]
         image = image.reshape(m, places, *_CELLS)
         of_image = of_image.reshape(m, places, *_CELLS, -1)
         image, of_image = _binned(image), _binned(of_image)
@@ -195,54 +201,107 @@ class SolidForward(SaysSlopes):
         of_deep = np.zeros((*depth.shape, k + 1))
         of_deep[..., :own] = of_depth[..., :-1] @ chain
         of_deep[..., k] = of_depth[..., -1]
-        parts, deep_parts = self._wrong(over_middle)
-        parts = parts * force[:, None, None]
-        image = image + np.einsum("jmxc,j->mxc", parts, wrong)
-        of_both[..., own:k] = np.moveaxis(parts, 0, -1)
-        of_both[..., k] += np.einsum("jmxc,j->mxc", parts, wrong)
-        longer = 1 + np.einsum("jmx,j->mx", deep_parts, wrong)
+        parts, steep, deep_parts, deep_steep = self._wrong(over_middle)
+        more, longer = parts @ wrong, 1 + deep_parts @ wrong
+        steep, deep_steep = steep @ wrong, deep_steep @ wrong
         if self.correction is not None:
-            more, deeper = _set_right(self.correction, over_middle)
-            more = more * force[:, None, None]
-            image, longer = image + more, longer + deeper
-            of_both[..., k] += more
+            right = _set_right(self.correction, over_middle, p)
+            for of, one in zip((more, steep, longer, deep_steep), right):
+                of += one
+        of_both[..., own:k] = force[:, None, None, None] * parts
+        more *= force[:, None, None]
+        image = image + more
+        of_both[..., k] += more
+        of_both[:p, ..., k] += (force[:p, None] * steep)[:, None]
         of_deep = of_deep * longer[..., None]
-        of_deep[..., own:k] += np.moveaxis(deep_parts, 0, -1) * depth[..., None]
+        of_deep[..., own:k] += deep_parts * depth[..., None]
+        of_deep[:p, :, k] += deep_steep[:, None] * depth[:p]
         depth = depth * longer
         images = (_mirrored(one, True) for one in (image, of_both))
         depths = (_mirrored(one, False) for one in (depth, of_deep))
         (image, of_both), (depth, of_deep) = images, depths
         return image, depth, of_both, of_deep
 
-    def _wrong(self, over_middle: Floats) -> tuple[Floats, Floats]:
-        """Components (j, m, positions, bins) over the force and (j, m, positions) of displacement."""
+    def _wrong(self, over_middle: Floats) -> list[Floats]:
+        """As `_at_levels`: components (..., j) of what the emulator gets wrong, images over the force."""
         errors, places = self.errors, len(self.emulator.positions_mm)
         less = 1.0 if self.correction is None else _STILL_WRONG
+        press = np.append(np.arange(places, errors.image.shape[1]), 0)
         nodes = np.append(np.log(RAMP) + _NODES[0], 0.0)
-        image = self._wrong_image
-        out = np.repeat(image[:, None, :places], len(over_middle), axis=1)
-        deep = np.repeat(errors.depth[:, None, :places], len(over_middle), axis=1)
-        low = over_middle < 1.2 * _NODES[0]
-        order = np.append(np.arange(places, errors.image.shape[1]), 0)
-        for i in np.flatnonzero(low):  # the press has errors of its own, at whatever place it stands
-            at = np.clip(over_middle[i], nodes[0], nodes[-1])
-            share = np.array([np.interp(at, nodes, one) for one in np.eye(len(nodes))])
-            out[:, i] = np.einsum("r,jrc->jc", share, image[:, order])[:, None]
-            deep[:, i] = (errors.depth[:, order] @ share)[:, None]
-        return less * out, less * deep
+        out: list[Floats] = []
+        for of in (self._wrong_image, errors.depth):
+            table = less * np.moveaxis(of, 0, -1)
+            stroke = np.repeat(table[None, :places], len(_NODES), axis=0)
+            out += _at_levels(over_middle[: self.press], nodes, table[press], stroke)
+        return out
 
 
-def _set_right(of: Correction, over_middle: Floats) -> tuple[Floats, Floats]:
-    """A correction at forces (m,) over its middle one: (m, positions, bins) over the force, and depth."""
-    share = np.column_stack([np.interp(over_middle, _NODES, one) for one in np.eye(len(_NODES))])
-    image = np.einsum("mf,fxc->mxc", share, of.image)
-    depth = share @ of.depth
-    low = over_middle < _NODES[0]
-    nodes = of.ramp_nodes
-    share = np.column_stack([np.interp(over_middle, nodes, one) for one in np.eye(len(nodes))])
-    image[low] = (share @ of.ramp_image)[low][:, None]
-    depth[low] = (share @ of.ramp_depth)[low][:, None]
-    return _binned(image.reshape(*image.shape[:2], *_CELLS)), depth
+class OverOneLump(SaysSlopes):
+    """Emulates the frames of several strokes over one lump, stroke by stroke.
+
+    Parameters
+    ----------
+    of : Class
+    strokes : sequence of FeltStroke
+    corrections : sequence of Correction, optional
+        One for each stroke.
+    """
+
+    def __init__(
+        self, of: Class, strokes: Sequence[FeltStroke], corrections: Sequence[Correction] = ()
+    ) -> None:
+        each: Sequence[Correction | None] = corrections or [None] * len(strokes)
+        self._parts = [SolidForward(of, stroke.press, one) for stroke, one in zip(strokes, each)]
+        self._ends = np.cumsum([0, *(len(stroke.place_mm) for stroke in strokes)])
+        self.scale = of.scale
+
+    def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> Emulated:
+        """As `SolidForward`."""
+        each = [
+            part(theta, places_mm[a:b], forces_N_per_m[a:b])
+            for part, (a, b) in zip(self._parts, pairwise(self._ends))
+        ]
+        slopes = [one.slopes for one in each]
+        return Emulated(
+            theta, places_mm, forces_N_per_m,
+            np.concatenate([one.images for one in each]), np.concatenate([one.depth for one in each]),
+            Slopes(np.concatenate([s.images for s in slopes]), np.concatenate([s.depth for s in slopes])),
+        )  # fmt: skip
+
+
+def _set_right(of: Correction, over_middle: Floats, press: int) -> list[Floats]:
+    """As `_at_levels`: what the solver says otherwise, images over the force, and displacements."""
+    nodes = np.append(np.log(RAMP) + _NODES[0], _NODES)
+    images = [_binned(one.reshape(*one.shape[:-1], *_CELLS)) for one in (of.ramp_image, of.image)]
+    pairs = (images, (of.ramp_depth, of.depth))
+    return [one for pair in pairs for one in _at_levels(over_middle[:press], nodes, *pair)]
+
+
+def _at_levels(at: Floats, nodes: Floats, press: Floats, stroke: Floats) -> tuple[Floats, Floats]:
+    """Tables at a press' forces, logarithms (p,), linear between nodes (r,), and at a stroke's.
+
+    Parameters
+    ----------
+    press : ndarray (r, ...)
+        At the nodes, wherever it stands.
+    stroke : ndarray (3, positions, ...)
+
+    Returns
+    -------
+    tables : ndarray (p + 3, positions, ...)
+    slopes : ndarray (p, ...)
+        Of the press', by the logarithm of its force.
+    """
+    k = np.clip(np.searchsorted(nodes, at) - 1, 0, len(nodes) - 2)
+    width = np.diff(nodes)[k]
+    share = np.clip((at - nodes[k]) / width, 0.0, 1.0)
+    within = (at >= nodes[0]) & (at <= nodes[-1])
+    eye = np.eye(len(nodes))
+    shares = (1 - share)[:, None] * eye[k] + share[:, None] * eye[k + 1]
+    steep = (within / width)[:, None] * (eye[k + 1] - eye[k])
+    own = np.tensordot(shares, press, 1)
+    tables = np.concatenate([np.repeat(own[:, None], stroke.shape[1], axis=1), stroke])
+    return tables, np.tensordot(steep, press, 1)
 
 
 def _emulated(of: StrokeEmulator, x: Floats) -> tuple[Floats, Floats, Floats, Floats]:

@@ -1,4 +1,4 @@
-"""Inverting a stroke over a solid lump: a search on the emulator, set right by the solver where it ends.
+"""Inverting strokes over a solid lump: a search on the emulator, set right by the solver where it ends.
 
 Space mapping (Bandler and others 1994): the solver computes one stroke at the emulator's mode; what it says
 otherwise is added to the emulator, and the search goes on from there, until the mode stays. Balls and
@@ -16,14 +16,16 @@ from numpy.typing import NDArray
 from palpate.answer.fitted import Inverted
 from palpate.inversion.classes import Class
 from palpate.inversion.felt import FeltStroke
+from palpate.inversion.joint import Together
+from palpate.inversion.kept import Felt
 from palpate.inversion.mirror import mirrored_about
 from palpate.inversion.pooled import pooled
-from palpate.inversion.result import of_modes, told
+from palpate.inversion.result import of_modes, told_together
 from palpate.inversion.search import Mode, search
 from palpate.inversion.solid_classes import BALL, ELLIPSOID, OFFSET, RATIO, SOLIDS, learnt
-from palpate.inversion.solid_forward import Correction, SolidForward, bundled, correction_at
+from palpate.inversion.solid_forward import Correction, OverOneLump, bundled, correction_at
 from palpate.inversion.solid_posterior import SolidPosterior, binned
-from palpate.inversion.start import MIDDLE, Start
+from palpate.inversion.start import MIDDLE, SIZE_BY_STIFFNESS, Start
 from palpate.inversion.widening import WIDER_SOLID
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue import Case, CaseError, StrokeError
@@ -38,12 +40,16 @@ _THIN = 3
 _RATIO = 6
 """Of the emulator's inputs, the gland's stiffness over the fat's."""
 _STEPS, _ENOUGH = 20, 1.0
-_HOPELESS = 150.0
-"""A start whose misfit is so much over the best one's after some steps is not followed."""
+_HOPELESS = 2.0
+"""A start whose misfit is over the best one's by this part of it after some steps is not followed."""
 _SOFT, _HARD = 0.45, 0.1
 _SIZED, _LESS, _MORE = 1.3, -0.5, 0.4
 """Sizes of further first guesses, and ln of their glands' stiffness over the usual."""
-_ROUNDS = 3
+_ROUNDS, _OTHERS = 3, 2
+_STIFFNESSES = 0.08, 0.25, 0.5
+_ELSEWHERE, _WORTH = 2.0, 100.0
+"""Another mode is so many standard deviations away, and looked at where its misfit, a stroke, is not worse by
+more: the solver has spoken elsewhere."""
 _STAYS = 0.5
 """The mode stays where no number of the lump moves by so much of its standard deviation."""
 _LUMP = ("ln d", "ln depth", "E^-2/3")
@@ -51,9 +57,12 @@ _RARE = 0.01
 _AS_WELL, _SAME = 10.0, 0.5
 """An interval holds those of every mode of a class with greater odds whose misfit is within so much of its
 best one's: the valley is long, and curved. Modes nearer than so many standard deviations are one."""
-_BESIDE_MM, _MATTERS = (0.0, 2.0, 4.0, 6.0, 8.0), 100.0
-"""The emulator has met few lumps beside the line, so a search stays about where it begins there: the first of
-these whose misfit is not larger than another's by more than the emulator may be wrong."""
+_BESIDE_MM = 0.0, 2.0, 4.0, 6.0, 8.0
+"""The emulator has met few lumps beside the line, so a search stays about where it begins there."""
+_ROUGH = 0.1
+"""Before the solver has set the emulator right a misfit says no more than this part of it."""
+_ALIKE = 0.15
+"""Logarithms of forces so near each other share what the solver says."""
 _ON_LINE_MM = 2.5
 """A bump whose middle is so near that of the face is looked for on the line."""
 
@@ -62,7 +71,7 @@ _ON_LINE_MM = 2.5
 class Found:
     """A class's best mode by one forward model."""
 
-    posterior: SolidPosterior
+    posterior: Together
     mode: Mode
 
     @property
@@ -75,102 +84,163 @@ class Found:
         known = dict(zip((unknown.name for unknown in self.of.unknowns), self.mode.z))
         return np.array([known.get(unknown.name, unknown.mean) for unknown in of.unknowns])
 
+    @property
+    def offset_mm(self) -> float:
+        """How far beside the line its lump lies."""
+        return float(self.mode.z[[unknown.name for unknown in self.of.unknowns].index(OFFSET)])
 
-def invert_solid(stroke: FeltStroke, start: Start, noise: Noise) -> Inverted:
-    """Invert one stroke over a lump that ends across it; as `palpate.inversion.strokes.invert_stroke`."""
-    place = mirrored_about(stroke)
-    if place is not None:
-        start = replace(start, lump_mm=place)
-    some = binned(_thinned(stroke, start.lump_mm))
+    def cases(self) -> list[Case]:
+        """The lump under the mean force of each stroke, in fat of 10 kPa."""
+        posterior, z = self.posterior, self.mode.z
+        case = self.of.case(z[: len(self.of.unknowns)])
+        forces = [
+            float(np.exp(np.log(part.forces(z[index])[part.stroke.press :]).mean()))
+            for part, index in zip(posterior.parts, posterior.index)
+        ]
+        return [replace(case, F_rel=force / FORCE_UNIT_N_PER_M) for force in forces]
+
+
+class _Searches:
+    """Searches of strokes over one lump.
+
+    Parameters
+    ----------
+    start : Start
+        What is said of the lump.
+    lumps_mm : list of float
+        Where it lies along each stroke.
+    """
+
+    def __init__(self, strokes: Sequence[FeltStroke], start: Start, lumps_mm: list[float], noise: Noise):
+        self.strokes, self.start, self.lumps_mm, self.noise = strokes, start, lumps_mm, noise
+
+    def first(self, classes: Sequence[Class]) -> list[Found]:
+        """The modes by the emulator alone, from several starts; the later classes begin at the first's."""
+        modes: list[Found] = []
+        for of in classes:
+            guesses = [one.theta(of) for one in modes]
+            modes += _near(self._from(of, guesses) if modes else self._beside(of), _ROUGH)
+        return modes
+
+    def set_right(self, modes: list[Found], rounds: int) -> tuple[list[Found], list[Correction]]:
+        """The modes where the solver lets the best of them stay, and what it has said there."""
+        corrections: list[Correction] = []
+        stays = False
+        while rounds and not stays:
+            before = _best(modes)
+            try:
+                corrections = _corrections(before.cases())
+            except (CaseError, StrokeError):
+                break
+            rounds -= 1
+            modes = self.again(modes, corrections) or modes
+            stays = _moved(before, _best(modes)) < _STAYS
+        settled = [replace(one.mode, settled=one.mode.settled and stays) for one in modes]
+        return [replace(one, mode=mode) for one, mode in zip(modes, settled)], corrections
+
+    def elsewhere(self, best: Found, corrections: Sequence[Correction]) -> list[Found]:
+        """Other lumps, softer and harder, that feel nearly like the best one; nearest first."""
+        if not corrections:
+            return []
+        names = [unknown.name for unknown in best.of.unknowns]
+        size, stiffness = (names.index(name) for name in ("ln d", "E^-2/3"))
+        forward = OverOneLump(best.of, self.strokes, corrections)
+        others: list[Found] = []
+        for s in _STIFFNESSES:
+            z = best.mode.z.copy()
+            z[size] += SIZE_BY_STIFFNESS * (s - z[stiffness])
+            z[stiffness] = s
+            found = _searched(best.posterior, forward, z, (1 + _HOPELESS) * best.mode.misfit.total)
+            if found is not None and _moved(best, found) > _ELSEWHERE:
+                _take(others, found)
+        most = best.mode.misfit.total + _WORTH * len(self.strokes)
+        return sorted(
+            (one for one in others if one.mode.misfit.total < most), key=lambda one: one.mode.misfit.total
+        )
+
+    def again(self, modes: Sequence[Found], corrections: Sequence[Correction]) -> list[Found]:
+        """The modes by the emulator set right, from where they were."""
+        out: list[Found] = []
+        for name in SOLIDS:
+            of_class: list[Found] = []
+            for one in (one for one in modes if one.of.name == name):
+                z = one.mode.z.copy()
+                z[len(SOLIDS[name].unknowns) : len(one.of.unknowns)] = 0.0
+                _take(of_class, _searched(one.posterior, OverOneLump(one.of, self.strokes, corrections), z))
+            out += _near(of_class)
+        return out
+
+    def _beside(self, of: Class) -> list[Found]:
+        """A class's modes, searched from beside the line as the columns say or, where needed, elsewhere."""
+        said = float(np.median([_across(one, at) for one, at in zip(self.strokes, self.lumps_mm)]))
+        side = 1.0 if said >= 0 else -1.0
+        offsets = list(dict.fromkeys((said, *(side * y for y in _BESIDE_MM))))
+        one_each = self._from(of, [next(_starts(of, self.start, offset)) for offset in offsets])
+        if not one_each:
+            return []
+        best = min(one_each, key=lambda one: one.mode.misfit.total)
+        modes = [_near(one_each, _ROUGH)[0]]
+        _take(modes, best)
+        _, *others = _starts(of, self.start, modes[0].offset_mm)
+        return self._from(of, others, modes)
+
+    def _from(self, of: Class, thetas: Sequence[Floats], known: Sequence[Found] = ()) -> list[Found]:
+        """A class's modes by the emulator alone, those known and others that guesses lead to."""
+        modes, forward = list(known), OverOneLump(of, self.strokes)
+        for theta in thetas:
+            posterior = Together([SolidPosterior(of, stroke, self.noise) for stroke in self.strokes])
+            least = min((one.mode.misfit.total for one in modes), default=np.inf)
+            z = posterior.start(theta, self.start.E_kPa, self.lumps_mm)
+            _take(modes, _searched(posterior, forward, z, (1 + _HOPELESS) * least))
+        return modes
+
+
+def invert_solid(strokes: Sequence[Felt], noise: Noise) -> Inverted:
+    """Invert strokes over one lump that ends across them; as `palpate.inversion.strokes.invert_together`."""
+    some, lumps_mm = [], []
+    for stroke, own in strokes:
+        place = mirrored_about(stroke)
+        lumps_mm.append(own.lump_mm if place is None else place)
+        some.append(binned(_thinned(stroke, lumps_mm[-1])))
+    start = _agreed([own for stroke, own in strokes if stroke.solid])
+    number = strokes[0][0].stroke
     emulator, errors = bundled()
     ratios = emulator.learnt(_RATIO)
-    classes = [learnt(of, ratios, len(errors.image)) for of in (ELLIPSOID, BALL)]
-    modes = _first(classes, some, start, noise)
+    searches = _Searches(some, start, lumps_mm, noise)
+    modes = searches.first([learnt(of, ratios, len(errors.image)) for of in (ELLIPSOID, BALL)])
     if not modes:
-        return Inverted(stroke.stroke, problem=f"stroke {stroke.stroke}: no solid lump could be computed")
-    rounds, stays = 0, False
-    while rounds < _ROUNDS and not stays:
-        before = _best(modes)
-        try:
-            correction = correction_at(_case(before), emulator)
-        except (CaseError, StrokeError):
-            break
-        rounds += 1
-        modes = _again(modes, some, noise, correction) or modes
-        stays = _moved(before, _best(modes)) < _STAYS
-    modes = [replace(one, mode=replace(one.mode, settled=one.mode.settled and stays)) for one in modes]
+        return Inverted(number, problem=f"stroke {number}: no solid lump could be computed")
+    modes, corrections = searches.set_right(modes, _ROUNDS)
+    for other in searches.elsewhere(_best(modes), corrections)[:_OTHERS]:
+        modes += searches.set_right([other], _ROUNDS - 1)[0]
+    modes = _near(modes)
     weighed = [replace(one, mode=pooled(one.posterior, one.mode, start)) for one in modes]
     odds = _odds(weighed)
     order = np.argsort([-one.mode.log_evidence for one in weighed], kind="stable")
     near = [weighed[k] for k in order if k == order[0] or odds[weighed[k].of.name] > _RARE]
     said = of_modes(
-        [told(p := one.posterior, one.mode, odds, p.places(one.mode.z), WIDER_SOLID) for one in near],
+        [told_together(one.posterior, one.mode, odds, WIDER_SOLID) for one in near],
         [one.mode.log_evidence for one in near],
     )
     best = modes[order[0]]
-    laid = best.posterior.laid(best.mode.z, best.mode.found)  # type: ignore[arg-type]
-    return replace(said, laid=(laid,))
+    return replace(said, laid=best.posterior.laid(best.mode.z, best.mode.found))
 
 
-def _first(classes: list[Class], stroke: FeltStroke, start: Start, noise: Noise) -> list[Found]:
-    """The modes by the emulator alone, from several starts; the later classes begin at the first's."""
-    modes: list[Found] = []
-    for of in classes:
-        if modes:
-            of_class = _from(of, [one.theta(of) for one in modes], stroke, start, noise)
-        else:
-            of_class = _beside(of, stroke, start, noise)
-        modes += _near(of_class)
-    return modes
+def _agreed(starts: Sequence[Start]) -> Start:
+    """What estimates of one lump say in the middle. No surer than one of them: mostly they err alike."""
+    logs = np.log([[one.d_mm, one.depth_mm, one.t_mm, one.E_kPa] for one in starts])
+    d, depth, t, E = np.exp(logs.mean(0)).tolist()
+    stiffness = float(np.mean([one.E_inv23 for one in starts]))
+    sd = () if not all(one.sd for one in starts) else tuple(np.mean([one.sd for one in starts], 0).tolist())
+    return replace(starts[0], d_mm=d, depth_mm=depth, t_mm=t, E_inv23=stiffness, E_kPa=E, sd=sd)
 
 
-def _beside(of: Class, stroke: FeltStroke, start: Start, noise: Noise) -> list[Found]:
-    """A class's modes, searched from beside the line as the columns say or, where it matters, elsewhere."""
-    said = _across(stroke, start.lump_mm)
-    side = 1.0 if said >= 0 else -1.0
-    one_each = [
-        (offset, found)
-        for offset in dict.fromkeys((said, *(side * y for y in _BESIDE_MM)))
-        for found in _from(of, [next(_starts(of, start, offset))], stroke, start, noise)
-    ]
-    least = min((found.mode.misfit.total for _, found in one_each), default=np.inf)
-    for offset, found in one_each:
-        if found.mode.misfit.total <= least + _MATTERS:
-            _, *others = _starts(of, start, offset)
-            return _from(of, others, stroke, start, noise, [found])
-    return []
-
-
-def _from(
-    of: Class,
-    thetas: list[Floats],
-    stroke: FeltStroke,
-    start: Start,
-    noise: Noise,
-    known: Sequence[Found] = (),
-) -> list[Found]:
-    """A class's modes by the emulator alone, those known and others that guesses lead to."""
-    modes, forward = list(known), SolidForward(of, stroke.press)
-    for theta in thetas:
-        posterior = SolidPosterior(of, stroke, noise)
-        least = min((one.mode.misfit.total for one in modes), default=np.inf)
-        z = posterior.start(theta, start.E_kPa, start.lump_mm)
-        _take(modes, _searched(posterior, forward, z, least + _HOPELESS))
-    return modes
-
-
-def _again(modes: list[Found], stroke: FeltStroke, noise: Noise, correction: Correction) -> list[Found]:
-    """The modes by the emulator set right, from where they were."""
-    out: list[Found] = []
-    for name in SOLIDS:
-        of_class: list[Found] = []
-        for one in (one for one in modes if one.of.name == name):
-            posterior = SolidPosterior(one.of, stroke, noise)
-            posterior.mean[:] = one.posterior.mean
-            z = one.mode.z.copy()
-            z[len(SOLIDS[name].unknowns) : len(one.of.unknowns)] = 0.0
-            _take(of_class, _searched(posterior, SolidForward(one.of, stroke.press, correction), z))
-        out += _near(of_class)
+def _corrections(cases: Sequence[Case]) -> list[Correction]:
+    """One for each case, computed once for forces that are nearly alike."""
+    out: list[Correction] = []
+    for case in cases:
+        alike = [one for one in out if abs(np.log(one.case.F_rel / case.F_rel)) < _ALIKE]
+        out.append(alike[0] if alike else correction_at(case, bundled()[0]))
     return out
 
 
@@ -180,15 +250,13 @@ def _take(modes: list[Found], found: Found | None) -> None:
         modes.append(found)
 
 
-def _near(modes: list[Found]) -> list[Found]:
-    """Those that explain the stroke about as well as the best."""
+def _near(modes: list[Found], rough: float = 0.0) -> list[Found]:
+    """Those that explain the stroke about as well as the best, or worse by a part of its misfit."""
     least = min((one.mode.misfit.total for one in modes), default=0.0)
-    return [one for one in modes if one.mode.misfit.total <= least + _AS_WELL]
+    return [one for one in modes if one.mode.misfit.total <= least + max(_AS_WELL, rough * least)]
 
 
-def _searched(
-    posterior: SolidPosterior, forward: SolidForward, z: Floats, hopeless: float = np.inf
-) -> Found | None:
+def _searched(posterior: Together, forward: OverOneLump, z: Floats, hopeless: float = np.inf) -> Found | None:
     try:
         mode = search(posterior, forward, z, _STEPS, enough=_ENOUGH, hopeless=hopeless)
     except (CaseError, StrokeError):
@@ -232,14 +300,6 @@ def _thinned(stroke: FeltStroke, lump_mm: float) -> FeltStroke:
     number = np.arange(n)
     chosen = np.flatnonzero((np.abs(stroke.place_mm[p:] - lump_mm) < _NEAR_MM) | (number % _THIN == 0))
     return stroke.take(np.arange(_THIN - 1, p, _THIN), chosen)
-
-
-def _case(found: Found) -> Case:
-    """The lump of a mode, under the mean force of its stroke, in fat of 10 kPa."""
-    z, posterior = found.mode.z, found.posterior
-    case = found.of.case(z[: len(found.of.unknowns)])
-    force = float(np.exp(np.log(posterior.forces(z)[posterior.stroke.press :]).mean()))
-    return replace(case, F_rel=force / FORCE_UNIT_N_PER_M)
 
 
 def _best(modes: list[Found]) -> Found:

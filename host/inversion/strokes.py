@@ -19,7 +19,7 @@ from palpate.inversion.kept import Felt
 from palpate.inversion.modes import coarse, finest
 from palpate.inversion.press import invert_press
 from palpate.inversion.recorded import felt_strokes
-from palpate.inversion.result import SURE, of_modes, told
+from palpate.inversion.result import SURE, of_modes, told_together
 from palpate.inversion.solids import invert_solid
 from palpate.inversion.start import Start
 from palpate.inversion.two_lumps import as_two
@@ -90,15 +90,15 @@ def invert_stroke(stroke: FeltStroke, start: Start, noise: Noise, kind: str = AU
 
 def invert_together(strokes: Sequence[Felt], noise: Noise, kind: str = AUTO) -> Inverted:
     """Invert strokes over one lump: they share it and the tissue; places, forces and gains are their own."""
+    number = strokes[0][0].stroke
     if any(stroke.solid for stroke, _ in strokes):
-        if len(strokes) == 1 and kind == AUTO:
-            return invert_solid(*strokes[0], noise)
-        number, asked = strokes[0][0].stroke, "several together" if len(strokes) > 1 else f"--class {kind}"
+        if kind == AUTO:
+            return invert_solid(strokes, noise)
         problem = (
-            f"stroke {number}: its image changes across the stroke, as over a ball; {asked} is for others"
+            f"stroke {number}: its image changes across the stroke, as over a ball; --class {kind} is for "
+            "others"
         )
         return Inverted(number, problem=problem)
-    number = strokes[0][0].stroke
     tried: dict[str, list[Found]] = {}
     for of in classes_over(strokes[0][0], kind):
         if modes := coarse(of, strokes, noise, tried):
@@ -122,13 +122,8 @@ def invert_together(strokes: Sequence[Felt], noise: Noise, kind: str = AUTO) -> 
     odds |= {name: float(np.exp(share - all_of_them)) for name, share in others.items()}
     if kind == AUTO and two and odds[TWO_LUMPS] > SURE:
         modes, first = two, two[0]
-    said = of_modes([_told(one, odds) for one in modes], [one.mode.log_evidence for one in modes])
-    said = replace(said, laid=first.posterior.laid(first.mode.z, first.mode.found))
-    return said if len(strokes) == 1 else replace(said, together=len(strokes), centre_mm=None)
-
-
-def _told(found: Found, odds: dict[str, float]) -> Inverted:
-    """What a mode says, by the first of its strokes."""
-    posterior, mode, index = found.posterior, found.mode, found.posterior.index[0]
-    own = replace(mode, z=mode.z[index], covariance=mode.covariance[np.ix_(index, index)])
-    return told(posterior.parts[0], own, odds, posterior.places(mode.z))
+    said = of_modes(
+        [told_together(one.posterior, one.mode, odds) for one in modes],
+        [one.mode.log_evidence for one in modes],
+    )
+    return replace(said, laid=first.posterior.laid(first.mode.z, first.mode.found))

@@ -19,9 +19,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 _SHARES = 129
-_INSIDE = (np.arange(400) + 0.5) / 400
-"""Points within an element, and its three shape functions there."""
-_SHAPES = (1 - _INSIDE) * (1 - 2 * _INSIDE), 4 * _INSIDE * (1 - _INSIDE), _INSIDE * (2 * _INSIDE - 1)
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
 def last_over_next(x0: Floats) -> Floats:
@@ -49,25 +47,26 @@ def last_over_next(x0: Floats) -> Floats:
 
 @cache
 def _of_middle() -> Floats:
-    N = _SHAPES[1]
-    return (N * _root(2 * _INSIDE - 1, 1.0, 1.0)).mean(1) / N.mean()
+    return _borne(1, -0.5, 1.0, inside=0.5, outside=0.5) / (2 / 3)
 
 
 @cache
 def _of_end(outer: float) -> Floats:
     """Of an element's end, where that outside is so many times as long as that inside."""
-    force, area = np.zeros(_SHARES), 0.0
-    for own, length, first in ((2, outer, -outer), (0, 1.0, 0.0)):
-        N = _SHAPES[own]
-        force += length * (N * _root(first + length * _INSIDE, 0.5, outer / 2)).mean(1)
-        area += length * N.mean()
-    return force / area
+    force = _borne(2, -outer, outer, 0.5, outer / 2) + _borne(0, 0.0, 1.0, 0.5, outer / 2)
+    return force / ((1.0 + outer) / 6)
 
 
-def _root(x: Floats, inside: float, outside: float) -> Floats:
-    """Pressure (129, n) at x (n,) beside a node at 0 that is 1 at the next inside, by where the border is."""
+def _borne(own: int, first: float, length: float, inside: float, outside: float) -> Floats:
+    """Integrals (129,) of an element's shape function with the pressure beside a node at 0, which is 1 at the
+    next inside, by where the border is. Over the root of the way from the border they are of polynomials."""
     border = np.linspace(0.0, outside, _SHARES)[:, None]
-    return np.sqrt(np.maximum(x + border, 0.0) / (inside + border))
+    low, high = np.sqrt(np.maximum(first + border, 0.0)), np.sqrt(first + length + border)
+    root = (low + high + (high - low) * _POINTS) / 2
+    s = (root**2 - border - first) / length
+    N = ((1 - s) * (1 - 2 * s), 4 * s * (1 - s), s * (2 * s - 1))[own]
+    whole: Floats = (high - low) * (N * root**2) @ _WEIGHTS[:, None] / np.sqrt(inside + border)
+    return whole[:, 0]
 
 
 @njit(cache=True, nogil=True, inline="always")

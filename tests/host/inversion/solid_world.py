@@ -23,7 +23,7 @@ from palpate.sim.tissue import Case, Settings, Stroke
 from palpate.sim.tissue.any_tissue import FORCE_PARTS
 from palpate.sim.tissue.solid.press import felt
 from palpate.sim.tissue.solid.stroke import simulate_forces
-from tests.host.inversion.world import of_stream
+from tests.host.inversion.world import of_probe, of_stream
 
 WORLD = Settings(hx_mm=1.4, layer_mm=2.2)
 PLACES_MM = (-34.0, -28.0, -23.0, -18.0, -14.0, -11.0, -8.0, -6.0, -4.0, -2.0, 0.0)
@@ -65,11 +65,14 @@ def kept_strokes(path: Path, case: Case) -> tuple[list[Stroke], list[Stroke]]:
 
 
 def felt_over(
-    strokes: Sequence[Stroke], press: Sequence[Stroke], seed: int, noise: str = "typical"
-) -> tuple[FeltStroke, Start, FrameStream]:
-    """One stroke by a probe and a hand of this seed."""
+    strokes: Sequence[Stroke], press: Sequence[Stroke], seed: int, noise: str = "typical",
+    probe: int | None = None,
+) -> tuple[FeltStroke, Start, FrameStream]:  # fmt: skip
+    """One stroke by a probe and a hand of this seed, or by the probe of another."""
     field = StrokeField(*strokes, press=press)
     sensors = SensorModel(field, level_named(noise), seed)
+    if probe is not None:
+        of_probe(sensors, SensorModel(field, level_named(noise), probe))
     stream = sensors.stroke(press=PRESS_FRAMES, pressed=field.press)
     found, start = of_stream(stream, sensors.calibration())
     return found, start, stream

@@ -32,14 +32,16 @@ def estimate(**said):
 def test_where_there_is_no_estimate_the_fit_stays_but_for_its_spread(fit):
     said = pooled(*fit, estimate(d_mm=20.0, sd=()))
     assert np.array_equal(said.z, fit[1].z)
-    assert (np.diag(said.covariance) > np.diag(fit[1].covariance)).all()
+    wider = np.diag(said.covariance) / np.diag(fit[1].covariance)
+    assert (wider >= 1.0).all() and (wider[:3] > 1.1).all() and wider[-1] > 1.1
 
 
 def test_two_that_agree_know_more_than_either(fit):
     said = pooled(*fit, estimate())
     assert np.allclose(said.z, fit[1].z, atol=1e-3)
     sd = np.sqrt(np.diag(said.covariance))
-    assert sd[0] < SD[0] and sd[2] < SD[3] and sd[-1] < SD[4]
+    # off the lumps that it was fitted to, an estimate is out by 1.4 times what it says
+    assert sd[0] < SD[0] and sd[2] < SD[3] and sd[-1] < 1.4 * SD[4]
     assert np.linalg.eigvalsh(said.covariance).min() > 0
 
 

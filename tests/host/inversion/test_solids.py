@@ -10,7 +10,7 @@ from palpate.cli.refine import lines_of
 from palpate.inversion import solid_forward, solids
 from palpate.inversion.felt import NotInvertible, felt_stroke
 from palpate.inversion.solid_classes import ELLIPSOID, SOLIDS, learnt
-from palpate.inversion.solid_forward import SolidForward, bundled, correction_at
+from palpate.inversion.solid_forward import Correction, SolidForward, bundled, correction_at
 from palpate.inversion.solid_posterior import BINS
 from palpate.inversion.strokes import invert_stroke, invert_together
 from palpate.link.face import Face
@@ -46,6 +46,15 @@ def test_a_lump_that_ends_across_is_a_solid_one():
         felt_stroke(**frames(pressure_kPa=as_over_a_ball()), face=Face(40.0))
 
 
+def test_tissue_that_ends_beside_the_face_is_solid_too():
+    """A ball of 5 mm, 10 mm deep, was taken for a cylinder that did not fit: no column changes by enough."""
+    made = frames()
+    sides = 1 + 0.2 * (np.linspace(-1, 1, 26) ** 2 - 1 / 3)
+    bent = made | {"pressure_kPa": made["pressure_kPa"] * sides}
+    assert felt_stroke(**bent).solid
+    assert not felt_stroke(**bent, face=Face(40.0)).solid
+
+
 def test_dead_cells_make_no_ball_of_a_narrow_cylinder():
     """A shallow cylinder was refused for five dead cells, which took a bump from their columns."""
     made = frames()
@@ -57,21 +66,37 @@ def test_dead_cells_make_no_ball_of_a_narrow_cylinder():
     assert not felt_stroke(**(made | {"pressure_kPa": np.where(dead, 0.0, pressure), "dead": dead})).solid
 
 
-def test_the_slopes_of_emulated_frames_are_their_derivatives():
-    of = learnt(ELLIPSOID, (2.0, 10.0), len(bundled()[1].image))
-    forward, rng = SolidForward(of, 2), np.random.default_rng(3)
+def otherwise(rng):
+    """What a solver might say otherwise of `BALL`."""
+    positions, cells = len(bundled()[0].positions_mm), 16 * 26
+    shapes = (3, positions, cells), (3, positions), (5, cells), (5,)
+    return Correction(BALL, *(1e-3 * rng.standard_normal(shape) for shape in shapes))
+
+
+@pytest.mark.parametrize("corrected", [False, True])
+def test_the_slopes_of_emulated_frames_are_their_derivatives(corrected):
+    """With a correction they were not, where all forces grow together: half of the searches were stuck."""
+    of, rng = learnt(ELLIPSOID, (2.0, 10.0), len(bundled()[1].image)), np.random.default_rng(3)
+    forward = SolidForward(of, 2, otherwise(rng) if corrected else None)
     theta = of.column("mean") + 0.1 * of.column("sd") * rng.standard_normal(len(of.unknowns))
     places = np.array([-31.0, -31.0, -19.0, -7.0, -1.0, 4.0, 13.0])
-    forces = np.array([20.0, 40.0, 50.0, 52.0, 47.0, 50.0, 51.0])
+    forces = np.array([20.0, 38.0, 50.0, 52.0, 47.0, 50.0, 51.0])
     slopes = forward(theta, places, forces).slopes
     for _ in range(3):
         step, moved = 1e-4 * of.column("sd") * rng.standard_normal(len(theta)), 1e-4 * rng.standard_normal(7)
-        more, less = (forward(theta + s * step, places + s * moved, forces) for s in (1, -1))
-        led = slopes.images[:, :, : len(theta)] @ step + slopes.images[:, :, -2] * moved[:, None]
-        apart = (more.images - less.images) / 2
-        assert np.abs(led - apart).max() < 0.03 * np.abs(apart).max()
-        deep = slopes.depth[:, : len(theta)] @ step + slopes.depth[:, -2] * moved
-        assert np.allclose(deep, (more.depth - less.depth) / 2, rtol=1e-2, atol=1e-7)
+        check(forward, slopes, (theta, places, forces), (step, moved, np.zeros(7)))
+    check(forward, slopes, (theta, places, forces), (0 * theta, np.zeros(7), np.full(7, 1e-4)))
+    check(forward, slopes, (theta, places, forces), (0 * theta, np.zeros(7), 1e-4 * rng.standard_normal(7)))
+
+
+def check(forward, slopes, at, steps):
+    """That slopes lead to what small steps of unknowns, places and ln forces change."""
+    (theta, places, forces), (step, moved, harder) = at, steps
+    more, less = (forward(theta + s * step, places + s * moved, forces * np.exp(s * harder)) for s in (1, -1))
+    own = np.column_stack([np.tile(step, (len(places), 1)), moved, harder])
+    led, apart = np.einsum("nck,nk->nc", slopes.images, own), (more.images - less.images) / 2
+    assert np.abs(led - apart).max() < 0.01 * np.abs(apart).max()
+    assert np.allclose((slopes.depth * own).sum(1), (more.depth - less.depth) / 2, rtol=1e-2, atol=1e-7)
 
 
 def test_what_the_solver_says_is_what_is_predicted_there(monkeypatch):
@@ -121,9 +146,19 @@ def test_an_emulated_ball_is_found_again(monkeypatch):
 
     (laid,) = found.laid
     assert laid.measured_kPa.shape[1] == 16
-    both = invert_together([(felt, start)] * 2, level_named("typical"))
-    assert "as over a ball; several together" in both.problem
     assert "--class border" in invert_stroke(felt, start, level_named("typical"), "border").problem
+
+
+def test_strokes_over_one_ball_say_more_together(monkeypatch):
+    without_solver(monkeypatch)
+    noise = level_named("typical")
+    felt = [felt_over(*emulated(BALL), seed, probe=4)[:2] for seed in (4, 5)]
+    both, alone = invert_together(felt, noise), invert_together(felt[:1], noise)
+    assert both.together == 2 and both.fits and both.centre_mm is None and len(both.laid) == 2
+    for name, true in {"d_mm": 12.0, "width_mm": 12.0, "depth_mm": 7.2, "t_mm": 13.2}.items():
+        said, less = both.values[name], alone.values[name]
+        assert said.low < true < said.high, (name, said)
+        assert said.high / said.low < less.high / less.low, name
 
 
 def test_a_lump_far_beside_the_line_is_found_there(monkeypatch):

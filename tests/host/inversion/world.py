@@ -71,13 +71,17 @@ def felt_of(
     level = level_named(noise) if isinstance(noise, str) else noise
     sensors = SensorModel(field, level, seed)  # type: ignore[arg-type]
     if probe is not None:
-        other = SensorModel(field, level, probe)  # type: ignore[arg-type]
-        for name in ("gain", "dead", "known_dead", "position_scale"):
-            setattr(sensors, name, getattr(other, name))
+        of_probe(sensors, SensorModel(field, level, probe))  # type: ignore[arg-type]
     field.reach_mm = (-40.0 + sensors.start_mm, 44.0)  # the press stands where the stroke begins
     stream = sensors.stroke(press=PRESS_FRAMES)
     felt, start = of_stream(stream, sensors.calibration())
     return felt, start, stream, sensors.calibration()
+
+
+def of_probe(sensors: SensorModel, other: SensorModel) -> None:
+    """Let a hand hold the probe of another."""
+    for name in ("gain", "dead", "known_dead", "position_scale"):
+        setattr(sensors, name, getattr(other, name))
 
 
 def of_stream(stream: FrameStream, calibration: calib.Calibration) -> tuple[FeltStroke, Start]:

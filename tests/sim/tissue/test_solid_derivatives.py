@@ -21,9 +21,11 @@ PLACES = [-8.13, -4.37]
 AGREE, AT_KINKS = 3e-3, 2e-2
 """What sensors read has kinks where their parts pass a node, as steps of the place do."""
 STEPS = dict.fromkeys(("E_ratio", "half_across_mm", "fat_stiffening", "gland_stiffening"), 1e-3)
-STEPS |= dict.fromkeys(("fillet_per_mm2", "across_fillet_per_mm2"), 5e-3)
+STEPS |= {"fillet_per_mm2": 5e-3, "across_fillet_per_mm2": 2e-4}
 """Relative. Smaller ones are lost in Newton's tolerance where they hardly matter; of the rest, 1e-4, larger
 ones bring nodes into contact."""
+NEARER = 1.0, 0.1
+"""A step that bends what is read at the contact's border is taken again, smaller."""
 BALL = Case(12.0, 0.6, 8.0, 0.4, shape="ball", fat_stiffening=1.0, gland_stiffening=0.5)
 BESIDE = Case(
     13.0, 0.5, 12.0, 0.4, shape="ellipsoid", half_across_mm=5.0, half_down_mm=4.0, offset_mm=5.0,
@@ -50,29 +52,35 @@ def worst_difference(case, settings, by):
         row = run.read(state, x, force)
         return np.append(row["images_kPa"], row["displacement_mm"]), state.multiplier > 0
 
+    def stepped(name, i, nearer):
+        of = "F_rel" if name == "force_N_per_m" else name
+        if name == "place_mm":
+            step = nearer * 2e-5
+            return 1.0, step, [felt(case, i, side * step) for side in (-1, 1)]
+        value = getattr(case, of)
+        step = nearer * STEPS.get(of, 1e-4) * value
+        ends = [felt(replace(case, **{of: value + side * step}), i) for side in (-1, 1)]
+        unit = 100.0 if of == "F_rel" else 1.0
+        return unit * value, unit * step, ends
+
     out = {}
     for i in range(len(PLACES)):
         now, touching = felt(case, i)
         for j, name in enumerate(found.by):
-            of = "F_rel" if name == "force_N_per_m" else name
-            if name == "place_mm":
-                value, step = 1.0, 2e-5
-                ends = felt(case, i, -step), felt(case, i, step)
-            else:
-                value = getattr(case, of)
-                step = STEPS.get(of, 1e-4) * value
-                ends = [felt(replace(case, **{of: value + side * step}), i) for side in (-1, 1)]
-                value, step = (value * 100.0, step * 100.0) if of == "F_rel" else (value, step)
-            if any((touches != touching).any() for _, touches in ends):
-                continue  # a node comes into contact, or leaves it: there are two slopes
-            difference = (ends[1][0] - ends[0][0]) / (2 * step)
             derivative = np.append(found.images[i, ..., j], found.displacement[i, j])
-            for part in (slice(0, -1), slice(-1, None)):
-                # what hardly matters is lost in the equilibrium's own digits
-                scale = max(np.abs(difference[part]).max(), 1e-3 * np.abs(now[part]).max() / value)
-                out[name, i] = max(
-                    out.get((name, i), 0.0), np.abs(derivative - difference)[part].max() / scale
-                )
+            for nearer in NEARER:
+                value, step, ends = stepped(name, i, nearer)
+                if any((touches != touching).any() for _, touches in ends):
+                    continue  # a node comes into contact, or leaves it: there are two slopes
+                difference = (ends[1][0] - ends[0][0]) / (2 * step)
+                apart = 0.0
+                for part in (slice(0, -1), slice(-1, None)):
+                    # what hardly matters is lost in the equilibrium's own digits
+                    scale = max(np.abs(difference[part]).max(), 1e-3 * np.abs(now[part]).max() / value)
+                    apart = max(apart, np.abs(derivative - difference)[part].max() / scale)
+                out[name, i] = min(out.get((name, i), np.inf), apart)
+                if apart < AGREE:
+                    break
     return out
 
 
