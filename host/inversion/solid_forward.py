@@ -38,6 +38,7 @@ _CELLS = (16, 26)
 _NODES = np.log(FORCE_PARTS)
 _STEP = 1e-6
 _GRID = 0.1
+"""Steps of the logarithm of the force in the middle of an emulated stroke's three."""
 _ON_LINE_MM = 1.5
 """A lump so near the stroke's line is set right as if it lay on it: that costs the solver a quarter."""
 _STILL_WRONG = 0.35

@@ -75,7 +75,7 @@ def otherwise(rng):
 
 @pytest.mark.parametrize("corrected", [False, True])
 def test_the_slopes_of_emulated_frames_are_their_derivatives(corrected):
-    """With a correction they were not, where all forces grow together: half of the searches were stuck."""
+    """Where all forces grow together they were not, and searches over solid lumps stopped too early."""
     of, rng = learnt(ELLIPSOID, (2.0, 10.0), len(bundled()[1].image)), np.random.default_rng(3)
     forward = SolidForward(of, 2, otherwise(rng) if corrected else None)
     theta = of.column("mean") + 0.1 * of.column("sd") * rng.standard_normal(len(of.unknowns))
