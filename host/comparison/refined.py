@@ -42,8 +42,6 @@ def _strokes(path: Path) -> list[Felt]:
     for stroke, start in felt_strokes(path):
         if isinstance(stroke, NotInvertible):
             why = str(stroke)
-        elif stroke.solid:
-            why = "two visits to balls are not fitted together; compare kept answers"
         elif not stroke.alone:
             found.append((stroke, start))
     if not found:

@@ -38,16 +38,17 @@ _MODEL = {"ln d": 0.05, WIDTH: 0.1, HEIGHT: 0.1, "ln depth": 0.05, "E^-2/3": 0.0
 
 
 def pooled(posterior: Together, mode: Mode, start: Start) -> Mode:
-    """The mode with its spread widened, and with the estimate weighed in where there is one.
+    """The mode with its spread widened, and with the estimate weighed in where both are of a lump.
 
     Parameters
     ----------
     posterior : Together
         Of strokes over one lump under a solid class.
     """
-    z, C = mode.z, _widened(posterior, mode)
-    if not start.sd:
-        return replace(mode, covariance=C)
+    mode = widened(posterior, mode)
+    if not start.sd or not posterior.of.lump:
+        return mode
+    z, C = mode.z, mode.covariance
     said, H = _as_said(posterior, z)
     apart = np.array([np.log(start.d_mm), np.log(start.depth_mm / start.d_mm), np.log(start.t_mm),
                       start.E_inv23, np.log(start.E_kPa)]) - said  # fmt: skip
@@ -61,15 +62,15 @@ def pooled(posterior: Together, mode: Mode, start: Start) -> Mode:
     )
 
 
-def _widened(posterior: Together, mode: Mode) -> Floats:
-    """The mode's covariance, with what emulator and mesh get wrong."""
+def widened(posterior: Together, mode: Mode) -> Mode:
+    """The mode, its spread with what emulator and mesh get wrong."""
     at = {unknown.name: k for k, unknown in enumerate(posterior.of.unknowns)}
     at["ln_E"] = posterior.at["ln_E"].start
     C = mode.covariance.copy()
     for name, sd in _MODEL.items():
         if name in at:
             C[at[name], at[name]] += sd**2
-    return C
+    return replace(mode, covariance=C)
 
 
 def _as_said(posterior: Together, z: Floats) -> tuple[Floats, Floats]:

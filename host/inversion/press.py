@@ -43,7 +43,7 @@ def invert_press(press: FeltStroke, noise: Noise, kind: str = AUTO) -> Inverted:
             problem=f"press {press.stroke}: no class of tissue and lump could be computed",
             press=True,
         )
-    odds = odds_of({name: max(mode.log_evidence for _, mode in modes) for name, modes in found.items()})
+    odds = odds_of((name, mode.log_evidence) for name, modes in found.items() for _, mode in modes)
     best = max(odds, key=lambda name: odds[name])
     if best in LUMPS and LUMPS[-1] in found:
         best = LUMPS[-1]

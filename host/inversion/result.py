@@ -93,7 +93,7 @@ def told(
             "E_kPa": Value(*(None if v is None else v * E for v in (ratio.value, ratio.low, ratio.high))),  # type: ignore[arg-type]
         }
         centre = posterior.one(z, "start")
-    if case.solid:
+    if case.solid and case.has_lump:
         across: dict[str | int, float] = {"ln d": 1.0, **({WIDTH: 1.0} if WIDTH in names else {})}
         values["width_mm"] = log(2 * case.half_axes_mm[1], half(across, "ln width"))
     if LARGER in names:

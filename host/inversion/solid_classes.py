@@ -1,4 +1,5 @@
-"""Solid lumps that may lie under the probe: balls, and ellipsoids with a width and a height of their own.
+"""What may lie under the probe where its sides are felt: a ball, an ellipsoid with a width and a height of
+its own, or no lump.
 
 The border between fat and gland passes through their middle, as in the strokes that the emulator has learnt
 from. Lengths in mm; fat of 10 kPa, as in `classes`.
@@ -21,17 +22,19 @@ _FIELDS = ("t_mm", "depth_mm", "d_mm", "E_ratio", "gland_ratio", "gland_mm", "of
 
 _D = log_even("ln d", 5.0, 20.0, 3.6, 25.0, 0.2)
 _DEPTH = log_even("ln depth", 2.0, 27.0, 1.0, 40.0, 0.25)
+_FAT = log_even("ln t", 4.5, 37.0, 3.5, 45.0, 0.25)
+_PLAIN_D_MM = 5.0
 _STIFFNESS = Unknown("E^-2/3", 0.32, 0.18, 0.003, 0.72, 0.08)
 _ASPECT_SD = 0.28
 """Of ln width and ln height over ln d, where the lump is no ball."""
-_TISSUE = (
+_LAYERS = (
     log_even(RATIO, 1.0, 10.0, 0.9, 12.0, 0.4),
     Unknown("ln gland", np.log(17.5), 0.38, np.log(7.0), np.log(36.0), 0.3),
     Unknown("b of the fat", 1.5, 0.87, 0.0, 3.6, 0.8),
     Unknown("b of the gland", 1.5, 0.87, 0.0, 3.6, 0.8),
     Unknown("ln R", np.log(40.0), 0.029, np.log(37.0), np.log(43.0), 0.03),
-    Unknown(OFFSET, 0.0, 4.0, -11.0, 11.0, 1.0),
 )
+_TISSUE = (*_LAYERS, Unknown(OFFSET, 0.0, 4.0, -11.0, 11.0, 1.0))
 
 
 def _case(d: float, width: float, height: float, depth: float, s: float, tissue: Floats) -> Case:
@@ -54,6 +57,11 @@ def _ellipsoid(theta: Floats) -> Case:
     d, depth = np.exp(theta[:2]).tolist()
     width, height = np.exp(theta[:1] + theta[9:11]).tolist()
     return _case(d, width, height, depth, float(theta[2]), theta[3:9])
+
+
+def _none(theta: Floats) -> Case:
+    d, t = _PLAIN_D_MM, float(np.exp(theta[0]))
+    return _case(d, d, d, t - d / 2, 1.0, np.append(theta[1:6], 0.0))
 
 
 def learnt(of: Class, ratios: tuple[float, float], components: int) -> Class:
@@ -84,4 +92,5 @@ ELLIPSOID = Class(
     _ellipsoid,
     _FIELDS,
 )
-SOLIDS = {of.name: of for of in (BALL, ELLIPSOID)}
+NONE = Class("none", (_FAT, *_LAYERS), _none, ("t_mm", "gland_ratio", "gland_mm"))
+SOLIDS = {of.name: of for of in (NONE, BALL, ELLIPSOID)}

@@ -41,6 +41,9 @@ _GRID = 0.1
 """Steps of the logarithm of the force in the middle of an emulated stroke's three."""
 _ON_LINE_MM = 1.5
 """A lump so near the stroke's line is set right as if it lay on it: that costs the solver a quarter."""
+_UNFELT = 2.0
+"""E over the fat's of the lump that stands for none: the emulator has always met one, which a press so far
+from it hardly feels."""
 _STILL_WRONG = 0.35
 """What is left of the emulator's errors where the solver has set it right nearby."""
 
@@ -59,9 +62,9 @@ class Correction:
     ----------
     case : Case
         At the middle of the three forces.
-    image : ndarray (3, positions, cells)
+    image : ndarray (3, positions, cells); (3, 1, cells) without a lump
         Over the force, at `FORCE_PARTS` of the middle one.
-    depth : ndarray (3, positions)
+    depth : ndarray (3, positions) or (3, 1)
         Of the displacement, over itself.
     ramp_image, ramp_depth : ndarray (5, cells), (5,)
         At the first position, at rising forces from the ramp's on.
@@ -82,7 +85,7 @@ class Correction:
 
 
 def correction_at(case: Case, emulator: StrokeEmulator) -> Correction:
-    """Compute the strokes of one guess, at three forces about its own.
+    """Compute the strokes of one guess, at three forces about its own; a press alone where there is no lump.
 
     Raises
     ------
@@ -92,12 +95,17 @@ def correction_at(case: Case, emulator: StrokeEmulator) -> Correction:
     if abs(case.offset_mm) < _ON_LINE_MM:
         case = replace(case, offset_mm=0.0)
     forces = [case.F_rel * part for part in FORCE_PARTS]
-    found = simulate_forces(case, forces, positions_mm=emulator.positions_mm.tolist(), ramp=True)
+    positions = _positions(emulator, case.has_lump)
+    found = simulate_forces(case, forces, positions_mm=positions.tolist(), ramp=True)
     unit = np.array([one.case.F_N_per_m for one in found])
-    x = np.array([inputs_of(one.case) for one in found])
-    images, depths = emulator.stroked(x, *emulator.pressed(x))
+    x = np.array([_inputs_of(one.case) for one in found])
+    images, depths = emulator.pressed(x)
+    if case.has_lump:
+        images, depths = emulator.stroked(x, images, depths)
+    else:
+        images, depths = images[:, None], depths[:, None]
     computed = np.array([one.images_kPa for one in found])
-    image = (computed - images).reshape(len(found), len(emulator.positions_mm), -1) / unit[:, None, None]
+    image = (computed - images).reshape(len(found), len(positions), -1) / unit[:, None, None]
     depth = np.array([one.displacement_mm for one in found]) / depths - 1
     low = np.repeat(x[:1], len(RAMP), axis=0)
     low[:, -1] += np.log(RAMP)
@@ -127,6 +135,7 @@ class SolidForward(SaysSlopes):
     def __init__(self, of: Class, press: int, correction: Correction | None = None) -> None:
         self.of, self.press, self.correction = of, press, correction
         self.emulator, self.errors = bundled()
+        self.positions_mm = _positions(self.emulator, of.lump)
         image = self.errors.image
         self._wrong_image = _binned(image.reshape(*image.shape[:2], *_CELLS))
         self.scale = of.scale
@@ -149,7 +158,7 @@ class SolidForward(SaysSlopes):
         levels = np.concatenate([ln_force[:p], middle + _NODES])
         x = np.column_stack([np.tile(base, (len(levels), 1)), levels])
         tables, deep, of_tables, of_deep = self._tables(x, chain, theta[own:], levels - middle)
-        weights, steep = _along(self.emulator.positions_mm, places_mm)
+        weights, steep = _along(self.positions_mm, places_mm)
         # the press is emulated at its frames' own forces, the stroke between three
         shares = np.zeros((n, len(levels)))
         by_force = np.zeros((n, len(levels)))
@@ -175,7 +184,7 @@ class SolidForward(SaysSlopes):
         """The emulator's inputs but for the force, (12,), and their derivatives by the unknowns."""
 
         def inputs(t: Floats) -> Floats:
-            return np.array(inputs_of(self.of.case(t))[:-1])
+            return np.array(_inputs_of(self.of.case(t))[:-1])
 
         steps = _STEP * np.eye(len(theta))[:own]
         apart = [inputs(theta + step) - inputs(theta - step) for step in steps]
@@ -189,8 +198,8 @@ class SolidForward(SaysSlopes):
         On both sides of the lump, and their derivatives (..., k + 1) by tissue, lump and errors, then ln
         force.
         """
-        image, of_image, depth, of_depth = _emulated(self.emulator, x)
-        m, p, places, own = len(x), self.press, len(self.emulator.positions_mm), chain.shape[1]
+        image, of_image, depth, of_depth = _emulated(self.emulator, x, self.of.lump)
+        m, p, places, own = len(x), self.press, len(self.positions_mm), chain.shape[1]
         image = image.reshape(m, places, *_CELLS)
         of_image = of_image.reshape(m, places, *_CELLS, -1)
         image, of_image = _binned(image), _binned(of_image)
@@ -225,9 +234,9 @@ class SolidForward(SaysSlopes):
 
     def _wrong(self, over_middle: Floats) -> list[Floats]:
         """As `_at_levels`: components (..., j) of what the emulator gets wrong, images over the force."""
-        errors, places = self.errors, len(self.emulator.positions_mm)
+        errors, places = self.errors, len(self.positions_mm)
         less = 1.0 if self.correction is None else _STILL_WRONG
-        press = np.append(np.arange(places, errors.image.shape[1]), 0)
+        press = np.append(np.arange(len(self.emulator.positions_mm), errors.image.shape[1]), 0)
         nodes = np.append(np.log(RAMP) + _NODES[0], 0.0)
         out: list[Floats] = []
         for of in (self._wrong_image, errors.depth):
@@ -242,19 +251,20 @@ class OverOneLump(SaysSlopes):
 
     Parameters
     ----------
-    of : Class
+    each : sequence of Class
+        As each stroke feels it.
     strokes : sequence of FeltStroke
     corrections : sequence of Correction, optional
         One for each stroke.
     """
 
     def __init__(
-        self, of: Class, strokes: Sequence[FeltStroke], corrections: Sequence[Correction] = ()
+        self, each: Sequence[Class], strokes: Sequence[FeltStroke], corrections: Sequence[Correction] = ()
     ) -> None:
-        each: Sequence[Correction | None] = corrections or [None] * len(strokes)
-        self._parts = [SolidForward(of, stroke.press, one) for stroke, one in zip(strokes, each)]
+        own: Sequence[Correction | None] = corrections or [None] * len(strokes)
+        self._parts = [SolidForward(of, felt.press, one) for of, felt, one in zip(each, strokes, own)]
         self._ends = np.cumsum([0, *(len(stroke.place_mm) for stroke in strokes)])
-        self.scale = of.scale
+        self.scale = each[0].scale
 
     def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> Emulated:
         """As `SolidForward`."""
@@ -268,6 +278,16 @@ class OverOneLump(SaysSlopes):
             np.concatenate([one.images for one in each]), np.concatenate([one.depth for one in each]),
             Slopes(np.concatenate([s.images for s in slopes]), np.concatenate([s.depth for s in slopes])),
         )  # fmt: skip
+
+
+def _positions(of: StrokeEmulator, lump: bool) -> Floats:
+    """Where a stroke's tables stand; without a lump it is alike all along."""
+    return of.positions_mm if lump else of.positions_mm[:1]
+
+
+def _inputs_of(case: Case) -> list[float]:
+    """As the emulator's `inputs_of`."""
+    return inputs_of(case if case.has_lump else replace(case, E_ratio=_UNFELT))
 
 
 def _set_right(of: Correction, over_middle: Floats, press: int) -> list[Floats]:
@@ -305,7 +325,7 @@ def _at_levels(at: Floats, nodes: Floats, press: Floats, stroke: Floats) -> tupl
     return tables, np.tensordot(steep, press, 1)
 
 
-def _emulated(of: StrokeEmulator, x: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+def _emulated(of: StrokeEmulator, x: Floats, lump: bool) -> tuple[Floats, Floats, Floats, Floats]:
     """Images (m, positions, cells) and displacements (m, positions), each followed by its slopes (..., 13).
 
     As `StrokeEmulator.pressed` and `stroked`.
@@ -322,6 +342,10 @@ def _emulated(of: StrokeEmulator, x: Floats) -> tuple[Floats, Floats, Floats, Fl
     of_scale = scale[:, None] * (of_mean - of_shapes.mean(1) / whole[:, None])
     first = shapes * scale[:, None]
     of_first = of_shapes * scale[:, None, None] + shapes[..., None] * of_scale[:, None]
+    ln_depth, of_depth = of.ln_depth.with_slopes(x)
+    depth = np.exp(ln_depth)
+    if not lump:
+        return first[:, None], of_first[:, None], depth[:, None], (depth[:, None] * of_depth)[:, None]
     mean, of_mean = first.mean(1), of_first.mean(1)
 
     bump, of_bump = _sized(of.bump, of.ln_bump, x)
@@ -341,9 +365,7 @@ def _emulated(of: StrokeEmulator, x: Floats) -> tuple[Floats, Floats, Floats, Fl
     image = np.concatenate([first[:, None], on], 1)
     of_image = np.concatenate([of_first[:, None], of_on], 1)
 
-    ln_depth, of_depth = of.ln_depth.with_slopes(x)
     dip, of_dip = _sized(of.dip, of.ln_dip, x)
-    depth = np.exp(ln_depth)
     along = np.column_stack([np.ones(m), 1 + dip])
     of_along = np.concatenate([np.zeros((m, 1, inputs)), of_dip], 1)
     deep = depth[:, None] * along
@@ -378,6 +400,8 @@ def _binned(cells: Floats) -> Floats:
 
 def _mirrored(table: Floats, image: bool) -> Floats:
     """(m, n, ...) continued to the other side of the lump, (m, 2 n - 1, ...); images turn round."""
+    if table.shape[1] == 1:
+        return table
     other = table[:, :-1][:, ::-1]
     if image:
         m, n, _, *rest = other.shape
@@ -390,6 +414,8 @@ def _along(positions_mm: Floats, places_mm: Floats) -> tuple[Floats, Floats]:
 
     Beyond the first position all stays as it is.
     """
+    if len(positions_mm) == 1:
+        return np.ones((len(places_mm), 1)), np.zeros((len(places_mm), 1))
     both = np.append(positions_mm, -positions_mm[:-1][::-1])
     spline = CubicSpline(both, np.eye(len(both)))
     within = np.clip(places_mm, both[0], both[-1])

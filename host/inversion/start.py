@@ -157,6 +157,15 @@ def _bump_mm(felt: FeltStroke) -> float:
     return float(middle[found.argmax()])
 
 
+def agreed(starts: Sequence[Start]) -> Start:
+    """What estimates of one lump say in the middle. No surer than one of them: mostly they err alike."""
+    logs = np.log([[one.d_mm, one.depth_mm, one.t_mm, one.E_kPa] for one in starts])
+    d, depth, t, E = np.exp(logs.mean(0)).tolist()
+    stiffness = float(np.mean([one.E_inv23 for one in starts]))
+    sd = () if not all(one.sd for one in starts) else tuple(np.mean([one.sd for one in starts], 0).tolist())
+    return replace(starts[0], d_mm=d, depth_mm=depth, t_mm=t, E_inv23=stiffness, E_kPa=E, sd=sd)
+
+
 @lru_cache(maxsize=2)
 def _model(name: str) -> tuple[ModelSpec, Replay]:
     spec = models.load(name)

@@ -105,7 +105,7 @@ def invert_together(strokes: Sequence[Felt], noise: Noise, kind: str = AUTO) -> 
             tried[of.name] = modes
     if not tried:
         return Inverted(number, problem=f"stroke {number}: no class of tissue and lump could be computed")
-    odds = odds_of({name: max(one.mode.log_evidence for one in modes) for name, modes in tried.items()})
+    odds = odds_of((name, one.mode.log_evidence) for name, modes in tried.items() for one in modes)
     best = max(odds, key=lambda name: odds[name])
     if best == BORDER.name and ANYWHERE.name in tried:
         # which holds it: a tie that is only nearly there would make intervals too narrow

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -42,8 +42,11 @@ def forward_of(of: Class, settings: Settings, strokes: Sequence[FeltStroke]) -> 
     return Forward(of, settings, places_read(SHAPE[0], PITCH_MM), sizes)
 
 
-def odds_of(evidence: Mapping[str, float]) -> dict[str, float]:
-    """Of the classes, by the logarithms of their evidence, all as likely beforehand."""
+def odds_of(modes: Iterable[tuple[str, float]]) -> dict[str, float]:
+    """Of classes by the logarithms of their modes' evidence; all are as likely beforehand."""
+    evidence: dict[str, float] = {}
+    for name, of_mode in modes:
+        evidence[name] = max(evidence.get(name, -np.inf), of_mode)
     most = max(evidence.values())
     share = {name: float(np.exp(value - most)) for name, value in evidence.items()}
-    return {name: share[name] / sum(share.values()) for name in CLASSES if name in share}
+    return {name: share[name] / sum(share.values()) for name in share}

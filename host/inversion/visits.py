@@ -6,7 +6,7 @@ What both visits get wrong alike (mesh, tissue, gains) drops out of the change. 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,29 +14,31 @@ from numpy.typing import NDArray
 
 from palpate.answer.fitted import Change, Inverted, Value
 from palpate.errors import PalpateError
+from palpate.inversion.changing import CHANGE, CHANGES, as_later, changing, later
 from palpate.inversion.classes import ANYWHERE, Class, Unknown
 from palpate.inversion.emulated import EmulatedForward
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import Asked, Forward, Predicted, Predicts, Slopes
-from palpate.inversion.found import Found
+from palpate.inversion.found import Ends
 from palpate.inversion.joint import Together
 from palpate.inversion.kept import Felt
 from palpate.inversion.modes import coarse, finest
+from palpate.inversion.pooled import widened
 from palpate.inversion.posterior import Posterior
 from palpate.inversion.result import of_modes, told
-from palpate.inversion.under import classes_over, emulated_of, forward_of
-from palpate.inversion.widening import WIDER, Widening
+from palpate.inversion.solid_classes import BALL, ELLIPSOID, OFFSET
+from palpate.inversion.solid_modes import Searches
+from palpate.inversion.start import agreed
+from palpate.inversion.under import classes_over, emulated_of, forward_of, odds_of
+from palpate.inversion.widening import WIDER, WIDER_SOLID, Widening
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue import Settings
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_CHANGES = (
-    Unknown("change of ln d", 0.0, 0.4, -1.5, 1.5, 0.2),
-    Unknown("change of ln depth", 0.0, 0.3, -1.2, 1.2, 0.2),
-)
-"""Of the first two unknowns of every class with a lump."""
+_CHANGES_OF_SOLIDS = (*CHANGES, Unknown(f"{CHANGE} {OFFSET}", 0.0, 3.0, -11.0, 11.0, 1.0))
+"""A hand does not stroke along one line twice."""
 _RATIOS = {"d_mm": "ln d", "depth_mm": "ln depth"}
 """Those changes' names, and what widens them."""
 _OF_THE_PROBE = ("gain", "scale", "creep")
@@ -68,45 +70,60 @@ def invert_visits(
     if not before or not after:
         raise PalpateError("each visit needs a stroke that can be refined")
     strokes = [*before, *after]
+    shared = _OF_THE_PROBE if same_probe else ()
+    if any(stroke.solid for stroke, _ in strokes):
+        return _solid_visits(before, after, noise, shared)
     (single,) = classes_over(strokes[0][0], kind)
-    of = _changing(single)
+    of = changing(single)
 
     def assemble(parts: Sequence[Posterior], settings: Settings | None) -> tuple[Together, Predicts]:
         strokes = [part.stroke for part in parts]
         forward = TwoVisits(of, single, settings, strokes[: len(before)], strokes[len(before) :])
-        return Together(parts, _OF_THE_PROBE if same_probe else ()), forward
+        return Together(parts, shared), forward
 
     modes = coarse(of, strokes, noise, {}, assemble)
     if not modes:
         raise PalpateError("no lump could be computed that both visits are over")
     modes = finest(strokes, noise, modes, assemble)
-    evidence = [found.mode.log_evidence for found in modes]
-    visits = [
-        of_modes([_visit(found, part, later) for found in modes], evidence)
-        for part, later in ((0, False), (len(before), True))
-    ]
-    laid = modes[0].posterior.laid(modes[0].mode.z, modes[0].mode.found)
-    k = len(single.unknowns)
-    return Change(
-        replace(visits[0], laid=laid[: len(before)], together=len(before)),
-        replace(visits[1], laid=laid[len(before) :], together=len(after)),
-        {name: _ratio(modes, k + i, WIDER[like]) for i, (name, like) in enumerate(_RATIOS.items())},
-        visits[0].fits,
+    return _changed(modes, len(before), {of.name: 1.0}, WIDER)
+
+
+def _solid_visits(
+    before: Sequence[Felt], after: Sequence[Felt], noise: Noise, shared: tuple[str, ...]
+) -> Change:
+    """As `invert_visits`, to a lump that ends across the stroke."""
+    strokes = [*before, *after]
+
+    def each(of: Class) -> list[Class]:
+        return [of] * len(before) + [as_later(of)] * len(after)
+
+    start = agreed([own for stroke, own in strokes if stroke.solid])
+    searches = Searches(strokes, start, noise, each, shared)
+    modes = searches.lumps([changing(of, _CHANGES_OF_SOLIDS) for of in (ELLIPSOID, BALL)])
+    if not modes:
+        raise PalpateError("no lump could be computed that both visits are over")
+    modes = sorted(modes, key=lambda one: -one.mode.log_evidence)
+    wider = [replace(one, mode=widened(one.posterior, one.mode)) for one in modes]
+    odds = odds_of((one.of.name, one.mode.log_evidence) for one in wider)
+    return _changed(wider, len(before), odds, WIDER_SOLID)
+
+
+def _changed(
+    modes: Sequence[Ends], first: int, odds: dict[str, float], wider: Mapping[str, Widening]
+) -> Change:
+    """What modes over two visits say, the first of them of so many strokes."""
+    best = modes[0]
+    evidence = [one.mode.log_evidence for one in modes]
+    before, after = (
+        of_modes([_visit(one, part, odds, wider) for one in modes], evidence) for part in (0, first)
     )
-
-
-def _changing(single: Class) -> Class:
-    """A class whose lump is another at the second visit."""
-    k = len(single.unknowns)
-    return replace(single, unknowns=(*single.unknowns, *_CHANGES), case=lambda theta: single.case(theta[:k]))
-
-
-def _later(theta: Floats) -> Floats:
-    """The second visit's unknowns of the single class."""
-    n = len(_CHANGES)
-    out = theta[:-n].copy()
-    out[:n] += theta[-n:]
-    return out
+    laid = best.posterior.laid(best.mode.z, best.mode.found)
+    return Change(
+        replace(before, laid=laid[:first], together=first),
+        replace(after, laid=laid[first:], together=len(laid) - first),
+        {name: _ratio(modes, like, wider[like]) for name, like in _RATIOS.items()},
+        before.fits,
+    )
 
 
 @dataclass
@@ -125,7 +142,7 @@ class PredictedVisits(Predicted):
         """As `Predicted.own`: the first visit's frames know of no change."""
         out = super().own
         k = len(self.theta)
-        out[: len(self.each[0].places_mm), k - len(_CHANGES) : k] = 0.0
+        out[: len(self.each[0].places_mm), k - len(CHANGES) : k] = 0.0
         return out
 
 
@@ -140,7 +157,7 @@ class TwoVisits:
         before: Sequence[FeltStroke],
         after: Sequence[FeltStroke],
     ) -> None:
-        self.scale = of.scale
+        self.scale, self._later, self._own = of.scale, later(of), len(single.unknowns)
         self._first = sum(len(stroke.place_mm) for stroke in before)
         self._each = tuple(
             emulated_of(single, strokes) if settings is None else forward_of(single, settings, strokes)
@@ -150,10 +167,11 @@ class TwoVisits:
     def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> PredictedVisits:
         """Frames (n,) of a guess; as `Forward`."""
         n, (one, other) = self._first, self._each
-        before = one(theta[: -len(_CHANGES)], places_mm[:n], forces_N_per_m[:n])
+        thetas = self._thetas(theta)
+        before = one(thetas[0], places_mm[:n], forces_N_per_m[:n])
         if isinstance(one, Forward) and isinstance(other, Forward):
             other.like(one)
-        after = other(_later(theta), places_mm[n:], forces_N_per_m[n:])
+        after = other(thetas[1], places_mm[n:], forces_N_per_m[n:])
         images, depth = (
             np.concatenate([getattr(visit, name) for visit in (before, after)])
             for name in ("images", "depth")
@@ -161,6 +179,10 @@ class TwoVisits:
         return PredictedVisits(
             theta.copy(), places_mm, forces_N_per_m, images, depth, (before, after)
         )  # fmt: skip
+
+    def _thetas(self, theta: Floats) -> tuple[Floats, Floats]:
+        """Each visit's unknowns of the single class."""
+        return theta[: self._own], (self._later @ theta)[: self._own]
 
     def slopes(self, at: PredictedVisits) -> Slopes:
         """Derivatives at a guess."""
@@ -174,8 +196,7 @@ class TwoVisits:
     def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, asked: Asked) -> None:
         """Let the solver compute both visits of a guess."""
         n = self._first
-        thetas = theta[: -len(_CHANGES)], _later(theta)
-        for one, its, frames in zip(self._each, thetas, (slice(0, n), slice(n, None))):
+        for one, its, frames in zip(self._each, self._thetas(theta), (slice(0, n), slice(n, None))):
             assert isinstance(one, EmulatedForward)
             one.set_right(its, places_mm[frames], forces_N_per_m[frames], asked)
 
@@ -194,25 +215,25 @@ class TwoVisits:
 
 def _with_change(slopes: Floats, k: int, later: int) -> Floats:
     """With columns for the changes behind the k of tissue and lump: those of the first few, or nothing."""
-    change = slopes[..., : len(_CHANGES)] * later
+    change = slopes[..., : len(CHANGES)] * later
     return np.concatenate([slopes[..., :k], change, slopes[..., k:]], axis=-1)
 
 
-def _visit(found: Found, part: int, later: bool) -> Inverted:
-    """What one visit's lump is, by one of its strokes."""
+def _visit(found: Ends, part: int, odds: dict[str, float], wider: Mapping[str, Widening]) -> Inverted:
+    """What one visit's lump is, by one of its strokes; the first one's is part 0."""
     posterior, index = found.posterior, found.posterior.index[part]
-    z, C = found.mode.z[index].copy(), found.mode.covariance[np.ix_(index, index)]
-    if later:
-        n, T = len(_CHANGES), np.eye(len(z))
-        last = posterior.at["tissue"].stop
-        T[np.arange(n), np.arange(last - n, last)] = 1.0
+    z, C = found.mode.z[index], found.mode.covariance[np.ix_(index, index)]
+    if part:
+        T, at = np.eye(len(z)), posterior.at["tissue"]
+        T[at, at] = later(posterior.of)
         z, C = T @ z, T @ C @ T.T
     own = replace(found.mode, z=z, covariance=C)
-    return told(posterior.parts[part], own, {posterior.of.name: 1.0}, posterior.places(found.mode.z))
+    return told(posterior.parts[part], own, odds, posterior.places(found.mode.z), wider)
 
 
-def _ratio(modes: Sequence[Found], k: int, wider: Widening) -> Value:
+def _ratio(modes: Sequence[Ends], like: str, wider: Widening) -> Value:
     """Of the second visit's over the first one's, by the first mode; the interval holds every one's."""
+    k = [unknown.name for unknown in modes[0].posterior.of.unknowns].index(f"{CHANGE} {like}")
     halves = [wider.half(float(np.sqrt(one.mode.covariance[k, k])), one.mode.settled) for one in modes]
     low = min(one.mode.z[k] - half for one, half in zip(modes, halves))
     high = max(one.mode.z[k] + half for one, half in zip(modes, halves))

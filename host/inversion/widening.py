@@ -64,3 +64,6 @@ WIDER_SOLID = {
     "ln_E": Widening(0.7, 0.7, 0.0),
 }
 """The same over solid lumps, where `pooled` has widened the spread already."""
+
+WIDER_PLAIN = {"ln t": Widening(4.0, 4.0, 0.0), "ln_E": WIDER_SOLID["ln_E"]}
+"""Over tissue without a lump, where a thick fat over a gland as soft feels like a thin one over a stiffer."""

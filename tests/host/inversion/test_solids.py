@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from palpate.cli.refine import lines_of
-from palpate.inversion import solid_forward, solids
+from palpate.inversion import solid_forward, solid_modes
 from palpate.inversion.felt import NotInvertible, felt_stroke
-from palpate.inversion.solid_classes import ELLIPSOID, SOLIDS, learnt
+from palpate.inversion.solid_classes import ELLIPSOID, learnt
 from palpate.inversion.solid_forward import Correction, SolidForward, bundled, correction_at
 from palpate.inversion.solid_posterior import BINS
 from palpate.inversion.strokes import invert_stroke, invert_together
@@ -18,6 +18,7 @@ from palpate.sim.probe.noise import level_named
 from palpate.sim.tissue import Case, StrokeError
 from palpate.sim.tissue.any_tissue import FORCE_PARTS
 from palpate.sim.tissue.solid.kept import read_kept
+from palpate.sim.tissue.solid.press import felt
 from tests.host.inversion.solid_world import felt_over
 from tests.host.inversion.test_inversion import as_over_a_ball, frames
 
@@ -35,7 +36,7 @@ def without_solver(monkeypatch):
     def none(*_):
         raise StrokeError("nothing", 0.0, "is computed here")
 
-    monkeypatch.setattr(solids, "correction_at", none)
+    monkeypatch.setattr(solid_modes, "correction_at", none)
 
 
 def test_a_lump_that_ends_across_is_a_solid_one():
@@ -134,7 +135,7 @@ def test_an_emulated_ball_is_found_again(monkeypatch):
     felt, start, stream = felt_over(*emulated(BALL), 4)
     assert felt.solid
     found = invert_stroke(felt, start, level_named("typical"))
-    assert found.fits and found.kind in SOLIDS, found
+    assert found.fits and found.kind in ("ball", "ellipsoid"), found
     true = {"d_mm": 12.0, "width_mm": 12.0, "depth_mm": 7.2, "t_mm": 13.2, "E_inv23": BALL.E_inv23}
     for name, value in (true | {"E_fat_kPa": stream.truth.fat_kPa}).items():
         said = found.values[name]
@@ -147,6 +148,23 @@ def test_an_emulated_ball_is_found_again(monkeypatch):
     (laid,) = found.laid
     assert laid.measured_kPa.shape[1] == 16
     assert "--class border" in invert_stroke(felt, start, level_named("typical"), "border").problem
+
+
+def test_tissue_without_a_lump_is_told_so(monkeypatch):
+    """It was told as a ball with wide intervals: no class that a face's sides are felt in was without one."""
+    without_solver(monkeypatch)
+    strokes, press = emulated(replace(BALL, d_mm=5.0, h=2.2, E_ratio=2.0))
+    alike = [
+        felt(one.case, one.positions_mm, one.displacement_mm[:1].repeat(n), one.images_kPa[:1].repeat(n, 0))
+        for one in strokes
+        for n in [len(one.positions_mm)]
+    ]
+    made, start, _ = felt_over(alike, press, 4)
+    found = invert_stroke(made, start, level_named("typical"))
+    assert made.solid and found.fits and found.kind == "none" and "d_mm" not in found.values, found
+    assert found.classes["none"] > 0.9
+    assert found.values["t_mm"].low < 13.5 < found.values["t_mm"].high
+    assert ": no lump; fits" in lines_of(found)[0]
 
 
 def test_strokes_over_one_ball_say_more_together(monkeypatch):

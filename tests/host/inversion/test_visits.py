@@ -7,19 +7,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from palpate.inversion.changing import changing
 from palpate.inversion.classes import ANYWHERE
 from palpate.inversion.forward import COARSE
 from palpate.inversion.joint import Together
-from palpate.inversion.visits import TwoVisits, _changing
+from palpate.inversion.strokes import invert_stroke
+from palpate.inversion.visits import TwoVisits, invert_visits
+from palpate.sim.probe.noise import level_named
 from palpate.sim.tissue import Case
+from tests.host.inversion.solid_world import felt_over
 from tests.host.inversion.test_inversion import PALPATE, a_few_frames, check_jacobian, record, refined
+from tests.host.inversion.test_solids import BALL, emulated, without_solver
 from tests.host.inversion.world import felt_of
 
 
 def test_the_jacobian_of_two_visits_is_their_misfit_s_derivative():
     """Of tissue that both share, of the change that only the second feels, and of gains in common."""
     rng = np.random.default_rng(7)
-    of = _changing(ANYWHERE)
+    of = changing(ANYWHERE)
     parts, own = zip(*(a_few_frames(of, rng) for _ in range(2)))
     both = Together(parts, ("gain",))
     forward = TwoVisits(of, ANYWHERE, COARSE, *([part.stroke] for part in parts))
@@ -50,3 +55,19 @@ def test_a_lump_that_grew_is_told_more_narrowly_than_from_two_answers(tmp_path):
     joint, apart = found["ratio"]["d_mm"], found["refined_apart"]["d_mm"]
     assert joint["low"] < 12.3 / 11.0 < joint["high"] and joint["low"] > 1.0
     assert np.log(joint["high"] / joint["low"]) < 0.7 * np.log(apart["high"] / apart["low"])
+
+
+def test_a_ball_that_grew_is_told_as_a_change(monkeypatch):
+    """Two visits to balls were refused; the second stroke's line lies 2 mm beside the first one's."""
+    without_solver(monkeypatch)
+    noise = level_named("typical")
+    grown = replace(BALL, d_mm=13.5, h=6.45 / 13.5, offset_mm=2.0)
+    before, after = (felt_over(*emulated(case), seed, probe=4)[:2] for case, seed in ((BALL, 4), (grown, 5)))
+    change = invert_visits([before], [after], noise)
+    assert change.fits, change
+    assert change.ratio["d_mm"].low < 13.5 / 12.0 < change.ratio["d_mm"].high
+    assert change.ratio["depth_mm"].low < 6.45 / 7.2 < change.ratio["depth_mm"].high
+    assert change.before.values["d_mm"].value < change.after.values["d_mm"].value
+    one, other = (invert_stroke(*felt, noise).values["d_mm"] for felt in (before, after))
+    apart = np.hypot(*(np.log(value.high / value.low) for value in (one, other)))
+    assert np.log(change.ratio["d_mm"].high / change.ratio["d_mm"].low) < 0.7 * apart

@@ -1,0 +1,324 @@
+"""The modes of solid classes over strokes: searches on the emulator, set right by the solver where they end.
+
+Space mapping (Bandler and others 1994): the solver computes one stroke at the emulator's mode; what it says
+otherwise is added to the emulator, and the search goes on from there, until the mode stays. Units: mm, kPa.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.inversion.changing import CHANGE
+from palpate.inversion.classes import Class
+from palpate.inversion.felt import FeltStroke
+from palpate.inversion.joint import Together
+from palpate.inversion.kept import Felt
+from palpate.inversion.mirror import mirrored_about
+from palpate.inversion.search import Mode, search
+from palpate.inversion.solid_classes import OFFSET, RATIO, learnt
+from palpate.inversion.solid_forward import Correction, OverOneLump, bundled, correction_at
+from palpate.inversion.solid_posterior import SolidPosterior, binned
+from palpate.inversion.start import MIDDLE, SIZE_BY_STIFFNESS, Start
+from palpate.sim.probe.noise import Noise
+from palpate.sim.tissue import Case, CaseError, StrokeError
+from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M
+from palpate.wire.cells import COLUMN_MM
+
+Floats = NDArray[np.float64]
+
+_NEAR_MM = 17.0
+"""Farther from the lump every third frame will do, and of the press."""
+_THIN = 3
+_RATIO = 6
+"""Of the emulator's inputs, the gland's stiffness over the fat's."""
+_STEPS, _ENOUGH = 20, 1.0
+_HOPELESS = 2.0
+"""A start whose misfit is over the best one's by this part of it after some steps is not followed."""
+_SOFT, _HARD = 0.45, 0.1
+_SIZED, _LESS, _MORE = 1.3, -0.5, 0.4
+"""Sizes of further first guesses, and ln of their glands' stiffness over the usual."""
+_ROUNDS, _OTHERS = 3, 2
+_STIFFNESSES = 0.08, 0.25, 0.5
+_ELSEWHERE, _WORTH = 2.0, 100.0
+"""Another mode is so many standard deviations away, and looked at where its misfit, a stroke, is not worse by
+more: the solver has spoken elsewhere."""
+_STAYS = 0.5
+"""The mode stays where none of `_COUNTS` moves by so much of its standard deviation."""
+_COUNTS = ("ln d", "ln depth", "E^-2/3", "ln t", f"{CHANGE} ln d", f"{CHANGE} ln depth")
+_PLAINLY = 0.5
+"""No lump is thought of where tissue alone has a misfit over the best lump's by so much of it."""
+_THICK = 0.6, 1.0, 1.6
+"""First guesses of the fat over tissue without a lump, over the estimate's."""
+_AS_WELL, _SAME = 10.0, 0.5
+"""An interval holds those of every mode of a class with greater odds whose misfit is within so much of its
+best one's: the valley is long, and curved. Modes nearer than so many standard deviations are one."""
+_BESIDE_MM = 0.0, 2.0, 4.0, 6.0, 8.0
+"""The emulator has met few lumps beside the line, so a search stays about where it begins there."""
+_ROUGH = 0.1
+"""Before the solver has set the emulator right a misfit says no more than this part of it."""
+_ALIKE = 0.15
+"""Logarithms of forces so near each other share what the solver says."""
+_ON_LINE_MM = 2.5
+"""A bump whose middle is so near that of the face is looked for on the line."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A mode of a class, which each stroke may feel otherwise."""
+
+    posterior: Together
+    each: tuple[Class, ...]
+    mode: Mode
+
+    @property
+    def of(self) -> Class:
+        """The class."""
+        return self.posterior.of
+
+    def theta(self, of: Class) -> Floats:
+        """Its mode as a guess for another class; what that lacks is left out."""
+        known = dict(zip((unknown.name for unknown in self.of.unknowns), self.mode.z))
+        return np.array([known.get(unknown.name, unknown.mean) for unknown in of.unknowns])
+
+    @property
+    def offset_mm(self) -> float:
+        """How far beside the line its lump lies."""
+        return float(self.mode.z[[unknown.name for unknown in self.of.unknowns].index(OFFSET)])
+
+    def cases(self) -> list[Case]:
+        """What lies under each stroke, under its mean force, in fat of 10 kPa."""
+        posterior, z = self.posterior, self.mode.z
+        forces = [
+            float(np.exp(np.log(part.forces(z[index])[part.stroke.press :]).mean()))
+            for part, index in zip(posterior.parts, posterior.index)
+        ]
+        theta = z[: len(self.of.unknowns)]
+        return [
+            replace(of.case(theta), F_rel=force / FORCE_UNIT_N_PER_M) for of, force in zip(self.each, forces)
+        ]
+
+
+class Searches:
+    """Searches of strokes over one lump.
+
+    Parameters
+    ----------
+    start : Start
+        What is said of the lump.
+    each : callable, optional
+        A class as each of the strokes feels it.
+    shared : tuple of str
+        As of `Together`.
+    """
+
+    def __init__(
+        self,
+        strokes: Sequence[Felt],
+        start: Start,
+        noise: Noise,
+        each: Callable[[Class], Sequence[Class]] | None = None,
+        shared: tuple[str, ...] = (),
+    ) -> None:
+        self.start, self.noise, self.shared = start, noise, shared
+        self.each = each or (lambda of: [of] * len(strokes))
+        places = [mirrored_about(stroke) for stroke, _ in strokes]
+        self.lumps_mm = [own.lump_mm if place is None else place for place, (_, own) in zip(places, strokes)]
+        self.strokes = [binned(_thinned(stroke, at)) for (stroke, _), at in zip(strokes, self.lumps_mm)]
+        emulator, errors = bundled()
+        self._ratios, self._errors = emulator.learnt(_RATIO), len(errors.image)
+
+    def lumps(self, classes: Sequence[Class]) -> list[Found]:
+        """The modes of classes with a lump, set right; the later classes begin at the first's."""
+        modes = self._first([self._learnt(of) for of in classes])
+        if not modes:
+            return []
+        modes, corrections = self.set_right(modes, _ROUNDS)
+        for other in self._elsewhere(best_of(modes), corrections)[:_OTHERS]:
+            modes += self.set_right([other], _ROUNDS - 1)[0]
+        return near(modes)
+
+    def plain(self, of: Class, misfit: float) -> list[Found]:
+        """The modes of tissue without a lump, set right, where it may explain the strokes about as well."""
+        of = self._learnt(of)
+        thetas = []
+        for by in _THICK:
+            thetas.append(of.column("mean"))
+            thetas[-1][0] = np.log(by * self.start.t_mm)
+        modes = self._from(of, thetas)
+        likely = bool(modes) and min(one.mode.misfit.total for one in modes) < (1 + _PLAINLY) * misfit
+        return self.set_right(modes, _ROUNDS)[0] if likely else []
+
+    def _learnt(self, of: Class) -> Class:
+        return learnt(of, self._ratios, self._errors)
+
+    def _first(self, classes: Sequence[Class]) -> list[Found]:
+        """The modes by the emulator alone, from several starts."""
+        modes: list[Found] = []
+        for of in classes:
+            guesses = [one.theta(of) for one in modes]
+            modes += near(self._from(of, guesses) if modes else self._beside(of), _ROUGH)
+        return modes
+
+    def set_right(self, modes: list[Found], rounds: int) -> tuple[list[Found], list[Correction]]:
+        """The modes where the solver lets the best of them stay, and what it has said there."""
+        corrections: list[Correction] = []
+        stays = False
+        while rounds and not stays:
+            before = best_of(modes)
+            try:
+                corrections = _corrections(before.cases())
+            except (CaseError, StrokeError):
+                break
+            rounds -= 1
+            modes = self._again(modes, corrections) or modes
+            stays = _moved(before, best_of(modes)) < _STAYS
+        settled = [replace(one.mode, settled=one.mode.settled and stays) for one in modes]
+        return [replace(one, mode=mode) for one, mode in zip(modes, settled)], corrections
+
+    def _elsewhere(self, best: Found, corrections: Sequence[Correction]) -> list[Found]:
+        """Other lumps, softer and harder, that feel nearly like the best one; nearest first."""
+        if not corrections:
+            return []
+        names = [unknown.name for unknown in best.of.unknowns]
+        size, stiffness = (names.index(name) for name in ("ln d", "E^-2/3"))
+        others: list[Found] = []
+        for s in _STIFFNESSES:
+            z = best.mode.z.copy()
+            z[size] += SIZE_BY_STIFFNESS * (s - z[stiffness])
+            z[stiffness] = s
+            found = self._searched(best.of, z, (1 + _HOPELESS) * best.mode.misfit.total, corrections)
+            if found is not None and _moved(best, found) > _ELSEWHERE:
+                _take(others, found)
+        most = best.mode.misfit.total + _WORTH * len(self.strokes)
+        return sorted(
+            (one for one in others if one.mode.misfit.total < most), key=lambda one: one.mode.misfit.total
+        )
+
+    def _again(self, modes: Sequence[Found], corrections: Sequence[Correction]) -> list[Found]:
+        """The modes by the emulator set right, from where they were."""
+        out: list[Found] = []
+        for name in dict.fromkeys(one.of.name for one in modes):
+            of_class: list[Found] = []
+            for one in (one for one in modes if one.of.name == name):
+                z, k = one.mode.z.copy(), len(one.of.unknowns)
+                z[k - self._errors : k] = 0.0
+                _take(of_class, self._searched(one.of, z, corrections=corrections))
+            out += near(of_class)
+        return out
+
+    def _beside(self, of: Class) -> list[Found]:
+        """A class's modes, searched from beside the line as the columns say or, where needed, elsewhere."""
+        said = float(np.median([_across(one, at) for one, at in zip(self.strokes, self.lumps_mm)]))
+        side = 1.0 if said >= 0 else -1.0
+        offsets = list(dict.fromkeys((said, *(side * y for y in _BESIDE_MM))))
+        one_each = self._from(of, [next(_starts(of, self.start, offset)) for offset in offsets])
+        if not one_each:
+            return []
+        best = min(one_each, key=lambda one: one.mode.misfit.total)
+        modes = [near(one_each, _ROUGH)[0]]
+        _take(modes, best)
+        _, *others = _starts(of, self.start, modes[0].offset_mm)
+        return self._from(of, others, modes)
+
+    def _from(self, of: Class, thetas: Sequence[Floats], known: Sequence[Found] = ()) -> list[Found]:
+        """A class's modes by the emulator alone, those known and others that guesses lead to."""
+        modes = list(known)
+        for theta in thetas:
+            least = min((one.mode.misfit.total for one in modes), default=np.inf)
+            z = self._posterior(of).start(theta, self.start.E_kPa, self.lumps_mm)
+            _take(modes, self._searched(of, z, (1 + _HOPELESS) * least))
+        return modes
+
+    def _posterior(self, of: Class) -> Together:
+        return Together([SolidPosterior(of, stroke, self.noise) for stroke in self.strokes], self.shared)
+
+    def _searched(
+        self, of: Class, z: Floats, hopeless: float = np.inf, corrections: Sequence[Correction] = ()
+    ) -> Found | None:
+        posterior, each = self._posterior(of), tuple(self.each(of))
+        forward = OverOneLump(each, self.strokes, corrections)
+        try:
+            mode = search(posterior, forward, z, _STEPS, enough=_ENOUGH, hopeless=hopeless)
+        except (CaseError, StrokeError):
+            return None
+        return Found(posterior, each, mode)
+
+
+def _corrections(cases: Sequence[Case]) -> list[Correction]:
+    """One for each case, computed once for one lump under forces that are nearly alike."""
+    out: list[Correction] = []
+    for k, case in enumerate(cases):
+        alike = [
+            one
+            for one, other in zip(out, cases[:k])
+            if replace(other, F_rel=case.F_rel) == case and abs(np.log(one.case.F_rel / case.F_rel)) < _ALIKE
+        ]
+        out.append(alike[0] if alike else correction_at(case, bundled()[0]))
+    return out
+
+
+def _take(modes: list[Found], found: Found | None) -> None:
+    """Add a mode that is not there yet."""
+    if found is not None and all(_moved(other, found) > _SAME for other in modes):
+        modes.append(found)
+
+
+def near(modes: Sequence[Found], rough: float = 0.0) -> list[Found]:
+    """Those that explain the stroke about as well as the best, or worse by a part of its misfit."""
+    least = min((one.mode.misfit.total for one in modes), default=0.0)
+    return [one for one in modes if one.mode.misfit.total <= least + max(_AS_WELL, rough * least)]
+
+
+def _starts(of: Class, start: Start, offset_mm: float) -> Iterator[Floats]:
+    """First guesses: the estimate, softer, harder, smaller and larger over other glands; the middle."""
+    valley = [start.as_stiff(s) for s in (start.E_inv23, _SOFT, _HARD)]
+    names = [unknown.name for unknown in of.unknowns]
+    sized = [
+        (replace(start, d_mm=start.d_mm * by, depth_mm=start.depth_mm * by), ratio)
+        for by, ratio in ((1 / _SIZED, _LESS), (_SIZED, _MORE))
+    ]
+    for one, ratio in (*((one, 0.0) for one in valley), *sized, (MIDDLE, 0.0)):
+        theta = of.column("mean")
+        theta[:3] = np.log(one.d_mm), np.log(one.depth_mm), one.E_inv23
+        theta[names.index(OFFSET)] = offset_mm
+        theta[names.index(RATIO)] += ratio
+        yield theta
+
+
+def _across(stroke: FeltStroke, lump_mm: float) -> float:
+    """Where across the face more is felt over the lump than elsewhere, mm; 0 near its middle."""
+    p = stroke.press
+    assert stroke.image_kPa is not None
+    columns = np.nanmean(stroke.image_kPa[p:], axis=1)
+    columns = columns / np.nanmean(columns, axis=1, keepdims=True)
+    over = np.abs(stroke.place_mm[p:] - lump_mm) < _NEAR_MM / 2
+    if not over.any() or over.all():
+        return 0.0
+    more = np.maximum(np.nan_to_num(columns[over].mean(0) - columns[~over].mean(0)), 0.0) ** 2
+    middle = float(more @ COLUMN_MM / max(more.sum(), 1e-12))
+    return middle if abs(middle) > _ON_LINE_MM else 0.0
+
+
+def _thinned(stroke: FeltStroke, lump_mm: float) -> FeltStroke:
+    """Every frame near the lump, some of the others."""
+    p, n = stroke.press, len(stroke.place_mm) - stroke.press
+    number = np.arange(n)
+    chosen = np.flatnonzero((np.abs(stroke.place_mm[p:] - lump_mm) < _NEAR_MM) | (number % _THIN == 0))
+    return stroke.take(np.arange(_THIN - 1, p, _THIN), chosen)
+
+
+def best_of(modes: Sequence[Found]) -> Found:
+    """The likeliest."""
+    return max(modes, key=lambda found: found.mode.log_evidence)
+
+
+def _moved(before: Found, now: Found) -> float:
+    """How far the numbers that count went, in standard deviations."""
+    names = [unknown.name for unknown in now.of.unknowns]
+    k = [names.index(name) for name in _COUNTS if name in names]
+    sd = np.sqrt(np.diag(now.mode.covariance)[k])
+    return float((np.abs(now.mode.z[k] - before.theta(now.of)[k]) / sd).max())
