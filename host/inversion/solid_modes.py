@@ -22,7 +22,7 @@ from palpate.inversion.search import Mode, search
 from palpate.inversion.solid_classes import OFFSET, RATIO, learnt
 from palpate.inversion.solid_forward import Correction, OverOneLump, bundled, correction_at
 from palpate.inversion.solid_posterior import SolidPosterior, binned
-from palpate.inversion.start import MIDDLE, SIZE_BY_STIFFNESS, Start
+from palpate.inversion.start import MIDDLE, Start
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue import Case, CaseError, StrokeError
 from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M
@@ -41,11 +41,7 @@ _HOPELESS = 2.0
 _SOFT, _HARD = 0.45, 0.1
 _SIZED, _LESS, _MORE = 1.3, -0.5, 0.4
 """Sizes of further first guesses, and ln of their glands' stiffness over the usual."""
-_ROUNDS, _OTHERS = 3, 2
-_STIFFNESSES = 0.08, 0.25, 0.5
-_ELSEWHERE, _WORTH = 2.0, 100.0
-"""Another mode is so many standard deviations away, and looked at where its misfit, a stroke, is not worse by
-more: the solver has spoken elsewhere."""
+_ROUNDS = 3
 _STAYS = 0.5
 """The mode stays where none of `_COUNTS` moves by so much of its standard deviation."""
 _COUNTS = ("ln d", "ln depth", "E^-2/3", "ln t", f"{CHANGE} ln d", f"{CHANGE} ln depth")
@@ -136,10 +132,7 @@ class Searches:
         modes = self._first([self._learnt(of) for of in classes])
         if not modes:
             return []
-        modes, corrections = self.set_right(modes, _ROUNDS)
-        for other in self._elsewhere(best_of(modes), corrections)[:_OTHERS]:
-            modes += self.set_right([other], _ROUNDS - 1)[0]
-        return near(modes)
+        return near(self._set_right(modes))
 
     def plain(self, of: Class, misfit: float) -> list[Found]:
         """The modes of tissue without a lump, set right, where it may explain the strokes about as well."""
@@ -150,7 +143,7 @@ class Searches:
             thetas[-1][0] = np.log(by * self.start.t_mm)
         modes = self._from(of, thetas)
         likely = bool(modes) and min(one.mode.misfit.total for one in modes) < (1 + _PLAINLY) * misfit
-        return self.set_right(modes, _ROUNDS)[0] if likely else []
+        return self._set_right(modes) if likely else []
 
     def _learnt(self, of: Class) -> Class:
         return learnt(of, self._ratios, self._errors)
@@ -163,40 +156,20 @@ class Searches:
             modes += near(self._from(of, guesses) if modes else self._beside(of), _ROUGH)
         return modes
 
-    def set_right(self, modes: list[Found], rounds: int) -> tuple[list[Found], list[Correction]]:
-        """The modes where the solver lets the best of them stay, and what it has said there."""
-        corrections: list[Correction] = []
-        stays = False
+    def _set_right(self, modes: list[Found]) -> list[Found]:
+        """The modes where the solver lets the best of them stay."""
+        rounds, stays = _ROUNDS, False
         while rounds and not stays:
-            before = best_of(modes)
+            before = _best(modes)
             try:
                 corrections = _corrections(before.cases())
             except (CaseError, StrokeError):
                 break
             rounds -= 1
             modes = self._again(modes, corrections) or modes
-            stays = _moved(before, best_of(modes)) < _STAYS
+            stays = _moved(before, _best(modes)) < _STAYS
         settled = [replace(one.mode, settled=one.mode.settled and stays) for one in modes]
-        return [replace(one, mode=mode) for one, mode in zip(modes, settled)], corrections
-
-    def _elsewhere(self, best: Found, corrections: Sequence[Correction]) -> list[Found]:
-        """Other lumps, softer and harder, that feel nearly like the best one; nearest first."""
-        if not corrections:
-            return []
-        names = [unknown.name for unknown in best.of.unknowns]
-        size, stiffness = (names.index(name) for name in ("ln d", "E^-2/3"))
-        others: list[Found] = []
-        for s in _STIFFNESSES:
-            z = best.mode.z.copy()
-            z[size] += SIZE_BY_STIFFNESS * (s - z[stiffness])
-            z[stiffness] = s
-            found = self._searched(best.of, z, (1 + _HOPELESS) * best.mode.misfit.total, corrections)
-            if found is not None and _moved(best, found) > _ELSEWHERE:
-                _take(others, found)
-        most = best.mode.misfit.total + _WORTH * len(self.strokes)
-        return sorted(
-            (one for one in others if one.mode.misfit.total < most), key=lambda one: one.mode.misfit.total
-        )
+        return [replace(one, mode=mode) for one, mode in zip(modes, settled)]
 
     def _again(self, modes: Sequence[Found], corrections: Sequence[Correction]) -> list[Found]:
         """The modes by the emulator set right, from where they were."""
@@ -311,7 +284,7 @@ def _thinned(stroke: FeltStroke, lump_mm: float) -> FeltStroke:
     return stroke.take(np.arange(_THIN - 1, p, _THIN), chosen)
 
 
-def best_of(modes: Sequence[Found]) -> Found:
+def _best(modes: Sequence[Found]) -> Found:
     """The likeliest."""
     return max(modes, key=lambda found: found.mode.log_evidence)
 

@@ -23,9 +23,9 @@ from palpate.sim.probe.noise import Noise
 
 _LUMPS = (ELLIPSOID, BALL)
 _RARE = 0.01
-_SURER = 15.0
-"""A lump must be so much likelier than none, as a logarithm: what mesh and emulator get wrong is explained by
-whatever has more unknowns."""
+_SURER, _TEMPERED = 9.0, 4.0
+"""A lump must be so much likelier than none, as a logarithm, and what lies over counts a part of itself: what
+mesh and emulator get wrong is explained by whatever has more unknowns."""
 
 
 def invert_solid(strokes: Sequence[Felt], noise: Noise) -> Inverted:
@@ -39,19 +39,21 @@ def invert_solid(strokes: Sequence[Felt], noise: Noise) -> Inverted:
     weighed = [replace(one, mode=pooled(one.posterior, one.mode, start)) for one in modes]
     # the estimate speaks of a lump, but not of whether there is one
     k = int(np.argmax([one.mode.log_evidence for one in weighed]))
-    word = weighed[k].mode.log_evidence - modes[k].mode.log_evidence + _SURER
+    word = weighed[k].mode.log_evidence + np.log(len({one.of.name for one in weighed}))
+    lump = modes[k].mode.log_evidence
     for one in searches.plain(NONE, modes[k].mode.misfit.total):
         modes.append(one)
         mode = pooled(one.posterior, one.mode, start)
-        weighed.append(replace(one, mode=replace(mode, log_evidence=mode.log_evidence + word)))
+        evidence = word + (mode.log_evidence - lump + _SURER) / _TEMPERED
+        weighed.append(replace(one, mode=replace(mode, log_evidence=evidence)))
     odds = odds_of((one.of.name, one.mode.log_evidence) for one in weighed)
-    lump = odds.get(NONE.name, 0.0) < 0.5
+    is_lump = odds.get(NONE.name, 0.0) < 0.5
     order = np.argsort([-one.mode.log_evidence for one in weighed], kind="stable")
-    first, *others = (int(k) for k in order if weighed[k].of.lump == lump)
+    first, *others = (int(k) for k in order if weighed[k].of.lump == is_lump)
     likely = [weighed[k] for k in (first, *(k for k in others if odds[weighed[k].of.name] > _RARE))]
     said = of_modes(
         [
-            told_together(one.posterior, one.mode, odds, WIDER_SOLID if lump else WIDER_PLAIN)
+            told_together(one.posterior, one.mode, odds, WIDER_SOLID if is_lump else WIDER_PLAIN)
             for one in likely
         ],
         [one.mode.log_evidence for one in likely],

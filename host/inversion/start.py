@@ -26,7 +26,7 @@ _OUTPUTS = ("ln F", "ln t", "ln d", "ln h", "E^-2/3", "ln E_fat")
 """Those of the wire (`firmware_py.outputs`), as the model works with them."""
 
 _SOFT, _HARD = 0.5, 0.12
-SIZE_BY_STIFFNESS = 0.97
+_SIZE_BY_STIFFNESS = 0.97
 """Along ln d = const + this E^-2/3 images hardly change: a soft, large lump feels like a hard, small one."""
 
 _BORDERS = ((1.0, 1.2), (1.0, 0.5), (0.75, 0.0))
@@ -73,7 +73,7 @@ class Start:
 
     def as_stiff(self, E_inv23: float) -> Start:
         """A lump of another stiffness that feels like it: a softer one is larger."""
-        by = float(np.exp(SIZE_BY_STIFFNESS * (E_inv23 - self.E_inv23)))
+        by = float(np.exp(_SIZE_BY_STIFFNESS * (E_inv23 - self.E_inv23)))
         return replace(self, d_mm=self.d_mm * by, E_inv23=E_inv23)
 
     def softer_and_harder(self, of: Class) -> Iterator[Floats]:

@@ -39,6 +39,8 @@ Ints = NDArray[np.int64]
 
 _CHANGES_OF_SOLIDS = (*CHANGES, Unknown(f"{CHANGE} {OFFSET}", 0.0, 3.0, -11.0, 11.0, 1.0))
 """A hand does not stroke along one line twice."""
+_WIDER_CHANGES = {name: replace(WIDER_SOLID[name], floor=0.015) for name in ("ln d", "ln depth")}
+"""Of a solid lump; emulator and mesh err otherwise at each visit."""
 _RATIOS = {"d_mm": "ln d", "depth_mm": "ln depth"}
 """Those changes' names, and what widens them."""
 _OF_THE_PROBE = ("gain", "scale", "creep")
@@ -85,7 +87,7 @@ def invert_visits(
     if not modes:
         raise PalpateError("no lump could be computed that both visits are over")
     modes = finest(strokes, noise, modes, assemble)
-    return _changed(modes, len(before), {of.name: 1.0}, WIDER)
+    return _changed(modes, len(before), {of.name: 1.0}, WIDER, WIDER)
 
 
 def _solid_visits(
@@ -105,11 +107,15 @@ def _solid_visits(
     modes = sorted(modes, key=lambda one: -one.mode.log_evidence)
     wider = [replace(one, mode=widened(one.posterior, one.mode)) for one in modes]
     odds = odds_of((one.of.name, one.mode.log_evidence) for one in wider)
-    return _changed(wider, len(before), odds, WIDER_SOLID)
+    return _changed(wider, len(before), odds, WIDER_SOLID, _WIDER_CHANGES)
 
 
 def _changed(
-    modes: Sequence[Ends], first: int, odds: dict[str, float], wider: Mapping[str, Widening]
+    modes: Sequence[Ends],
+    first: int,
+    odds: dict[str, float],
+    wider: Mapping[str, Widening],
+    changes: Mapping[str, Widening],
 ) -> Change:
     """What modes over two visits say, the first of them of so many strokes."""
     best = modes[0]
@@ -121,7 +127,7 @@ def _changed(
     return Change(
         replace(before, laid=laid[:first], together=first),
         replace(after, laid=laid[first:], together=len(laid) - first),
-        {name: _ratio(modes, like, wider[like]) for name, like in _RATIOS.items()},
+        {name: _ratio(modes, like, changes[like]) for name, like in _RATIOS.items()},
         before.fits,
     )
 
@@ -233,8 +239,10 @@ def _visit(found: Ends, part: int, odds: dict[str, float], wider: Mapping[str, W
 
 def _ratio(modes: Sequence[Ends], like: str, wider: Widening) -> Value:
     """Of the second visit's over the first one's, by the first mode; the interval holds every one's."""
-    k = [unknown.name for unknown in modes[0].posterior.of.unknowns].index(f"{CHANGE} {like}")
-    halves = [wider.half(float(np.sqrt(one.mode.covariance[k, k])), one.mode.settled) for one in modes]
-    low = min(one.mode.z[k] - half for one, half in zip(modes, halves))
-    high = max(one.mode.z[k] + half for one, half in zip(modes, halves))
-    return Value(*(float(np.exp(v)) for v in (modes[0].mode.z[k], low, high)))
+    values, halves = [], []
+    for one in modes:
+        k = [unknown.name for unknown in one.posterior.of.unknowns].index(f"{CHANGE} {like}")
+        values.append(one.mode.z[k])
+        halves.append(wider.half(float(np.sqrt(one.mode.covariance[k, k])), one.mode.settled))
+    low, high = min(np.subtract(values, halves)), max(np.add(values, halves))
+    return Value(*(float(np.exp(v)) for v in (values[0], low, high)))

@@ -57,8 +57,8 @@ def inverted(case: Case, asked: Asked, k: int) -> dict[str, Any]:
     row: dict[str, Any] = {
         "code": case.code, "cpu_s": time.process_time() - begun, "problem": found.problem, "kind": found.kind,
     }  # fmt: skip
-    if found.problem:
-        return row
+    if found.problem or not found.lump:
+        return row | {"problem": found.problem or "told as no lump"}
     truth = truths_of(stream.truth) | {"width_mm": 2 * case.half_axes_mm[1]}
     first = said_first(start) | {"width_mm": start.d_mm}
     for name in WORDS:

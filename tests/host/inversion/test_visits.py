@@ -70,4 +70,4 @@ def test_a_ball_that_grew_is_told_as_a_change(monkeypatch):
     assert change.before.values["d_mm"].value < change.after.values["d_mm"].value
     one, other = (invert_stroke(*felt, noise).values["d_mm"] for felt in (before, after))
     apart = np.hypot(*(np.log(value.high / value.low) for value in (one, other)))
-    assert np.log(change.ratio["d_mm"].high / change.ratio["d_mm"].low) < 0.7 * apart
+    assert np.log(change.ratio["d_mm"].high / change.ratio["d_mm"].low) < 0.3 * apart
