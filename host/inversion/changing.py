@@ -1,4 +1,4 @@
-"""A lump that is another at a second visit: what has changed of it are the last unknowns of its class.
+"""A lump that has changed by a second visit: the changes are the last unknowns of its class.
 
 Lengths in mm.
 """

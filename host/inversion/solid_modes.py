@@ -46,9 +46,9 @@ _STAYS = 0.5
 """The mode stays where none of `_COUNTS` moves by so much of its standard deviation."""
 _COUNTS = ("ln d", "ln depth", "E^-2/3", "ln t", f"{CHANGE} ln d", f"{CHANGE} ln depth")
 _PLAINLY = 0.5
-"""No lump is thought of where tissue alone has a misfit over the best lump's by so much of it."""
+"""Tissue alone is not followed where its misfit is over the best lump's by more than this part of it."""
 _THICK = 0.6, 1.0, 1.6
-"""First guesses of the fat over tissue without a lump, over the estimate's."""
+"""First guesses of the fat's thickness in tissue without a lump, over the estimate's."""
 _AS_WELL, _SAME = 10.0, 0.5
 """An interval holds those of every mode of a class with greater odds whose misfit is within so much of its
 best one's: the valley is long, and curved. Modes nearer than so many standard deviations are one."""
