@@ -39,8 +39,10 @@ Ints = NDArray[np.int64]
 
 _CHANGES_OF_SOLIDS = (*CHANGES, Unknown(f"{CHANGE} {OFFSET}", 0.0, 3.0, -11.0, 11.0, 1.0))
 """A hand does not stroke along one line twice."""
-_WIDER_CHANGES = {name: replace(WIDER_SOLID[name], floor=0.015) for name in ("ln d", "ln depth")}
-"""Of a solid lump; emulator and mesh err otherwise at each visit."""
+_WIDER_CHANGES = {
+    name: replace(WIDER_SOLID[name], floor=floor) for name, floor in (("ln d", 0.02), ("ln depth", 0.04))
+}
+"""Of a solid lump; emulator and mesh err otherwise at each visit: chosen on two pairs of visits."""
 _RATIOS = {"d_mm": "ln d", "depth_mm": "ln depth"}
 """Those changes' names, and what widens them."""
 _OF_THE_PROBE = ("gain", "scale", "creep")
