@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from palpate.answer.fitted import Inverted, Value
 from palpate.inversion.classes import APART, DEEPER, LARGER
 from palpate.inversion.departures import DEPARTURES, FRICTION, TWO_LUMPS, UNDULATING
+from palpate.inversion.found import Ends
 from palpate.inversion.joint import Together
 from palpate.inversion.posterior import Posterior
 from palpate.inversion.search import Mode
@@ -133,6 +134,16 @@ def told_together(
     said = told(posterior.parts[0], own, odds, posterior.places(mode.z), wider)
     strokes = len(posterior.parts)
     return said if strokes == 1 else replace(said, together=strokes, centre_mm=None)
+
+
+def told_of_modes(
+    modes: Sequence[Ends], odds: dict[str, float], wider: Mapping[str, Widening] = WIDER
+) -> Inverted:
+    """What modes over several strokes say together, as `told_together` and `of_modes`."""
+    return of_modes(
+        [told_together(one.posterior, one.mode, odds, wider) for one in modes],
+        [one.mode.log_evidence for one in modes],
+    )
 
 
 def of_modes(said: Sequence[Inverted], log_evidence: Sequence[float]) -> Inverted:

@@ -93,4 +93,3 @@ ELLIPSOID = Class(
     _FIELDS,
 )
 NONE = Class("none", (_FAT, *_LAYERS), _none, ("t_mm", "gland_ratio", "gland_mm"))
-SOLIDS = {of.name: of for of in (NONE, BALL, ELLIPSOID)}

@@ -13,7 +13,7 @@ import numpy as np
 from palpate.answer.fitted import Inverted
 from palpate.inversion.kept import Felt
 from palpate.inversion.pooled import pooled
-from palpate.inversion.result import of_modes, told_together
+from palpate.inversion.result import told_of_modes
 from palpate.inversion.solid_classes import BALL, ELLIPSOID, NONE
 from palpate.inversion.solid_modes import Searches
 from palpate.inversion.start import agreed
@@ -51,12 +51,6 @@ def invert_solid(strokes: Sequence[Felt], noise: Noise) -> Inverted:
     order = np.argsort([-one.mode.log_evidence for one in weighed], kind="stable")
     first, *others = (int(k) for k in order if weighed[k].of.lump == is_lump)
     likely = [weighed[k] for k in (first, *(k for k in others if odds[weighed[k].of.name] > _RARE))]
-    said = of_modes(
-        [
-            told_together(one.posterior, one.mode, odds, WIDER_SOLID if is_lump else WIDER_PLAIN)
-            for one in likely
-        ],
-        [one.mode.log_evidence for one in likely],
-    )
+    said = told_of_modes(likely, odds, WIDER_SOLID if is_lump else WIDER_PLAIN)
     best = modes[first]
     return replace(said, laid=best.posterior.laid(best.mode.z, best.mode.found))

@@ -19,7 +19,7 @@ from palpate.inversion.kept import Felt
 from palpate.inversion.modes import coarse, finest
 from palpate.inversion.press import invert_press
 from palpate.inversion.recorded import felt_strokes
-from palpate.inversion.result import SURE, of_modes, told_together
+from palpate.inversion.result import SURE, told_of_modes
 from palpate.inversion.solids import invert_solid
 from palpate.inversion.start import Start
 from palpate.inversion.two_lumps import as_two
@@ -122,8 +122,5 @@ def invert_together(strokes: Sequence[Felt], noise: Noise, kind: str = AUTO) -> 
     odds |= {name: float(np.exp(share - all_of_them)) for name, share in others.items()}
     if kind == AUTO and two and odds[TWO_LUMPS] > SURE:
         modes, first = two, two[0]
-    said = of_modes(
-        [told_together(one.posterior, one.mode, odds) for one in modes],
-        [one.mode.log_evidence for one in modes],
-    )
+    said = told_of_modes(modes, odds)
     return replace(said, laid=first.posterior.laid(first.mode.z, first.mode.found))
