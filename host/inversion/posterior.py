@@ -65,17 +65,20 @@ class Posterior:
 
     Attributes
     ----------
-    own_channels : bool
-        Whether each row's own gain and zero are among them.
+    own_zeros : bool
+        Whether each channel's own zero is among them.
     """
 
-    own_channels = True
+    own_zeros = True
 
     def __init__(self, of: Class, stroke: FeltStroke, noise: Noise, hx_mm: float) -> None:
         self.of, self.stroke, self.noise = of, stroke, noise
-        n, p, rows = len(stroke.displacement_mm), stroke.press, stroke.rows_kPa.shape[1]
-        own = rows if self.own_channels else 0
-        sizes = {"tissue": len(of.unknowns), **dict.fromkeys(SINGLE, 1), "gain": own, "offset": own}
+        n, p, channels = len(stroke.displacement_mm), stroke.press, stroke.rows_kPa.shape[1]
+        gains = self._gain_sd()
+        self._gain_of = np.repeat(np.arange(len(gains)), channels // max(len(gains), 1))
+        """Which of the gains a channel has; () where it has none."""
+        sizes = {"tissue": len(of.unknowns), **dict.fromkeys(SINGLE, 1)}
+        sizes |= {"gain": len(gains), "offset": channels if self.own_zeros else 0}
         sizes |= {"place": n - p, "force": n}
         ends = np.cumsum([0, *sizes.values()])
         self.at = {name: slice(int(a), int(b)) for name, a, b in zip(sizes, ends, ends[1:])}
@@ -84,6 +87,15 @@ class Posterior:
         self.force_sd = max(0.5 * noise.force, 2e-3)
         self._lag = stroke.slow(np.eye(n))
         self._weight = self._weights(hx_mm)
+
+    def _gain_sd(self) -> Floats:
+        """Of each gain that is an unknown."""
+        return np.sqrt(self.noise.gain**2 / self.stroke.live + self.noise.row_gain**2)
+
+    def _gain(self, z: Floats) -> Floats:
+        """What each channel reads more than it should, as a factor."""
+        gains = 1 + z[self.at["gain"]]
+        return gains[self._gain_of] if len(gains) else np.ones(self.stroke.rows_kPa.shape[1])
 
     def _known(self) -> tuple[Floats, Floats]:
         noise, live, p = self.noise, self.stroke.live, self.stroke.press
@@ -102,8 +114,8 @@ class Posterior:
             "place": noise.position_mm / np.sqrt(self.stroke.frames[p:]),
             "force": np.inf,
         }
-        if self.own_channels:
-            spread["gain"] = np.sqrt(noise.gain**2 / live + noise.row_gain**2)
+        spread["gain"] = self._gain_sd()
+        if self.own_zeros:
             spread["offset"] = noise.offset * FULL_SCALE_KPA / np.sqrt(live)
         mean, sd = np.zeros(self.size), np.empty(self.size)
         for name, value in spread.items():
@@ -180,7 +192,7 @@ class Posterior:
         """Row means and displacement as these sensors would have read them, (n, 17)."""
         share = self.stroke.share[:, None]
         lagged = self._lagged(z) @ self._pressure(z, found)
-        rows = lagged * (1 + z[self.at["gain"]]) + z[self.at["offset"]]
+        rows = lagged * self._gain(z) + z[self.at["offset"]]
         rows = rows + self.one(z, "zero") + self.one(z, "drift") * share
         depth = found.depth + self.one(z, "depth_zero") + self.one(z, "depth_drift") * (2 * share[:, 0] - 1)
         return np.column_stack([rows, depth])
@@ -193,7 +205,7 @@ class Posterior:
     def seen(self, z: Floats, change: Floats) -> Floats:
         """What a change of computed images and depth, (n, rows + 1), does to the weighted residuals."""
         rows = self._lagged(z) @ (np.exp(self.one(z, "ln_E")) / FAT_KPA * change[:, :-1])
-        return np.column_stack([rows * (1 + z[self.at["gain"]]), change[:, -1]]) * self._weight
+        return np.column_stack([rows * self._gain(z), change[:, -1]]) * self._weight
 
     def by_row(self, data: Floats) -> Floats:
         """Weighted residuals (n, rows + 1) of rows and displacement."""
@@ -246,13 +258,14 @@ class Posterior:
             P[frame, :, own], D[frame, own] = -by_place / longer, -of_depth / longer
         force = at["force"].start + frame
         P[frame, :, force], D[frame, force] = E * images[:, :, -1], depth[:, -1]
-        operator, gain = self._lagged(z), 1 + z[at["gain"]] if self.own_channels else np.ones(rows)
+        operator, gain = self._lagged(z), self._gain(z)
         P = (operator @ P.reshape(n, -1)).reshape(P.shape) * gain[:, None]
         pressure = self._pressure(z, found)
         P[:, :, at["creep"]] = (2 * (self._lag @ pressure - pressure) * gain)[:, :, None]
-        if self.own_channels:
-            row = np.arange(rows)
-            P[:, row, at["gain"].start + row] = operator @ pressure
+        row = np.arange(rows)
+        if len(self._gain_of):
+            P[:, row, at["gain"].start + self._gain_of] = operator @ pressure
+        if self.own_zeros:
             P[:, row, at["offset"].start + row] = 1.0
         P[:, :, at["zero"]], P[:, :, at["drift"]] = 1.0, share[:, None, None]
         D[:, at["depth_zero"]], D[:, at["depth_drift"]] = 1.0, (2 * share - 1)[:, None]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.inversion.changing import CHANGE, changing
 from palpate.inversion.classes import FAT_KPA, Class, Unknown, log_even
 from palpate.sim.tissue import Case
 
@@ -62,6 +63,16 @@ def _ellipsoid(theta: Floats) -> Case:
 def _none(theta: Floats) -> Case:
     d, t = _PLAIN_D_MM, float(np.exp(theta[0]))
     return _case(d, d, d, t - d / 2, 1.0, np.append(theta[1:6], 0.0))
+
+
+def moved(stroke: int) -> str:
+    """What a stroke's line lies beside the first one's: a hand does not stroke along one line twice."""
+    return f"{CHANGE} {OFFSET} (stroke {stroke + 1})"
+
+
+def moving(of: Class, strokes: int) -> Class:
+    """A class that strokes feel, each along a line of its own."""
+    return changing(of, [Unknown(moved(k), 0.0, 3.0, -11.0, 11.0, 1.0) for k in range(1, strokes)])
 
 
 def learnt(of: Class, ratios: tuple[float, float], components: int) -> Class:

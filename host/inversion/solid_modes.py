@@ -6,20 +6,20 @@ otherwise is added to the emulator, and the search goes on from there, until the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.inversion.changing import CHANGE
+from palpate.inversion.changing import CHANGE, CHANGES, as_changed
 from palpate.inversion.classes import Class
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.joint import Together
 from palpate.inversion.kept import Felt
 from palpate.inversion.mirror import mirrored_about
 from palpate.inversion.search import Mode, search
-from palpate.inversion.solid_classes import OFFSET, RATIO, learnt
+from palpate.inversion.solid_classes import OFFSET, RATIO, learnt, moved, moving
 from palpate.inversion.solid_forward import Correction, OverOneLump, bundled, correction_at
 from palpate.inversion.solid_posterior import SolidPosterior, binned
 from palpate.inversion.start import MIDDLE, Start
@@ -57,7 +57,9 @@ _BESIDE_MM = 0.0, 2.0, 4.0, 6.0, 8.0
 _ROUGH = 0.1
 """Before the solver has set the emulator right a misfit says no more than this part of it."""
 _ALIKE = 0.15
-"""Logarithms of forces so near each other share what the solver says."""
+"""Logarithms of forces so near each other share what the solver says, ..."""
+_ALIKE_MM = 1.5
+"""... and lines so near each other."""
 _ON_LINE_MM = 2.5
 """A bump whose middle is so near that of the face is looked for on the line."""
 
@@ -105,8 +107,8 @@ class Searches:
     ----------
     start : Start
         What is said of the lump.
-    each : callable, optional
-        A class as each of the strokes feels it.
+    visit : int, optional
+        So many strokes are a first visit's: the others feel the class's `CHANGES`.
     shared : tuple of str
         As of `Together`.
     """
@@ -116,11 +118,11 @@ class Searches:
         strokes: Sequence[Felt],
         start: Start,
         noise: Noise,
-        each: Callable[[Class], Sequence[Class]] | None = None,
+        visit: int | None = None,
         shared: tuple[str, ...] = (),
     ) -> None:
         self.start, self.noise, self.shared = start, noise, shared
-        self.each = each or (lambda of: [of] * len(strokes))
+        self.visit = len(strokes) if visit is None else visit
         places = [mirrored_about(stroke) for stroke, _ in strokes]
         self.lumps_mm = [own.lump_mm if place is None else place for place, (_, own) in zip(places, strokes)]
         self.strokes = [binned(_thinned(stroke, at)) for (stroke, _), at in zip(strokes, self.lumps_mm)]
@@ -129,7 +131,7 @@ class Searches:
 
     def lumps(self, classes: Sequence[Class]) -> list[Found]:
         """The modes of classes with a lump, set right; the later classes begin at the first's."""
-        modes = self._first([self._learnt(of) for of in classes])
+        modes = self._first([self._learnt(moving(of, len(self.strokes))) for of in classes])
         if not modes:
             return []
         return near(self._set_right(modes))
@@ -147,6 +149,12 @@ class Searches:
 
     def _learnt(self, of: Class) -> Class:
         return learnt(of, self._ratios, self._errors)
+
+    def _each(self, of: Class) -> tuple[Class, ...]:
+        """The class as each stroke feels it."""
+        later = [unknown.name for unknown in CHANGES]
+        strokes = range(len(self.strokes))
+        return tuple(as_changed(of, [moved(k), *(later if k >= self.visit else ())]) for k in strokes)
 
     def _first(self, classes: Sequence[Class]) -> list[Found]:
         """The modes by the emulator alone, from several starts."""
@@ -185,16 +193,17 @@ class Searches:
 
     def _beside(self, of: Class) -> list[Found]:
         """A class's modes, searched from beside the line as the columns say or, where needed, elsewhere."""
-        said = float(np.median([_across(one, at) for one, at in zip(self.strokes, self.lumps_mm)]))
-        side = 1.0 if said >= 0 else -1.0
-        offsets = list(dict.fromkeys((said, *(side * y for y in _BESIDE_MM))))
-        one_each = self._from(of, [next(_starts(of, self.start, offset)) for offset in offsets])
+        said = np.array([_across(one, at) for one, at in zip(self.strokes, self.lumps_mm)])
+        middle = float(np.median(said))
+        side = 1.0 if middle >= 0 else -1.0
+        lines = [said + (y - middle) for y in dict.fromkeys((middle, *(side * y for y in _BESIDE_MM)))]
+        one_each = self._from(of, [next(_starts(of, self.start, each)) for each in lines])
         if not one_each:
             return []
         best = min(one_each, key=lambda one: one.mode.misfit.total)
         modes = [near(one_each, _ROUGH)[0]]
         _take(modes, best)
-        _, *others = _starts(of, self.start, modes[0].offset_mm)
+        _, *others = _starts(of, self.start, said + (modes[0].offset_mm - said[0]))
         return self._from(of, others, modes)
 
     def _from(self, of: Class, thetas: Sequence[Floats], known: Sequence[Found] = ()) -> list[Found]:
@@ -212,7 +221,7 @@ class Searches:
     def _searched(
         self, of: Class, z: Floats, hopeless: float = np.inf, corrections: Sequence[Correction] = ()
     ) -> Found | None:
-        posterior, each = self._posterior(of), tuple(self.each(of))
+        posterior, each = self._posterior(of), self._each(of)
         forward = OverOneLump(each, self.strokes, corrections)
         try:
             mode = search(posterior, forward, z, _STEPS, enough=_ENOUGH, hopeless=hopeless)
@@ -222,13 +231,15 @@ class Searches:
 
 
 def _corrections(cases: Sequence[Case]) -> list[Correction]:
-    """One for each case, computed once for one lump under forces that are nearly alike."""
+    """One for each case, computed once for one lump under forces and along lines that are nearly alike."""
     out: list[Correction] = []
     for k, case in enumerate(cases):
         alike = [
             one
             for one, other in zip(out, cases[:k])
-            if replace(other, F_rel=case.F_rel) == case and abs(np.log(one.case.F_rel / case.F_rel)) < _ALIKE
+            if replace(other, F_rel=case.F_rel, offset_mm=case.offset_mm) == case
+            and abs(np.log(one.case.F_rel / case.F_rel)) < _ALIKE
+            and abs(one.case.offset_mm - case.offset_mm) < _ALIKE_MM
         ]
         out.append(alike[0] if alike else correction_at(case, bundled()[0]))
     return out
@@ -246,7 +257,7 @@ def near(modes: Sequence[Found], rough: float = 0.0) -> list[Found]:
     return [one for one in modes if one.mode.misfit.total <= least + max(_AS_WELL, rough * least)]
 
 
-def _starts(of: Class, start: Start, offset_mm: float) -> Iterator[Floats]:
+def _starts(of: Class, start: Start, offsets_mm: Floats) -> Iterator[Floats]:
     """First guesses: the estimate, softer, harder, smaller and larger over other glands; the middle."""
     valley = [start.as_stiff(s) for s in (start.E_inv23, _SOFT, _HARD)]
     names = [unknown.name for unknown in of.unknowns]
@@ -257,7 +268,9 @@ def _starts(of: Class, start: Start, offset_mm: float) -> Iterator[Floats]:
     for one, ratio in (*((one, 0.0) for one in valley), *sized, (MIDDLE, 0.0)):
         theta = of.column("mean")
         theta[:3] = np.log(one.d_mm), np.log(one.depth_mm), one.E_inv23
-        theta[names.index(OFFSET)] = offset_mm
+        theta[names.index(OFFSET)] = offsets_mm[0]
+        for k, offset in enumerate(offsets_mm[1:], start=1):
+            theta[names.index(moved(k))] = offset - offsets_mm[0]
         theta[names.index(RATIO)] += ratio
         yield theta
 

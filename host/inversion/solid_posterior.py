@@ -1,8 +1,9 @@
 """How well a guess explains a stroke over a solid lump: rows and pairs of columns instead of rows alone.
 
 As `posterior`, but every bin's own gain and zero are taken out of the data beforehand: with B their effect on
-a bin's weighted residuals r (n,), r is replaced by (1 + B B^T)^-1/2 r, which has the same density. Beside the
-white noise a bin has what the mesh gets wrong: a part of the steps to its neighbours.
+a bin's weighted residuals r (n,), r is replaced by (1 + B B^T)^-1/2 r, which has the same density. What a
+row's cells share of gain is an unknown. Beside the white noise a bin has what the mesh gets wrong: a part of
+the steps to its neighbours.
 """
 
 from __future__ import annotations
@@ -46,11 +47,15 @@ def binned(stroke: FeltStroke) -> FeltStroke:
 class SolidPosterior(Posterior):
     """One stroke, `binned`, under one class of solid lumps; a guess is a vector z of all unknowns."""
 
-    own_channels = False
+    own_zeros = False
 
     def __init__(self, of: Class, stroke: FeltStroke, noise: Noise) -> None:
         super().__init__(of, stroke, noise, 0.0)
         self._whiten = self._whitening()
+
+    def _gain_sd(self) -> Floats:
+        shared = self.noise.row_gain
+        return np.full(BINS[0] if shared else 0, shared)
 
     def _weights(self, hx_mm: float) -> Floats:
         s, noise = self.stroke, self.noise
@@ -79,7 +84,7 @@ class SolidPosterior(Posterior):
         """(bins, n, n): what takes each bin's own gain and zero out of its weighted residuals."""
         s, noise = self.stroke, self.noise
         live = np.maximum(s.live, 1)
-        gain = np.sqrt(noise.gain**2 / live + noise.row_gain**2)
+        gain = noise.gain / np.sqrt(live)
         zero = noise.offset * FULL_SCALE_KPA / np.sqrt(live)
         weight = self._weight[:, :-1]
         B = np.stack([s.rows_kPa * gain * weight, zero * weight], -1).transpose(1, 0, 2)
@@ -101,7 +106,7 @@ class SolidPosterior(Posterior):
     def predicted(self, z: Floats, found: Emulated) -> Floats:  # type: ignore[override]
         """Bins and displacement as these sensors would have read them but for their own gains and zeros."""
         share = self.stroke.share[:, None]
-        rows = self._lagged(z) @ (self._scale(z) * found.images)
+        rows = self._gain(z) * (self._lagged(z) @ (self._scale(z) * found.images))
         rows = rows + self.one(z, "zero") + self.one(z, "drift") * share
         depth = found.depth + self.one(z, "depth_zero") + self.one(z, "depth_drift") * (2 * share[:, 0] - 1)
         return np.column_stack([rows, depth])

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from palpate.answer.fitted import Change, Inverted, Value
 from palpate.errors import PalpateError
-from palpate.inversion.changing import CHANGE, CHANGES, as_later, changing, later
-from palpate.inversion.classes import ANYWHERE, Class, Unknown
+from palpate.inversion.changing import CHANGE, CHANGES, added, changing
+from palpate.inversion.classes import ANYWHERE, Class
 from palpate.inversion.emulated import EmulatedForward
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import Asked, Forward, Predicted, Predicts, Slopes
@@ -26,7 +26,7 @@ from palpate.inversion.modes import coarse, finest
 from palpate.inversion.pooled import widened
 from palpate.inversion.posterior import Posterior
 from palpate.inversion.result import of_modes, told
-from palpate.inversion.solid_classes import BALL, ELLIPSOID, OFFSET
+from palpate.inversion.solid_classes import BALL, ELLIPSOID, moved
 from palpate.inversion.solid_modes import Searches
 from palpate.inversion.start import agreed
 from palpate.inversion.under import classes_over, emulated_of, forward_of, odds_of
@@ -37,8 +37,6 @@ from palpate.sim.tissue import Settings
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_CHANGES_OF_SOLIDS = (*CHANGES, Unknown(f"{CHANGE} {OFFSET}", 0.0, 3.0, -11.0, 11.0, 1.0))
-"""A hand does not stroke along one line twice."""
 _WIDER_CHANGES = {
     name: replace(WIDER_SOLID[name], floor=floor) for name, floor in (("ln d", 0.02), ("ln depth", 0.04))
 }
@@ -97,13 +95,9 @@ def _solid_visits(
 ) -> Change:
     """As `invert_visits`, to a lump that ends across the stroke."""
     strokes = [*before, *after]
-
-    def each(of: Class) -> list[Class]:
-        return [of] * len(before) + [as_later(of)] * len(after)
-
     start = agreed([own for stroke, own in strokes if stroke.solid])
-    searches = Searches(strokes, start, noise, each, shared)
-    modes = searches.lumps([changing(of, _CHANGES_OF_SOLIDS) for of in (ELLIPSOID, BALL)])
+    searches = Searches(strokes, start, noise, len(before), shared)
+    modes = searches.lumps([changing(of) for of in (ELLIPSOID, BALL)])
     if not modes:
         raise PalpateError("no lump could be computed that both visits are over")
     modes = sorted(modes, key=lambda one: -one.mode.log_evidence)
@@ -165,7 +159,8 @@ class TwoVisits:
         before: Sequence[FeltStroke],
         after: Sequence[FeltStroke],
     ) -> None:
-        self.scale, self._later, self._own = of.scale, later(of), len(single.unknowns)
+        self.scale, self._own = of.scale, len(single.unknowns)
+        self._later = added(of, [unknown.name for unknown in CHANGES])
         self._first = sum(len(stroke.place_mm) for stroke in before)
         self._each = tuple(
             emulated_of(single, strokes) if settings is None else forward_of(single, settings, strokes)
@@ -233,7 +228,7 @@ def _visit(found: Ends, part: int, odds: dict[str, float], wider: Mapping[str, W
     z, C = found.mode.z[index], found.mode.covariance[np.ix_(index, index)]
     if part:
         T, at = np.eye(len(z)), posterior.at["tissue"]
-        T[at, at] = later(posterior.of)
+        T[at, at] = added(posterior.of, [*(unknown.name for unknown in CHANGES), moved(part)])
         z, C = T @ z, T @ C @ T.T
     own = replace(found.mode, z=z, covariance=C)
     return told(posterior.parts[part], own, odds, posterior.places(found.mode.z), wider)

@@ -11,7 +11,7 @@ from palpate.inversion import solid_forward, solid_modes
 from palpate.inversion.felt import NotInvertible, felt_stroke
 from palpate.inversion.solid_classes import ELLIPSOID, learnt
 from palpate.inversion.solid_forward import Correction, SolidForward, bundled, correction_at
-from palpate.inversion.solid_posterior import BINS
+from palpate.inversion.solid_posterior import BINS, SolidPosterior, binned
 from palpate.inversion.strokes import invert_stroke, invert_together
 from palpate.link.face import Face
 from palpate.sim.probe.noise import level_named
@@ -167,16 +167,36 @@ def test_tissue_without_a_lump_is_told_so(monkeypatch):
     assert ": no lump; fits" in lines_of(found)[0]
 
 
-def test_strokes_over_one_ball_say_more_together(monkeypatch):
+def test_strokes_over_one_ball_say_more_together_each_along_its_line(monkeypatch):
+    """They shared their offset: width came out as 8 mm, and it fitted."""
     without_solver(monkeypatch)
     noise = level_named("typical")
-    felt = [felt_over(*emulated(BALL), seed, probe=4)[:2] for seed in (4, 5)]
+    lines = [replace(BALL, offset_mm=offset) for offset in (1.5, 5.5)]
+    felt = [felt_over(*emulated(case), seed, probe=4)[:2] for case, seed in zip(lines, (4, 5))]
     both, alone = invert_together(felt, noise), invert_together(felt[:1], noise)
     assert both.together == 2 and both.fits and both.centre_mm is None and len(both.laid) == 2
     for name, true in {"d_mm": 12.0, "width_mm": 12.0, "depth_mm": 7.2, "t_mm": 13.2}.items():
         said, less = both.values[name], alone.values[name]
         assert said.low < true < said.high, (name, said)
         assert said.high / said.low < less.high / less.low, name
+
+
+def test_a_gain_that_a_row_shares_is_not_its_bins_own():
+    """Every bin was taken to have a gain of its own as large as its row's."""
+    noise = replace(level_named("typical"), row_gain=0.02)
+    felt, start, _ = felt_over(*emulated(BALL), 4)
+    of = learnt(ELLIPSOID, (2.0, 10.0), len(bundled()[1].image))
+    posterior = SolidPosterior(of, binned(felt), noise)
+    z = posterior.start(of.column("mean"), start.E_kPa, start.lump_mm)
+    found = SolidForward(of, felt.press)(of.column("mean"), posterior.places(z), posterior.forces(z))
+    step = 1e-3 * np.random.default_rng(1).standard_normal(16)
+    more = z.copy()
+    more[posterior.at["gain"]] += step
+    slopes, _ = posterior.jacobian(z, found, found.slopes)
+    led = slopes[:, posterior.at["gain"]] @ step
+    apart = posterior.misfit(more, found).data - posterior.misfit(z, found).data
+    np.testing.assert_allclose(led, apart.ravel(), rtol=1e-6, atol=1e-9)
+    assert posterior.misfit(more, found).prior[posterior.at["gain"]] == pytest.approx(step / 0.02)
 
 
 def test_a_lump_far_beside_the_line_is_found_there(monkeypatch):
