@@ -394,8 +394,9 @@ def _binned(cells: Floats) -> Floats:
     slopes = cells.shape[2:4] == _CELLS and cells.ndim == 5
     shape = cells.shape[:2] if slopes else cells.shape[:-2]
     rest = cells.shape[4:] if slopes else ()
-    pairs = cells.reshape(*shape, BINS[0], BINS[1], 2, *rest)
-    return pairs.mean(len(shape) + 2).reshape(*shape, -1, *rest)
+    pairs = cells.reshape(*shape, BINS[0] * BINS[1], 2, *rest)
+    left, right = np.moveaxis(pairs, len(shape) + 1, 0)
+    return 0.5 * (left + right)
 
 
 def _mirrored(table: Floats, image: bool) -> Floats:

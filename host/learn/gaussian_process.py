@@ -7,6 +7,7 @@ covariance with nu = 5/2, a length for each input. The lengths are those of grea
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,15 +66,26 @@ class GaussianProcess:
     def with_slopes(self, x: Floats) -> tuple[Floats, Floats]:
         """Values (n,) at inputs x (n, inputs) and their derivatives by them, (n, inputs)."""
         z = (x - self.centre) / self.scale
-        lengths = np.exp(self.theta[1:-1])
-        a, b = z / lengths, self.z / lengths
-        squared = (a**2).sum(1)[:, None] + (b**2).sum(1) - 2 * a @ b.T
-        r = np.sqrt(5 * np.maximum(squared, 0.0))
-        size = np.exp(2 * self.theta[0] - r)
-        values = _line(z) @ self.line + self.unit * ((size * (1 + r + r * r / 3)) @ self.weights)
-        steep = size * (1 + r) * self.weights
-        bent = -5 / 3 * (a * steep.sum(1)[:, None] - steep @ b) / lengths
+        lengths, b, of_b = self._scaled
+        a = z / lengths * np.sqrt(5)
+        r = a @ (-2 * b.T)
+        r += (a**2).sum(1)[:, None]
+        r += of_b
+        np.sqrt(np.maximum(r, 0.0, out=r), out=r)
+        size = np.exp(-r) * (self.weights * np.exp(2 * self.theta[0]))
+        steep = size * r
+        size += steep
+        steep *= r
+        values = _line(z) @ self.line + self.unit * (size.sum(1) + steep.sum(1) / 3)
+        bent = (size @ b - a * size.sum(1)[:, None]) * (np.sqrt(5) / 3 / lengths)
         return values, (self.line[1:] + self.unit * bent) / self.scale
+
+    @cached_property
+    def _scaled(self) -> tuple[Floats, Floats, Floats]:
+        """Lengths; what it was fitted to over them, times the root of 5; its rows' squares."""
+        lengths = np.exp(self.theta[1:-1])
+        b = self.z / lengths * np.sqrt(5)
+        return lengths, b, (b**2).sum(1)
 
 
 def fit_process(x: Floats, y: Floats, seed: int = 0) -> GaussianProcess:

@@ -56,6 +56,22 @@ def test_tissue_that_ends_beside_the_face_is_solid_too():
     assert not felt_stroke(**bent, face=Face(40.0)).solid
 
 
+def test_sides_are_felt_where_outer_columns_rise_and_others_sink():
+    """Thin tissue without a lump was told as a lump in undulating tissue: no parabola lay in its columns."""
+    made = frames()
+    across = np.linspace(-1, 1, 26)[:, None] ** [0, 2, 4]
+    *_, wave = np.linalg.qr(across)[0].T
+    assert felt_stroke(**(made | {"pressure_kPa": made["pressure_kPa"] * (1 + 0.3 * wave)})).solid
+    assert not felt_stroke(**(made | {"pressure_kPa": made["pressure_kPa"] * (1 + 0.1 * wave)})).solid
+
+
+def test_a_dead_column_is_no_side():
+    made = frames()
+    dead = np.zeros((16, 26), bool)
+    dead[:, 20] = True
+    assert not felt_stroke(**(made | {"dead": dead})).solid
+
+
 def test_dead_cells_make_no_ball_of_a_narrow_cylinder():
     """A shallow cylinder was refused for five dead cells, which took a bump from their columns."""
     made = frames()
