@@ -23,7 +23,7 @@ from palpate import models
 from palpate.inversion.classes import FAT_KPA, Class
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import Emulated, SaysSlopes, Slopes
-from palpate.learn.emulator import NO_CONTACT, OFFSET, Parts, StrokeEmulator, inputs_of, unsigned
+from palpate.learn.emulator import NO_CONTACT, OFFSET, ON_LINE_MM, Parts, StrokeEmulator, inputs_of, unsigned
 from palpate.learn.emulator_file import Errors, read_emulator
 from palpate.learn.gaussian_process import GaussianProcess
 from palpate.sim.tissue import Case
@@ -39,8 +39,6 @@ _NODES = np.log(FORCE_PARTS)
 _STEP = 1e-6
 _GRID = 0.1
 """Steps of the logarithm of the force in the middle of an emulated stroke's three."""
-_ON_LINE_MM = 1.5
-"""A lump so near the stroke's line is set right as if it lay on it: that costs the solver a quarter."""
 _UNFELT = 2.0
 """E over the fat's of the lump that stands for none: the emulator has always met one, which a press so far
 from it hardly feels."""
@@ -92,7 +90,7 @@ def correction_at(case: Case, emulator: StrokeEmulator) -> Correction:
     CaseError, StrokeError
         There is no such lump, or no equilibrium.
     """
-    if abs(case.offset_mm) < _ON_LINE_MM:
+    if abs(case.offset_mm) < ON_LINE_MM:  # that costs the solver a quarter
         case = replace(case, offset_mm=0.0)
     forces = [case.F_rel * part for part in FORCE_PARTS]
     positions = _positions(emulator, case.has_lump)
@@ -181,7 +179,7 @@ class SolidForward(SaysSlopes):
         return Emulated(theta, places_mm, forces_N_per_m, images, depth, Slopes(of_image, of_depth))
 
     def _inputs(self, theta: Floats, own: int) -> tuple[Floats, Floats]:
-        """The emulator's inputs but for the force, (12,), and their derivatives by the unknowns."""
+        """The emulator's inputs but for the force, (13,), and their derivatives by the unknowns."""
 
         def inputs(t: Floats) -> Floats:
             return np.array(_inputs_of(self.of.case(t))[:-1])
@@ -193,7 +191,7 @@ class SolidForward(SaysSlopes):
     def _tables(
         self, x: Floats, chain: Floats, wrong: Floats, over_middle: Floats
     ) -> tuple[Floats, Floats, Floats, Floats]:
-        """Binned images (m, 2 n - 1, bins) and displacements (m, 2 n - 1) at inputs x (m, 13).
+        """Binned images (m, 2 n - 1, bins) and displacements (m, 2 n - 1) at inputs x (m, 14).
 
         On both sides of the lump, and their derivatives (..., k + 1) by tissue, lump and errors, then ln
         force.
@@ -326,7 +324,7 @@ def _at_levels(at: Floats, nodes: Floats, press: Floats, stroke: Floats) -> tupl
 
 
 def _emulated(of: StrokeEmulator, x: Floats, lump: bool) -> tuple[Floats, Floats, Floats, Floats]:
-    """Images (m, positions, cells) and displacements (m, positions), each followed by its slopes (..., 13).
+    """Images (m, positions, cells) and displacements (m, positions), each followed by its slopes (..., 14).
 
     As `StrokeEmulator.pressed` and `stroked`.
     """

@@ -6,6 +6,7 @@ covariance with nu = 5/2, a length for each input. The lengths are those of grea
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,6 +24,7 @@ _STEPS = 50
 _USUAL_LN_LENGTH, _SPREAD_LN_LENGTH = 1.5, 1.2
 """Before any row is seen: over four spreads of an input nothing much bends."""
 _LN_LENGTHS, _LN_SIZE, _LN_NOISE = (-1.5, 5.0), (-4.0, 4.0), (-7.0, 1.0)
+_SMOOTH_LN_LENGTHS = (0.7, _LN_LENGTHS[1])
 _LEAST_NOISE = 1e-8
 _LINE = 1e-4
 """Ridge on the straight line, over the number of rows."""
@@ -88,8 +90,14 @@ class GaussianProcess:
         return lengths, b, (b**2).sum(1)
 
 
-def fit_process(x: Floats, y: Floats, seed: int = 0) -> GaussianProcess:
-    """Learn y (n,) as a function of x (n, inputs); the same seed finds the same lengths."""
+def fit_process(x: Floats, y: Floats, seed: int = 0, smooth: Collection[int] = ()) -> GaussianProcess:
+    """Learn y (n,) as a function of x (n, inputs); the same seed finds the same lengths.
+
+    Parameters
+    ----------
+    smooth : collection of int
+        Inputs that nothing bends over less than two spreads of.
+    """
     centre, scale = x.mean(0), x.std(0) + 1e-9
     z = (x - centre) / scale
     A = _line(z)
@@ -99,7 +107,7 @@ def fit_process(x: Floats, y: Floats, seed: int = 0) -> GaussianProcess:
     unit = float(left.std()) + 1e-12
     left = left / unit
     some = np.random.default_rng(seed).permutation(len(z))[:MOST]
-    theta = _most_likely(z[some], left[some])
+    theta = _most_likely(z[some], left[some], smooth)
     K = _covariance(z, z, theta)
     K[np.diag_indices_from(K)] += _noise(theta)
     weights = cho_solve(cho_factor(K, lower=True, overwrite_a=True), left)
@@ -127,7 +135,7 @@ def _matern(r: Floats, theta: Floats) -> Floats:
     return out
 
 
-def _most_likely(z: Floats, y: Floats) -> Floats:
+def _most_likely(z: Floats, y: Floats, smooth: Collection[int]) -> Floats:
     n, inputs = z.shape
     apart = [np.subtract.outer(column, column) ** 2 for column in z.T]
     diagonal = np.diag_indices(n)
@@ -157,7 +165,8 @@ def _most_likely(z: Floats, y: Floats) -> Floats:
         return float(0.5 * y @ a + np.log(np.diag(L)).sum() + 0.5 * off @ off), gradient
 
     start = np.array([0.0, *[_USUAL_LN_LENGTH] * inputs, -3.0])
-    bounds = [_LN_SIZE, *[_LN_LENGTHS] * inputs, _LN_NOISE]
+    lengths = [_SMOOTH_LN_LENGTHS if k in smooth else _LN_LENGTHS for k in range(inputs)]
+    bounds = [_LN_SIZE, *lengths, _LN_NOISE]
     found = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": _STEPS})
     theta: Floats = found.x
     return theta

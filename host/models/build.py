@@ -56,7 +56,7 @@ from palpate.wire.events import OUTPUTS
 
 MADE: dict[str, dict[str, Any]] = {
     FIELD: {"lumps": 1500, "noise": "typical", "seed": 1},
-    BALLS: {"design": "balls:1000:1+balls-soft:96:1", "noise": "typical", "seed": 1},
+    BALLS: {"design": "some of balls:1000:1+balls-soft:96:1", "noise": "typical", "seed": 1},
     ANYWHERE: {"lumps": 1100, "noise": "typical", "seed": 1},
     TOLD: {
         "lumps": 1024,
