@@ -261,7 +261,7 @@ def _even(pressure_kPa: Floats, dead: NDArray[np.bool_]) -> bool:
 
 def _flat(pressure_kPa: Floats, dead: NDArray[np.bool_]) -> bool:
     """Whether the face's sides are not felt: then tissue and lump are endless across the stroke."""
-    live = ~dead.all(axis=0)
+    live = dead.sum(axis=0) < len(dead)
     columns = np.nanmean(np.where(dead, np.nan, pressure_kPa)[:, :, live], axis=(0, 1))
     across = np.linspace(-1.0, 1.0, len(live))[live]
     level, *bent = np.linalg.qr(across[:, None] ** [0, 2, 4])[0].T @ columns
