@@ -56,11 +56,11 @@ WIDER_PRESS = {
 """The same of a press alone."""
 
 WIDER_SOLID = {
-    "ln d": Widening(1.5, 1.5, 0.0),
+    "ln d": Widening(1.85, 1.85, 0.0),
     "ln width": Widening(1.7, 1.7, 0.0),
     "ln depth": Widening(1.6, 1.6, 0.0),
     "ln t": Widening(1.2, 1.2, 0.0),
-    "E^-2/3": Widening(1.6, 1.6, 0.0),
+    "E^-2/3": Widening(1.95, 1.95, 0.0),
     "ln_E": Widening(0.7, 0.7, 0.0),
 }
 """The same over solid lumps, where `pooled` has widened the spread already."""
