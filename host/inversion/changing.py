@@ -21,6 +21,7 @@ CHANGES = (
     Unknown(f"{CHANGE} ln depth", 0.0, 0.3, -1.2, 1.2, 0.2),
 )
 """Of every class with a lump, by a second visit."""
+LATER = tuple(unknown.name for unknown in CHANGES)
 
 
 def changing(single: Class, changes: Sequence[Unknown] = CHANGES) -> Class:

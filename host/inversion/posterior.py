@@ -189,10 +189,11 @@ class Posterior:
         return FAT_KPA * np.exp(z[self.at["force"]])
 
     def predicted(self, z: Floats, found: Predicted) -> Floats:
-        """Row means and displacement as these sensors would have read them, (n, 17)."""
+        """Channels and displacement as these sensors would have read them, (n, channels + 1)."""
         share = self.stroke.share[:, None]
-        lagged = self._lagged(z) @ self._pressure(z, found)
-        rows = lagged * self._gain(z) + z[self.at["offset"]]
+        rows = self._gain(z) * (self._lagged(z) @ self._pressure(z, found))
+        if self.own_zeros:
+            rows = rows + z[self.at["offset"]]
         rows = rows + self.one(z, "zero") + self.one(z, "drift") * share
         depth = found.depth + self.one(z, "depth_zero") + self.one(z, "depth_drift") * (2 * share[:, 0] - 1)
         return np.column_stack([rows, depth])

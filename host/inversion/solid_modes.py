@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.inversion.changing import CHANGE, CHANGES, as_changed
+from palpate.inversion.changing import CHANGE, LATER, as_changed
 from palpate.inversion.classes import Class
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.joint import Together
@@ -53,7 +53,7 @@ _AS_WELL, _SAME = 10.0, 0.5
 """An interval holds those of every mode of a class with greater odds whose misfit is within so much of its
 best one's: the valley is long, and curved. Modes nearer than so many standard deviations are one."""
 _BESIDE_MM = 0.0, 2.0, 4.0, 6.0, 8.0
-"""The emulator has met few lumps beside the line, so a search stays about where it begins there."""
+"""How far beside the line first guesses lie."""
 _ROUGH = 0.1
 """Before the solver has set the emulator right a misfit says no more than this part of it."""
 _ALIKE = 0.15
@@ -152,9 +152,8 @@ class Searches:
 
     def _each(self, of: Class) -> tuple[Class, ...]:
         """The class as each stroke feels it."""
-        later = [unknown.name for unknown in CHANGES]
         strokes = range(len(self.strokes))
-        return tuple(as_changed(of, [moved(k), *(later if k >= self.visit else ())]) for k in strokes)
+        return tuple(as_changed(of, [moved(k), *(LATER if k >= self.visit else ())]) for k in strokes)
 
     def _first(self, classes: Sequence[Class]) -> list[Found]:
         """The modes by the emulator alone, from several starts."""

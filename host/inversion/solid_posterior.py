@@ -103,14 +103,6 @@ class SolidPosterior(Posterior):
         force: Floats = self.stroke.rows_kPa.sum(1) / BINS[1] * PITCH_MM
         return force
 
-    def predicted(self, z: Floats, found: Emulated) -> Floats:  # type: ignore[override]
-        """Bins and displacement as these sensors would have read them but for their own gains and zeros."""
-        share = self.stroke.share[:, None]
-        rows = self._gain(z) * (self._lagged(z) @ (self._scale(z) * found.images))
-        rows = rows + self.one(z, "zero") + self.one(z, "drift") * share
-        depth = found.depth + self.one(z, "depth_zero") + self.one(z, "depth_drift") * (2 * share[:, 0] - 1)
-        return np.column_stack([rows, depth])
-
     def misfit(self, z: Floats, found: Emulated) -> Misfit:  # type: ignore[override]
         """Of a guess and its emulated frames."""
         plain = super().misfit(z, found)  # type: ignore[arg-type]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from palpate.answer.fitted import Change, Inverted, Value
 from palpate.errors import PalpateError
-from palpate.inversion.changing import CHANGE, CHANGES, added, changing
+from palpate.inversion.changing import CHANGE, LATER, added, changing
 from palpate.inversion.classes import ANYWHERE, Class
 from palpate.inversion.emulated import EmulatedForward
 from palpate.inversion.felt import FeltStroke
@@ -144,7 +144,7 @@ class PredictedVisits(Predicted):
         """As `Predicted.own`: the first visit's frames know of no change."""
         out = super().own
         k = len(self.theta)
-        out[: len(self.each[0].places_mm), k - len(CHANGES) : k] = 0.0
+        out[: len(self.each[0].places_mm), k - len(LATER) : k] = 0.0
         return out
 
 
@@ -160,7 +160,7 @@ class TwoVisits:
         after: Sequence[FeltStroke],
     ) -> None:
         self.scale, self._own = of.scale, len(single.unknowns)
-        self._later = added(of, [unknown.name for unknown in CHANGES])
+        self._later = added(of, LATER)
         self._first = sum(len(stroke.place_mm) for stroke in before)
         self._each = tuple(
             emulated_of(single, strokes) if settings is None else forward_of(single, settings, strokes)
@@ -218,7 +218,7 @@ class TwoVisits:
 
 def _with_change(slopes: Floats, k: int, later: int) -> Floats:
     """With columns for the changes behind the k of tissue and lump: those of the first few, or nothing."""
-    change = slopes[..., : len(CHANGES)] * later
+    change = slopes[..., : len(LATER)] * later
     return np.concatenate([slopes[..., :k], change, slopes[..., k:]], axis=-1)
 
 
@@ -228,7 +228,7 @@ def _visit(found: Ends, part: int, odds: dict[str, float], wider: Mapping[str, W
     z, C = found.mode.z[index], found.mode.covariance[np.ix_(index, index)]
     if part:
         T, at = np.eye(len(z)), posterior.at["tissue"]
-        T[at, at] = added(posterior.of, [*(unknown.name for unknown in CHANGES), moved(part)])
+        T[at, at] = added(posterior.of, [*LATER, moved(part)])
         z, C = T @ z, T @ C @ T.T
     own = replace(found.mode, z=z, covariance=C)
     return told(posterior.parts[part], own, odds, posterior.places(found.mode.z), wider)
