@@ -10,111 +10,26 @@ lump to over it, and its displacements; a frame's image is binned, `BINS`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from palpate import models
 from palpate.inversion.classes import FAT_KPA, Class
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import Emulated, SaysSlopes, Slopes
-from palpate.learn.emulator import NO_CONTACT, OFFSET, ON_LINE_MM, Parts, StrokeEmulator, inputs_of, unsigned
-from palpate.learn.emulator_file import Errors, read_emulator
-from palpate.learn.gaussian_process import GaussianProcess
+from palpate.inversion.solid_correction import NODES, RAMP_NODES, STEP, Correction, at_levels
+from palpate.inversion.solid_emulator import BINS, binned_cells, bundled, emulated, inputs, positions
 from palpate.sim.tissue import Case
-from palpate.sim.tissue.any_tissue import FORCE_PARTS
-from palpate.sim.tissue.solid.stroke import RAMP, simulate_forces
 
 Floats = NDArray[np.float64]
 
-BINS = (16, 13)
-"""Rows, and pairs of columns."""
-_CELLS = (16, 26)
-_NODES = np.log(FORCE_PARTS)
-_STEP = 1e-6
 _GRID = 0.1
 """Steps of the logarithm of the force in the middle of an emulated stroke's three."""
-_UNFELT = 2.0
-"""E over the fat's of the lump that stands for none: the emulator has always met one, which a press so far
-from it hardly feels."""
 _STILL_WRONG = 0.35
 """What is left of the emulator's errors where the solver has set it right nearby."""
-
-
-@lru_cache(maxsize=1)
-def bundled() -> tuple[StrokeEmulator, Errors]:
-    """The emulator that comes with Palpate, and what it gets wrong."""
-    return read_emulator(models.emulator_path())
-
-
-@dataclass(frozen=True)
-class Correction:
-    """What the solver says otherwise than the emulator, at one guess.
-
-    Attributes
-    ----------
-    case : Case
-        At the middle of the three forces.
-    image : ndarray (3, positions, cells); (3, 1, cells) without a lump
-        Over the force, at `FORCE_PARTS` of the middle one.
-    depth : ndarray (3, positions) or (3, 1)
-        Of the displacement, over itself.
-    ramp_image, ramp_depth : ndarray (5, cells), (5,)
-        At the first position, at rising forces from the ramp's on.
-    cpu_s : float
-    """
-
-    case: Case
-    image: Floats
-    depth: Floats
-    ramp_image: Floats
-    ramp_depth: Floats
-    cpu_s: float = 0.0
-
-    @property
-    def middle(self) -> float:
-        """ln of the middle force over the fat's modulus."""
-        return float(np.log(self.case.F_N_per_m / self.case.fat_kPa))
-
-
-def correction_at(case: Case, emulator: StrokeEmulator) -> Correction:
-    """Compute the strokes of one guess, at three forces about its own; a press alone where there is no lump.
-
-    Raises
-    ------
-    CaseError, StrokeError
-        There is no such lump, or no equilibrium.
-    """
-    if abs(case.offset_mm) < ON_LINE_MM:  # that costs the solver a quarter
-        case = replace(case, offset_mm=0.0)
-    forces = [case.F_rel * part for part in FORCE_PARTS]
-    positions = _positions(emulator, case.has_lump)
-    found = simulate_forces(case, forces, positions_mm=positions.tolist(), ramp=True)
-    unit = np.array([one.case.F_N_per_m for one in found])
-    x = np.array([_inputs_of(one.case) for one in found])
-    images, depths = emulator.pressed(x)
-    if case.has_lump:
-        images, depths = emulator.stroked(x, images, depths)
-    else:
-        images, depths = images[:, None], depths[:, None]
-    computed = np.array([one.images_kPa for one in found])
-    image = (computed - images).reshape(len(found), len(positions), -1) / unit[:, None, None]
-    depth = np.array([one.displacement_mm for one in found]) / depths - 1
-    low = np.repeat(x[:1], len(RAMP), axis=0)
-    low[:, -1] += np.log(RAMP)
-    low_images, low_depths = emulator.pressed(low)
-    ramp = (found[0].ramp_images_kPa - low_images).reshape(len(RAMP), -1)
-    ramp = ramp / (unit[0] * np.array(RAMP))[:, None]
-    return Correction(
-        case, image, depth, np.concatenate([ramp, image[:, 0]]),
-        np.concatenate([found[0].ramp_displacement_mm / low_depths - 1, depth[:, 0]]),
-        sum(one.cpu_s for one in found),
-    )  # fmt: skip
 
 
 class SolidForward(SaysSlopes):
@@ -133,9 +48,8 @@ class SolidForward(SaysSlopes):
     def __init__(self, of: Class, press: int, correction: Correction | None = None) -> None:
         self.of, self.press, self.correction = of, press, correction
         self.emulator, self.errors = bundled()
-        self.positions_mm = _positions(self.emulator, of.lump)
-        image = self.errors.image
-        self._wrong_image = _binned(image.reshape(*image.shape[:2], *_CELLS))
+        self.positions_mm = positions(self.emulator, of.lump)
+        self._wrong_image = binned_cells(self.errors.image)
         self.scale = of.scale
 
     def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> Emulated:
@@ -148,20 +62,21 @@ class SolidForward(SaysSlopes):
         """
         p, n = self.press, len(places_mm)
         own = len(theta) - len(self.errors.image)
-        base, chain = self._inputs(theta, own)
+        base, chain = self._chain(inputs, theta, own)
+        base, chain = base[:-1], chain[:-1]
         ln_force = np.log(forces_N_per_m / FAT_KPA)
         # it stays while forces change a little, so that slopes by each force are all there is
         middle = _GRID * round(float(ln_force[p:].mean()) / _GRID)
         middle = middle if self.correction is None else self.correction.middle
-        levels = np.concatenate([ln_force[:p], middle + _NODES])
+        levels = np.concatenate([ln_force[:p], middle + NODES])
         x = np.column_stack([np.tile(base, (len(levels), 1)), levels])
-        tables, deep, of_tables, of_deep = self._tables(x, chain, theta[own:], levels - middle)
+        tables, deep, of_tables, of_deep = self._tables(x, chain, theta, levels - middle)
         weights, steep = _along(self.positions_mm, places_mm)
         # the press is emulated at its frames' own forces, the stroke between three
         shares = np.zeros((n, len(levels)))
         by_force = np.zeros((n, len(levels)))
         shares[np.arange(p), np.arange(p)] = 1.0
-        shares[p:, p:], by_force[p:, p:] = _between(middle + _NODES, ln_force[p:])
+        shares[p:, p:], by_force[p:, p:] = _between(middle + NODES, ln_force[p:])
         k = len(theta)
         images = np.einsum("nm,nx,mxc->nc", shares, weights, tables, optimize=True)
         depth = np.einsum("nm,nx,mx->n", shares, weights, deep, optimize=True)
@@ -178,29 +93,30 @@ class SolidForward(SaysSlopes):
         of_depth[:p, k + 1] = np.einsum("nx,nx->n", weights[:p], of_deep[:p, ..., k], optimize=True)
         return Emulated(theta, places_mm, forces_N_per_m, images, depth, Slopes(of_image, of_depth))
 
-    def _inputs(self, theta: Floats, own: int) -> tuple[Floats, Floats]:
-        """The emulator's inputs but for the force, (13,), and their derivatives by the unknowns."""
+    def _chain(
+        self, said: Callable[[Case], Sequence[float] | Floats], theta: Floats, own: int
+    ) -> tuple[Floats, Floats]:
+        """What is said of a guess's case, (m,), and its derivatives by the unknowns, (m, own)."""
 
-        def inputs(t: Floats) -> Floats:
-            return np.array(_inputs_of(self.of.case(t))[:-1])
+        def at(t: Floats) -> Floats:
+            return np.asarray(said(self.of.case(t)))
 
-        steps = _STEP * np.eye(len(theta))[:own]
-        apart = [inputs(theta + step) - inputs(theta - step) for step in steps]
-        return inputs(theta), np.array(apart).T / (2 * _STEP)
+        steps = STEP * np.eye(len(theta))[:own]
+        apart = [at(theta + step) - at(theta - step) for step in steps]
+        return at(theta), np.array(apart).T / (2 * STEP)
 
     def _tables(
-        self, x: Floats, chain: Floats, wrong: Floats, over_middle: Floats
+        self, x: Floats, chain: Floats, theta: Floats, over_middle: Floats
     ) -> tuple[Floats, Floats, Floats, Floats]:
         """Binned images (m, 2 n - 1, bins) and displacements (m, 2 n - 1) at inputs x (m, 14).
 
         On both sides of the lump, and their derivatives (..., k + 1) by tissue, lump and errors, then ln
         force.
         """
-        image, of_image, depth, of_depth = _emulated(self.emulator, x, self.of.lump)
-        m, p, places, own = len(x), self.press, len(self.positions_mm), chain.shape[1]
-        image = image.reshape(m, places, *_CELLS)
-        of_image = of_image.reshape(m, places, *_CELLS, -1)
-        image, of_image = _binned(image), _binned(of_image)
+        image, of_image, depth, of_depth = emulated(self.emulator, x, self.of.lump)
+        p, own = self.press, chain.shape[1]
+        wrong = theta[own:]
+        image, of_image = binned_cells(image), binned_cells(of_image, -2)
         force = FAT_KPA * np.exp(x[:, -1])
         k = own + len(wrong)
         of_both = np.zeros((*image.shape, k + 1))
@@ -212,16 +128,23 @@ class SolidForward(SaysSlopes):
         parts, steep, deep_parts, deep_steep = self._wrong(over_middle)
         more, longer = parts @ wrong, 1 + deep_parts @ wrong
         steep, deep_steep = steep @ wrong, deep_steep @ wrong
+        of_longer = np.zeros((*depth.shape, own))
         if self.correction is not None:
-            right = _set_right(self.correction, over_middle, p)
-            for of, one in zip((more, steep, longer, deep_steep), right):
-                of += one
+            for to, one in zip((more, steep, longer, deep_steep), self.correction.at(over_middle, p)):
+                to += one
+            if sloping := self.correction.sloping(over_middle, p):
+                away, of_away = self._chain(self.correction.away, theta, own)
+                for to, one in zip((more, steep, longer, deep_steep), sloping):
+                    to += one @ away
+                of_both[..., :own] += force[:, None, None, None] * (sloping[0] @ of_away)
+                of_longer = sloping[2] @ of_away
         of_both[..., own:k] = force[:, None, None, None] * parts
         more *= force[:, None, None]
         image = image + more
         of_both[..., k] += more
         of_both[:p, ..., k] += (force[:p, None] * steep)[:, None]
         of_deep = of_deep * longer[..., None]
+        of_deep[..., :own] += of_longer * depth[..., None]
         of_deep[..., own:k] += deep_parts * depth[..., None]
         of_deep[:p, :, k] += deep_steep[:, None] * depth[:p]
         depth = depth * longer
@@ -231,16 +154,16 @@ class SolidForward(SaysSlopes):
         return image, depth, of_both, of_deep
 
     def _wrong(self, over_middle: Floats) -> list[Floats]:
-        """As `_at_levels`: components (..., j) of what the emulator gets wrong, images over the force."""
+        """As `at_levels`: components (..., j) of what the emulator gets wrong, images over the force."""
         errors, places = self.errors, len(self.positions_mm)
         less = 1.0 if self.correction is None else _STILL_WRONG
         press = np.append(np.arange(len(self.emulator.positions_mm), errors.image.shape[1]), 0)
-        nodes = np.append(np.log(RAMP) + _NODES[0], 0.0)
+        nodes = np.append(RAMP_NODES, 0.0)
         out: list[Floats] = []
         for of in (self._wrong_image, errors.depth):
             table = less * np.moveaxis(of, 0, -1)
-            stroke = np.repeat(table[None, :places], len(_NODES), axis=0)
-            out += _at_levels(over_middle[: self.press], nodes, table[press], stroke)
+            stroke = np.repeat(table[None, :places], len(NODES), axis=0)
+            out += at_levels(over_middle[: self.press], nodes, table[press], stroke)
         return out
 
 
@@ -276,125 +199,6 @@ class OverOneLump(SaysSlopes):
             np.concatenate([one.images for one in each]), np.concatenate([one.depth for one in each]),
             Slopes(np.concatenate([s.images for s in slopes]), np.concatenate([s.depth for s in slopes])),
         )  # fmt: skip
-
-
-def _positions(of: StrokeEmulator, lump: bool) -> Floats:
-    """Where a stroke's tables stand; without a lump it is alike all along."""
-    return of.positions_mm if lump else of.positions_mm[:1]
-
-
-def _inputs_of(case: Case) -> list[float]:
-    """As the emulator's `inputs_of`."""
-    return inputs_of(case if case.has_lump else replace(case, E_ratio=_UNFELT))
-
-
-def _set_right(of: Correction, over_middle: Floats, press: int) -> list[Floats]:
-    """As `_at_levels`: what the solver says otherwise, images over the force, and displacements."""
-    nodes = np.append(np.log(RAMP) + _NODES[0], _NODES)
-    images = [_binned(one.reshape(*one.shape[:-1], *_CELLS)) for one in (of.ramp_image, of.image)]
-    pairs = (images, (of.ramp_depth, of.depth))
-    return [one for pair in pairs for one in _at_levels(over_middle[:press], nodes, *pair)]
-
-
-def _at_levels(at: Floats, nodes: Floats, press: Floats, stroke: Floats) -> tuple[Floats, Floats]:
-    """Tables at a press' forces, logarithms (p,), linear between nodes (r,), and at a stroke's.
-
-    Parameters
-    ----------
-    press : ndarray (r, ...)
-        At the nodes, wherever it stands.
-    stroke : ndarray (3, positions, ...)
-
-    Returns
-    -------
-    tables : ndarray (p + 3, positions, ...)
-    slopes : ndarray (p, ...)
-        Of the press', by the logarithm of its force.
-    """
-    k = np.clip(np.searchsorted(nodes, at) - 1, 0, len(nodes) - 2)
-    width = np.diff(nodes)[k]
-    share = np.clip((at - nodes[k]) / width, 0.0, 1.0)
-    within = (at >= nodes[0]) & (at <= nodes[-1])
-    eye = np.eye(len(nodes))
-    shares = (1 - share)[:, None] * eye[k] + share[:, None] * eye[k + 1]
-    steep = (within / width)[:, None] * (eye[k + 1] - eye[k])
-    own = np.tensordot(shares, press, 1)
-    tables = np.concatenate([np.repeat(own[:, None], stroke.shape[1], axis=1), stroke])
-    return tables, np.tensordot(steep, press, 1)
-
-
-def _emulated(of: StrokeEmulator, x: Floats, lump: bool) -> tuple[Floats, Floats, Floats, Floats]:
-    """Images (m, positions, cells) and displacements (m, positions), each followed by its slopes (..., 14).
-
-    As `StrokeEmulator.pressed` and `stroked`.
-    """
-    m, inputs = x.shape
-    shapes, of_shapes = _parts(of.press, x)
-    touched = shapes >= NO_CONTACT
-    shapes, of_shapes = shapes * touched, of_shapes * touched[..., None]
-    ln_mean, of_mean = of.ln_mean.with_slopes(x)
-    of_mean[:, -1] += 1.0
-    mean = np.exp(ln_mean + x[:, -1])
-    whole = shapes.mean(1)
-    scale = mean / whole
-    of_scale = scale[:, None] * (of_mean - of_shapes.mean(1) / whole[:, None])
-    first = shapes * scale[:, None]
-    of_first = of_shapes * scale[:, None, None] + shapes[..., None] * of_scale[:, None]
-    ln_depth, of_depth = of.ln_depth.with_slopes(x)
-    depth = np.exp(ln_depth)
-    if not lump:
-        return first[:, None], of_first[:, None], depth[:, None], (depth[:, None] * of_depth)[:, None]
-    mean, of_mean = first.mean(1), of_first.mean(1)
-
-    bump, of_bump = _sized(of.bump, of.ln_bump, x)
-    places = len(of.positions_mm) - 1
-    bump, of_bump = bump.reshape(m, places, -1), of_bump.reshape(m, places, -1, inputs)
-    on = first[:, None] + mean[:, None, None] * bump
-    of_on = of_first[:, None] + mean[:, None, None, None] * of_bump
-    of_on += of_mean[:, None, None] * bump[..., None]
-    held = on > 0
-    on, of_on = on * held, of_on * held[..., None]
-    # the hand's force is the same all along
-    there = on.mean(2)
-    scale = mean[:, None] / there
-    of_scale = scale[..., None] * (of_mean[:, None] / mean[:, None, None] - of_on.mean(2) / there[..., None])
-    of_on = of_on * scale[..., None, None] + on[..., None] * of_scale[:, :, None]
-    on = on * scale[..., None]
-    image = np.concatenate([first[:, None], on], 1)
-    of_image = np.concatenate([of_first[:, None], of_on], 1)
-
-    dip, of_dip = _sized(of.dip, of.ln_dip, x)
-    along = np.column_stack([np.ones(m), 1 + dip])
-    of_along = np.concatenate([np.zeros((m, 1, inputs)), of_dip], 1)
-    deep = depth[:, None] * along
-    of_deep = deep[..., None] * of_depth[:, None] + depth[:, None, None] * of_along
-    return image, of_image, deep, of_deep
-
-
-def _parts(of: Parts, x: Floats) -> tuple[Floats, Floats]:
-    each = [process.with_slopes(x) for process in of.processes]
-    scores, slopes = np.stack([v for v, _ in each], 1), np.stack([s for _, s in each], 1)
-    return of.mean + scores @ of.parts, np.einsum("mjk,jc->mck", slopes, of.parts, optimize=True)
-
-
-def _sized(of: Parts, ln_size: GaussianProcess, x: Floats) -> tuple[Floats, Floats]:
-    """What the lump changes, and its slopes: parts over a size that the lump's side does not matter to."""
-    ln, of_ln = ln_size.with_slopes(unsigned(x))
-    of_ln[:, OFFSET] *= np.sign(x[:, OFFSET])
-    values, slopes = _parts(of, x)
-    size = np.exp(ln)
-    values = values * size[:, None]
-    return values, slopes * size[:, None, None] + values[..., None] * of_ln[:, None]
-
-
-def _binned(cells: Floats) -> Floats:
-    """Cells (..., 16, 26) or (m, n, 16, 26, k) as means of `BINS`, in one axis."""
-    slopes = cells.shape[2:4] == _CELLS and cells.ndim == 5
-    shape = cells.shape[:2] if slopes else cells.shape[:-2]
-    rest = cells.shape[4:] if slopes else ()
-    pairs = cells.reshape(*shape, BINS[0] * BINS[1], 2, *rest)
-    left, right = np.moveaxis(pairs, len(shape) + 1, 0)
-    return 0.5 * (left + right)
 
 
 def _mirrored(table: Floats, image: bool) -> Floats:

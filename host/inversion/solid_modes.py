@@ -1,7 +1,8 @@
 """The modes of solid classes over strokes: searches on the emulator, set right by the solver where they end.
 
-Space mapping (Bandler and others 1994): the solver computes one stroke at the emulator's mode; what it says
-otherwise is added to the emulator, and the search goes on from there, until the mode stays. Units: mm, kPa.
+Space mapping (Bandler and others 1994): the solver computes one stroke and its derivatives at the emulator's
+mode; what it says otherwise is added to the emulator, and the search goes on from there, until the mode
+stays. Units: mm, kPa.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from palpate.inversion.kept import Felt
 from palpate.inversion.mirror import mirrored_about
 from palpate.inversion.search import Mode, search
 from palpate.inversion.solid_classes import OFFSET, RATIO, learnt, moved, moving
-from palpate.inversion.solid_forward import Correction, OverOneLump, bundled, correction_at
+from palpate.inversion.solid_correction import Correction, correction_at
+from palpate.inversion.solid_emulator import bundled
+from palpate.inversion.solid_forward import OverOneLump
 from palpate.inversion.solid_posterior import SolidPosterior, binned
 from palpate.inversion.start import MIDDLE, Start
 from palpate.sim.probe.noise import Noise
@@ -41,7 +44,9 @@ _HOPELESS = 2.0
 _SOFT, _HARD = 0.45, 0.1
 _SIZED, _LESS, _MORE = 1.3, -0.5, 0.4
 """Sizes of further first guesses, and ln of their glands' stiffness over the usual."""
-_ROUNDS = 3
+_ROUNDS, _WORTH = 4, 3.0
+"""The solver is asked so often, and about modes whose evidence is within so much of the best one's, as a
+logarithm."""
 _STAYS = 0.5
 """The mode stays where none of `_COUNTS` moves by so much of its standard deviation."""
 _COUNTS = ("ln d", "ln depth", "E^-2/3", "ln t", f"{CHANGE} ln d", f"{CHANGE} ln depth")
@@ -164,28 +169,36 @@ class Searches:
         return modes
 
     def _set_right(self, modes: list[Found]) -> list[Found]:
-        """The modes where the solver lets the best of them stay."""
-        rounds, stays = _ROUNDS, False
-        while rounds and not stays:
-            before = _best(modes)
+        """The modes by an emulator that the solver sets right at the likeliest, until those stay."""
+        asked: list[_Asked] = []
+        for _ in range(_ROUNDS):
+            least = _best(modes).mode.log_evidence - _WORTH
+            far = [
+                one
+                for one in near(modes)
+                if one.mode.log_evidence >= least and all(_moved(there, one) >= _STAYS for there, _ in asked)
+            ]
+            if not far:
+                break
+            one = _best(far)
             try:
-                corrections = _corrections(before.cases())
+                asked.append((one, _corrections(one.cases())))
             except (CaseError, StrokeError):
                 break
-            rounds -= 1
-            modes = self._again(modes, corrections) or modes
-            stays = _moved(before, _best(modes)) < _STAYS
+            modes = self._again(modes, asked) or modes
+        stays = any(_moved(there, _best(modes)) < _STAYS for there, _ in asked)
         settled = [replace(one.mode, settled=one.mode.settled and stays) for one in modes]
         return [replace(one, mode=mode) for one, mode in zip(modes, settled)]
 
-    def _again(self, modes: Sequence[Found], corrections: Sequence[Correction]) -> list[Found]:
-        """The modes by the emulator set right, from where they were."""
+    def _again(self, modes: Sequence[Found], asked: Sequence[_Asked]) -> list[Found]:
+        """The modes by the emulator set right as nearby as can be, from where they were."""
         out: list[Found] = []
         for name in dict.fromkeys(one.of.name for one in modes):
             of_class: list[Found] = []
             for one in (one for one in modes if one.of.name == name):
                 z, k = one.mode.z.copy(), len(one.of.unknowns)
                 z[k - self._errors : k] = 0.0
+                _, corrections = min(asked, key=lambda there: _moved(there[0], one))
                 _take(of_class, self._searched(one.of, z, corrections=corrections))
             out += near(of_class)
         return out
@@ -227,6 +240,10 @@ class Searches:
         except (CaseError, StrokeError):
             return None
         return Found(posterior, each, mode)
+
+
+_Asked = tuple[Found, list[Correction]]
+"""A mode at which the solver was asked, and what it said."""
 
 
 def _corrections(cases: Sequence[Case]) -> list[Correction]:

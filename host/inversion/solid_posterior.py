@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from palpate.answer.fitted import Laid
 from palpate.inversion.classes import Class
 from palpate.inversion.felt import FeltStroke
-from palpate.inversion.forward import Slopes
+from palpate.inversion.forward import Emulated, Slopes
 from palpate.inversion.posterior import Misfit, Posterior
-from palpate.inversion.solid_forward import BINS, Emulated
+from palpate.inversion.solid_emulator import BINS
 from palpate.sim.probe.noise import Noise
 from palpate.wire.cells import FULL_SCALE_KPA, PITCH_MM
 

@@ -2,23 +2,30 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from palpate.cli.refine import lines_of
-from palpate.inversion import solid_forward, solid_modes
+from palpate.inversion import solid_correction, solid_modes
 from palpate.inversion.felt import NotInvertible, felt_stroke
+from palpate.inversion.forward import Slopes
 from palpate.inversion.solid_classes import ELLIPSOID, learnt
-from palpate.inversion.solid_forward import Correction, SolidForward, bundled, correction_at
-from palpate.inversion.solid_posterior import BINS, SolidPosterior, binned
+from palpate.inversion.solid_correction import Correction, correction_at
+from palpate.inversion.solid_emulator import BINS, bundled
+from palpate.inversion.solid_forward import SolidForward
+from palpate.inversion.solid_posterior import SolidPosterior, binned
 from palpate.inversion.strokes import invert_stroke, invert_together
+from palpate.learn.emulator import inputs_of
 from palpate.link.face import Face
 from palpate.sim.probe.noise import level_named
 from palpate.sim.tissue import Case, StrokeError
 from palpate.sim.tissue.any_tissue import FORCE_PARTS
+from palpate.sim.tissue.solid.derivatives import SolidDerivatives
 from palpate.sim.tissue.solid.kept import read_kept
 from palpate.sim.tissue.solid.press import felt
+from palpate.sim.tissue.solid.stroke import RAMP
 from tests.host.inversion.solid_world import felt_over
 from tests.host.inversion.test_inversion import as_over_a_ball, frames
 
@@ -87,7 +94,9 @@ def otherwise(rng):
     """What a solver might say otherwise of `BALL`."""
     positions, cells = len(bundled()[0].positions_mm), 16 * 26
     shapes = (3, positions, cells), (3, positions), (5, cells), (5,)
-    return Correction(BALL, *(1e-3 * rng.standard_normal(shape) for shape in shapes))
+    slopes = (positions + 2, cells, 11), (positions + 2, 11)
+    by = Slopes(*(1e-3 * rng.standard_normal(shape) for shape in slopes))
+    return Correction(BALL, *(1e-3 * rng.standard_normal(shape) for shape in shapes), by)
 
 
 @pytest.mark.parametrize("corrected", [False, True])
@@ -116,34 +125,87 @@ def check(forward, slopes, at, steps):
     assert np.allclose((slopes.depth * own).sum(1), (more.depth - less.depth) / 2, rtol=1e-2, atol=1e-7)
 
 
-def test_what_the_solver_says_is_what_is_predicted_there(monkeypatch):
-    """A lump of the kept set stands for the solver's stroke."""
-    kept = read_kept(SET)[3:6]
-    monkeypatch.setattr(solid_forward, "simulate_forces", lambda *_, **__: [_timed(one) for one in kept])
-    case = kept[1].case
-    emulator = bundled()[0]
-    correction = correction_at(case, emulator)
-    of = learnt(ELLIPSOID, (2.0, 10.0), len(bundled()[1].image))
+def theta_of(of, case):
+    """A guess of the class that is this case."""
     theta = of.column("mean")
     along, across, down = case.half_axes_mm
     lengths = np.log([2 * along, case.depth_mm, case.gland_ratio, case.gland_mm, case.probe_radius_mm])
     theta[[0, 1, 3, 4, 7]] = lengths
     theta[[2, 5, 6, 8]] = case.E_inv23, case.fat_stiffening, case.gland_stiffening, case.offset_mm
     theta[9:11] = np.log(across / along), np.log(down / along)
+    return theta
+
+
+def test_what_the_solver_says_is_what_is_predicted_there(monkeypatch):
+    """A lump of the kept set stands for the solver's stroke."""
+    kept = read_kept(SET)[3:6]
+    monkeypatch.setattr(solid_correction, "strokes_with_derivatives", lambda *_, **__: (kept, None))
+    case = kept[1].case
+    emulator = bundled()[0]
+    correction = correction_at(case, emulator)
+    of = learnt(ELLIPSOID, (2.0, 10.0), len(bundled()[1].image))
     places = np.concatenate([[-30.0], emulator.positions_mm])
     force = np.full(len(places), case.F_N_per_m * 10 / case.fat_kPa)
     computed = kept[1].images_kPa.reshape(len(places) - 1, *BINS, 2).mean(-1).reshape(len(places) - 1, -1)
     off = [
-        np.abs(SolidForward(of, 1, by)(theta, places, force).images[1:] * case.fat_kPa / 10 - computed).max()
+        np.abs(
+            SolidForward(of, 1, by)(theta_of(of, case), places, force).images[1:] * case.fat_kPa / 10
+            - computed
+        ).max()
         for by in (None, correction)
     ]
     assert off[1] < 0.02 and off[1] < 0.3 * off[0]
 
 
-def _timed(one):
-    from types import SimpleNamespace
+def as_if_larger(case, forces):
+    """Press and strokes by a solver that takes a lump for a larger one over a softer gland."""
+    other = replace(case, d_mm=1.04 * case.d_mm, gland_ratio=0.9 * case.gland_ratio)
+    rising = [*(part * forces[0] for part in RAMP), *forces]
+    x = np.array([inputs_of(replace(other, F_rel=force)) for force in rising])
+    images, depths = bundled()[0].pressed(x)
+    low = len(RAMP)
+    return images[:low], depths[:low], *bundled()[0].stroked(x[low:], images[low:], depths[low:])
 
-    return SimpleNamespace(**vars(one), cpu_s=0.0)
+
+def with_derivatives(case, forces, positions_mm, by, ramp, at):
+    """As `strokes_with_derivatives` by such a solver."""
+    found = as_if_larger(case, forces)
+    strokes = [
+        SimpleNamespace(
+            case=replace(case, F_rel=force), ramp_images_kPa=found[0], ramp_displacement_mm=found[1],
+            images_kPa=image, displacement_mm=depth,
+        )
+        for force, image, depth in zip(forces, *found[2:])
+    ]  # fmt: skip
+    slopes = []
+    for name in by:
+        step = 1e-5 * max(abs(getattr(case, name)), 1.0)
+        other = replace(case, **{name: getattr(case, name) + step})
+        slopes.append([(more - now) / step for more, now in zip(as_if_larger(other, forces), found)])
+    slopes += [[np.zeros_like(one) for one in found]] * 2
+    of_ramp, of_ramp_depth, of_image, of_depth = (np.stack(one, -1) for one in zip(*slopes))
+    by = (*by, "place_mm", "force_N_per_m")
+    return strokes, SolidDerivatives(by, of_image[at], of_depth[at], of_ramp, of_ramp_depth)
+
+
+def test_near_the_guess_what_the_solver_says_is_predicted_to_first_order(monkeypatch):
+    """Searches ended where the emulator's slope was none, not where the solver's misfit is least."""
+    monkeypatch.setattr(solid_correction, "strokes_with_derivatives", with_derivatives)
+    case = replace(BALL, shape="ellipsoid", half_across_mm=5.0, half_down_mm=7.0, offset_mm=3.0)
+    by = correction_at(case, bundled()[0])
+    of = learnt(ELLIPSOID, (2.0, 10.0), len(bundled()[1].image))
+    theta, rng = theta_of(of, case), np.random.default_rng(6)
+    theta[:11] += 0.03 * rng.standard_normal(11) * of.column("sd")[:11]
+    there = replace(of.case(theta), F_rel=case.F_rel)
+    places = bundled()[0].positions_mm
+    *_, images, depths = as_if_larger(there, [case.F_rel * part for part in FORCE_PARTS])
+    said = images[1].reshape(len(places), *BINS, 2).mean(-1).reshape(len(places), -1)
+    force = np.full(len(places), case.F_N_per_m)
+    found = [SolidForward(of, 0, one)(theta, places, force) for one in (replace(by, by=None), by)]
+    level, first = (np.median(np.abs(one.images - said)) for one in found)
+    assert first < 0.2 * level
+    level, first = (np.median(np.abs(one.depth - depths[1])) for one in found)
+    assert first < 0.2 * level
 
 
 def test_an_emulated_ball_is_found_again(monkeypatch):

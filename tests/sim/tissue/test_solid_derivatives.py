@@ -20,7 +20,8 @@ PLACES = [-8.13, -4.37]
 """Where no sensor's parts begin at a node, at which what it reads has two slopes."""
 AGREE, AT_KINKS = 3e-3, 2e-2
 """What sensors read has kinks where their parts pass a node, as steps of the place do."""
-STEPS = dict.fromkeys(("E_ratio", "half_across_mm", "fat_stiffening", "gland_stiffening"), 1e-3)
+HARDLY = "E_ratio", "half_across_mm", "gland_mm", "face_half_mm", "fat_stiffening", "gland_stiffening"
+STEPS = dict.fromkeys(HARDLY, 1e-3)
 STEPS |= {"fillet_per_mm2": 5e-3, "across_fillet_per_mm2": 2e-4}
 """Relative. Smaller ones are lost in Newton's tolerance where they hardly matter; of the rest, 1e-4, larger
 ones bring nodes into contact."""
@@ -73,11 +74,14 @@ def worst_difference(case, settings, by):
                 if any((touches != touching).any() for _, touches in ends):
                     continue  # a node comes into contact, or leaves it: there are two slopes
                 difference = (ends[1][0] - ends[0][0]) / (2 * step)
+                # at a kink of what is read there are two slopes
+                low, high = np.sort([(now - ends[0][0]) / step, (ends[1][0] - now) / step], axis=0)
+                beyond = np.abs(derivative - np.clip(derivative, low, high))
                 apart = 0.0
                 for part in (slice(0, -1), slice(-1, None)):
                     # what hardly matters is lost in the equilibrium's own digits
                     scale = max(np.abs(difference[part]).max(), 1e-3 * np.abs(now[part]).max() / value)
-                    apart = max(apart, np.abs(derivative - difference)[part].max() / scale)
+                    apart = max(apart, beyond[part].max() / scale)
                 out[name, i] = min(out.get((name, i), np.inf), apart)
                 if apart < AGREE:
                     break
