@@ -181,9 +181,7 @@ export class History {
       shown = [error.message];
     }
     if (turn !== this.compared) return; // others have been chosen, or an answer that knows more is on its way
-    const open = Boolean(box.querySelector("details")?.open);
-    box.replaceChildren(...shown);
-    box.querySelector("details")?.toggleAttribute("open", open); // somebody may be reading it
+    refill(box, shown);
   }
 
   async openLoad() {
@@ -223,6 +221,18 @@ export class History {
       toast(error.message);
     }
   }
+}
+
+/** Shows nodes in a box whose details somebody may be reading, or just opening: that element and its summary stay. */
+function refill(box, nodes) {
+  const at = nodes.findIndex((one) => one.tagName === "DETAILS");
+  const kept = box.querySelector(":scope > details");
+  if (at < 0 || !kept) return box.replaceChildren(...nodes);
+  for (const one of [...box.children]) if (one !== kept) one.remove();
+  kept.before(...nodes.slice(0, at));
+  kept.after(...nodes.slice(at + 1));
+  for (const one of [...kept.children].slice(1)) one.remove();
+  kept.append(...[...nodes[at].children].slice(1));
 }
 
 function sentence(found, unit) {
