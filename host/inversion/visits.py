@@ -37,9 +37,7 @@ from palpate.sim.tissue import Settings
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_WIDER_CHANGES = {
-    name: replace(WIDER_SOLID[name], floor=floor) for name, floor in (("ln d", 0.02), ("ln depth", 0.04))
-}
+_WIDER_CHANGES = {"ln d": Widening(1.85, 1.85, 0.02), "ln depth": Widening(1.6, 1.6, 0.04)}
 """Of a solid lump; emulator and mesh err otherwise at each visit: chosen on two pairs of visits."""
 _RATIOS = {"d_mm": "ln d", "depth_mm": "ln depth"}
 """Those changes' names, and what widens them."""

@@ -1,5 +1,6 @@
 """Over a solid lump the fit and the regression's estimate are weighed together."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -30,9 +31,11 @@ def estimate(**said):
 
 
 def test_where_there_is_no_estimate_the_fit_stays_but_for_its_spread(fit):
-    said = pooled(*fit, estimate(d_mm=20.0, sd=()))
-    assert np.array_equal(said.z, fit[1].z)
-    wider = np.diag(said.covariance) / np.diag(fit[1].covariance)
+    posterior, mode = fit
+    mode = replace(mode, covariance=mode.covariance / 4)
+    said = pooled(posterior, mode, estimate(d_mm=20.0, sd=()))
+    assert np.array_equal(said.z, mode.z)
+    wider = np.diag(said.covariance) / np.diag(mode.covariance)
     assert (wider >= 1.0).all() and (wider[:3] > 1.1).all() and wider[-1] > 1.1
 
 
