@@ -26,6 +26,7 @@ from palpate.inversion.solid_emulator import bundled
 from palpate.inversion.solid_forward import OverOneLump
 from palpate.inversion.solid_posterior import SolidPosterior, binned
 from palpate.inversion.start import MIDDLE, Start
+from palpate.learn.emulator import ON_LINE_MM
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue import Case, CaseError, StrokeError
 from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M
@@ -44,9 +45,10 @@ _HOPELESS = 2.0
 _SOFT, _HARD = 0.45, 0.1
 _SIZED, _LESS, _MORE = 1.3, -0.5, 0.4
 """Sizes of further first guesses, and ln of their glands' stiffness over the usual."""
-_ROUNDS, _WORTH = 4, 3.0
-"""The solver is asked so often, and about modes whose evidence is within so much of the best one's, as a
-logarithm."""
+_ROUNDS, _BESIDE_ROUNDS = 4, 3
+"""The solver is asked so often, and so often beside the line, where a stroke costs it four times as much."""
+_WORTH = 3.0
+"""It is asked about modes whose evidence is within so much of the best one's, as a logarithm."""
 _STAYS = 0.5
 """The mode stays where none of `_COUNTS` moves by so much of its standard deviation."""
 _COUNTS = ("ln d", "ln depth", "E^-2/3", "ln t", f"{CHANGE} ln d", f"{CHANGE} ln depth")
@@ -171,7 +173,8 @@ class Searches:
     def _set_right(self, modes: list[Found]) -> list[Found]:
         """The modes by an emulator that the solver sets right at the likeliest, until those stay."""
         asked: list[_Asked] = []
-        for _ in range(_ROUNDS):
+        beside = modes[0].of.lump and abs(_best(modes).offset_mm) > ON_LINE_MM
+        for _ in range(_BESIDE_ROUNDS if beside else _ROUNDS):
             least = _best(modes).mode.log_evidence - _WORTH
             far = [
                 one

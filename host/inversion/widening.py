@@ -59,7 +59,7 @@ WIDER_SOLID = {
     "ln d": Widening(1.3, 1.3, 0.0),
     "ln width": Widening(1.3, 1.3, 0.0),
     "ln depth": Widening(1.2, 1.2, 0.0),
-    "ln t": Widening(1.6, 1.6, 0.0),
+    "ln t": Widening(1.7, 1.7, 0.0),
     "E^-2/3": Widening(1.4, 1.4, 0.0),
     "ln_E": Widening(0.8, 0.8, 0.0),
 }
