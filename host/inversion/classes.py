@@ -6,7 +6,7 @@ every case stands in fat of 10 kPa.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,7 +28,8 @@ _DEEPEST = 0.93
 _CORNER = 6.0
 """How sharp the corner of that bound is."""
 _PLAIN_D_MM = 10.0
-_STEP = 1e-6
+STEP = 1e-6
+"""Of differences by an unknown."""
 PADDING, GLAND = "ln padding", "ln gland"
 LARGER, DEEPER, APART = "ln d2 / d", "ln depth2 / depth", "apart"
 """Of a second lump."""
@@ -47,6 +48,14 @@ class Unknown:
     low: float
     high: float
     step: float
+
+
+def differences(said: Callable[[Floats], Sequence[float] | Floats], at: Floats, k: int) -> Floats:
+    """Derivatives of what is said, (m,), by the first k numbers, (m, k): central differences."""
+    steps = STEP * np.eye(len(at))[:k]
+    apart = [np.subtract(said(at + step), said(at - step)) for step in steps]
+    out: Floats = np.array(apart).T / (2 * STEP)
+    return out
 
 
 def log_even(name: str, low: float, high: float, least: float, most: float, step: float) -> Unknown:
@@ -99,9 +108,7 @@ class Class:
 
     def chain(self, theta: Floats) -> Floats:
         """Derivatives of `fields` by the unknowns, (fields, k)."""
-        steps = _STEP * np.eye(len(theta))
-        apart = [self.values(theta + step) - self.values(theta - step) for step in steps]
-        return np.array(apart).T / (2 * _STEP)
+        return differences(self.values, theta, len(theta))
 
     def column(self, name: str) -> Floats:
         """One attribute of all unknowns, (k,)."""

@@ -7,13 +7,12 @@ engineering optimization, Optimization and Engineering 2 (2001). In fat of 10 kP
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.inversion.classes import FAT_KPA
+from palpate.inversion.classes import FAT_KPA, STEP, differences
 from palpate.inversion.forward import Slopes
 from palpate.inversion.solid_emulator import binned_cells, emulated, inputs, positions
 from palpate.learn.emulator import ON_LINE_MM, StrokeEmulator
@@ -29,15 +28,13 @@ NODES = np.log(FORCE_PARTS)
 """Logarithms of a stroke's three forces over the middle one, ..."""
 RAMP_NODES = np.log(RAMP) + NODES[0]
 """... and of a ramp's."""
-STEP = 1e-6
 _MIDDLE = len(FORCE_PARTS) // 2
 
-FIELDS = (
+_FIELDS = (
     "d_mm", "h", "half_across_mm", "half_down_mm", "gland_ratio", "gland_mm", "probe_radius_mm", "E_ratio",
     "fat_stiffening", "gland_stiffening", "offset_mm",
 )  # fmt: skip
 """Those that `_numbered` changes."""
-_OFFSET = "offset_mm"
 _FAR = np.array([0.25, 0.2, 0.3, 0.3, 0.4, 0.4, 0.03, 0.12, 0.8, 0.8, 1.5])
 """Of `_numbers`: farther away what the solver said changes no more."""
 _LEAST = np.array([-np.inf] * 8 + [STEP, STEP, -np.inf])
@@ -72,14 +69,14 @@ class Correction:
     ----------
     case : Case
         At the middle of the three forces.
-    image : ndarray (3, positions, cells); (3, 1, cells) without a lump
+    image : ndarray (3, positions, bins); (3, 1, bins) without a lump
         Over the force, at `FORCE_PARTS` of the middle one.
     depth : ndarray (3, positions) or (3, 1)
         Of the displacement, over itself.
-    ramp_image, ramp_depth : ndarray (5, cells), (5,)
+    ramp_image, ramp_depth : ndarray (5, bins), (5,)
         At the first position, at rising forces from the ramp's on.
     by : Slopes, optional
-        Of image (positions + ramp, cells, k) and depth (positions + ramp, k) by `_numbers`, at the middle
+        Of image (positions + ramp, bins, k) and depth (positions + ramp, k) by `_numbers`, at the middle
         force, then at the ramp's; unknown without a lump.
     """
 
@@ -98,8 +95,7 @@ class Correction:
     def at(self, over_middle: Floats, press: int) -> list[Floats]:
         """As `at_levels`: images over the force and displacements over themselves."""
         nodes = np.append(RAMP_NODES, NODES)
-        images = [binned_cells(one) for one in (self.ramp_image, self.image)]
-        pairs = (images, (self.ramp_depth, self.depth))
+        pairs = ((self.ramp_image, self.image), (self.ramp_depth, self.depth))
         return [one for pair in pairs for one in at_levels(over_middle[:press], nodes, *pair)]
 
     def sloping(self, over_middle: Floats, press: int) -> list[Floats]:
@@ -108,7 +104,7 @@ class Correction:
             return []
         nodes, places = np.append(RAMP_NODES, NODES), self.image.shape[1]
         out: list[Floats] = []
-        for of in (binned_cells(self.by.images, -2), self.by.depth):
+        for of in (self.by.images, self.by.depth):
             pressed = np.concatenate([of[places:], np.repeat(of[:1], len(NODES), axis=0)])
             stroke = np.repeat(of[None, :places], len(NODES), axis=0)
             out += at_levels(over_middle[:press], nodes, pressed, stroke)
@@ -139,12 +135,12 @@ def correction_at(case: Case, emulator: StrokeEmulator) -> Correction:
     else:
         images, depths = images[:, None], depths[:, None]
     computed = np.array([one.images_kPa for one in found])
-    image = (computed - images).reshape(len(found), len(places), -1) / unit[:, None, None]
+    image = binned_cells((computed - images).reshape(len(found), len(places), -1)) / unit[:, None, None]
     depth = np.array([one.displacement_mm for one in found]) / depths - 1
     low = np.repeat(x[:1], len(RAMP), axis=0)
     low[:, -1] += np.log(RAMP)
     low_images, low_depths = emulator.pressed(low)
-    ramp = (found[0].ramp_images_kPa - low_images).reshape(len(RAMP), -1)
+    ramp = binned_cells((found[0].ramp_images_kPa - low_images).reshape(len(RAMP), -1))
     ramp = ramp / (unit[0] * np.array(RAMP))[:, None]
     low_depth = found[0].ramp_displacement_mm / low_depths - 1
     by = None
@@ -162,7 +158,7 @@ def _computed(case: Case, places: Floats) -> tuple[list[SolidStroke], SolidDeriv
     forces = [case.F_rel * part for part in FORCE_PARTS]
     if not case.has_lump:
         return simulate_forces(case, forces, positions_mm=places.tolist(), ramp=True), None
-    by = [name for name in differentiable(case) if name in FIELDS]
+    by = [name for name in differentiable(case) if name in _FIELDS]
     return strokes_with_derivatives(case, forces, positions_mm=places.tolist(), by=by, ramp=True, at=_MIDDLE)
 
 
@@ -179,16 +175,12 @@ def _less_emulated(
         Computed displacements over emulated ones.
     """
     numbers = np.maximum(_numbers(case), _LEAST)
-    steps = STEP * np.eye(len(numbers))
-    sides = [(_numbered(case, numbers - step), _numbered(case, numbers + step)) for step in steps]
-
-    def chain(said: Callable[[Case], Sequence[float]]) -> Floats:
-        return np.array([np.subtract(said(b), said(a)) for a, b in sides]).T / (2 * STEP)
-
-    fields = computed.by[: -len(("place_mm", "force_N_per_m"))]
-    of_fields = chain(lambda one: [getattr(one, name) for name in fields])
-    of_inputs = chain(inputs)
-    if _OFFSET not in fields:
+    fields = computed.by[:-2]
+    of_fields = differences(
+        lambda n: [getattr(_numbered(case, n), name) for name in fields], numbers, len(numbers)
+    )
+    of_inputs = differences(lambda n: inputs(_numbered(case, n)), numbers, len(numbers))
+    if "offset_mm" not in fields:
         of_inputs[:, -1] = 0.0
     stroke, ramp = emulated(emulator, x[:1], True), emulated(emulator, x[1:], False)
     _, of_image, depth, of_depth = (np.concatenate([a[0], b[:, 0]]) for a, b in zip(stroke, ramp))
@@ -196,7 +188,8 @@ def _less_emulated(
     images = np.concatenate([computed.images, computed.ramp_images])[..., :k]
     depths = np.concatenate([computed.displacement, computed.ramp_displacement])[:, :k]
     force = FAT_KPA * np.exp(np.append(np.full(places, x[0, -1]), x[1:, -1]))
-    images = images.reshape(len(images), -1, k) @ of_fields - of_image @ of_inputs
+    images = binned_cells(images.reshape(len(images), -1, k), -2) @ of_fields
+    images -= binned_cells(of_image, -2) @ of_inputs
     longer = (depths @ of_fields - over[:, None] * (of_depth @ of_inputs)) / depth[:, None]
     return Slopes(images / force[:, None, None], longer)
 

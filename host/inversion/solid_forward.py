@@ -1,8 +1,9 @@
 """The forward model of solid lumps: an emulator of computed strokes, set right by the solver.
 
 The emulator's derivatives are smooth, the solver's are not: nodes enter and leave the contact. So the search
-goes by the emulator, and what the solver says otherwise at one guess is added to it from then on. What it
-may still get wrong are further unknowns of the class (`solid_classes.learnt`).
+goes by the emulator, and what the solver says otherwise at one guess and near it (`solid_correction`) is
+added to it from then on. What it may still get wrong are further unknowns of the class
+(`solid_classes.learnt`).
 
 In fat of 10 kPa. Units: mm, kPa, N/m. A table has the stroke's images, position by position from before the
 lump to over it, and its displacements; a frame's image is binned, `BINS`.
@@ -10,19 +11,18 @@ lump to over it, and its displacements; a frame's image is binned, `BINS`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from palpate.inversion.classes import FAT_KPA, Class
+from palpate.inversion.classes import FAT_KPA, Class, differences
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import Emulated, SaysSlopes, Slopes
-from palpate.inversion.solid_correction import NODES, RAMP_NODES, STEP, Correction, at_levels
+from palpate.inversion.solid_correction import NODES, RAMP_NODES, Correction, at_levels
 from palpate.inversion.solid_emulator import BINS, binned_cells, bundled, emulated, inputs, positions
-from palpate.sim.tissue import Case
 
 Floats = NDArray[np.float64]
 
@@ -62,8 +62,8 @@ class SolidForward(SaysSlopes):
         """
         p, n = self.press, len(places_mm)
         own = len(theta) - len(self.errors.image)
-        base, chain = self._chain(inputs, theta, own)
-        base, chain = base[:-1], chain[:-1]
+        base = np.array(inputs(self.of.case(theta))[:-1])
+        chain = differences(lambda t: inputs(self.of.case(t))[:-1], theta, own)
         ln_force = np.log(forces_N_per_m / FAT_KPA)
         # it stays while forces change a little, so that slopes by each force are all there is
         middle = _GRID * round(float(ln_force[p:].mean()) / _GRID)
@@ -93,18 +93,6 @@ class SolidForward(SaysSlopes):
         of_depth[:p, k + 1] = np.einsum("nx,nx->n", weights[:p], of_deep[:p, ..., k], optimize=True)
         return Emulated(theta, places_mm, forces_N_per_m, images, depth, Slopes(of_image, of_depth))
 
-    def _chain(
-        self, said: Callable[[Case], Sequence[float] | Floats], theta: Floats, own: int
-    ) -> tuple[Floats, Floats]:
-        """What is said of a guess's case, (m,), and its derivatives by the unknowns, (m, own)."""
-
-        def at(t: Floats) -> Floats:
-            return np.asarray(said(self.of.case(t)))
-
-        steps = STEP * np.eye(len(theta))[:own]
-        apart = [at(theta + step) - at(theta - step) for step in steps]
-        return at(theta), np.array(apart).T / (2 * STEP)
-
     def _tables(
         self, x: Floats, chain: Floats, theta: Floats, over_middle: Floats
     ) -> tuple[Floats, Floats, Floats, Floats]:
@@ -129,11 +117,12 @@ class SolidForward(SaysSlopes):
         more, longer = parts @ wrong, 1 + deep_parts @ wrong
         steep, deep_steep = steep @ wrong, deep_steep @ wrong
         of_longer = np.zeros((*depth.shape, own))
-        if self.correction is not None:
-            for to, one in zip((more, steep, longer, deep_steep), self.correction.at(over_middle, p)):
+        if (correction := self.correction) is not None:
+            for to, one in zip((more, steep, longer, deep_steep), correction.at(over_middle, p)):
                 to += one
-            if sloping := self.correction.sloping(over_middle, p):
-                away, of_away = self._chain(self.correction.away, theta, own)
+            if sloping := correction.sloping(over_middle, p):
+                away = correction.away(self.of.case(theta))
+                of_away = differences(lambda t: correction.away(self.of.case(t)), theta, own)
                 for to, one in zip((more, steep, longer, deep_steep), sloping):
                     to += one @ away
                 of_both[..., :own] += force[:, None, None, None] * (sloping[0] @ of_away)

@@ -67,7 +67,7 @@ _ALIKE = 0.15
 """Logarithms of forces so near each other share what the solver says, ..."""
 _ALIKE_MM = 1.5
 """... and lines so near each other."""
-_ON_LINE_MM = 2.5
+_IN_THE_MIDDLE_MM = 2.5
 """A bump whose middle is so near that of the face is looked for on the line."""
 
 
@@ -176,11 +176,7 @@ class Searches:
         beside = modes[0].of.lump and abs(_best(modes).offset_mm) > ON_LINE_MM
         for _ in range(_BESIDE_ROUNDS if beside else _ROUNDS):
             least = _best(modes).mode.log_evidence - _WORTH
-            far = [
-                one
-                for one in near(modes)
-                if one.mode.log_evidence >= least and all(_moved(there, one) >= _STAYS for there, _ in asked)
-            ]
+            far = [one for one in near(modes) if one.mode.log_evidence >= least and not _answered(one, asked)]
             if not far:
                 break
             one = _best(far)
@@ -189,7 +185,7 @@ class Searches:
             except (CaseError, StrokeError):
                 break
             modes = self._again(modes, asked) or modes
-        stays = any(_moved(there, _best(modes)) < _STAYS for there, _ in asked)
+        stays = _answered(_best(modes), asked)
         settled = [replace(one.mode, settled=one.mode.settled and stays) for one in modes]
         return [replace(one, mode=mode) for one, mode in zip(modes, settled)]
 
@@ -249,6 +245,11 @@ _Asked = tuple[Found, list[Correction]]
 """A mode at which the solver was asked, and what it said."""
 
 
+def _answered(one: Found, asked: Sequence[_Asked]) -> bool:
+    """Whether the solver was asked nearby."""
+    return any(_moved(there, one) < _STAYS for there, _ in asked)
+
+
 def _corrections(cases: Sequence[Case]) -> list[Correction]:
     """One for each case, computed once for one lump under forces and along lines that are nearly alike."""
     out: list[Correction] = []
@@ -305,7 +306,7 @@ def _across(stroke: FeltStroke, lump_mm: float) -> float:
         return 0.0
     more = np.maximum(np.nan_to_num(columns[over].mean(0) - columns[~over].mean(0)), 0.0) ** 2
     middle = float(more @ COLUMN_MM / max(more.sum(), 1e-12))
-    return middle if abs(middle) > _ON_LINE_MM else 0.0
+    return middle if abs(middle) > _IN_THE_MIDDLE_MM else 0.0
 
 
 def _thinned(stroke: FeltStroke, lump_mm: float) -> FeltStroke:

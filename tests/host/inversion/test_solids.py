@@ -92,9 +92,9 @@ def test_dead_cells_make_no_ball_of_a_narrow_cylinder():
 
 def otherwise(rng):
     """What a solver might say otherwise of `BALL`."""
-    positions, cells = len(bundled()[0].positions_mm), 16 * 26
-    shapes = (3, positions, cells), (3, positions), (5, cells), (5,)
-    slopes = (positions + 2, cells, 11), (positions + 2, 11)
+    positions, bins = len(bundled()[0].positions_mm), BINS[0] * BINS[1]
+    shapes = (3, positions, bins), (3, positions), (5, bins), (5,)
+    slopes = (positions + 2, bins, 11), (positions + 2, 11)
     by = Slopes(*(1e-3 * rng.standard_normal(shape) for shape in slopes))
     return Correction(BALL, *(1e-3 * rng.standard_normal(shape) for shape in shapes), by)
 

@@ -74,9 +74,11 @@ def worst_difference(case, settings, by):
                 if any((touches != touching).any() for _, touches in ends):
                     continue  # a node comes into contact, or leaves it: there are two slopes
                 difference = (ends[1][0] - ends[0][0]) / (2 * step)
-                # at a kink of what is read there are two slopes
-                low, high = np.sort([(now - ends[0][0]) / step, (ends[1][0] - now) / step], axis=0)
-                beyond = np.abs(derivative - np.clip(derivative, low, high))
+                beyond = np.abs(derivative - difference)
+                if nearer < 1:
+                    # where a smaller step leaves two slopes there is a kink: the derivative is one of them
+                    low, high = np.sort([(now - ends[0][0]) / step, (ends[1][0] - now) / step], axis=0)
+                    beyond = np.abs(derivative - np.clip(derivative, low, high))
                 apart = 0.0
                 for part in (slice(0, -1), slice(-1, None)):
                     # what hardly matters is lost in the equilibrium's own digits
