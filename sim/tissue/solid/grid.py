@@ -135,11 +135,13 @@ def lay_grid(
     )
 
 
-def lay_plain_grid(of: SolidGrid, case: Case, hx: float) -> SolidGrid:
-    """Half of plain tissue under a probe that stands at x = 0, with the rows and layers of another grid."""
+def lay_plain_grid(of: SolidGrid, case: Case, hx: float, layer_mm: float) -> SolidGrid:
+    """A quarter of plain tissue under a probe that stands at x = 0, with the rows of another grid and, where
+    that is a half, its layers."""
     step = hx * np.arange(math.ceil(case.reach_mm / hx) + 1)
     x = np.concatenate([step, _far(step[-1], _SIDES_MM[1], 3.0 * hx)[1:]])
-    return SolidGrid(x, of.y, of.z, None, of.half_axes, of.offset, of.borders, 0.0, 0, 0, of.half)
+    z = of.z if of.half else _beyond(0.0, np.array(_FACE_LINES_MM), _far_across(), layer_mm)
+    return SolidGrid(x, of.y, z, None, of.half_axes, 0.0, of.borders, 0.0, 0, 0, half=True)
 
 
 def _margin(radius: float) -> float:
@@ -184,7 +186,7 @@ def _layers(offset: float, across: float, half: bool, widest: float) -> tuple[Fl
     """Borders across the stroke, and the box's four layers (two in the half model) among them."""
     wanted = np.array(_FACE_LINES_MM)
     margin = min(max(0.4 * across, 1.2), 2.0)
-    far = _far(wanted[-1], _ACROSS_MM, 9.0)[1:]
+    far = _far_across()
     if half:
         edge = _snapped(across + margin, across, wanted)
         right = _beyond(edge, wanted, far, widest)
@@ -198,6 +200,11 @@ def _layers(offset: float, across: float, half: bool, widest: float) -> tuple[Fl
     )
     inside = [(low + offset) / 2, offset, (offset + high) / 2]
     return np.concatenate([left, inside, right]), (len(left) - 1, len(left) + 3)
+
+
+def _far_across() -> Floats:
+    """Borders beyond the face's edge."""
+    return _far(_FACE_LINES_MM[-1], _ACROSS_MM, 9.0)[1:]
 
 
 def _snapped(edge: float, lump: float, lines: Floats) -> float:

@@ -1,4 +1,4 @@
-"""A first guess of the pressed state: plain tissue without a lump, half as long by symmetry, costs next to
+"""A first guess of the pressed state: plain tissue without a lump, a quarter of it by symmetry, costs next to
 nothing.
 
 Units: mm, kPa.
@@ -35,10 +35,9 @@ class PlainPress:
     def __init__(self, case: Case, settings: Settings, geometry: SolidGeometry) -> None:
         self._target = geometry
         grid = geometry.mesh.grid
-        self._plain = set_up(lay_plain_grid(grid, case, settings.hx_mm / settings.refine))
-        share = 0.25 if grid.half else 0.5
+        self._plain = set_up(lay_plain_grid(grid, case, settings.hx_mm / settings.refine, settings.layer_mm))
         plain = replace(case, E_ratio=1.0, lump_stiffening=0.0)
-        self._run = SolidRun(plain, settings, self._plain, share, ())  # a rough load renews everything
+        self._run = SolidRun(plain, settings, self._plain, 0.25, ())  # a rough load renews everything
         self._state: State | None = None
 
     def state(self, F_rel: float, position: float) -> State:
@@ -52,11 +51,10 @@ class PlainPress:
         lines = [np.unique(plain.nodes_mm[:, axis].round(9)) for axis in range(3)]
         u = state.u.reshape(-1, 3)[plain.node_lattice]
         x = ours.nodes_mm - [position, 0.0, 0.0]
-        side = np.sign(x[:, 0])
-        places = [np.abs(x[:, 0]), x[:, 1], x[:, 2]]
+        places = [np.abs(x[:, 0]), x[:, 1], np.abs(x[:, 2])]
         inside = np.stack([np.clip(p, line[0], line[-1]) for p, line in zip(places, lines)], -1)
         moved = RegularGridInterpolator(lines, u)(inside)
-        moved[:, 0] *= side
+        moved[:, [0, 2]] *= np.sign(x[:, [0, 2]])
         moved[ours.fixed] = 0.0
         skin = RegularGridInterpolator((lines[0], lines[2]), state.multiplier.reshape(plain.surface.shape))
         top = ours.surface.ravel()
@@ -72,11 +70,11 @@ class PlainPress:
         where = [
             np.clip(np.searchsorted(line, value) - 1, 0, len(line) - 2)
             for line, value in zip(
-                (grid.x, grid.y, grid.z), (np.abs(middles[:, 0]), middles[:, 1], middles[:, 2])
+                (grid.x, grid.y, grid.z), (np.abs(middles[:, 0]), middles[:, 1], np.abs(middles[:, 2]))
             )
         ]
         source = plain.element_lattice[tuple(where)]
         size = np.sqrt(self._target.integrals.volume / self._plain.integrals.volume[source])
         out = state.pressure[source] * size[:, None]
-        out[:, 1] *= np.sign(middles[:, 0])
+        out[:, [1, 3]] *= np.sign(middles[:, [0, 2]])
         return out

@@ -124,13 +124,15 @@ class SolidRun:
         return State(rest, self.case.centre_mm - depth, np.zeros(mesh.surface.size), pressure)
 
     def slide(self, tracks: Sequence[Track], new: float) -> None:
-        """Add the states at `new` to all tracks: the first with a factor of its own, the others with the
-        same."""
-        leader = tracks[0]
+        """Add the states at `new` to all tracks: the middle force's with a factor of its own, the others with
+        the same."""
+        leader = tracks[len(tracks) // 2]
         guess = self.predictor(leader.recent, new)
         self._slide(leader, new, guess)
         found = leader.recent[-1][1]
-        for track in tracks[1:]:
+        for track in tracks:
+            if track is leader:
+                continue
             start = self.predictor(track.recent, new)
             start.u += found.u - guess.u
             start.pressure += found.pressure - guess.pressure

@@ -162,8 +162,8 @@ def forget_geometry() -> None:
 @cache
 def _warm_up() -> None:
     """Compile the kernels, or load them, so that no stroke's time has this in it."""
-    case, settings = Case.from_code("d10h08eNLf02_ball"), Settings(hx_mm=4.0)
-    geometry = set_up(lay_grid(case, settings, 0.0, 4.0))
-    positions = np.array([0.0, 4.0])
+    case, settings = Case.from_code("d10h08e10f05_ball"), Settings(hx_mm=4.0, layer_mm=5.5)
+    positions = np.array([-4.0, 0.0])
+    geometry = set_up(lay_grid(case, settings, -4.0, 0.0))
     run = SolidRun(case, settings, geometry, 0.5, positions)
     _Stroking(case, settings, geometry, run, positions).strokes([case.F_rel], False, 0.0)
