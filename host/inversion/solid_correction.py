@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+from scipy.linalg import block_diag
 
 from palpate.inversion.classes import FAT_KPA, STEP, differences
 from palpate.inversion.forward import Slopes
@@ -145,8 +147,8 @@ def correction_at(case: Case, emulator: StrokeEmulator) -> Correction:
     low_depth = found[0].ramp_displacement_mm / low_depths - 1
     by = None
     if derivatives is not None:
-        x, over = np.vstack([x[_MIDDLE], low]), np.append(depth[_MIDDLE], low_depth)
-        by = _less_emulated(emulator, case, derivatives, x, 1 + over)
+        x, over = np.vstack([x[_MIDDLE], low]), np.append(depth[_MIDDLE, _differentiated(places)], low_depth)
+        by = _less_emulated(emulator, case, derivatives, x, 1 + over, places)
     return Correction(
         case, image, depth,
         np.concatenate([ramp, image[:, 0]]), np.concatenate([low_depth, depth[:, 0]]), by,
@@ -159,19 +161,26 @@ def _computed(case: Case, places: Floats) -> tuple[list[SolidStroke], SolidDeriv
     if not case.has_lump:
         return simulate_forces(case, forces, positions_mm=places.tolist(), ramp=True), None
     by = [name for name in differentiable(case) if name in _FIELDS]
-    return strokes_with_derivatives(case, forces, positions_mm=places.tolist(), by=by, ramp=True, at=_MIDDLE)
+    return strokes_with_derivatives(
+        case, forces, positions_mm=places.tolist(), by=by, ramp=True, at=_MIDDLE, only=_differentiated(places)
+    )
+
+
+def _differentiated(places: Floats) -> list[int]:
+    """Of the places, those where slopes are taken: over the lump, every second before it, the first."""
+    return sorted({0, *range(len(places) - 1, 0, -2)})
 
 
 def _less_emulated(
-    emulator: StrokeEmulator, case: Case, computed: SolidDerivatives, x: Floats, over: Floats
+    emulator: StrokeEmulator, case: Case, computed: SolidDerivatives, x: Floats, over: Floats, places: Floats
 ) -> Slopes:
-    """Slopes of what the solver says otherwise.
+    """Slopes of what the solver says otherwise; from place to place they are straight.
 
     Parameters
     ----------
     x : ndarray (1 + ramp, 14)
         The emulator's inputs at the middle force and the ramp's.
-    over : ndarray (positions + ramp,)
+    over : ndarray (differentiated + ramp,)
         Computed displacements over emulated ones.
     """
     numbers = np.maximum(_numbers(case), _LEAST)
@@ -183,15 +192,18 @@ def _less_emulated(
     if "offset_mm" not in fields:
         of_inputs[:, -1] = 0.0
     stroke, ramp = emulated(emulator, x[:1], True), emulated(emulator, x[1:], False)
-    _, of_image, depth, of_depth = (np.concatenate([a[0], b[:, 0]]) for a, b in zip(stroke, ramp))
-    k, places = len(fields), len(computed.images)
+    at = _differentiated(places)
+    _, of_image, depth, of_depth = (np.concatenate([a[0, at], b[:, 0]]) for a, b in zip(stroke, ramp))
+    k = len(fields)
     images = np.concatenate([computed.images, computed.ramp_images])[..., :k]
     depths = np.concatenate([computed.displacement, computed.ramp_displacement])[:, :k]
-    force = FAT_KPA * np.exp(np.append(np.full(places, x[0, -1]), x[1:, -1]))
+    force = FAT_KPA * np.exp(np.append(np.full(len(at), x[0, -1]), x[1:, -1]))
     images = binned_cells(images.reshape(len(images), -1, k), -2) @ of_fields
     images -= binned_cells(of_image, -2) @ of_inputs
     longer = (depths @ of_fields - over[:, None] * (of_depth @ of_inputs)) / depth[:, None]
-    return Slopes(images / force[:, None, None], longer)
+    between = make_interp_spline(places[at], np.eye(len(at)), k=1)(places)
+    shares = block_diag(between, np.eye(len(x) - 1))
+    return Slopes(np.tensordot(shares, images / force[:, None, None], 1), shares @ longer)
 
 
 def at_levels(at: Floats, nodes: Floats, press: Floats, stroke: Floats) -> tuple[Floats, Floats]:

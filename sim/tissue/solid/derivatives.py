@@ -58,7 +58,7 @@ _READ_MM = 1e-5
 
 @dataclass(frozen=True)
 class SolidDerivatives:
-    """Derivatives by k parameters, each in its own unit, at n positions under one force.
+    """Derivatives by k parameters, each in its own unit, at n of a stroke's positions under one force.
 
     Attributes
     ----------
@@ -97,6 +97,7 @@ def strokes_with_derivatives(
     by: Sequence[str] | None = None,
     ramp: bool = False,
     at: int = 0,
+    only: Sequence[int] | None = None,
 ) -> tuple[list[SolidStroke], SolidDerivatives]:
     """Strokes at rising forces, as `simulate_forces`, and the derivatives of one of them.
 
@@ -106,6 +107,8 @@ def strokes_with_derivatives(
         Fields of the case; all of `differentiable` by default.
     at : int
         Of the forces, the one whose stroke is differentiated.
+    only : sequence of int, optional
+        Of the positions, those where derivatives are taken; all by default.
 
     Raises
     ------
@@ -125,11 +128,12 @@ def strokes_with_derivatives(
     )
     run = seen[0][0]
     low = len(seen[0][2]) - len(forces)
-    states = [(x, found[at if i else low + at]) for i, (_, x, found) in enumerate(seen)]
+    chosen = range(len(seen)) if only is None else only
+    states = [(seen[i][1], seen[i][2][at if i else low + at]) for i in chosen]
     states += [(seen[0][1], state) for state in seen[0][2][:low]]
     with one_blas_thread():
         images, depth = _differentiated(run, states, by)
-    n = len(seen)
+    n = len(chosen)
     return strokes, SolidDerivatives(
         (*by, "place_mm", "force_N_per_m"), images[:n], depth[:n], images[n:], depth[n:]
     )

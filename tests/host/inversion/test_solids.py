@@ -167,7 +167,7 @@ def as_if_larger(case, forces):
     return images[:low], depths[:low], *bundled()[0].stroked(x[low:], images[low:], depths[low:])
 
 
-def with_derivatives(case, forces, positions_mm, by, ramp, at):
+def with_derivatives(case, forces, positions_mm, by, ramp, at, only):
     """As `strokes_with_derivatives` by such a solver."""
     found = as_if_larger(case, forces)
     strokes = [
@@ -185,7 +185,7 @@ def with_derivatives(case, forces, positions_mm, by, ramp, at):
     slopes += [[np.zeros_like(one) for one in found]] * 2
     of_ramp, of_ramp_depth, of_image, of_depth = (np.stack(one, -1) for one in zip(*slopes))
     by = (*by, "place_mm", "force_N_per_m")
-    return strokes, SolidDerivatives(by, of_image[at], of_depth[at], of_ramp, of_ramp_depth)
+    return strokes, SolidDerivatives(by, of_image[at, only], of_depth[at, only], of_ramp, of_ramp_depth)
 
 
 def test_near_the_guess_what_the_solver_says_is_predicted_to_first_order(monkeypatch):
