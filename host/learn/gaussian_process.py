@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dpotrf, dpotri
 from scipy.optimize import minimize
 
 from palpate.features.map_features import Floats
@@ -124,10 +124,16 @@ def _noise(theta: Floats) -> float:
 
 def _covariance(a: Floats, b: Floats, theta: Floats) -> Floats:
     """(rows of a, rows of b), without noise."""
+    return _matern(_apart(a, b, theta), theta)
+
+
+def _apart(a: Floats, b: Floats, theta: Floats) -> Floats:
+    """Distances (rows of a, rows of b) in lengths, times the root of 5."""
     lengths = np.exp(theta[1:-1])
     a, b = a / lengths, b / lengths
     squared = (a**2).sum(1)[:, None] + (b**2).sum(1) - 2 * a @ b.T
-    return _matern(np.sqrt(5 * np.maximum(squared, 0.0)), theta)
+    out: Floats = np.sqrt(5 * np.maximum(squared, 0.0))
+    return out
 
 
 def _matern(r: Floats, theta: Floats) -> Floats:
@@ -137,32 +143,29 @@ def _matern(r: Floats, theta: Floats) -> Floats:
 
 def _most_likely(z: Floats, y: Floats, smooth: Collection[int]) -> Floats:
     n, inputs = z.shape
-    apart = [np.subtract.outer(column, column) ** 2 for column in z.T]
     diagonal = np.diag_indices(n)
 
     def loss(theta: Floats) -> tuple[float, Floats]:
         """-ln of the posterior density, and its gradient."""
-        shrink = np.exp(-2 * theta[1:-1])
-        r = np.sqrt(5 * sum(s * d for s, d in zip(shrink, apart)))
+        r = _apart(z, z, theta)
         K = _matern(r, theta)
         with_noise = K.copy()
         with_noise[diagonal] += _noise(theta)
-        try:
-            L = np.linalg.cholesky(with_noise)
-        except np.linalg.LinAlgError:
+        factor, failed = dpotrf(with_noise, lower=True, clean=True)
+        if failed:
             return 1e9, np.zeros_like(theta)
-        half = solve_triangular(L, np.eye(n), lower=True)
-        inverse: NDArray[np.float64] = half.T @ half
+        lower, _ = dpotri(factor, lower=True)
+        inverse = lower + np.tril(lower, -1).T
         a = inverse @ y
         W = inverse - np.outer(a, a)
         slope = W * (np.exp(2 * theta[0] - r) * (5 / 3) * (1 + r))
+        by_squares = slope.sum(1) @ z**2 - ((slope @ z) * z).sum(0)
         off = (theta[1:-1] - _USUAL_LN_LENGTH) / _SPREAD_LN_LENGTH
         gradient = np.empty_like(theta)
         gradient[0] = (W * K).sum()
-        gradient[1:-1] = [0.5 * s * (slope * d).sum() for s, d in zip(shrink, apart)]
-        gradient[1:-1] += off / _SPREAD_LN_LENGTH
+        gradient[1:-1] = np.exp(-2 * theta[1:-1]) * by_squares + off / _SPREAD_LN_LENGTH
         gradient[-1] = np.trace(W) * np.exp(2 * theta[-1])
-        return float(0.5 * y @ a + np.log(np.diag(L)).sum() + 0.5 * off @ off), gradient
+        return float(0.5 * y @ a + np.log(np.diag(factor)).sum() + 0.5 * off @ off), gradient
 
     start = np.array([0.0, *[_USUAL_LN_LENGTH] * inputs, -3.0])
     lengths = [_SMOOTH_LN_LENGTHS if k in smooth else _LN_LENGTHS for k in range(inputs)]
