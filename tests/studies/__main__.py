@@ -25,6 +25,7 @@ MODULES = {
     "departed": "departed",
     "inverted": "inverted",
     "inverted_solid": "inverted_solid",
+    "outside": "outside",
     "phantoms": "phantoms",
     "pressed": "pressed",
     "ranges": "ranges",
@@ -68,6 +69,7 @@ def command(
       departed    what no class holds (waves, friction, two lumps): how often a fit says so (minutes each)
       inverted    strokes fitted by the forward model: errors and intervals (a minute each)
       inverted_solid  the same over balls and ellipsoids (minutes each, and two to compute each)
+      outside     lumps outside the bundled models' ranges: flags, and strokes fitted (a minute each)
       phantoms    eight balls in one soft material, three strokes each, fitted together (minutes each)
       pressed     presses alone, fitted by the forward model (minutes each)
       ranges      the bundled models at the ends of their ranges and beyond (minutes)

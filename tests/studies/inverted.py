@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from palpate.answer.fitted import HARD, LEVEL
 from palpate.errors import PalpateError
 from palpate.inversion.classes import ANYWHERE
+from palpate.inversion.felt import FeltStroke
 from palpate.inversion.result import FITS
 from palpate.inversion.start import Start
 from palpate.inversion.strokes import invert_stroke
@@ -58,13 +59,18 @@ def inverted(case: Case, seed: int, noise: str) -> dict[str, Any]:
         felt, start, stream, _ = felt_of(case, seed, noise)
     except PalpateError as error:  # no such tissue, no equilibrium, or a stroke that cannot be inverted
         return {"code": case.code, "problem": str(error)}
+    return fitted(felt, start, stream.truth, noise, ANYWHERE.name)
+
+
+def fitted(felt: FeltStroke, start: Start, under: Truth, noise: str, of: str) -> dict[str, Any]:
+    """A stroke's row, fitted under a class of this name."""
     begun = time.process_time()
-    found = invert_stroke(felt, start, level_named(noise), ANYWHERE.name)
+    found = invert_stroke(felt, start, level_named(noise), of)
     took = time.process_time() - begun
-    row: dict[str, Any] = {"code": case.code, "cpu_s": took, "problem": found.problem}
-    if found.problem:
-        return row
-    first, truths = said_first(start), truths_of(stream.truth)
+    row: dict[str, Any] = {"code": under.case.code, "cpu_s": took, "problem": found.problem}
+    if found.problem or not found.lump:
+        return row | {"problem": found.problem or "told as no lump"}
+    first, truths = said_first(start), truths_of(under)
     for name, factor in WORDS.items():
         value, truth = found.values[name], truths[name]
         assert value.high is not None
@@ -76,7 +82,7 @@ def inverted(case: Case, seed: int, noise: str) -> dict[str, Any]:
         row[name] = {"apart": float(apart), "sd": WIDER[factor].sd(float(half), found.settled)}
         row[name] |= {"first": float(before), "truth": truth}
     said = found.hardness
-    hard = case.E_inv23 < HARD
+    hard = under.case.E_inv23 < HARD
     right = None if said == "unsure" else (said == "hard") == hard
     more_likely = (found.values["E_inv23"].value < HARD) == hard
     return row | {"chi2": found.chi2, "settled": found.settled, "right": right, "likely": more_likely}
