@@ -172,10 +172,28 @@ def _model(name: str) -> tuple[ModelSpec, Replay]:
     return spec, Replay(None if spec.force_map is None else force_map.blob(spec.force_map), plain=True)
 
 
+Pressed = tuple[Sequence[bytes], Sequence[int]]
+"""A press' packed frames, displacements in um."""
+Stroked = tuple[Sequence[bytes], Sequence[int], Sequence[int]]
+"""A stroke's packed frames, positions and displacements in um."""
+
+
+def said_of(press: Pressed, frames: Stroked, calibration: object, model: str) -> tuple[dict[str, Any], float]:
+    """What a bundled model says of a stroke, as `reference.evaluate`, and where its lump lies, mm.
+
+    Nothing where it finds no lump.
+    """
+    spec, replay = _model(model)
+    if replay.stroke(*frames, calibration, press) != 0:  # type: ignore[arg-type]
+        return {}, 0.0
+    said = reference.evaluate(spec, reference.inputs(spec, replay.features()[None]))
+    return said, float(replay.results()["centre_mm"])
+
+
 def start_of(
     stroke: int,
-    press: tuple[Sequence[bytes], Sequence[int]],
-    frames: tuple[Sequence[bytes], Sequence[int], Sequence[int]],
+    press: Pressed,
+    frames: Stroked,
     calibration: object,
     lump_mm: float,
     model: str = models.ANYWHERE,
@@ -184,20 +202,16 @@ def start_of(
 
     Parameters
     ----------
-    press : packed frames, displacements in um
-    frames : packed frames, positions and displacements in um
     calibration : firmware_py.calib.Calibration
     lump_mm : float
         Where the lump lies if the map does not say.
     model : str
         One of `palpate.models.NAMES`.
     """
-    spec, replay = _model(model)
-    code = replay.stroke(*frames, calibration, press)  # type: ignore[arg-type]
+    said, centre = said_of(press, frames, calibration, model)
     middle = replace(MIDDLE, stroke=stroke, lump_mm=lump_mm)
-    if code != 0:
+    if not said:
         return middle
-    said = reference.evaluate(spec, reference.inputs(spec, replay.features()[None]))
     y = dict(zip(_OUTPUTS, said["y"][0]))
     values = [
         np.exp(y["ln d"]),
@@ -210,11 +224,10 @@ def start_of(
         return middle
     d, depth, t, s, E = (float(v) for v in values)
     low, high = sorted((frames[1][0] / 1e3, frames[1][-1] / 1e3))
-    centre = float(replay.results()["centre_mm"])
     centre = centre if low < centre < high else lump_mm
     return Start(
         stroke, float(np.clip(d, 4, 25)), float(np.clip(depth, 1.2, 40)), float(np.clip(t, *_T_MM)),
-        float(np.clip(s, 0.02, 0.7)), float(np.clip(E, 2, 60)), centre, _sd(spec, said),
+        float(np.clip(s, 0.02, 0.7)), float(np.clip(E, 2, 60)), centre, _sd(_model(model)[0], said),
     )  # fmt: skip
 
 

@@ -12,15 +12,14 @@ import numpy as np
 
 from palpate import models
 from palpate.errors import PalpateError
-from palpate.firmware_twin.replay_core import Replay
 from palpate.inversion.result import FITS
+from palpate.inversion.start import said_of
 from palpate.inversion.under import AUTO
 from palpate.inversion.widening import WIDER
-from palpate.model_export.fixed_point import force_map, reference
 from palpate.sim.tissue import Case
 from palpate.sim.tissue.any_tissue import rim_lumps
 from palpate.sim.tissue.anywhere import anywhere_rim
-from tests.host.inversion.world import felt_of
+from tests.host.inversion.world import felt_of, press_and_frames
 from tests.studies.inverted import WORDS, fitted
 from tests.studies.table import Asked, StudyTable, kept_rows, of_text
 
@@ -46,16 +45,8 @@ def felt(model: str, case: Case, seed: int, noise: str) -> dict[str, Any]:
         stroke, start, stream, calibration = felt_of(case, seed, noise)
     except PalpateError as error:  # no such tissue, no equilibrium, or a stroke that cannot be inverted
         return {"code": case.code, "model": model, "found": False, "problem": str(error)}
-    spec, p = models.load(model), stream.press
-    replay = Replay(None if spec.force_map is None else force_map.blob(spec.force_map), plain=True)
-    said = replay.stroke(
-        stream.packed[p:], stream.positions_um[p:], stream.displacements_um[p:], calibration,
-        (stream.packed[:p], stream.displacements_um[:p].tolist()),
-    )  # fmt: skip
-    row: dict[str, Any] = {"model": model, "found": said == 0, "flagged": False}
-    if row["found"]:
-        answer = reference.evaluate(spec, reference.inputs(spec, replay.features()[None]))
-        row["flagged"] = not answer["in_domain"][0]
+    said, _ = said_of(*press_and_frames(stream), calibration, model)
+    row = {"model": model, "found": bool(said), "flagged": bool(said) and not said["in_domain"][0]}
     return row | fitted(stroke, start, stream.truth, noise, AUTO)
 
 
@@ -67,14 +58,14 @@ def judged(rows: list[dict[str, Any]]) -> StudyTable:
         if not shown:
             continue
         told = [row for row in shown if not row["problem"]]
-        held = [_held(row) for row in told]
+        held = [_held(row) for row in shown]
         warned = [row["flagged"] or bool(row["problem"]) or row["chi2"] >= FITS for row in shown]
-        right = [not row["problem"] and all(_held(row)[:3]) for row in shown]
+        right = [bool(one) and all(one[:3]) for one in held]
         out.append([
             model, str(len(shown)), _share(row["flagged"] for row in shown),
             _share(row["chi2"] < FITS for row in told),
             *(f"{100 * np.median([abs(row[name]['apart']) for row in told]):.1f}" for name in WORDS),
-            " ".join(_share(of) for of in zip(*held)),
+            " ".join(_share(of) for of in zip(*filter(None, held))),
             _share(right), _share(a or b for a, b in zip(warned, right)),
         ])  # fmt: skip
     heads = ["model", "found", "flagged", "fits", *WORDS, "held", "d, depth and t held",
@@ -83,7 +74,9 @@ def judged(rows: list[dict[str, Any]]) -> StudyTable:
 
 
 def _held(row: dict[str, Any]) -> list[bool]:
-    """Whether the interval holds the truth, by `WORDS`."""
+    """Whether the interval holds the truth, by `WORDS`; nothing where there is no answer."""
+    if row["problem"]:
+        return []
     return [
         abs(row[name]["apart"]) <= WIDER[factor].half(row[name]["sd"], row["settled"])
         for name, factor in WORDS.items()

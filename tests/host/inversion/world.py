@@ -10,7 +10,7 @@ import numpy as np
 
 from firmware_py import calib
 from palpate.inversion.felt import FeltStroke, felt_press, felt_stroke
-from palpate.inversion.start import Start, start_of
+from palpate.inversion.start import Pressed, Start, Stroked, start_of
 from palpate.link.face import Face
 from palpate.models import ANYWHERE, BALLS
 from palpate.sim.probe.noise import Noise, level_named
@@ -84,6 +84,15 @@ def of_probe(sensors: SensorModel, other: SensorModel) -> None:
         setattr(sensors, name, getattr(other, name))
 
 
+def press_and_frames(stream: FrameStream) -> tuple[Pressed, Stroked]:
+    """A stream as models take it."""
+    p = stream.press
+    return (
+        (stream.packed[:p], stream.displacements_um[:p].tolist()),
+        (stream.packed[p:], stream.positions_um[p:], stream.displacements_um[p:]),
+    )
+
+
 def of_stream(stream: FrameStream, calibration: calib.Calibration) -> tuple[FeltStroke, Start]:
     """What the inversion takes of a stream."""
     p = stream.press
@@ -98,8 +107,7 @@ def of_stream(stream: FrameStream, calibration: calib.Calibration) -> tuple[Felt
     )
     start = start_of(
         0,
-        (stream.packed[:p], stream.displacements_um[:p].tolist()),
-        (stream.packed[p:], stream.positions_um[p:], stream.displacements_um[p:]),
+        *press_and_frames(stream),
         calibration,
         0.0,
         BALLS if felt.solid else ANYWHERE,

@@ -24,18 +24,13 @@ def test_the_recipe_names_the_strokes():
     ]
 
 
-def test_two_strokes_computed_again_at_every_third_place_are_the_kept_ones():
+def test_two_strokes_computed_again_are_the_kept_ones():
     on_line = (k for k in range(0, len(KEPT), 3) if KEPT[k].case.offset_mm == 0.0)
     quickest = min(on_line, key=lambda k: KEPT[k].case.t_mm)
     kept = KEPT[quickest], KEPT[quickest + 2]
-    places = kept[0].positions_mm[::-3][::-1]
-    places[0] = kept[0].positions_mm[0]  # the mesh spans them all
-    computed = simulate_forces(
-        kept[0].case, [k.case.F_rel for k in kept], positions_mm=places.tolist(), ramp=True
-    )
+    computed = simulate_forces(kept[0].case, [k.case.F_rel for k in kept], ramp=True)
     for new, old in zip(computed, kept, strict=True):
-        at = np.searchsorted(old.positions_mm, places)
-        assert new.case == old.case and np.array_equal(old.positions_mm[at], places)
-        np.testing.assert_allclose(new.displacement_mm, old.displacement_mm[at], rtol=1e-4)
-        np.testing.assert_allclose(new.images_kPa, old.images_kPa[at], atol=5e-3)
+        assert new.case == old.case
+        np.testing.assert_allclose(new.displacement_mm, old.displacement_mm, rtol=1e-4)
+        np.testing.assert_allclose(new.images_kPa, old.images_kPa, atol=5e-3)
         np.testing.assert_allclose(new.ramp_images_kPa, old.ramp_images_kPa, atol=5e-3)
