@@ -24,7 +24,7 @@ class Body:
     def __init__(self, mesh: SolidMesh, integrals: SolidIntegrals, constants: SolidElasticity) -> None:
         self.mesh, self.integrals, self.constants = mesh, integrals, constants
         I, c = integrals, constants
-        self._tables = (mesh.elements, I.dN, I.Ndx, c.mu_dx, c.b, c.stiffening, c.bulk)
+        self._tables = (mesh.elements, I.shape, I.dN, I.Ndx, c.mu_dx, c.b, c.stiffening, c.bulk)
 
     def residual(self, u: Floats, q: Floats, frozen: Floats) -> tuple[Floats, Floats]:
         """The mixed method's right-hand side (3N,), and the volume change theta (M, 4).
@@ -43,9 +43,9 @@ class Body:
         return self.residual(u, self.constants.bulk[:, None] * theta, none)[0]
 
     def tangent(self, u: Floats, q: Floats, which: NDArray[np.int64], K: NDArray, frozen: Floats) -> None:
-        """Fill, for the elements `which`, the upper triangles of the stiffnesses K (M, 81, 81), and
+        """Fill the upper triangles of the stiffnesses K (n, 81, 81) of the n elements `which`, and their
         `frozen`."""
-        kernels.tangent(u, q, which, *self._tables, self.constants.L, K, frozen)
+        kernels.tangent(u, q, which, *self._tables, self.constants.kind, self.constants.L, K, frozen)
 
     def pressure(self, du: Floats, theta: Floats, frozen: Floats) -> Floats:
         """Pressures (M, 4) after the step `du`, to first order with the gradients `frozen`."""
@@ -53,4 +53,6 @@ class Body:
 
     def smallest_jacobian(self, u: Floats) -> float:
         """Smallest determinant of the deformation gradient at any Gauss point; below 0 is inverted."""
-        return float(kernels.smallest_jacobian(u, self.mesh.elements, self.integrals.dN))
+        return float(
+            kernels.smallest_jacobian(u, self.mesh.elements, self.integrals.shape, self.integrals.dN)
+        )

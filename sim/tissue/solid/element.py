@@ -23,32 +23,40 @@ from palpate.sim.tissue.layers import LUMP, by_material, layer_at
 from palpate.sim.tissue.solid.mesh import SolidMesh
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 POINTS = 27
 LANES = 32
 """Gauss points, and the length of the vectors that hold them: filled up with points of no volume."""
 
+_DIGITS = 12
+"""Of a node's place in mm: elements that are alike to these digits have one shape. A derivative's step moves
+nodes by 1e-7 mm."""
+
 
 @dataclass(frozen=True)
 class SolidIntegrals:
-    """Of every element of a mesh, whatever it is made of.
+    """Of every element of a mesh, whatever it is made of; most of them share a few shapes.
 
     Attributes
     ----------
-    dN : ndarray (M, 3, 27, LANES)
+    shape : ndarray (M,)
+        Which of the S shapes each element has.
+    dN : ndarray (S, 3, 27, LANES)
         Gradients of the shape functions at the Gauss points.
+    Ndx : ndarray (S, 4, LANES)
+        Pressure functions, orthonormal in the element, times the points' volumes.
     dx : ndarray (M, LANES)
         The points' volumes.
-    Ndx : ndarray (M, 4, LANES)
-        Pressure functions, orthonormal in the element, times the volumes.
     y : ndarray (M, LANES)
         Heights of the points.
     volume : ndarray (M,)
     """
 
+    shape: Ints
     dN: Floats
-    dx: Floats
     Ndx: Floats
+    dx: Floats
     y: Floats
     volume: Floats
 
@@ -61,14 +69,15 @@ def integrate(mesh: SolidMesh) -> SolidIntegrals:
     FoldedElement
         Its Jacobian is not positive.
     """
-    basis = CellBasis(mesh.fem, ElementHex0(), intorder=5)  # three by three by three Gauss points
-    inverse = basis.mapping.invDF(
-        basis.X
-    )  # once, where a basis of ElementHex2 would for each of its functions
     corners = mesh.nodes_mm[mesh.elements]
+    first, shape = distinct((corners - corners[:, :1]).round(_DIGITS).reshape(len(corners), -1))
+    # three by three by three Gauss points
+    basis = CellBasis(mesh.fem, ElementHex0(), intorder=5, elements=first)
+    # once, where a basis of ElementHex2 would for each of its functions
+    inverse = basis.mapping.invDF(basis.X, first)
     if not (basis.dx > 0).all() or basis.dx.shape[1] != POINTS or not _right_handed(corners):
         raise FoldedElement("the lump cannot be meshed: an element is folded over")
-    count = len(mesh.elements)
+    count = len(first)
     dN, dx = np.zeros((count, 3, 27, LANES)), np.zeros((count, LANES))
     for a in range(27):
         _, slope = ElementHex2().lbasis(basis.X, a)
@@ -81,9 +90,17 @@ def integrate(mesh: SolidMesh) -> SolidIntegrals:
     orthonormal = np.linalg.solve(np.linalg.cholesky(gram), linear)
     Ndx = np.zeros((count, 4, LANES))
     Ndx[:, :, :POINTS] = orthonormal * basis.dx[:, None]
-    y = np.zeros((count, LANES))
-    y[:, :POINTS] = where[1]
-    return SolidIntegrals(dN, dx, Ndx, y, dx.sum(1))
+    y = np.zeros((len(corners), LANES))
+    y[:, :POINTS] = (where[1] - corners[first, 0, 1][:, None])[shape] + corners[:, 0, 1][:, None]
+    return SolidIntegrals(shape, dN, Ndx, dx[shape], y, dx.sum(1)[shape])
+
+
+def distinct(rows: Floats) -> tuple[Ints, Ints]:
+    """One of each of the rows (M, n) that differ, and which of these each row is (M,)."""
+    plain = np.ascontiguousarray(rows + 0.0)  # -0 is 0
+    as_bytes = plain.view(np.dtype((np.void, plain.strides[0])))[:, 0]
+    _, first, which = np.unique(as_bytes, return_index=True, return_inverse=True)
+    return first, which
 
 
 def _right_handed(corners: Floats) -> bool:
@@ -107,7 +124,9 @@ class SolidElasticity:
         Elements with a b.
     bulk : ndarray (M,)
         lambda + mu, mean over the element.
-    L : ndarray (M, 27, 27)
+    kind : ndarray (M,)
+        Which of the elements' kinds, by shape and moduli, each one is.
+    L : ndarray (kinds, 27, 27)
         Integral of mu grad N_a . grad N_b.
     """
 
@@ -115,6 +134,7 @@ class SolidElasticity:
     b: Floats
     stiffening: NDArray[np.bool_]
     bulk: Floats
+    kind: Ints
     L: Floats
 
 
@@ -127,6 +147,8 @@ def elasticity(case: Case, mesh: SolidMesh, integrals: SolidIntegrals) -> SolidE
     b = np.where(I.dx > 0, b, 0.0)
     mu_dx = young / (2 * (1 + nu)) * I.dx
     bulk_of_mu = 2 * nu / (1 - 2 * nu) + 1
-    flat = I.dN.transpose(0, 2, 1, 3).reshape(len(b), 27, -1)
-    L = (flat * np.tile(mu_dx, 3)[:, None]) @ flat.transpose(0, 2, 1)
-    return SolidElasticity(mu_dx, b, np.asarray((b > 0).any(1)), bulk_of_mu * mu_dx.sum(1) / I.volume, L)
+    first, kind = distinct(np.column_stack([I.shape, mu_dx]))
+    flat = I.dN[I.shape[first]].transpose(0, 2, 1, 3).reshape(len(first), 27, -1)
+    L = (flat * np.tile(mu_dx[first], 3)[:, None]) @ flat.transpose(0, 2, 1)
+    bulk = bulk_of_mu * mu_dx.sum(1) / I.volume
+    return SolidElasticity(mu_dx, b, np.asarray((b > 0).any(1)), bulk, kind, L)

@@ -96,14 +96,14 @@ class _Projector:
         body = self._run.newton.body
         I, c = body.integrals, body.constants
         u = state.u.reshape(-1, 3)[body.mesh.elements]
-        gradient = np.einsum("eai,ejap->ijep", u, I.dN[..., :POINTS], optimize=True)
+        gradient = np.einsum("eai,ejap->ijep", u, I.dN[I.shape][..., :POINTS], optimize=True)
         F = gradient + np.eye(3)[:, :, None, None]
         J = np.linalg.det(F.transpose(2, 3, 0, 1))
         right = np.einsum("kiep,kjep->ijep", F, F)
         strain = (right - np.eye(3)[:, :, None, None]) / 2
         stretches = np.sqrt(np.linalg.eigvalsh(right.transpose(2, 3, 0, 1)))
         dx = I.dx[:, :POINTS]
-        q = np.einsum("ek,ekp->ep", state.pressure, I.Ndx[..., :POINTS]) / dx
+        q = np.einsum("ek,ekp->ep", state.pressure, I.Ndx[I.shape][..., :POINTS]) / dx
         total = right[0, 0] + right[1, 1] + right[2, 2]
         shear = c.mu_dx[:, :POINTS] / dx * phi(EXPONENTIAL, total - 1 - 2 * J, c.b[:, :POINTS])[1]
         return {

@@ -22,13 +22,15 @@ def spread(dirty, parent, kept):
 
 @njit(cache=True, nogil=True)
 def factor_fronts(
-    dirty, kept, size, pivots, panel_start, corner_start, rest_start, child_start, child, element_start,
-    element, element_rows, up_start, up, run_start, run, contact_start, contact, contact_rows, K, blocks,
-    panels, corners, rests, routines, letters, numbers,
+    first, last, dirty, kept, size, pivots, panel_start, corner_start, rest_start, child_start, child,
+    element_start, element_rows, up_start, up, run_start, run, contact_start, contact, contact_rows, K,
+    blocks, panels, corners, rests, routines, letters, numbers,
 ):  # fmt: skip
-    """Renew the dirty fronts; False if a pivot is not positive."""
+    """Renew the dirty ones of the fronts `first` to before `last`; their elements' stiffnesses stand in K one
+    after the other; False if a pivot is not positive."""
     sizes = np.zeros(4, np.int32)
-    for f in range(len(size)):
+    next_element = 0
+    for f in range(first, last):
         if not dirty[f]:
             continue
         p = pivots[f]
@@ -41,7 +43,8 @@ def factor_fronts(
         for i in range(m):
             corner[i * m + i : i * m + m] = 0.0
         for k in range(element_start[f], element_start[f + 1]):
-            _add_block(panel, corner, p, n, K[element[k]], element_rows[k])
+            _add_block(panel, corner, p, n, K[next_element], element_rows[k])
+            next_element += 1
         for k in range(contact_start[f], contact_start[f + 1]):
             _add_block(panel, corner, p, n, blocks[contact[k]], contact_rows[contact[k]])
         for k in range(child_start[f], child_start[f + 1]):

@@ -13,7 +13,7 @@ from palpate.sim.tissue.solid.deformation import LANES, cofactors, deform, stiff
 
 
 @njit(cache=True, fastmath=True, nogil=True)
-def residual(u, q, frozen, elements, dN, Ndx, mu_dx, b, stiffening, bulk, R, theta):
+def residual(u, q, frozen, elements, shape, dN, Ndx, mu_dx, b, stiffening, bulk, R, theta):
     """Add the mixed method's forces of all elements to R (3N,), and fill theta (M, 4), the volume change.
 
     P = m (F - C) + sum q_k N_k C with the pressures q (M, 4) given; what the volume change asks for beyond
@@ -28,8 +28,8 @@ def residual(u, q, frozen, elements, dN, Ndx, mu_dx, b, stiffening, bulk, R, the
     force = np.zeros(81)
     for e in range(elements.shape[0]):
         nodes = elements[e]
-        D = dN[e]
-        N = Ndx[e]
+        D = dN[shape[e]]
+        N = Ndx[shape[e]]
         deform(u, nodes, D, F)
         cofactors(F, C, J)
         for p in range(LANES):
@@ -70,8 +70,8 @@ def residual(u, q, frozen, elements, dN, Ndx, mu_dx, b, stiffening, bulk, R, the
 
 
 @njit(cache=True, fastmath=True, nogil=True)
-def tangent(u, q, which, elements, dN, Ndx, mu_dx, b, stiffening, bulk, L, K, frozen):
-    """Fill the upper triangles of K (M, 81, 81) and the volume gradients `frozen` (M, 4, 81) of `which`.
+def tangent(u, q, which, elements, shape, dN, Ndx, mu_dx, b, stiffening, bulk, kind, L, K, frozen):
+    """Fill the upper triangles of K (n, 81, 81) and the volume gradients `frozen` (M, 4, 81) of `which` (n,).
 
     K = sum bulk G_k G_k^T + L + geometric, where the last is the integral of c dC/dF with c = q_k N_k - m.
     """
@@ -86,11 +86,12 @@ def tangent(u, q, which, elements, dN, Ndx, mu_dx, b, stiffening, bulk, L, K, fr
     crossed = np.zeros((81, 3 * LANES), K.dtype)
     along = np.zeros((81, LANES), K.dtype)
     scaled = np.zeros((81, LANES), K.dtype)
-    for e in which:
-        D = dN[e]
-        N = Ndx[e]
+    for place in range(len(which)):
+        e = which[place]
+        D = dN[shape[e]]
+        N = Ndx[shape[e]]
         G = frozen[e]
-        Ke = K[e]
+        Ke = K[place]
         deform(u, elements[e], D, F)
         cofactors(F, C, J)
         for p in range(LANES):
@@ -135,7 +136,7 @@ def tangent(u, q, which, elements, dN, Ndx, mu_dx, b, stiffening, bulk, L, K, fr
         else:
             for a in range(27):
                 for d in range(a, 27):
-                    s = L[e, a, d]
+                    s = L[kind[e], a, d]
                     for i in range(3):
                         Ke[3 * a + i, 3 * d + i] += s
         # F_i . (grad N_a x grad N_b) c, i the direction that neither node moves in
@@ -204,14 +205,14 @@ def pressure(du, elements, theta, frozen, bulk):
 
 
 @njit(cache=True, fastmath=True, nogil=True)
-def smallest_jacobian(u, elements, dN):
+def smallest_jacobian(u, elements, shape, dN):
     """Smallest det F at the Gauss points of all elements."""
     least = np.inf
     F = np.zeros((3, 3, LANES))
     C = np.zeros((3, 3, LANES))
     J = np.zeros(LANES)
     for e in range(elements.shape[0]):
-        deform(u, elements[e], dN[e], F)
+        deform(u, elements[e], dN[shape[e]], F)
         cofactors(F, C, J)
         for p in range(LANES):
             least = min(least, J[p] + 1.0)

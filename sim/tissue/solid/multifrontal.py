@@ -3,12 +3,12 @@ changed.
 
 The residual stays in double precision, so the equilibrium's digits do not depend on the factor's; but a
 factor in single precision takes half of the time and memory. Fronts over which nothing has changed are
-kept.
+kept. Of the elements' stiffnesses only those of the fronts in work are ever held.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 
 import numpy as np
@@ -26,6 +26,9 @@ Singles = NDArray[np.float32]
 
 MOST_SIDES = 64
 """Right-hand sides that are solved for together."""
+
+_BATCH = 64
+"""Elements whose stiffnesses are held at a time."""
 
 
 class Multifrontal:
@@ -47,6 +50,7 @@ class Multifrontal:
         self._rest_start = starts(np.where(self._kept, rest * (rest + 1) // 2, 0))
         self.contact = np.zeros((len(fronts.contact_rows), 3, 3), np.float32)
         self.flops = 0.0
+        self._K = np.empty((max(_BATCH, int(np.diff(fronts.element_start).max())), 81, 81), np.float32)
         self._panels = np.empty(fronts.panel_start[-1], np.float32)
         self._corners = np.empty(fronts.corners, np.float32)
         self._rests = np.empty(self._rest_start[-1], np.float32)
@@ -74,8 +78,14 @@ class Multifrontal:
         self._dirty[self.fronts.front_of_contact[changed]] = True
         self.contact = blocks
 
-    def factor(self, K: Singles) -> None:
-        """Factor the tangent of the element stiffnesses K (M, 81, 81), upper triangles.
+    def factor(self, fill: Callable[[Ints, Singles], None]) -> None:
+        """Factor the tangent.
+
+        Parameters
+        ----------
+        fill : callable
+            Puts the stiffnesses of some elements (n,) into an array (n, 81, 81), upper triangles. It is asked
+            for every element of a front that has changed, or has to be worked out again.
 
         Raises
         ------
@@ -85,15 +95,24 @@ class Multifrontal:
         f = self.fronts
         spread(self._dirty, f.parent, self._kept)
         self.flops = float(f.work[self._dirty].sum())
-        good = factor_fronts(
-            self._dirty, self._kept, f.size, f.pivots, f.panel_start, f.corner_start, self._rest_start,
-            f.child_start, f.child, f.element_start, f.element, f.element_rows, f.up_start, f.up, f.run_start,
-            f.run, f.contact_start, f.contact, f.contact_rows, K, self.contact, self._panels, self._corners,
-            self._rests, *_constants(),
-        )  # fmt: skip
-        self._dirty[:] = not good
-        if not good:
-            raise NotPositiveDefinite
+        asked = starts(np.where(self._dirty, np.diff(f.element_start), 0))
+        first = 0
+        while first < len(self._dirty):
+            last = max(int(np.searchsorted(asked, asked[first] + _BATCH, "right")) - 1, first + 1)
+            own = np.repeat(self._dirty[first:last], np.diff(f.element_start[first : last + 1]))
+            which = f.element[f.element_start[first] : f.element_start[last]][own]
+            fill(which, self._K[: len(which)])
+            good = factor_fronts(
+                first, last, self._dirty, self._kept, f.size, f.pivots, f.panel_start, f.corner_start,
+                self._rest_start, f.child_start, f.child, f.element_start, f.element_rows, f.up_start, f.up,
+                f.run_start, f.run, f.contact_start, f.contact, f.contact_rows, self._K, self.contact,
+                self._panels, self._corners, self._rests, *_constants(),
+            )  # fmt: skip
+            if not good:
+                self._dirty[:] = True
+                raise NotPositiveDefinite
+            first = last
+        self._dirty[:] = False
 
     def solve(self, sides: Floats | Singles) -> Floats:
         """Solutions (n, 3N) for right-hand sides (n, 3N); what is held stays as it is."""

@@ -77,7 +77,6 @@ class SolidNewton:
         mesh = body.mesh
         self._held = np.nonzero(mesh.fixed.ravel())[0]
         self._all = np.arange(len(mesh.elements))
-        self._stiffness = np.zeros((len(mesh.elements), 81, 81), np.float32)
         self._frozen = np.zeros((len(mesh.elements), 4, 81))
         self._started = False
         self._slow = 0
@@ -201,10 +200,9 @@ class SolidNewton:
 
     def _renew(self, u: Floats, q: Floats, seen: Touching, which: Ints, curved: bool) -> None:
         self.counts.factorisations += 1
-        self.body.tangent(u, q, which, self._stiffness, self._frozen)
         self.solver.change_elements(which)
         self.solver.change_contact(self.contact.stiffness(seen, curved))
-        self.solver.factor(self._stiffness)
+        self.solver.factor(lambda some, K: self.body.tangent(u, q, some, K, self._frozen))
 
     def _correct(self, seen: Touching) -> None:
         """Prepare the correction for what has come into contact or left it since the factorisation."""
