@@ -145,7 +145,8 @@ class _Columns:
 
     def __init__(self, run: StrokeRun, topology: Topology, by: tuple[str, ...], sensors: Floats) -> None:
         assert isinstance(run.newton, Newton)
-        self._run, self._by, self._newton, self._sensors = run, by, run.newton, sensors
+        self._run, self._by, self._sensors = run, by, sensors
+        self._newton = Newton(run.tissue, run.contact, topology.precise, run.newton.tolerance)
         self._held = np.nonzero(run.mesh.fixed.ravel())[0]
         self._zero = np.zeros((len(run.mesh.elements), 3))
         self._frozen = np.zeros((len(run.mesh.elements), 3, 18))

@@ -77,6 +77,11 @@ class Topology:
         """One for all cases: its analysis knows nodes and elements, not places."""
         return make_solver(self.settings.solver, self._mesh)
 
+    @cached_property
+    def precise(self) -> LinearSolver:
+        """Another, for derivatives."""
+        return make_solver(self.settings.solver, self._mesh, precise=True)
+
     def grid(self, case: Case) -> Grid:
         """The reference grid with its lines moved to where `case` has them.
 

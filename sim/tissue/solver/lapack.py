@@ -17,7 +17,7 @@ from numba.extending import get_cython_function_address, intrinsic
 
 
 class Lapack(NamedTuple):
-    """What `partial_cholesky` calls: addresses of dpotrf, dtrsm and dsyrk, and their constant arguments."""
+    """What `partial_cholesky` calls: addresses of potrf, trsm and syrk, and their constant arguments."""
 
     routines: np.ndarray
     letters: np.ndarray
@@ -25,13 +25,18 @@ class Lapack(NamedTuple):
 
 
 @cache
-def lapack() -> Lapack:
-    """SciPy's own."""
-    names = ("cython_lapack", "dpotrf"), ("cython_blas", "dtrsm"), ("cython_blas", "dsyrk")
+def lapack(single: bool) -> Lapack:
+    """SciPy's own, for single or double precision."""
+    letter, precision = ("s", np.float32) if single else ("d", np.float64)
+    names = (
+        ("cython_lapack", letter + "potrf"),
+        ("cython_blas", letter + "trsm"),
+        ("cython_blas", letter + "syrk"),
+    )
     return Lapack(
         routines=np.array([get_cython_function_address(f"scipy.linalg.{m}", f) for m, f in names], np.int64),
         letters=np.frombuffer(b"LRTN", np.uint8).copy(),
-        factors=np.array([1.0, -1.0]),
+        factors=np.array([1.0, -1.0], precision),
     )
 
 
@@ -66,7 +71,7 @@ def partial_cholesky(M, first, pivots, n, lapack, sizes):
     sizes[1] = stride
     sizes[2] = rest
     sizes[3] = 0
-    item = 8
+    item = M.itemsize
     base = M.ctypes.data + item * (first * stride + first)
     below = base + item * pivots
     corner = base + item * pivots * (stride + 1)
@@ -84,6 +89,6 @@ def partial_cholesky(M, first, pivots, n, lapack, sizes):
         )
         call(
             lapack.routines[2],
-            (lower, plain, size + 8, size, one + 8, below, size + 4, one, corner, size + 4),
+            (lower, plain, size + 8, size, one + item, below, size + 4, one, corner, size + 4),
         )
     return True

@@ -53,6 +53,7 @@ def _subtract_four(M, k, begin, end, stop):
 @njit(cache=True, nogil=True)
 def _eliminate_interior(M, interior, spans):
     """Eliminate the first rows of M, four at a time, each only as far as it reaches."""
+    one = M.dtype.type(1.0)
     for chunk in range((interior + 3) // 4):
         k0 = 4 * chunk
         k1 = min(k0 + 4, interior)
@@ -63,7 +64,7 @@ def _eliminate_interior(M, interior, spans):
             row = M[k]
             if not row[k] > 0.0:
                 return False
-            s = 1.0 / np.sqrt(row[k])
+            s = one / np.sqrt(row[k])
             for j in range(k, inner):
                 row[j] *= s
             for j in range(begin, end):
@@ -156,6 +157,7 @@ def eliminate(begin, end, flipped, tangent, columns, chain, factor, lapack):
     blas = Lapack(*lapack)
     sizes = np.zeros(4, np.int32)
     flat = work.ravel()
+    one = rows.dtype.type(1.0)
     steps = len(size)
     for g in range(begin, end):
         n = size[g]
@@ -204,7 +206,7 @@ def eliminate(begin, end, flipped, tangent, columns, chain, factor, lapack):
             first = n
             if i < m:
                 first = spans[g, i // 4, 0]
-            rows[place] = 1.0 / source[i]
+            rows[place] = one / source[i]
             for j in range(i + 1, first):
                 rows[place + j - i] = source[j]
             place += first - i

@@ -54,7 +54,7 @@ def _reach_of_row(k, n, interior, spans):
 @njit(cache=True, nogil=True)
 def forward(x, count, dofs, interior, pivots, size, spans, row_starts, rows):
     """Forward substitution along `count` steps of a chain, for right-hand sides x (k, 2N)."""
-    local = np.empty(dofs.shape[1])
+    local = np.empty(dofs.shape[1], x.dtype)
     for g in range(count):
         n = size[g]
         for r in range(x.shape[0]):
@@ -89,8 +89,8 @@ def backward(x, count, dofs, interior, pivots, size, spans, row_starts, rows):
 
     Its sums wait for one number after the other: two right-hand sides are taken at once, not in turn.
     """
-    a = np.zeros(dofs.shape[1])
-    b = np.zeros(dofs.shape[1])
+    a = np.zeros(dofs.shape[1], x.dtype)
+    b = np.zeros(dofs.shape[1], x.dtype)
     last = x.shape[0] - 1
     for g in range(count - 1, -1, -1):
         n = size[g]
@@ -126,7 +126,7 @@ def backward(x, count, dofs, interior, pivots, size, spans, row_starts, rows):
 def solve_root(x, dofs, U):
     """Both substitutions at the root."""
     n = len(dofs)
-    local = np.empty(n)
+    local = np.empty(n, x.dtype)
     for r in range(x.shape[0]):
         for i in range(n):
             local[i] = x[r, dofs[i]]

@@ -32,8 +32,8 @@ def forward_elements(x, outer, middle, condensed):
 def backward_elements(x, outer, middle, condensed):
     """Solve for the middles once the rest is known."""
     count = x.shape[1]
-    u = np.empty(count)
-    v = np.empty(count)
+    u = np.empty(count, x.dtype)
+    v = np.empty(count, x.dtype)
     for e in range(outer.shape[0]):
         p = x[middle[e]]
         q = x[middle[e] + 1]
@@ -55,7 +55,7 @@ def backward_elements(x, outer, middle, condensed):
 def forward(x, count, dofs, interior, pivots, size, spans, row_starts, rows):
     """Forward substitution along `count` steps of a chain."""
     many = x.shape[1]
-    local = np.empty((dofs.shape[1], many))
+    local = np.empty((dofs.shape[1], many), x.dtype)
     for g in range(count):
         n = size[g]
         for i in range(n):
@@ -86,7 +86,7 @@ def forward(x, count, dofs, interior, pivots, size, spans, row_starts, rows):
 def backward(x, count, dofs, interior, pivots, size, spans, row_starts, rows):
     """Back substitution along `count` steps of a chain, the last first."""
     many = x.shape[1]
-    local = np.empty((dofs.shape[1], many))
+    local = np.empty((dofs.shape[1], many), x.dtype)
     for g in range(count - 1, -1, -1):
         n = size[g]
         for i in range(n):
@@ -118,7 +118,7 @@ def solve_root(x, dofs, U):
     """Both substitutions at the root."""
     n = len(dofs)
     many = x.shape[1]
-    local = np.empty((n, many))
+    local = np.empty((n, many), x.dtype)
     for i in range(n):
         local[i] = x[dofs[i]]
     for k in range(n):

@@ -46,7 +46,7 @@ def press(tissue: Tissue, shape: ProbeShape, force: float, depth: float, toleran
     """Press in the middle: places (S,), pressures (S,), state."""
     mesh = tissue.mesh
     contact = Contact(mesh, shape, 0.0, augmentation)
-    newton = Newton(tissue, contact, make_solver("strip", mesh), tolerance)
+    newton = Newton(tissue, contact, make_solver("strip", mesh, precise=True), tolerance)
     top = mesh.nodes_mm[mesh.surface[0], 1]
     zero = np.zeros(2 * len(mesh.nodes_mm))
     start = State(zero, top - depth, np.zeros(len(mesh.surface)), np.zeros((len(mesh.elements), 3)))
