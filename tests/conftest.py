@@ -13,6 +13,8 @@ from hypothesis import HealthCheck, settings
 # Hundreds of commands start here: without kept byte code each compiles SciPy, pandas and Numba anew.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+# Workers whose BLAS each takes all processors wait for each other: a fit of balls took thirty times as long.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 settings.register_profile(
     "palpate", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]

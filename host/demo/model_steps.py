@@ -44,7 +44,7 @@ def fit_step(strokes: list[Any], path: Path, stderr: bool) -> Any:
     from palpate.learn.thesis.fit import fit_thesis
     from palpate.learn.thesis.polynomial import fit_thesis_model
     from palpate.learn.thesis.runs import features_table
-    from palpate.sim.tissue.stroke import one_blas_thread
+    from palpate.sim.tissue.one_thread import one_blas_thread
 
     with one_blas_thread():
         fit = fit_thesis(features_table(strokes), permutations=0)

@@ -120,7 +120,7 @@ def fit(
     check_kind(kind, displacement, tissue is not None, anywhere)
     if kind not in KINDS:
         raise UsageError(f"there is no kind of model {kind!r}; there are {', '.join(KINDS)}")
-    from palpate.sim.tissue.stroke import one_blas_thread
+    from palpate.sim.tissue.one_thread import one_blas_thread
 
     if kind == "thesis":
         from palpate.learn.thesis.fit import fit_thesis

@@ -12,9 +12,10 @@ from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.face_sensors import SENSORS_MM
 from palpate.sim.tissue.geometry import geometry_of
 from palpate.sim.tissue.mesh import TissueMesh
+from palpate.sim.tissue.one_thread import one_blas_thread
 from palpate.sim.tissue.run import StrokeRun
 from palpate.sim.tissue.settings import Settings
-from palpate.sim.tissue.stroke import checked_positions, one_blas_thread
+from palpate.sim.tissue.stroke import checked_positions
 
 Floats = NDArray[np.float64]
 

@@ -27,9 +27,9 @@ from palpate.sim.tissue.frames import SolvedFrames
 from palpate.sim.tissue.layers import DEEPER, UNDER_FAT, fields_of
 from palpate.sim.tissue.material import Tissue, elasticity
 from palpate.sim.tissue.newton import Newton
+from palpate.sim.tissue.one_thread import one_blas_thread
 from palpate.sim.tissue.run import StrokeRun
 from palpate.sim.tissue.state import State
-from palpate.sim.tissue.stroke import one_blas_thread
 from palpate.sim.tissue.topology import OutsideTopology, Topology
 
 Floats = NDArray[np.float64]

@@ -17,11 +17,11 @@ from palpate.sim.tissue.checks import inside_out
 from palpate.sim.tissue.errors import StrokeError
 from palpate.sim.tissue.geometry import Geometry
 from palpate.sim.tissue.newton import NoConvergence
+from palpate.sim.tissue.one_thread import one_blas_thread
 from palpate.sim.tissue.reading import OWN_PLACES
 from palpate.sim.tissue.run import StrokeRun
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.state import State, combine, extrapolation
-from palpate.sim.tissue.stroke import one_blas_thread
 
 Floats = NDArray[np.float64]
 

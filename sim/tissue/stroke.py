@@ -5,17 +5,16 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import ThreadpoolController
 
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.errors import CaseError
 from palpate.sim.tissue.geometry import forget_geometries, geometry_of
+from palpate.sim.tissue.one_thread import one_blas_thread
 from palpate.sim.tissue.result import Stroke
 from palpate.sim.tissue.run import StrokeRun
 from palpate.sim.tissue.settings import Settings
@@ -102,11 +101,6 @@ def simulate_forces(
     return strokes
 
 
-def one_blas_thread() -> AbstractContextManager[object]:
-    """While this lasts, linear algebra keeps to one thread; more would slow small matrices tenfold."""
-    return _blas().limit(limits=1, user_api="blas")
-
-
 @cache
 def _warm_up() -> None:
     """Compile the kernels, or load them, so that no stroke's time has this in it."""
@@ -114,13 +108,6 @@ def _warm_up() -> None:
     run = StrokeRun(case, Settings(), geometry_of(case, Settings(hx_mm=4.0), 0.0, 2.0))
     run.stroke(np.array([0.0, 2.0]), run.press(0.0, None), 0.0)
     forget_geometries()
-
-
-@cache
-def _blas() -> ThreadpoolController:
-    import scipy.linalg  # noqa: F401 (its own BLAS must be loaded to be found)
-
-    return ThreadpoolController()
 
 
 def load_curve(

@@ -20,13 +20,13 @@ from multiprocessing import get_context
 import numpy as np
 
 from palpate.sim.tissue import Case, Settings, Stroke, simulate
+from palpate.sim.tissue.one_thread import one_blas_thread
 from palpate.sim.tissue.solid.element import elasticity
 from palpate.sim.tissue.solid.grid import lay_grid
 from palpate.sim.tissue.solid.multifrontal import Multifrontal
 from palpate.sim.tissue.solid.newton import near_probe
 from palpate.sim.tissue.solid.run import Body, set_up
 from palpate.sim.tissue.solid.stroke import forget_geometry, simulate_forces
-from palpate.sim.tissue.stroke import one_blas_thread
 
 CASES = (("on the line", "d10h08e10f07_ball"), ("5 mm beside it", "d10h08e10f07_ball_y5"))
 ROUNDS = 5

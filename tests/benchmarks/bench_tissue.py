@@ -24,8 +24,8 @@ from palpate.sim.tissue.element import integrate
 from palpate.sim.tissue.geometry import forget_geometries
 from palpate.sim.tissue.material import Tissue, elasticity
 from palpate.sim.tissue.mesh import build_mesh
+from palpate.sim.tissue.one_thread import one_blas_thread
 from palpate.sim.tissue.solver.choice import make_solver
-from palpate.sim.tissue.stroke import one_blas_thread
 from tests.benchmarks.peers import Peer
 
 CODE = "d10h08e10f10"

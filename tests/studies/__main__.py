@@ -12,7 +12,7 @@ from palpate.cli.numbers import SEED
 from palpate.cli.runner import run
 from palpate.console import json_option, note, print_json, showing_progress, table
 from palpate.errors import UsageError
-from palpate.sim.tissue.stroke import one_blas_thread
+from palpate.sim.tissue.one_thread import one_blas_thread
 from tests.studies.table import Asked
 
 TOLD = ("noise", "bits", "pitch", "dead", "force")

@@ -21,6 +21,7 @@ from palpate.sim.tissue.errors import CaseError, StrokeError
 from palpate.sim.tissue.face_sensors import ACROSS, SENSORS_MM, places_mm
 from palpate.sim.tissue.layers import UNDER_FAT
 from palpate.sim.tissue.newton import NoConvergence
+from palpate.sim.tissue.one_thread import one_blas_thread
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.solid.body import Body
 from palpate.sim.tissue.solid.element import elasticity, integrate
@@ -30,7 +31,6 @@ from palpate.sim.tissue.solid.run import SolidRun
 from palpate.sim.tissue.solid.stroke import simulate_forces
 from palpate.sim.tissue.solid.topology import SolidTopology
 from palpate.sim.tissue.state import State
-from palpate.sim.tissue.stroke import one_blas_thread
 
 Floats = NDArray[np.float64]
 

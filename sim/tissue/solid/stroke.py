@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 from palpate.sim.tissue import face_sensors
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.errors import FoldedElement
+from palpate.sim.tissue.one_thread import one_blas_thread
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.solid.grid import lay_grid
 from palpate.sim.tissue.solid.plain import PlainPress
 from palpate.sim.tissue.solid.result import SolidStroke
 from palpate.sim.tissue.solid.run import SolidGeometry, SolidRun, Track, set_up
 from palpate.sim.tissue.state import State
-from palpate.sim.tissue.stroke import checked_positions, one_blas_thread
+from palpate.sim.tissue.stroke import checked_positions
 
 Floats = NDArray[np.float64]
 
