@@ -57,17 +57,25 @@ class SolidCholmod:
         order = cvxopt.matrix(list(range(self._size)))
         self._factor = cholmod.symbolic(self._matrix, p=order, uplo="L")
         self._contact = np.zeros((len(contact), 3, 3))
+        self._K = np.empty((len(elements), 81, 81), np.float32)
+        self._changed = np.ones(len(elements), bool)
 
-    def change_elements(self, which: object) -> None:
-        """All are assembled each time."""
+    def change_elements(self, which: Any) -> None:
+        """See `Multifrontal.change_elements`."""
+        self._changed[which] = True
 
     def change_contact(self, blocks: Any) -> None:
         """See `Multifrontal.change_contact`."""
         self._contact = blocks
 
-    def factor(self, K: Any) -> None:
+    def factor(self, fill: Callable[[Any, Any], None]) -> None:
         """See `Multifrontal.factor`."""
-        parts = [M[:, *np.triu_indices(M.shape[1])][u] for M, u in zip((K, self._contact), self._used)]
+        changed = np.nonzero(self._changed)[0]
+        some = np.empty((len(changed), 81, 81), np.float32)
+        fill(changed, some)
+        self._K[changed] = some
+        self._changed[:] = False
+        parts = [M[:, *np.triu_indices(M.shape[1])][u] for M, u in zip((self._K, self._contact), self._used)]
         self._matrix.V = cvxopt.matrix(np.bincount(self._place, np.concatenate(parts)))
         try:
             cholmod.numeric(self._matrix, self._factor)

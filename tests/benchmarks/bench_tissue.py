@@ -150,7 +150,8 @@ def peers(fine: Stroke) -> None:
             if turn >= PEER_ROUNDS[name]:
                 continue
             try:
-                found[name] = run(case, settings)
+                with one_blas_thread():
+                    found[name] = run(case, settings)
             except (RuntimeError, ArithmeticError, OSError) as error:
                 print(f"| {name} | did not get through: {error} |", flush=True)
                 continue

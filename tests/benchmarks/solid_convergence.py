@@ -18,6 +18,7 @@ from typing import Any
 from palpate.cli.simulate import over_the_lump
 from palpate.features.map_features import stroke_features
 from palpate.sim.tissue import Case, Settings, Stroke, simulate
+from palpate.sim.tissue.one_thread import one_blas_thread
 from palpate.sim.tissue.solid import grid, stroke
 from palpate.sim.tissue.solid.stroke import forget_geometry
 
@@ -122,7 +123,8 @@ def felupe() -> None:
         with sizes({"outer": shells}):
             ours = simulate(case, Settings(), WAY_MM)
             felupe_solid.lay_grid = stroke.lay_grid
-            theirs = felupe_solid.run(case, Settings(), WAY_MM)
+            with one_blas_thread():
+                theirs = felupe_solid.run(case, Settings(), WAY_MM)
             felupe_solid.lay_grid = grid.lay_grid
         cells = [f"{ours.nodes:,}"]
         read = [images[:, MIDDLE_ROWS, 12:14].mean((1, 2)) for images in (ours.images_kPa, theirs.images_kPa)]
