@@ -21,7 +21,7 @@ from palpate.inversion.under import AUTO, LUMPS, classes_over, forward_of, odds_
 from palpate.inversion.widening import WIDER_PRESS
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue import CaseError, StrokeError
-from palpate.sim.tissue.one_thread import on_one_blas_thread
+from palpate.sim.tissue.one_thread import one_blas_thread
 
 _FRAMES = 6
 _STEPS, _FINE_STEPS = 12, 5
@@ -33,7 +33,7 @@ _AS_WELL = 6.0
 Found = tuple[Posterior, Mode]
 
 
-@on_one_blas_thread
+@one_blas_thread()
 def invert_press(press: FeltStroke, noise: Noise, kind: str = AUTO) -> Inverted:
     """Invert a press; as `palpate.inversion.strokes.invert_stroke`."""
     some = _thinned(press)

@@ -26,7 +26,7 @@ from palpate.inversion.two_lumps import as_two
 from palpate.inversion.under import AUTO, classes_over, odds_of
 from palpate.link.face import Face
 from palpate.sim.probe.noise import Noise, level_named
-from palpate.sim.tissue.one_thread import on_one_blas_thread
+from palpate.sim.tissue.one_thread import one_blas_thread
 
 KINDS = (AUTO, *CLASSES)
 _MAYBE = float(np.log(0.01))
@@ -89,7 +89,7 @@ def invert_stroke(stroke: FeltStroke, start: Start, noise: Noise, kind: str = AU
     )
 
 
-@on_one_blas_thread
+@one_blas_thread()
 def invert_together(strokes: Sequence[Felt], noise: Noise, kind: str = AUTO) -> Inverted:
     """Invert strokes over one lump: they share it and the tissue; places, forces and gains are their own."""
     number = strokes[0][0].stroke

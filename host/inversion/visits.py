@@ -33,7 +33,7 @@ from palpate.inversion.under import classes_over, emulated_of, forward_of, odds_
 from palpate.inversion.widening import WIDER, WIDER_SOLID, Widening
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue import Settings
-from palpate.sim.tissue.one_thread import on_one_blas_thread
+from palpate.sim.tissue.one_thread import one_blas_thread
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -46,7 +46,7 @@ _OF_THE_PROBE = ("gain", "scale", "creep")
 """Shared besides where both visits were made with one probe; its zeros may have drifted in between."""
 
 
-@on_one_blas_thread
+@one_blas_thread()
 def invert_visits(
     before: Sequence[Felt],
     after: Sequence[Felt],

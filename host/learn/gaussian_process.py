@@ -16,7 +16,7 @@ from scipy.linalg.lapack import dpotrf, dpotri
 from scipy.optimize import minimize
 
 from palpate.features.map_features import Floats
-from palpate.sim.tissue.one_thread import on_one_blas_thread
+from palpate.sim.tissue.one_thread import one_blas_thread
 
 MOST = 400
 """Rows, drawn at random, that the lengths are found from; all rows then share them."""
@@ -91,7 +91,7 @@ class GaussianProcess:
         return lengths, b, (b**2).sum(1)
 
 
-@on_one_blas_thread
+@one_blas_thread()
 def fit_process(x: Floats, y: Floats, seed: int = 0, smooth: Collection[int] = ()) -> GaussianProcess:
     """Learn y (n,) as a function of x (n, inputs); the same seed finds the same lengths.
 

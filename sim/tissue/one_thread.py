@@ -3,31 +3,18 @@ the machine."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
-from functools import cache, wraps
-from typing import ParamSpec, TypeVar
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
 
 from threadpoolctl import ThreadpoolController
 
-_P = ParamSpec("_P")
-_R = TypeVar("_R")
 
-
-def one_blas_thread() -> AbstractContextManager[object]:
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
     """While this lasts, linear algebra keeps to one thread; more would slow small matrices tenfold."""
-    return _blas().limit(limits=1, user_api="blas")
-
-
-def on_one_blas_thread(work: Callable[_P, _R]) -> Callable[_P, _R]:
-    """A function that does this work under `one_blas_thread`."""
-
-    @wraps(work)
-    def on_one(*args: _P.args, **named: _P.kwargs) -> _R:
-        with one_blas_thread():
-            return work(*args, **named)
-
-    return on_one
+    with _blas().limit(limits=1, user_api="blas"):
+        yield
 
 
 @cache

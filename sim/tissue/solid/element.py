@@ -70,12 +70,13 @@ def integrate(mesh: SolidMesh) -> SolidIntegrals:
         Its Jacobian is not positive.
     """
     corners = mesh.nodes_mm[mesh.elements]
-    first, shape = distinct((corners - corners[:, :1]).round(_DIGITS).reshape(len(corners), -1))
+    rows = (corners - corners[:, :1]).round(_DIGITS).reshape(len(corners), -1)
+    _, first, shape = np.unique(rows, axis=0, return_index=True, return_inverse=True)
     # three by three by three Gauss points
     basis = CellBasis(mesh.fem, ElementHex0(), intorder=5, elements=first)
     # once, where a basis of ElementHex2 would for each of its functions
     inverse = basis.mapping.invDF(basis.X, first)
-    if not (basis.dx > 0).all() or basis.dx.shape[1] != POINTS or not _right_handed(corners):
+    if not (basis.dx > 0).all() or basis.dx.shape[1] != POINTS or not _right_handed(corners[first]):
         raise FoldedElement("the lump cannot be meshed: an element is folded over")
     count = len(first)
     dN, dx = np.zeros((count, 3, 27, LANES)), np.zeros((count, LANES))
@@ -93,14 +94,6 @@ def integrate(mesh: SolidMesh) -> SolidIntegrals:
     y = np.zeros((len(corners), LANES))
     y[:, :POINTS] = (where[1] - corners[first, 0, 1][:, None])[shape] + corners[:, 0, 1][:, None]
     return SolidIntegrals(shape, dN, Ndx, dx[shape], y, dx.sum(1)[shape])
-
-
-def distinct(rows: Floats) -> tuple[Ints, Ints]:
-    """One of each of the rows (M, n) that differ, and which of these each row is (M,)."""
-    plain = np.ascontiguousarray(rows + 0.0)  # -0 is 0
-    as_bytes = plain.view(np.dtype((np.void, plain.strides[0])))[:, 0]
-    _, first, which = np.unique(as_bytes, return_index=True, return_inverse=True)
-    return first, which
 
 
 def _right_handed(corners: Floats) -> bool:
@@ -147,7 +140,8 @@ def elasticity(case: Case, mesh: SolidMesh, integrals: SolidIntegrals) -> SolidE
     b = np.where(I.dx > 0, b, 0.0)
     mu_dx = young / (2 * (1 + nu)) * I.dx
     bulk_of_mu = 2 * nu / (1 - 2 * nu) + 1
-    first, kind = distinct(np.column_stack([I.shape, mu_dx]))
+    rows = np.column_stack([I.shape, mu_dx])
+    _, first, kind = np.unique(rows, axis=0, return_index=True, return_inverse=True)
     flat = I.dN[I.shape[first]].transpose(0, 2, 1, 3).reshape(len(first), 27, -1)
     L = (flat * np.tile(mu_dx[first], 3)[:, None]) @ flat.transpose(0, 2, 1)
     bulk = bulk_of_mu * mu_dx.sum(1) / I.volume

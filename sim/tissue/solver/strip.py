@@ -37,7 +37,7 @@ class StripCholesky:
     """
 
     def __init__(self, mesh: TissueMesh, precision: type[np.floating] = np.float32) -> None:
-        self._precision, self._single = precision, precision is np.float32
+        self._precision, self._lapack = precision, tuple(lapack(precision is np.float32))
         self._columns = lay_out_columns(mesh)
         self._chains = (lay_out_chain(mesh, self._columns, False), lay_out_chain(mesh, self._columns, True))
         nodes = mesh.elements[:, CORNERS_AND_SIDES]
@@ -84,7 +84,7 @@ class StripCholesky:
         for side, end in enumerate((self._root + 1, self._count - self._root - 1)):
             good = strip_factor.eliminate(
                 self._valid[side], end, side == 1, tangent, tuple(self._columns), tuple(self._chains[side]),
-                tuple(self._factors[side]), tuple(lapack(self._single)),
+                tuple(self._factors[side]), self._lapack,
             )  # fmt: skip
             self._valid[side] = max(self._valid[side], end) if good else 0
             if not good:
@@ -107,9 +107,7 @@ class StripCholesky:
         n = len(match)
         self._root_rows = np.zeros((n, n), self._precision)
         left_schur, right_schur = self._factors[0].schur[here], self._factors[1].schur[there]
-        return bool(
-            strip_factor.join(left_schur, right_schur, match, self._root_rows, n, tuple(lapack(self._single)))
-        )
+        return bool(strip_factor.join(left_schur, right_schur, match, self._root_rows, n, self._lapack))
 
     def solve(self, B: Floats) -> Floats:
         """See `LinearSolver.solve`."""

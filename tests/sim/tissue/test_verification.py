@@ -93,16 +93,16 @@ def test_the_solvers_agree():
     contact[4:9] = [10.0, 3.0, 1e6]
     B = np.random.default_rng(5).normal(size=(2, 2 * len(tissue.mesh.nodes_mm)))
     solutions = []
-    for name in ("strip", "cholmod", "superlu"):
-        solver = make_solver(name, tissue.mesh, precise=True)
+    for name, precise in (("strip", True), ("cholmod", True), ("superlu", True), ("strip", False)):
+        solver = make_solver(name, tissue.mesh, precise)
         solver.change(0.9 * K, np.arange(m))
         solver.factor(contact, 3.0)
         solver.change(K, np.arange(m // 2))  # half is changed, the rest found again
         solver.change(K, np.arange(m // 2, m))
         solver.factor(contact, -3.0)
         solutions.append(solver.solve(B))
-    for other in solutions[1:]:
-        np.testing.assert_allclose(other, solutions[0], atol=1e-9 * np.abs(solutions[0]).max())
+    for other, digits in zip(solutions[1:], (9, 9, 4), strict=True):
+        np.testing.assert_allclose(other, solutions[0], atol=10.0**-digits * np.abs(solutions[0]).max())
 
 
 @pytest.mark.parametrize("solver", ["cholmod", "superlu"])
