@@ -1,13 +1,13 @@
 """What the solver is asked about strokes: few frames, of one guess after the other.
 
-Along one side of the lump the probe is pressed and slides from frame to frame. Where there are derivatives,
-the other side's frames, whose forces are others, are carried on from those nearest to them, and the next
-guess's from the last one's: Newton's method begins nearly at its end. In fat of 10 kPa. Units: mm, kPa, N/m.
+Along one side of the lump the probe is pressed and slides from frame to frame. The other side's frames, whose
+forces are others, are carried on from those nearest to them, and the next guess's from the last one's; where
+there are derivatives Newton's method begins nearly at its end. In fat of 10 kPa. Units: mm, kPa, N/m.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +40,10 @@ class Alike(NamedTuple):
     pressed: float
 
 
+_STEEP = Alike(2.0, 0.4, 0.5)
+"""Derivatives are worked out at frames that differ by more."""
+
+
 @dataclass(frozen=True)
 class Frames:
     """Frames (n,) of a guess.
@@ -58,6 +62,10 @@ class Frames:
 
     def unlike(self, alike: Alike, taken: Frames | None = None) -> Frames:
         """Those unlike all that are taken before them; of a press the greatest forces first."""
+        return self._of(self.chosen(alike, taken))
+
+    def chosen(self, alike: Alike, taken: Frames | None = None) -> Ints:
+        """Which frames `unlike` has."""
         places, ln_F = ([], []) if taken is None else (taken.places_mm.tolist(), taken.ln_F.tolist())
         pressed, chosen = self.way == PRESS, []
         for k in np.lexsort((np.where(pressed, -1, 1) * self.ln_F, self.places_mm, pressed)).tolist():
@@ -67,7 +75,7 @@ class Frames:
                 chosen.append(k)
                 places.append(x)
                 ln_F.append(F)
-        return self._of(np.array(chosen, int))
+        return np.array(chosen, int)
 
     def longest(self) -> Frames:
         """The presses, and the way that reaches farthest."""
@@ -80,6 +88,20 @@ class Frames:
 
 
 @dataclass(frozen=True)
+class Steep:
+    """Derivatives at some frames of a guess, or of one before it.
+
+    Attributes
+    ----------
+    frames : SolvedFrames
+    derivatives : Derivatives
+    """
+
+    frames: SolvedFrames
+    derivatives: Derivatives
+
+
+@dataclass(frozen=True)
 class Along:
     """Frames that others may be carried on from.
 
@@ -87,16 +109,13 @@ class Along:
     ----------
     theta : ndarray (k,)
         Tissue and lump.
-    derivatives : Derivatives
-        Of these frames, or of others near them.
-    near : ndarray (n,), int
-        Which of those is nearest.
+    steep : Steep or None
+        None as long as no derivatives were asked for.
     """
 
     theta: Floats
     solved: SolvedFrames
-    derivatives: Derivatives
-    near: Ints
+    steep: Steep | None
 
 
 class Solves:
@@ -105,18 +124,17 @@ class Solves:
     Attributes
     ----------
     along : Along or None
-        Of the last guess; None as long as there are no derivatives.
+        The last guess.
     """
 
-    def __init__(self, of: Class) -> None:
-        self._of = of
+    def __init__(self, of: Class, settings: Settings) -> None:
+        self._of, self._settings = of, settings
         self._topology: Topology | None = None
         self.along: Along | None = None
 
     def __call__(
         self,
         theta: Floats,
-        settings: Settings,
         frames: Frames,
         along: Alike,
         each: Alike,
@@ -136,55 +154,53 @@ class Solves:
         CaseError, StrokeError
             There is no such tissue, or no equilibrium in it.
         """
-        topology, geometry = self._mesh(theta, settings, frames.places_mm)
+        topology, geometry = self._mesh(theta, frames.places_mm)
 
-        def solve(some: Frames) -> SolvedFrames:
+        def solve(some: Frames, along: Along | None) -> SolvedFrames:
             places, F = some.places_mm, FAT_KPA * np.exp(some.ln_F)
-            guesses = None if self.along is None else self._carried(self.along, theta, places, F)
-            return solve_frames(self._of.case(theta), settings, geometry, places, F, guesses)
+            guesses = None if along is None else self._carried(along, theta, places, F)
+            return solve_frames(self._of.case(theta), self._settings, geometry, places, F, guesses)
 
-        some = frames.longest().unlike(along)
-        found = solve(some)
+        before, some = self.along, frames.longest().unlike(along)
+        found, others = solve(some, before), frames.unlike(each, some)
+        which = some.chosen(_STEEP), len(some.ln_F) + others.chosen(_STEEP)
+        if len(others.ln_F):
+            leads = before if before and before.steep else Along(theta, found, None)
+            found = _together(found, solve(others, leads))
+        steep = before.steep if before else None
         if slopes:
-            self.along = Along(theta.copy(), found, self._derived(found, topology), np.arange(len(some.ln_F)))
-        elif (last := self.along) is not None:
-            near = last.near[_away(found.places_mm, found.forces_N_per_m, last.solved).argmin(1)]
-            self.along = Along(theta.copy(), found, last.derivatives, near)
-        others = frames.unlike(each, some)
-        if not len(others.ln_F):
-            return found
-        other = solve(others)
-        both = _together(found, other)
-        if slopes and self.along is not None:
-            derivatives = self.along.derivatives.beside(self._derived(other, topology))
-            self.along = Along(theta.copy(), both, derivatives, np.arange(len(both.states)))
-        return both
+            those = _some(found, np.concatenate(which))
+            steep = Steep(those, differentiate(those, topology, self._of.fields))
+        self.along = Along(theta.copy(), found, steep)
+        return found
 
-    def _derived(self, solved: SolvedFrames, topology: Topology) -> Derivatives:
-        return differentiate(solved, topology, self._of.fields)
-
-    def _mesh(self, theta: Floats, settings: Settings, places_mm: Floats) -> tuple[Topology, Geometry]:
+    def _mesh(self, theta: Floats, places_mm: Floats) -> tuple[Topology, Geometry]:
         """On a mesh of the last guess's topology, where that will do."""
         reach = float(places_mm.min()) - 1.0, float(places_mm.max()) + 1.0
-        topology, geometry = follow(self._topology, self._of.case(theta), settings, *reach)
+        topology, geometry = follow(self._topology, self._of.case(theta), self._settings, *reach)
         if topology is not self._topology:
             self._topology, self.along = topology, None
         return topology, geometry
 
     def _carried(self, last: Along, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> list[State]:
         """The nearest states with another theta and under another force; two of them lead on to a place."""
-        known, at, out = last.solved, last.solved.places_mm, []
+        known, steep, at, out = last.solved, last.steep, last.solved.places_mm, []
+        near = _away(at, known.forces_N_per_m, steep.frames).argmin(1) if steep else None
         change = np.zeros(len(self._of.fields) + 2)
         change[:-2] = self._of.values(theta) - self._of.values(last.theta)
+
+        def carried(k: int, F: float) -> State:
+            if steep is None or near is None:
+                return known.states[k]
+            change[-1] = F - known.forces_N_per_m[k]
+            return steep.derivatives.carried_on(known.states[k], int(near[k]), change)
+
         for x, F, away in zip(places_mm, forces_N_per_m, _away(places_mm, forces_N_per_m, known)):
             first = int(away.argmin())
             others = np.flatnonzero((np.abs(at - at[first]) > _APART_MM) & (np.abs(at - x) < _PAST_MM))
-            past = []
-            for k in (*others[away[others].argsort()[:1]].tolist(), first):
-                change[-1] = F - known.forces_N_per_m[k]
-                past.append(
-                    (float(at[k]), last.derivatives.carried_on(known.states[k], int(last.near[k]), change))
-                )
+            past = [
+                (float(at[k]), carried(k, F)) for k in (*others[away[others].argsort()[:1]].tolist(), first)
+            ]
             out.append(known.run.predictor(past, float(x)))
         return out
 
@@ -193,6 +209,16 @@ def _away(places_mm: Floats, forces_N_per_m: Floats, known: SolvedFrames) -> Flo
     """How far (n, m) frames are from those known."""
     ln_F = np.log(forces_N_per_m)[:, None], np.log(known.forces_N_per_m)
     return far_off(places_mm[:, None], ln_F[0], known.places_mm, ln_F[1], *_CARRIED)
+
+
+def _some(solved: SolvedFrames, which: Ints) -> SolvedFrames:
+    """Some of the frames."""
+    places, forces = solved.places_mm[which], solved.forces_N_per_m[which]
+    return replace(
+        solved, places_mm=places, forces_N_per_m=forces, order=np.lexsort((forces, places)),
+        states=[solved.states[k] for k in which.tolist()], images_kPa=solved.images_kPa[which],
+        displacement_mm=solved.displacement_mm[which],
+    )  # fmt: skip
 
 
 def _together(first: SolvedFrames, other: SolvedFrames) -> SolvedFrames:

@@ -26,8 +26,8 @@ Floats = NDArray[np.float64]
 
 _TOLERANCE = 1e-3
 """The misfit knows no difference from 1e-5 (less than .03); an iteration in four is saved."""
-COARSE = Settings(shells=3, tolerance=_TOLERANCE)
-FINE = Settings(hx_mm=1.0, shells=3, tolerance=_TOLERANCE)
+COARSE = Settings(shells=3, tolerance=_TOLERANCE, to_border=True)
+FINE = Settings(hx_mm=1.0, shells=3, tolerance=_TOLERANCE, to_border=True)
 _REACH_MM = 56.0
 _PRESS_REACH_MM = 24.0
 """Frames at one place need no more."""

@@ -1,7 +1,7 @@
 """Modes of the emulator, followed with what the solver says otherwise there, until it has no more to say.
 
-A glance tells which of the modes may last. These are near their ends, so that derivatives are set right once:
-in directions that a stroke tells little of, small errors of theirs look like knowledge.
+A glance tells which of several modes may last. These are near their ends, so that derivatives are set right
+once: in directions that a stroke tells little of, small errors of theirs look like knowledge.
 """
 
 from __future__ import annotations
@@ -39,8 +39,9 @@ def set_right(noise: Noise, modes: Sequence[Found], assemble: Assemble, known: f
         Another class's misfit; modes that stay far over it are not followed.
     """
     begun: list[_Followed] = []
+    asks = Asked.SLOPES if len(modes) == 1 and known == np.inf else Asked.GLANCE
     for mode in modes[:_FIRST]:
-        follow = _Followed(noise, mode, assemble)
+        follow = _Followed(noise, mode, assemble, asks)
         if follow.on(begun[0] if begun else None):
             begun.append(follow)
     going = distinct(begun, lambda one: one.promised)[:_MOST]
@@ -70,7 +71,7 @@ class _Followed:
         So far from the best promise it may be the best one.
     """
 
-    def __init__(self, noise: Noise, found: Found, assemble: Assemble) -> None:
+    def __init__(self, noise: Noise, found: Found, assemble: Assemble, asks: Asked) -> None:
         parts = []
         for part in found.posterior.parts:
             parts.append(Posterior(found.posterior.of, part.stroke, noise, FINE.hx_mm))
@@ -81,7 +82,7 @@ class _Followed:
         self._forward = forward
         self._next = self._best = found.mode.z
         self._least, self._stays = np.inf, False
-        self._asks, self._done = Asked.GLANCE, 0
+        self._asks, self._done = asks, 0
         self.within = _NEARLY * len(parts)
         self._mode: Mode | None = None
 
@@ -115,7 +116,7 @@ class _Followed:
         self._mode = search(posterior, forward, self._best, _STEPS, enough=_ENOUGH, damping=_DAMPING)
         self._next, self.promised = self._mode.z, self._mode.misfit.total
         if self._asks is Asked.GLANCE:
-            self._asks, self._least = Asked.SLOPES, np.inf  # misfits of the finer mesh are others
+            self._asks, self._least = Asked.SLOPES, np.inf  # few frames tell other misfits
             return True
         self._asks = Asked.VALUES if as_promised else Asked.SLOPES
         self.within = _AS_WELL * len(self.found.kept)

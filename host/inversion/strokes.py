@@ -22,7 +22,7 @@ from palpate.inversion.recorded import felt_strokes
 from palpate.inversion.result import SURE, told_of_modes
 from palpate.inversion.solids import invert_solid
 from palpate.inversion.start import Start
-from palpate.inversion.two_lumps import as_two
+from palpate.inversion.two_lumps import AsTwo, as_two
 from palpate.inversion.under import AUTO, classes_over, odds_of
 from palpate.link.face import Face
 from palpate.sim.probe.noise import Noise, level_named
@@ -116,9 +116,9 @@ def invert_together(strokes: Sequence[Felt], noise: Noise, kind: str = AUTO) -> 
     first = modes[0]
     others = odds_of_departures(first.posterior, first.mode, first.forward)
     maybe = others.get(TWO_LUMPS, -np.inf) > _MAYBE and isinstance(first.forward, Emulates)
-    two = as_two(noise, tried[best], first.mode.misfit.total) if maybe else []
-    if two:
-        others[TWO_LUMPS] = RARE + two[0].mode.log_evidence - first.mode.log_evidence
+    two, over_one = as_two(noise, tried[best], first) if maybe else AsTwo([], None)
+    if over_one is not None:
+        others[TWO_LUMPS] = RARE + over_one
     all_of_them = float(np.logaddexp.reduce([0.0, *others.values()]))
     odds = {name: share * float(np.exp(-all_of_them)) for name, share in odds.items()}
     odds |= {name: float(np.exp(share - all_of_them)) for name, share in others.items()}

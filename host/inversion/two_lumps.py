@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,14 +48,29 @@ def two_of(one: Class) -> Class:
     )
 
 
-def as_two(noise: Noise, modes: Sequence[Found], misfit: float) -> list[Found]:
-    """The modes of two lumps set right, the best first, where the emulator finds them.
+class AsTwo(NamedTuple):
+    """What two lumps make of strokes.
+
+    Attributes
+    ----------
+    modes : list of Found
+        Set right, the best first; none where the emulator has them explain no more than one.
+    over_one : float or None
+        How likely two are over one, as a logarithm; None where neither emulator nor solver can tell.
+    """
+
+    modes: list[Found]
+    over_one: float | None
+
+
+def as_two(noise: Noise, modes: Sequence[Found], right: Found) -> AsTwo:
+    """Look for two lumps, and set their modes right where the emulator has them explain more than one.
 
     Parameters
     ----------
     modes : sequence of Found
         The emulator's of one lump, the best first.
-    misfit : float
+    right : Found
         One lump's, set right.
     """
     one = modes[0]
@@ -75,9 +91,14 @@ def as_two(noise: Noise, modes: Sequence[Found], misfit: float) -> list[Found]:
         except (CaseError, StrokeError):
             continue
         found.append(Found(posterior, forward, mode, one.kept))
-    likely = distinct(found, lambda it: it.mode.misfit.total)[:_FOLLOWED]
-    right = set_right(noise, likely, assemble, misfit) if likely else []
-    return sorted(right, key=lambda it: -it.mode.log_evidence)
+    better = [it for it in found if it.mode.misfit.total < one.mode.misfit.total]
+    if not better:
+        over = max((it.mode.log_evidence - one.mode.log_evidence for it in found), default=None)
+        return AsTwo([], over)
+    likely = distinct(better, lambda it: it.mode.misfit.total)[:_FOLLOWED]
+    two = set_right(noise, likely, assemble, right.mode.misfit.total)
+    two.sort(key=lambda it: -it.mode.log_evidence)
+    return AsTwo(two, two[0].mode.log_evidence - right.mode.log_evidence if two else None)
 
 
 def _starts(one: Found, parts: Sequence[Posterior]) -> Iterator[list[Floats]]:

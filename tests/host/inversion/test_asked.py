@@ -32,9 +32,9 @@ def test_of_frames_alike_one_does_and_of_a_press_the_greatest_forces_come_first(
 def test_frames_carried_on_are_those_pressed_anew_for_less_work():
     frames, theta = a_stroke(), ANYWHERE.column("mean")
     later = theta + 0.05 * ANYWHERE.column("sd")
-    led, anew = Solves(ANYWHERE), Solves(ANYWHERE)
-    led(theta, FINE, frames, _ALONG, _EACH, True)
-    found, other = (one(later, FINE, frames, _ALONG, _EACH, False) for one in (led, anew))
+    led, anew = Solves(ANYWHERE, FINE), Solves(ANYWHERE, FINE)
+    led(theta, frames, _ALONG, _EACH, True)
+    found, other = (one(later, frames, _ALONG, _EACH, False) for one in (led, anew))
     assert np.array_equal(found.places_mm, other.places_mm)
     assert np.allclose(found.displacement_mm, other.displacement_mm, rtol=1e-3)
     assert np.abs(found.images_kPa - other.images_kPa).max() < 5e-3 * other.images_kPa.max()

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from palpate.inversion.classes import ANYWHERE, NONE
-from palpate.inversion.emulated import EmulatedForward, bundled, emulates
-from palpate.inversion.forward import FINE, Asked, Forward
+from palpate.inversion.emulated import MESH, EmulatedForward, bundled, emulates
+from palpate.inversion.forward import Asked, Forward
 from palpate.learn.plane_emulator import HIGH, INPUTS, LOW, ROWS, read_plane_emulator, write_plane_emulator
 from palpate.learn.plane_fit import errors_of, fit_plane_emulator
 from palpate.learn.plane_frames import BLOCKS, Block, plane_frames
@@ -104,7 +104,7 @@ def test_set_right_it_says_what_the_solver_says_and_is_as_steep(of):
     posterior, z = a_few_frames(of, np.random.default_rng(4))
     theta, places, forces = z[posterior.at["tissue"]], posterior.places(z), posterior.forces(z)
     forces[posterior.stroke.press :] *= 1 + 0.1 * (-1.0) ** np.arange(len(forces) - posterior.stroke.press)
-    solver = Forward(of, replace(FINE, hx_mm=0.5))
+    solver = Forward(of, MESH)
     solved = solver(theta, np.rint(places), forces)
     forward = EmulatedForward(of, [(len(places), posterior.stroke.press)])
     off = []
@@ -130,7 +130,7 @@ def test_of_a_fast_stroke_no_frame_need_be_where_the_sides_are_compared():
     places, forces = np.array([-40.0, -40.0, -25.0, -10.0, 1.6, 6.6]), np.full(6, 50.0)
     theta, forward = ANYWHERE.column("mean"), EmulatedForward(ANYWHERE, [(6, 1)])
     forward.set_right(theta, places, forces, Asked.SLOPES)
-    solved = Forward(ANYWHERE, replace(FINE, hx_mm=0.5))(theta, places, forces)
+    solved = Forward(ANYWHERE, MESH)(theta, places, forces)
     assert np.allclose(forward(theta, places, forces).depth, solved.depth, rtol=2e-3)
 
 

@@ -13,6 +13,7 @@ from palpate.sim.probe.noise import LEVELS
 from palpate.sim.tissue import Case
 from tests.host.inversion.test_inversion import a_few_frames, check_jacobian
 from tests.host.inversion.world import TwoAlike, felt_of
+from tests.studies.inverted import lumps
 
 TWO = two_of(ANYWHERE)
 
@@ -57,3 +58,11 @@ def test_two_lumps_14_mm_apart_are_told_as_two_with_their_sizes():
     assert found.values["apart_mm"].value == pytest.approx(14.0, abs=1.0)
     alone = invert_stroke(felt, start, LEVELS["typical"], ANYWHERE.name)
     assert not alone.fits and "a second lump" in alone.why
+
+
+@pytest.mark.long
+def test_one_lump_is_not_taken_for_two_where_what_is_left_looks_like_a_second():
+    """To first order the odds of two lumps were e^13 here, though no two explain the stroke as one does."""
+    felt, start, _, _ = felt_of(lumps(8, 92)[7], 92007)
+    found = invert_stroke(felt, start, LEVELS["typical"], ANYWHERE.name)
+    assert found.fits and found.classes[TWO_LUMPS] < 0.1
