@@ -41,15 +41,15 @@ _FACE_MM = ROWS * _PITCH_MM
 _STEP = 1e-6
 AFAR_MM, _END_MM = LOW[PLACE], 50.0
 """So far before the lump there is none, as far as the emulator knows; so far away the solver is asked."""
-MESH = replace(FINE, hx_mm=0.7)
-"""What columns of 1 mm read otherwise along the stroke is 0.12 % of the mean pressure, here 0.08 %."""
+MESH = replace(FINE, hx_mm=0.5)
+"""What columns of 1 mm read otherwise along the stroke is 0.12 % of the mean pressure, here 0.05 %."""
 _ALIKE, _ONE_SIDE = Alike(1.0, 0.05, 0.05), Alike(1.2, 0.2, 0.3)
 _GLANCE, _PLAIN = Alike(2.0, 0.1, 0.1), Alike(12.0, 0.2, 0.2)
 """The solver is asked about the frames themselves, but for those so like another: of all; along the side of
 the lump that comes first; at a glance; and without a lump."""
 _ALL, _ALONG = 0.01, ((0.004, 1.2), (0.004, 2.5), (0.005, 10.0))
 _LN_F = 0.8
-_OF_THE_MESH = 0.0004
+_OF_THE_MESH = 0.0003
 """The spreads of corrections: of all frames alike, along the stroke by mm, by the logarithm of the force, and
 of what the contact's nodes make of a single frame."""
 _LARGER, _OF_SLOPES = (1.0, 2.0, 4.0), (0.1, 0.3, 1.0, 2.0, 4.0, 8.0)

@@ -21,7 +21,9 @@ from palpate.sim.tissue.frames import solve_frames
 from palpate.sim.tissue.geometry import geometry_of
 from palpate.wire.cells import FULL_SCALE_KPA, PEDESTAL_KPA, SHAPE
 
-WORLD = Settings(hx_mm=0.4, shells=4, row_mm=2.8, gland_row_mm=4.0, skin_mm=(0.25, 0.4, 0.6))
+WORLD = Settings(
+    hx_mm=0.4, shells=4, row_mm=2.8, gland_row_mm=4.0, skin_mm=(0.25, 0.4, 0.6), to_border=True
+)  # fmt: skip
 _SPAN_MM = (-46.0, 46.0)
 
 
