@@ -44,7 +44,7 @@ AFAR_MM, _END_MM = LOW[PLACE], 50.0
 MESH = replace(FINE, hx_mm=0.5)
 """What columns of 1 mm read otherwise along the stroke is 0.12 % of the mean pressure, here 0.05 %."""
 _ALIKE, _ONE_SIDE = Alike(1.0, 0.05, 0.05), Alike(1.2, 0.2, 0.3)
-_GLANCE, _PLAIN = Alike(2.0, 0.1, 0.1), Alike(12.0, 0.2, 0.2)
+_GLANCE, _PLAIN = Alike(2.0, 0.1, 0.1), Alike(12.0, 0.08, 0.1)
 """The solver is asked about the frames themselves, but for those so like another: of all; along the side of
 the lump that comes first; at a glance; and without a lump."""
 _ALL, _ALONG = 0.01, ((0.004, 1.2), (0.004, 2.5), (0.005, 10.0))

@@ -273,7 +273,7 @@ def test_ctrl_c_is_heard_by_the_program_and_by_no_worker(tmp_path):
     script = tmp_path / "run.py"
     # as the command line does, the program says nothing of its own: what is said is a worker's
     own = "try:\n        sweep("
-    quiet = SCRIPT.replace("24, 9", "400, 9").replace("sweep(sobol", own + "sobol")
+    quiet = SCRIPT.replace("24, 9", "4000, 9").replace("sweep(sobol", own + "sobol")
     assert own in quiet
     quiet = quiet.replace(own, "print(flush=True)\n    " + own)
     script.write_text(
