@@ -163,13 +163,13 @@ class Solves:
 
         before, some = self.along, frames.longest().unlike(along)
         found, others = solve(some, before), frames.unlike(each, some)
-        which = some.chosen(_STEEP), len(some.ln_F) + others.chosen(_STEEP)
         if len(others.ln_F):
             leads = before if before and before.steep else Along(theta, found, None)
             found = _together(found, solve(others, leads))
         steep = before.steep if before else None
         if slopes:
-            those = _some(found, np.concatenate(which))
+            which = np.concatenate([some.chosen(_STEEP), len(some.ln_F) + others.chosen(_STEEP)])
+            those = _some(found, which)
             steep = Steep(those, differentiate(those, topology, self._of.fields))
         self.along = Along(theta.copy(), found, steep)
         return found
