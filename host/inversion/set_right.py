@@ -65,7 +65,7 @@ class _Followed:
     ----------
     posterior : Together
     promised : float
-        The misfit where it goes next.
+        The misfit where it goes next; where it may go no further, the one it has come to.
     goes_on : bool
     within : float
         So far from the best promise it may be the best one.
@@ -112,6 +112,7 @@ class _Followed:
             promised, worse = self._least - self.promised, there - self._least
             share = np.clip(promised / (worse + 2 * promised), *_SHORTER)
             self._next = self._best + share * (z - self._best)
+            self.promised = self.promised if self.goes_on else self._least
             return True
         self._mode = search(posterior, forward, self._best, _STEPS, enough=_ENOUGH, damping=_DAMPING)
         self._next, self.promised = self._mode.z, self._mode.misfit.total
@@ -121,6 +122,8 @@ class _Followed:
         self._asks = Asked.VALUES if as_promised else Asked.SLOPES
         self.within = _AS_WELL * len(self.found.kept)
         self._stays = self._least - self.promised < _STAYS
+        if not (self.goes_on or self._stays):
+            self.promised = self._least
         self.goes_on &= not self._stays
         return True
 

@@ -27,8 +27,9 @@ _VOLUME_SLACK = 30.0
 """The bulk modulus magnifies what is left of the volume change: true forces may be so much farther off."""
 
 _LARGEST_RISE_MM = 1.5
-_WINDOW_MM = 22.0
-"""The tangent of elements farther from the probe is renewed only if the iteration goes badly."""
+_WINDOW_MM, _SPARING_MM = 22.0, 16.0
+"""The tangent of elements farther from the probe is renewed only if the iteration goes badly; on a fine mesh
+not even then at first."""
 
 _GOOD_PROGRESS = 0.2
 """While each step leaves less of the error than this, the tangent may stay."""
@@ -68,8 +69,8 @@ class Newton:
     tolerance : float
         Largest nodal imbalance, as a fraction of the force.
     sparing : bool
-        While the probe is still far from bearing the force, renew the tangent near it only: as many
-        iterations, half the work of each.
+        Renew the tangent near the probe only, while it is still far from bearing the force and where the
+        iteration goes badly for the first time: as many iterations, half the work of each.
     """
 
     def __init__(
@@ -77,6 +78,7 @@ class Newton:
     ) -> None:
         self.tissue, self.contact, self.solver, self.tolerance = tissue, contact, solver, tolerance
         self.sparing = sparing
+        self._window_mm = _SPARING_MM if sparing else _WINDOW_MM
         self.counts = Work()
         mesh = tissue.mesh
         self._held = np.nonzero(mesh.fixed.ravel())[0]
@@ -108,7 +110,7 @@ class Newton:
         """
         state = start.copy()
         touching_before: ContactState | None = None
-        error = np.inf
+        error, nearest = np.inf, self.sparing
         for _ in range(limit):
             touching = self.contact.evaluate(state.u, state.multiplier, state.height, position)
             internal, mixed, theta = self.tissue.residual(state.u, state.pressure, self._frozen)
@@ -134,7 +136,8 @@ class Newton:
             elif far or touching_before is None:
                 self._factor(state, touching, position, self._near(position))
             elif slow:
-                self._factor(state, touching, position, self._all)
+                self._factor(state, touching, position, self._near(position) if nearest else self._all)
+                nearest = False
             elif not np.array_equal(touching.active, touching_before.active):
                 self._factor(state, touching, position, self._all[:0])
             else:
@@ -165,7 +168,7 @@ class Newton:
         return touching
 
     def _near(self, position: float) -> NDArray[np.int64]:
-        return np.nonzero(np.abs(self._middle_mm - position) < _WINDOW_MM)[0]
+        return np.nonzero(np.abs(self._middle_mm - position) < self._window_mm)[0]
 
     def _factor(
         self, state: State, touching: ContactState, position: float, which: NDArray[np.int64]
