@@ -7,6 +7,7 @@ import errno
 import json
 import os
 import stat
+import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -171,6 +172,14 @@ def read_whole(path: Path, what: str, most: int = 1 << 20) -> bytes:
         raise NoSuchFile(f"there is no {what} {path}; check the name") from None
     except OSError as error:
         raise NoSuchFile(f"the {what} {path} cannot be read: {(error.strerror or '').lower()}") from None
+
+
+def read_toml(path: Path, what: str) -> dict[str, Any]:
+    """The tables of a TOML file that a user named; `what` is the word for it in errors."""
+    try:
+        return tomllib.loads(read_whole(path, what).decode())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise UsageError(f"{path} is not TOML: {error}") from None
 
 
 def by_suffix(path: Path, writers: dict[str, Callable[..., T]]) -> Callable[..., T]:

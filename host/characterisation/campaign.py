@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,8 +27,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.errors import NoSuchFile, RecordingError, UsageError
-from palpate.files import read_limited
+from palpate.errors import RecordingError, UsageError
+from palpate.files import read_toml
 from palpate.recording.playback import open_recording
 from palpate.wire.cells import SHAPE
 from palpate.wire.events import Estimate, Frame
@@ -111,12 +110,7 @@ def read(path: str | Path) -> list[Measured]:
         The sentence names the recording by its number.
     """
     path = Path(path)
-    try:
-        said = tomllib.loads(read_limited(path, 1 << 20).decode())
-    except OSError as error:
-        raise NoSuchFile(f"the campaign {path} cannot be read: {(error.strerror or '').lower()}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise UsageError(f"{path} is not TOML: {error}") from None
+    said = read_toml(path, "campaign")
     entries = said.get("recording")
     if set(said) - {"recording"} or not isinstance(entries, list) or not entries:
         raise UsageError(f"{path} is a list of [[recording]], each with file and kind, and nothing else")

@@ -32,13 +32,12 @@ name = "stroke"
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from palpate.errors import NoSuchFile, UsageError
-from palpate.files import read_limited
+from palpate.errors import UsageError
+from palpate.files import read_toml
 
 LENGTHS = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1e3}
 TIMES = {"us": 1e-6, "ms": 1e-3, "s": 1.0}
@@ -118,12 +117,7 @@ class Declaration:
 def read(path: str | Path) -> Declaration:
     """Read a declaration; `UsageError` says what is wrong with it, and where."""
     path = Path(path)
-    try:
-        said = tomllib.loads(read_limited(path, 1 << 20).decode())
-    except OSError as error:
-        raise NoSuchFile(f"the declaration {path} cannot be read: {(error.strerror or '').lower()}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise UsageError(f"{path} is not TOML: {error}") from None
+    said = read_toml(path, "declaration")
     try:
         return _declaration(said)
     except UsageError as error:

@@ -26,7 +26,7 @@ from palpate.inversion.recorded import felt_strokes
 from palpate.inversion.start import Start
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue import SOLVER_VERSION
-from palpate.sim.tissue.settings import SOLID_SOLVER_VERSION
+from palpate.sim.tissue.settings import FINE_SOLVER_VERSION, SOLID_SOLVER_VERSION
 
 Felt = tuple[FeltStroke, Start]
 """A stroke and a first estimate of what lies under it."""
@@ -150,7 +150,7 @@ def version() -> str:
     emulators = models.emulator_path(), models.plane_emulator_path()
     learnt = models.path(models.ANYWHERE), models.path(models.BALLS), *emulators
     parts += [models.file_hash(path).encode() for path in learnt]
-    parts += [SOLVER_VERSION.encode(), SOLID_SOLVER_VERSION.encode()]
+    parts += [one.encode() for one in (SOLVER_VERSION, FINE_SOLVER_VERSION, SOLID_SOLVER_VERSION)]
     return _hash(*parts)
 
 

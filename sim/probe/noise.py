@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 from palpate.errors import UsageError
-from palpate.files import read_limited
+from palpate.files import read_toml
 
 WAVE_MM = 40.0
 """Length of the undulation of the tissue's thickness."""
@@ -137,14 +136,7 @@ def level_named(name: str) -> Noise:
         raise UsageError(
             f"there is no noise level {name!r}; there are {', '.join(LEVELS)}, and files as sensor.toml"
         )
-    try:
-        said = tomllib.loads(read_limited(Path(name), 1 << 20).decode()).get("noise")
-    except OSError as error:
-        raise UsageError(
-            f"the sensor's file {name} cannot be read: {(error.strerror or '').lower()}"
-        ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise UsageError(f"{name} is not TOML: {error}") from None
+    said = read_toml(Path(name), "sensor's file").get("noise")
     known = {f.name for f in fields(Noise)} - {"quantise"}
     if not isinstance(said, dict) or not said:
         raise UsageError(f"{name} has no [noise]; `palpate characterise` writes one")

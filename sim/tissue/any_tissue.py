@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M, Case
+from palpate.sim.tissue.draws import LumpRanges, even, log_even, rounded, stiffness
 from palpate.sim.tissue.settings import Settings
 
 FORCE_PARTS = (1.4**-0.5, 1.0, 1.4**0.5)
@@ -29,13 +30,11 @@ PRESSES = Settings(start_mm=-40.0, press_only=True)
 
 
 @dataclass(frozen=True)
-class TissueRanges:
-    """What the design covers; `even` in itself unless said otherwise.
+class TissueRanges(LumpRanges):
+    """What the design covers; `even` in itself unless said otherwise. Lumps lie on the border.
 
     Attributes
     ----------
-    d_mm, h, E_ratio : tuple of float
-        The lump, on the border between fat and gland; E is even in E^-2/3.
     reach_mm : tuple of float
         Force per metre of width over the fat's modulus, mm; even in its logarithm.
     gland_ratio, gland_mm : tuple of float
@@ -47,9 +46,6 @@ class TissueRanges:
     probe_radius_mm : tuple of float
     """
 
-    d_mm: tuple[float, float] = (5.0, 20.0)
-    h: tuple[float, float] = (0.3, 1.5)
-    E_ratio: tuple[float, float] = (2.0, 1000.0)
     reach_mm: tuple[float, float] = (2.5, 12.0)
     gland_ratio: tuple[float, float] = (1.0, 10.0)
     gland_mm: tuple[float, float] = (8.0, 30.0)
@@ -65,7 +61,7 @@ OUTSIDE = TissueRanges(d_mm=(4.0, 25.0), h=(0.2, 2.0), E_ratio=(1.3, 1000.0))
 def rim_lumps(n: int, seed: int) -> list[Case]:
     """`n` lumps of `OUTSIDE` that lie outside the usual ranges, at their middle force."""
     usual = TissueRanges()
-    rim = [case for case in random_lumps(6 * n, seed, OUTSIDE) if not inside(case, usual)]
+    rim = [case for case in random_lumps(6 * n, seed, OUTSIDE) if not usual.hold(case)]
     return rim[:n]
 
 
@@ -76,12 +72,6 @@ def plain_lumps(n: int, seed: int) -> list[Case]:
         Case.without_lump(c.t_mm, **{name: getattr(c, name) for name in of})
         for c in random_lumps(n, seed, TissueRanges())
     ]
-
-
-def inside(case: Case, r: TissueRanges) -> bool:
-    """Whether the lump's diameter, depth and stiffness lie within these ranges."""
-    limits = ((case.d_mm, r.d_mm), (case.h, r.h), (case.E_ratio, r.E_ratio))
-    return all(low <= value <= high for value, (low, high) in limits)
 
 
 def at_forces(lumps: list[Case], parts: tuple[float, ...]) -> list[Case]:
@@ -121,13 +111,12 @@ def random_lumps(n: int, seed: int, r: TissueRanges) -> list[Case]:
         d, gland = even(of_d, r.d_mm), even(of_gland, r.gland_mm)
         if d / 2 > 0.9 * gland:
             continue
-        low, high = r.E_ratio
         fat_kPa = Case(d, 1.0, 1.0).fat_kPa
         found.append(
             Case(
                 d_mm=rounded(d),
                 h=rounded(even(of_h, r.h)),
-                E_ratio=rounded(even(of_E, (high ** (-2 / 3), low ** (-2 / 3))) ** -1.5),
+                E_ratio=rounded(stiffness(of_E, r.E_ratio)),
                 F_rel=rounded(log_even(of_force, r.reach_mm) * fat_kPa / FORCE_UNIT_N_PER_M),
                 gland_ratio=rounded(log_even(of_ratio, r.gland_ratio)),
                 gland_mm=rounded(gland),
@@ -148,21 +137,6 @@ def _points(n: int, seed: int) -> Iterator[np.ndarray]:
     yield from qmc.Sobol(9, seed=np.random.default_rng(seed)).random_base2(max(1, n.bit_length()) + 1)
 
 
-def even(u: float, limits: tuple[float, float]) -> float:
-    """The value a share `u` of the way between the limits."""
-    return float(limits[0] + (limits[1] - limits[0]) * u)
-
-
-def log_even(u: float, limits: tuple[float, float]) -> float:
-    """The same by logarithms."""
-    return float(np.exp(even(u, (np.log(limits[0]), np.log(limits[1])))))
-
-
 def stiffening(u: float, r: TissueRanges) -> float:
     """b of a tissue: none for a share `r.linear` of u, even in `r.stiffening` for the rest."""
     return 0.0 if u < r.linear else rounded(even((u - r.linear) / (1.0 - r.linear), r.stiffening))
-
-
-def rounded(value: float) -> float:
-    """Four digits, so that codes stay readable."""
-    return float(f"{value:.4g}")

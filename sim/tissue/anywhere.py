@@ -15,12 +15,10 @@ from palpate.sim.tissue.any_tissue import (
     PRESS_PARTS,
     TissueRanges,
     at_forces,
-    even,
-    log_even,
-    rounded,
     stiffening,
 )
 from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M, Case
+from palpate.sim.tissue.draws import even, log_even, rounded, stiffness
 from palpate.sim.tissue.errors import CaseError
 
 
@@ -98,12 +96,11 @@ def _within(value: float, ends: tuple[float, float]) -> bool:
 def _lump(point: np.ndarray, r: TissueRanges, place: PlaceRanges) -> Case:
     of_d, of_depth, of_fat, of_E, of_force, of_ratio, of_gland, of_fat_b, of_gland_b, of_radius = point
     d = rounded(even(of_d, r.d_mm))
-    low, high = r.E_ratio
     reach = log_even(of_force, r.reach_mm)
     return Case(
         d_mm=d,
         h=rounded(log_even(of_depth, place.depth_mm) / d),
-        E_ratio=rounded(even(of_E, (high ** (-2 / 3), low ** (-2 / 3))) ** -1.5),
+        E_ratio=rounded(stiffness(of_E, r.E_ratio)),
         F_rel=rounded(reach * 10.0 / FORCE_UNIT_N_PER_M),
         gland_ratio=rounded(log_even(of_ratio, r.gland_ratio)),
         gland_mm=rounded(even(of_gland, r.gland_mm)),

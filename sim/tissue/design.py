@@ -13,18 +13,16 @@ from palpate.files import read_limited
 from palpate.sim.tissue.any_tissue import PRESSES, STROKES, any_tissue_cases, press_cases
 from palpate.sim.tissue.anywhere import anywhere_cases, anywhere_press_cases
 from palpate.sim.tissue.case import Case
+from palpate.sim.tissue.draws import LumpRanges
 from palpate.sim.tissue.errors import CaseError
 from palpate.sim.tissue.settings import Settings
 from palpate.sim.tissue.thesis_runs import THESIS_CODES
 
 
 @dataclass(frozen=True)
-class Ranges:
+class Ranges(LumpRanges):
     """What a Sobol design covers; E is even in E^-2/3, the rest in themselves."""
 
-    d_mm: tuple[float, float] = (5.0, 20.0)
-    h: tuple[float, float] = (0.3, 1.5)
-    E_ratio: tuple[float, float] = (2.0, 1000.0)
     F_rel: tuple[float, float] = (0.3, 1.0)
     probe_radius_mm: tuple[float, float] | None = None
 

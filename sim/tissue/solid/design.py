@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.sim.tissue.any_tissue import FORCE_PARTS
 from palpate.sim.tissue.case import FORCE_UNIT_N_PER_M, Case
+from palpate.sim.tissue.draws import LumpRanges, even, log_even, rounded, stiffness
 
 Floats = NDArray[np.float64]
 
@@ -18,15 +19,11 @@ _COEFFICIENT_MM = 3.24
 
 
 @dataclass(frozen=True)
-class SolidRanges:
+class SolidRanges(LumpRanges):
     """What a design of solid lumps covers: by default tissue as random as that of `any_tissue_cases`.
 
     Attributes
     ----------
-    d_mm, h : tuple of float
-        Width along the stroke, and depth in widths.
-    E_ratio : tuple of float
-        Even in E^-2/3.
     strain : tuple of float
         Nominal strain of the fat at the greatest of three forces, as usual tissue would have it.
     reach_mm : tuple of float
@@ -44,9 +41,6 @@ class SolidRanges:
         Share of lumps that are balls, and of those on the line, which cost a quarter of the others.
     """
 
-    d_mm: tuple[float, float] = (5.0, 20.0)
-    h: tuple[float, float] = (0.3, 1.5)
-    E_ratio: tuple[float, float] = (2.0, 1000.0)
     strain: tuple[float, float] = (0.08, 0.22)
     reach_mm: tuple[float, float] = (2.0, 9.0)
     gland_ratio: tuple[float, float] = (2.0, 10.0)
@@ -99,7 +93,7 @@ def rim_cases(n: int, seed: int) -> list[Case]:
     usual = SolidRanges()
     drawn = ball_cases(4 * n, seed, RIM)
     middle = drawn[1 :: len(FORCE_PARTS)]
-    outside = [k for k, case in enumerate(middle) if not _inside(case, usual)][:n]
+    outside = [k for k, case in enumerate(middle) if not usual.hold(case)][:n]
     return [case for k in outside for case in drawn[len(FORCE_PARTS) * k : len(FORCE_PARTS) * (k + 1)]]
 
 
@@ -108,37 +102,32 @@ def soft_gland_cases(n: int, seed: int) -> list[Case]:
     return ball_cases(n, seed, SOFT_GLAND)
 
 
-def _inside(case: Case, ranges: SolidRanges) -> bool:
-    of = ((case.d_mm, ranges.d_mm), (case.h, ranges.h), (case.E_ratio, ranges.E_ratio))
-    return all(low <= value <= high for value, (low, high) in of)
-
-
 def _lump(point: Floats, r: SolidRanges) -> Case:
     """The lump of a point (14,) of the unit cube, at its middle force."""
     of_d, of_h, of_E, of_shape, of_line, of_across, of_down, of_gland, *rest = point
     of_ratio, of_offset, of_force, of_fat_b, of_gland_b, of_radius = rest
-    d, h = _even(of_d, r.d_mm), _even(of_h, r.h)
+    d, h = even(of_d, r.d_mm), even(of_h, r.h)
     low, high = r.E_ratio
-    E = min(max(_even(of_E, (high ** (-2 / 3), low ** (-2 / 3))) ** -1.5, low), high)
+    E = min(max(stiffness(of_E, r.E_ratio), low), high)
     ball, on_line = of_shape < r.balls, of_line < r.on_line
-    across, down = (_log_even(v, r.aspect) * d / 2 for v in (of_across, of_down))
+    across, down = (log_even(v, r.aspect) * d / 2 for v in (of_across, of_down))
     half_down = d / 2 if ball else down
-    gland = max(_even(of_gland, r.gland_mm), 1.1 * half_down + 1.0)
+    gland = max(even(of_gland, r.gland_mm), 1.1 * half_down + 1.0)
     case = Case(
-        d_mm=_rounded(d),
-        h=_rounded(h),
-        E_ratio=_rounded(E),
-        gland_ratio=_rounded(_log_even(of_ratio, r.gland_ratio)),
-        gland_mm=_rounded(gland),
-        fat_stiffening=_rounded(_even(of_fat_b, r.stiffening)),
-        gland_stiffening=_rounded(_even(of_gland_b, r.stiffening)),
-        probe_radius_mm=_rounded(_even(of_radius, r.probe_radius_mm)),
+        d_mm=rounded(d),
+        h=rounded(h),
+        E_ratio=rounded(E),
+        gland_ratio=rounded(log_even(of_ratio, r.gland_ratio)),
+        gland_mm=rounded(gland),
+        fat_stiffening=rounded(even(of_fat_b, r.stiffening)),
+        gland_stiffening=rounded(even(of_gland_b, r.stiffening)),
+        probe_radius_mm=rounded(even(of_radius, r.probe_radius_mm)),
         shape="ball" if ball else "ellipsoid",
-        half_across_mm=None if ball else _rounded(across),
-        half_down_mm=None if ball else _rounded(down),
-        offset_mm=0.0 if on_line else _rounded(_even(of_offset, r.offset_mm)),
+        half_across_mm=None if ball else rounded(across),
+        half_down_mm=None if ball else rounded(down),
+        offset_mm=0.0 if on_line else rounded(even(of_offset, r.offset_mm)),
     )
-    return replace(case, F_rel=_rounded(_force(of_force, case, r)))
+    return replace(case, F_rel=rounded(_force(of_force, case, r)))
 
 
 def _force(u: float, case: Case, r: SolidRanges) -> float:
@@ -146,21 +135,8 @@ def _force(u: float, case: Case, r: SolidRanges) -> float:
     one_mm = case.fat_kPa / FORCE_UNIT_N_PER_M
     weak, strong = (_force_for(strain, case.t_mm) / FORCE_PARTS[-1] for strain in r.strain)
     low, high = r.reach_mm[0] * one_mm, r.reach_mm[1] * one_mm
-    return _log_even(u, (min(max(weak, low), high), max(min(strong, high), low)))
+    return log_even(u, (min(max(weak, low), high), max(min(strong, high), low)))
 
 
 def _force_for(strain: float, t_mm: float) -> float:
     return float((strain * t_mm / (_COEFFICIENT_MM * (t_mm / 13.0) ** 0.67)) ** (1 / 0.62))
-
-
-def _even(u: float, limits: tuple[float, float]) -> float:
-    return limits[0] + (limits[1] - limits[0]) * u
-
-
-def _log_even(u: float, limits: tuple[float, float]) -> float:
-    return float(np.exp(_even(u, (np.log(limits[0]), np.log(limits[1])))))
-
-
-def _rounded(value: float) -> float:
-    """Four digits, so that codes stay readable."""
-    return float(f"{value:.4g}")
