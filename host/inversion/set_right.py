@@ -50,7 +50,9 @@ def set_right(noise: Noise, modes: Sequence[Found], assemble: Assemble, known: f
         least = min((one.promised for one in going), default=np.inf)
         if known < least - _NEARLY * len(modes[0].kept):
             return [one.told() for one in going]
-        near = [one for one in going if one.promised < least + one.within]
+        right = min((one.promised for one in going if one.right), default=np.inf)
+        glanced = min((one.glanced for one in going), default=np.inf)
+        near = [one for one in going if one.over(right, glanced) < one.within]
         going = distinct(near, lambda one: one.promised)  # some come together on their way
         moving = [one for one in going if one.goes_on]
         if not moving:
@@ -66,6 +68,11 @@ class _Followed:
     posterior : Together
     promised : float
         The misfit where it goes next; where it may go no further, the one it has come to.
+    glanced : float
+        The misfit that the glance promised. Its few frames tell others than all do: only other modes' is
+        to be compared with it.
+    right : bool
+        Whether the solver has been asked for more than a glance.
     goes_on : bool
     within : float
         So far from the best promise it may be the best one.
@@ -77,6 +84,7 @@ class _Followed:
             parts.append(Posterior(found.posterior.of, part.stroke, noise, FINE.hx_mm))
             parts[-1].mean[:] = part.mean
         self.found, self.promised, self.goes_on = found, np.inf, True
+        self.glanced, self.right = np.inf, False
         self.posterior, forward = assemble(parts, None)
         assert isinstance(forward, Emulates)
         self._forward = forward
@@ -117,8 +125,9 @@ class _Followed:
         self._mode = search(posterior, forward, self._best, _STEPS, enough=_ENOUGH, damping=_DAMPING)
         self._next, self.promised = self._mode.z, self._mode.misfit.total
         if self._asks is Asked.GLANCE:
-            self._asks, self._least = Asked.SLOPES, np.inf  # few frames tell other misfits
+            self._asks, self._least, self.glanced = Asked.SLOPES, np.inf, self.promised
             return True
+        self.right = True
         self._asks = Asked.VALUES if as_promised else Asked.SLOPES
         self.within = _AS_WELL * len(self.found.kept)
         self._stays = self._least - self.promised < _STAYS
@@ -126,6 +135,10 @@ class _Followed:
             self.promised = self._least
         self.goes_on &= not self._stays
         return True
+
+    def over(self, right: float, glanced: float) -> float:
+        """How far its promise is over the best of those like it: set right, or after a glance."""
+        return self.promised - right if self.right else self.glanced - glanced
 
     @property
     def mode(self) -> Mode:

@@ -70,6 +70,14 @@ def test_the_right_border_is_found_however_far_off_the_regression_has_it(lump):
     assert said.fits and said.values["t_mm"].low < case.t_mm < said.values["t_mm"].high, said
 
 
+@pytest.mark.long
+def test_a_thin_fat_over_a_gland_as_soft_is_told_beside_a_thick_one():
+    """What a glance said of other borders was held against a mode that was set right: all were dropped."""
+    felt, start, _, _ = felt_of(lumps(246, 31)[245], 31245)  # fat of 7.5 mm, a gland 1.1 times as stiff
+    fat = invert_stroke(felt, start, level_named("typical"), ANYWHERE.name).values["t_mm"]
+    assert fat.low < 12.0 and fat.high > 22.0, fat
+
+
 def test_over_plain_tissue_there_is_no_lump():
     """A lump of the fat's own modulus is none; each class is emulated, so none is favoured."""
     case = Case(6.0, 1.0, 1.0, 0.5, fat_mm=18.0, gland_ratio=4.0, gland_mm=18.0)
