@@ -52,20 +52,20 @@ End = TypeVar("End", bound=Ends)
 
 
 def distinct(modes: Sequence[End], by: Callable[[End], float]) -> list[End]:
-    """Each lump once, in this order."""
+    """In this order, those that none before them tells already: a ridge, where tissue tells little of its
+    layers, may run through a narrow mode and is more than that."""
     out: list[End] = []
     for one in sorted(modes, key=by):
-        if all(_apart(one, other) > _SAME for other in out):
+        if all(_away(one, other) > _SAME for other in out):
             out.append(one)
     return out
 
 
-def _apart(one: Ends, other: Ends) -> float:
-    """How far modes of a class are from each other, in standard deviations of the wider one."""
+def _away(one: Ends, other: Ends) -> float:
+    """How far a mode is from another one of its class, in the other's standard deviations."""
     at = other.posterior.at["tissue"]
-    away = one.mode.z[at] - other.mode.z[at]
-    square = min(away @ np.linalg.solve(of.mode.covariance[at, at], away) for of in (one, other))
-    return float(np.sqrt(square))
+    apart = one.mode.z[at] - other.mode.z[at]
+    return float(np.sqrt(apart @ np.linalg.solve(other.mode.covariance[at, at], apart)))
 
 
 Assemble = Callable[[Sequence[Posterior], Settings | None], tuple[Together, Predicts]]

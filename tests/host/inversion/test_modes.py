@@ -1,12 +1,14 @@
 """Where the border of fat and gland runs is told least: each place of it is looked for, and all are told."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from palpate.answer.fitted import Inverted, Value
 from palpate.inversion.classes import ANYWHERE, BORDER, NONE
+from palpate.inversion.found import distinct
 from palpate.inversion.result import of_modes
 from palpate.inversion.start import MIDDLE, with_other_borders
 from palpate.inversion.strokes import invert_stroke
@@ -57,6 +59,19 @@ def test_intervals_hold_every_mode_and_layers_are_told_by_their_odds():
     assert said.values["t_mm"] == Value(20.0, 8.0, 21.0)
     assert said.values["E_kPa"] == Value(9.0, 5.0, None)
     assert said.layers == pytest.approx({"fat": 0.75, "border": 0.0, "gland": 0.25})
+
+
+def test_a_ridge_through_a_narrow_mode_is_told_beside_it_and_a_narrow_one_on_a_ridge_is_not():
+    """A fat told as 40 mm to 6 % had hidden one of anything between 7 and 30 mm; it was 25."""
+    narrow, ridge = (
+        SimpleNamespace(
+            posterior=SimpleNamespace(at={"tissue": slice(0, 1)}),
+            mode=SimpleNamespace(z=np.array([z]), covariance=np.array([[sd**2]])),
+        )
+        for z, sd in ((3.71, 0.061), (2.70, 0.28))
+    )
+    assert distinct([ridge, narrow], [narrow, ridge].index) == [narrow, ridge]
+    assert distinct([ridge, narrow], [ridge, narrow].index) == [ridge]
 
 
 @pytest.mark.long
