@@ -52,8 +52,10 @@ End = TypeVar("End", bound=Ends)
 
 
 def distinct(modes: Sequence[End], by: Callable[[End], float]) -> list[End]:
-    """In this order, those that none before them tells already: a ridge, where tissue tells little of its
-    layers, may run through a narrow mode and is more than that."""
+    """In this order, without modes that lie within an earlier one's posterior.
+
+    A wide mode may run through a narrow one, where a stroke tells little of the layers; it stays.
+    """
     out: list[End] = []
     for one in sorted(modes, key=by):
         if all(_away(one, other) > _SAME for other in out):

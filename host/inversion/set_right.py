@@ -69,13 +69,11 @@ class _Followed:
     promised : float
         The misfit where it goes next; where it may go no further, the one it has come to.
     glanced : float
-        The misfit that the glance promised. Its few frames tell others than all do: only other modes' is
-        to be compared with it.
+        The misfit that the glance promised. Its few frames give another misfit than all of them, so it is
+        compared with other glances only.
     right : bool
         Whether the solver has been asked for more than a glance.
     goes_on : bool
-    within : float
-        So far from the best promise it may be the best one.
     """
 
     def __init__(self, noise: Noise, found: Found, assemble: Assemble, asks: Asked) -> None:
@@ -91,7 +89,6 @@ class _Followed:
         self._next = self._best = found.mode.z
         self._least, self._stays = np.inf, False
         self._asks, self._done = asks, 0
-        self.within = _NEARLY * len(parts)
         self._mode: Mode | None = None
 
     def on(self, like: _Followed | None = None) -> bool:
@@ -100,6 +97,12 @@ class _Followed:
         like : _Followed, optional
             Another mode over the same strokes: what the tissue's ends change it has from there.
         """
+        could = self._ask(like)
+        if self._done == _ROUNDS and not self._stays:
+            self.promised = self._least
+        return could
+
+    def _ask(self, like: _Followed | None) -> bool:
         posterior, forward, z = self.posterior, self._forward, self._next
         tissue = z[posterior.at["tissue"]]
         self._done += 1
@@ -120,7 +123,6 @@ class _Followed:
             promised, worse = self._least - self.promised, there - self._least
             share = np.clip(promised / (worse + 2 * promised), *_SHORTER)
             self._next = self._best + share * (z - self._best)
-            self.promised = self.promised if self.goes_on else self._least
             return True
         self._mode = search(posterior, forward, self._best, _STEPS, enough=_ENOUGH, damping=_DAMPING)
         self._next, self.promised = self._mode.z, self._mode.misfit.total
@@ -129,16 +131,18 @@ class _Followed:
             return True
         self.right = True
         self._asks = Asked.VALUES if as_promised else Asked.SLOPES
-        self.within = _AS_WELL * len(self.found.kept)
         self._stays = self._least - self.promised < _STAYS
-        if not (self.goes_on or self._stays):
-            self.promised = self._least
         self.goes_on &= not self._stays
         return True
 
     def over(self, right: float, glanced: float) -> float:
-        """How far its promise is over the best of those like it: set right, or after a glance."""
+        """How far its promise is over the best one of those set right, or of glances."""
         return self.promised - right if self.right else self.glanced - glanced
+
+    @property
+    def within(self) -> float:
+        """So far over the best promise it may be the best one."""
+        return (_AS_WELL if self.right else _NEARLY) * len(self.found.kept)
 
     @property
     def mode(self) -> Mode:

@@ -42,7 +42,7 @@ def log_even(u: float, limits: tuple[float, float]) -> float:
 
 
 def stiffness(u: float, limits: tuple[float, float]) -> float:
-    """The same by E^-2/3, of a lump's E over the fat's, from the stiff end on."""
+    """E over the fat's, a share `u` of the way from the stiff limit to the soft one by E^-2/3."""
     return even(u, (limits[1] ** (-2 / 3), limits[0] ** (-2 / 3))) ** -1.5
 
 
