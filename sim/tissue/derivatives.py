@@ -22,11 +22,11 @@ from palpate.sim.tissue import kernels
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.contact import ContactState
 from palpate.sim.tissue.element import integrate
-from palpate.sim.tissue.errors import CaseError
+from palpate.sim.tissue.errors import CaseError, StrokeError
 from palpate.sim.tissue.frames import SolvedFrames
 from palpate.sim.tissue.layers import DEEPER, UNDER_FAT, fields_of
 from palpate.sim.tissue.material import Tissue, elasticity
-from palpate.sim.tissue.newton import Newton
+from palpate.sim.tissue.newton import Newton, NoConvergence
 from palpate.sim.tissue.one_thread import one_blas_thread
 from palpate.sim.tissue.run import StrokeRun
 from palpate.sim.tissue.state import State
@@ -127,7 +127,11 @@ def differentiate(frames: SolvedFrames, topology: Topology, by: Sequence[str] | 
     steps: list[tuple[NDArray[np.float32], Floats, Floats]] = [(np.empty(0, np.float32),) * 3] * n  # type: ignore[list-item]
     with one_blas_thread():
         for i in frames.order.tolist():
-            images[i], depth[i], steps[i] = columns.at(frames.states[i], float(frames.places_mm[i]))
+            x = float(frames.places_mm[i])
+            try:
+                images[i], depth[i], steps[i] = columns.at(frames.states[i], x)
+            except NoConvergence as error:
+                raise StrokeError(run.case.code, x, f"differentiating, {error}") from None
     return Derivatives((*by, "place_mm", "force_N_per_m"), images, depth, steps)
 
 
