@@ -1,8 +1,8 @@
 """What the solver is asked about strokes: few frames, of one guess after the other.
 
 Along one side of the lump the probe is pressed and slides from frame to frame. The other side's frames, whose
-forces are others, are carried on from those nearest to them, and the next guess's from the last one's; where
-there are derivatives Newton's method begins nearly at its end. In fat of 10 kPa. Units: mm, kPa, N/m.
+forces are others, are carried on from those nearest to them. (From the last guess's frames Newton's method
+takes half as many steps again.) In fat of 10 kPa. Units: mm, kPa, N/m.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PRESS = -1
 _PAST_MM, _APART_MM = 4.0, 0.3
 """States so near lead on to a frame, if they are so far apart."""
 _CARRIED = 1.0, 0.1
-"""As far as states so much apart, in mm and by ln F, derivatives carry alike."""
+"""So far apart, in mm and by ln F, states are as unlike in either way."""
 
 
 class Alike(NamedTuple):
@@ -38,10 +38,6 @@ class Alike(NamedTuple):
     mm: float
     ln_F: float
     pressed: float
-
-
-_STEEP = Alike(2.0, 0.4, 0.5)
-"""Derivatives are worked out at frames that differ by more."""
 
 
 @dataclass(frozen=True)
@@ -87,122 +83,62 @@ class Frames:
         return Frames(self.places_mm[which], self.ln_F[which], self.way[which])
 
 
-@dataclass(frozen=True)
-class Steep:
-    """Derivatives at some frames of a guess, or of one before it.
-
-    Attributes
-    ----------
-    frames : SolvedFrames
-    derivatives : Derivatives
-    """
-
-    frames: SolvedFrames
-    derivatives: Derivatives
-
-
-@dataclass(frozen=True)
-class Along:
-    """Frames that others may be carried on from.
-
-    Attributes
-    ----------
-    theta : ndarray (k,)
-        Tissue and lump.
-    steep : Steep or None
-        None as long as no derivatives were asked for.
-    """
-
-    theta: Floats
-    solved: SolvedFrames
-    steep: Steep | None
-
-
 class Solves:
-    """Computes some frames of one guess after the other, under one class.
-
-    Attributes
-    ----------
-    along : Along or None
-        The last guess.
-    """
+    """Computes some frames of one guess after the other, under one class."""
 
     def __init__(self, of: Class, settings: Settings) -> None:
         self._of, self._settings = of, settings
         self._topology: Topology | None = None
-        self.along: Along | None = None
 
-    def __call__(
-        self,
-        theta: Floats,
-        frames: Frames,
-        along: Alike,
-        each: Alike,
-        slopes: bool,
-    ) -> SolvedFrames:
+    def __call__(self, theta: Floats, frames: Frames, alike: Alike) -> SolvedFrames:
         """Frames (m,) of a guess that stand for all of them; first those along one side.
-
-        Parameters
-        ----------
-        along, each : Alike
-            Of the frames along one side, and of all.
-        slopes : bool
-            Work out derivatives.
 
         Raises
         ------
         CaseError, StrokeError
             There is no such tissue, or no equilibrium in it.
         """
-        topology, geometry = self._mesh(theta, frames.places_mm)
+        geometry = self._mesh(theta, frames.places_mm)
 
-        def solve(some: Frames, along: Along | None) -> SolvedFrames:
+        def solve(some: Frames, near: SolvedFrames | None) -> SolvedFrames:
             places, F = some.places_mm, FAT_KPA * np.exp(some.ln_F)
-            guesses = None if along is None else self._carried(along, theta, places, F)
+            guesses = None if near is None else _carried(near, places, F)
             return solve_frames(self._of.case(theta), self._settings, geometry, places, F, guesses)
 
-        before, some = self.along, frames.longest().unlike(along)
-        found, others = solve(some, before), frames.unlike(each, some)
-        if len(others.ln_F):
-            leads = before if before and before.steep else Along(theta, found, None)
-            found = _together(found, solve(others, leads))
-        steep = before.steep if before else None
-        if slopes:
-            which = np.concatenate([some.chosen(_STEEP), len(some.ln_F) + others.chosen(_STEEP)])
-            those = _some(found, which)
-            steep = Steep(those, differentiate(those, topology, self._of.fields))
-        self.along = Along(theta.copy(), found, steep)
-        return found
+        some = frames.longest().unlike(alike)
+        found, others = solve(some, None), frames.unlike(alike, some)
+        return _together(found, solve(others, found)) if len(others.ln_F) else found
 
-    def _mesh(self, theta: Floats, places_mm: Floats) -> tuple[Topology, Geometry]:
+    def steep(self, found: SolvedFrames, alike: Alike) -> tuple[SolvedFrames, Derivatives]:
+        """Some frames of the last guess that stand for all of them, and their derivatives.
+
+        Raises
+        ------
+        StrokeError
+            An equilibrium is not stable.
+        """
+        assert self._topology is not None
+        ln_F = np.log(found.forces_N_per_m / FAT_KPA)
+        every = Frames(found.places_mm, ln_F, np.zeros(len(ln_F), int))
+        some = _some(found, every.chosen(alike))
+        return some, differentiate(some, self._topology, self._of.fields)
+
+    def _mesh(self, theta: Floats, places_mm: Floats) -> Geometry:
         """On a mesh of the last guess's topology, where that will do."""
         reach = float(places_mm.min()) - 1.0, float(places_mm.max()) + 1.0
-        topology, geometry = follow(self._topology, self._of.case(theta), self._settings, *reach)
-        if topology is not self._topology:
-            self._topology, self.along = topology, None
-        return topology, geometry
+        self._topology, geometry = follow(self._topology, self._of.case(theta), self._settings, *reach)
+        return geometry
 
-    def _carried(self, last: Along, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> list[State]:
-        """The nearest states with another theta and under another force; two of them lead on to a place."""
-        known, steep, at, out = last.solved, last.steep, last.solved.places_mm, []
-        near = _away(at, known.forces_N_per_m, steep.frames).argmin(1) if steep else None
-        change = np.zeros(len(self._of.fields) + 2)
-        change[:-2] = self._of.values(theta) - self._of.values(last.theta)
 
-        def carried(k: int, F: float) -> State:
-            if steep is None or near is None:
-                return known.states[k]
-            change[-1] = F - known.forces_N_per_m[k]
-            return steep.derivatives.carried_on(known.states[k], int(near[k]), change)
-
-        for x, F, away in zip(places_mm, forces_N_per_m, _away(places_mm, forces_N_per_m, known)):
-            first = int(away.argmin())
-            others = np.flatnonzero((np.abs(at - at[first]) > _APART_MM) & (np.abs(at - x) < _PAST_MM))
-            past = [
-                (float(at[k]), carried(k, F)) for k in (*others[away[others].argsort()[:1]].tolist(), first)
-            ]
-            out.append(known.run.predictor(past, float(x)))
-        return out
+def _carried(known: SolvedFrames, places_mm: Floats, forces_N_per_m: Floats) -> list[State]:
+    """Where frames begin: at the nearest state; two of them lead on to a place."""
+    at, out = known.places_mm, []
+    for x, away in zip(places_mm, _away(places_mm, forces_N_per_m, known)):
+        first = int(away.argmin())
+        others = np.flatnonzero((np.abs(at - at[first]) > _APART_MM) & (np.abs(at - x) < _PAST_MM))
+        leading = (*others[away[others].argsort()[:1]].tolist(), first)
+        out.append(known.run.predictor([(float(at[k]), known.states[k]) for k in leading], float(x)))
+    return out
 
 
 def _away(places_mm: Floats, forces_N_per_m: Floats, known: SolvedFrames) -> Floats:

@@ -2,13 +2,14 @@
 
 The solver computes a few places of one guess, of half a stroke: the other half is nearly its mirror image.
 What it says otherwise, smoothed along the stroke, is added to the emulator from then on (space mapping, as in
-`solids`). In fat of 10 kPa. Units: mm, kPa, N/m.
+`solids`); by two guesses it turns along the way from one to the other (Broyden). In fat of 10 kPa. Units: mm,
+kPa, N/m.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -16,12 +17,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from palpate import models
-from palpate.inversion.asked import PRESS, Alike, Frames, Solves, Steep, far_off
+from palpate.inversion.asked import PRESS, Alike, Frames, Solves
 from palpate.inversion.classes import FAT_KPA, Class
-from palpate.inversion.forward import FINE, Asked, Emulated, Forward, SaysSlopes, Slopes
+from palpate.inversion.forward import FINE, Emulated, Forward, SaysSlopes, Slopes
 from palpate.learn.plane_emulator import (
-    FORCE,
     LOW,
+    MESH,
     PLACE,
     ROWS,
     PlaneEmulator,
@@ -38,23 +39,19 @@ Floats = NDArray[np.float64]
 
 _PITCH_MM = 1.5
 _FACE_MM = ROWS * _PITCH_MM
-_STEP = 1e-6
+_STEP, _NO_WAY = 1e-6, 1e-9
 AFAR_MM, _END_MM = LOW[PLACE], 50.0
 """So far before the lump there is none, as far as the emulator knows; so far away the solver is asked."""
-MESH = replace(FINE, hx_mm=0.5)
-"""What columns of 1 mm read otherwise along the stroke is 0.12 % of the mean pressure, here 0.05 %."""
-_ALIKE, _ONE_SIDE = Alike(1.0, 0.05, 0.05), Alike(1.2, 0.2, 0.3)
-_GLANCE, _PLAIN = Alike(2.0, 0.1, 0.1), Alike(12.0, 0.08, 0.1)
-"""The solver is asked about the frames themselves, but for those so like another: of all; along the side of
-the lump that comes first; at a glance; and without a lump."""
+_FIRST, _AGAIN, _PLAIN = Alike(2.0, 0.25, 0.2), Alike(5.0, 0.35, 0.4), Alike(12.0, 0.08, 0.1)
+"""The solver is asked about the frames themselves, but for those so like another: of a first guess, of
+others, and without a lump. Of a first guess it gives derivatives, too, as far apart as other guesses'."""
 _ALL, _ALONG = 0.01, ((0.004, 1.2), (0.004, 2.5), (0.005, 10.0))
 _LN_F = 0.8
 _OF_THE_MESH = 0.0003
 """The spreads of corrections: of all frames alike, along the stroke by mm, by the logarithm of the force, and
 of what the contact's nodes make of a single frame."""
-_LARGER, _OF_SLOPES = (1.0, 2.0, 4.0), (0.1, 0.3, 1.0, 2.0, 4.0, 8.0)
-"""So much larger they may be, all alike: as is likeliest. The contact's nodes may make more of derivatives
-than the tissue does: their corrections may be smaller, too."""
+_LARGER = 0.1, 0.3, 1.0, 2.0, 4.0, 8.0
+"""So much larger they may be, all alike: as is likeliest."""
 _SIDES_MM, _LEAST_MM = (4.0, 9.0, 14.0, 20.0, 28.0, 40.0), 2.0
 """Near there, so far apart, the lump's sides are compared: tissue ends nearer behind it than before it."""
 _LUMP, _SOME_LUMP = [0, 1, 3], (np.log(8.0), np.log(8.0), 0.3)
@@ -69,38 +66,38 @@ def bundled() -> PlaneEmulator:
 class _Smooth:
     """A Gaussian process from frame to frame, over place and force, through values of m frames.
 
-    What the mesh makes of a single frame is no part of it. Values come in parts (m, q), and each
-    is as smooth as is likeliest.
+    What the mesh makes of a single frame is no part of it. Values come in parts (m, q), each as smooth as is
+    likeliest.
     """
 
-    def __init__(
-        self,
-        places_mm: Floats,
-        ln_F: Floats,
-        parts: Sequence[Floats],
-        larger: Sequence[float],
-    ) -> None:
+    def __init__(self, places_mm: Floats, ln_F: Floats, *parts: Floats) -> None:
         self._own = places_mm, ln_F
         K = _kernel(*self._own, *self._own)[0]
-        self._weights = np.concatenate([_smoothed(K, part, larger) for part in parts], 1)
+        self._weights = np.concatenate([_smoothed(K, part) for part in parts], 1)
 
-    def __call__(self, before: Floats, ln_F: Floats) -> tuple[Floats, Floats, Floats]:
-        """Of frames (n, q), part after part, and their derivatives by place and ln F."""
-        value, by_place, by_force = (part @ self._weights for part in _kernel(before, ln_F, *self._own))
-        return value, by_place, by_force
+    def __call__(self, before: Floats, ln_F: Floats) -> Floats:
+        """Of frames (n,), part after part, and derivatives by place and ln F, (3, n, q)."""
+        out: Floats = np.array([part @ self._weights for part in _kernel(before, ln_F, *self._own)])
+        return out
 
 
 @dataclass(frozen=True)
 class _Correction:
-    """What the solver says otherwise of one guess: rows over the mean pressure, ln displacement."""
+    """What the solver says otherwise of one guess: rows over the mean pressure, ln displacement.
+
+    Attributes
+    ----------
+    parts : tuple of _Smooth
+        To be added up: of the first guess, and what others have changed.
+    """
 
     theta: Floats
-    ln_F: Floats
-    """Of each frame that of the asked one nearest to it: from there on its force counts to first order."""
-    at: _Smooth
-    """Of 17 values."""
-    turns: _Smooth | None
-    """Of their derivatives, by each unknown and by ln F; None where they were not asked for."""
+    parts: tuple[_Smooth, ...]
+
+    def __call__(self, before: Floats, ln_F: Floats) -> Floats:
+        """As `_Smooth`."""
+        out: Floats = sum(part(before, ln_F) for part in self.parts)  # type: ignore[assignment]
+        return out
 
 
 def _kernel(x: Floats, ln_F: Floats, x2: Floats, ln_F2: Floats) -> tuple[Floats, Floats, Floats]:
@@ -116,10 +113,10 @@ def _kernel(x: Floats, ln_F: Floats, x2: Floats, ln_F2: Floats) -> tuple[Floats,
     return along * force, slope * force, -along * force * off / _LN_F
 
 
-def _smoothed(K: Floats, values: Floats, larger: Sequence[float]) -> Floats:
+def _smoothed(K: Floats, values: Floats) -> Floats:
     """Weights (m, q) of a Gaussian process through values (m, q), as smooth as is likeliest."""
     best = np.inf, values
-    for times in larger:
+    for times in _LARGER:
         L = np.linalg.cholesky(times**2 * K + _OF_THE_MESH**2 * np.eye(len(K)))
         weights = np.linalg.solve(L.T, np.linalg.solve(L, values))
         spread = float((values * weights).mean()) + 1e-30
@@ -146,6 +143,7 @@ class EmulatedForward(SaysSlopes):
         self._emulator = bundled()
         self._right: list[_Correction] = []
         self._solves = Solves(of, MESH)
+        self._turns: _Smooth | None = None
         self._behind: CubicSpline | None = None
 
     def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> Emulated:
@@ -171,9 +169,7 @@ class EmulatedForward(SaysSlopes):
             theta, places_mm, forces_N_per_m, images, depth, Slopes(slopes[:, :ROWS], slopes[:, ROWS])
         )
 
-    def set_right(
-        self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, asked: Asked = Asked.VALUES
-    ) -> None:
+    def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> None:
         """Let the solver compute a guess.
 
         Raises
@@ -182,39 +178,32 @@ class EmulatedForward(SaysSlopes):
             There is no such tissue, or no equilibrium in it.
         """
         ln_F = np.log(forces_N_per_m / FAT_KPA)
-        glance = asked is Asked.GLANCE
         before, behind = self._before(places_mm)
         way = np.where(self._press, PRESS, 2 * self._stroke + behind)
         frames = Frames(np.clip(before, -_END_MM, _END_MM), ln_F, way)
-        along, each = (_GLANCE, _GLANCE) if glance else (_ONE_SIDE, _ALIKE)
-        if not self.of.lump:
-            along = each = _PLAIN
-        slopes = asked is Asked.SLOPES
-        solved = self._solves(theta, frames, along, each, slopes)
+        alike = _PLAIN if not self.of.lump else _AGAIN if self._right else _FIRST
+        solved = self._solves(theta, frames, alike)
         places, asked_F = solved.places_mm, np.log(solved.forces_N_per_m / FAT_KPA)
         if self.of.lump and self._behind is None:
             self._behind = _other_side(self.of.case(theta), solved, float(places_mm.max()))
-        base, chain = self._inputs(theta)
-        y = self._frames(base, places, asked_F)[0]
-        right, turns = _Smooth(places, asked_F, [_values(solved) - y], _LARGER), None
-        if slopes and self._solves.along and (steep := self._solves.along.steep):
-            there, there_F = steep.frames.places_mm, np.log(steep.frames.forces_N_per_m / FAT_KPA)
-            by = self._frames(base, there, there_F)[1]
-            emulated = np.concatenate([by[..., :PLACE] @ chain, by[..., FORCE:]], -1)
-            steeper = np.moveaxis(self._slopes_of(theta, steep) - emulated, -1, 0)
-            turns = _Smooth(there, there_F, list(steeper), _OF_SLOPES)
-        away = far_off(frames.places_mm[:, None], ln_F[:, None], places, asked_F, *each[:2])
-        self._right.append(_Correction(theta.copy(), asked_F[away.argmin(1)], right, turns))
+        y = self._frames(self._inputs(theta)[0], places, asked_F)[0]
+        if self._turns is None and self.of.lump:
+            self._turns = self._turned_by(theta, solved)
+        known = self._right[-1].parts if self._right else ()
+        wrong = _values(solved) - y - sum(part(places, asked_F)[0] for part in known)
+        self._right.append(_Correction(theta.copy(), (*known, _Smooth(places, asked_F, wrong))))
 
-    def _slopes_of(self, theta: Floats, steep: Steep) -> Floats:
-        """The solver's derivatives of rows over the mean pressure and ln displacement, (m, 17, k + 1)."""
-        solved, found = steep.frames, steep.derivatives
-        F = solved.forces_N_per_m[:, None, None]
-        of_depth = found.displacement / solved.displacement_mm[:, None]
-        slopes = np.concatenate([found.images * _FACE_MM / F, of_depth[:, None]], 1)
-        by_force = slopes[..., -1:] * F
-        by_force[:, :-1, 0] -= _shares(solved)
-        return np.concatenate([slopes[..., :-2] @ self.of.chain(theta), by_force], -1)
+    def _turned_by(self, theta: Floats, solved: SolvedFrames) -> _Smooth:
+        """What the solver's derivatives by the unknowns are otherwise, unknown after unknown."""
+        some, found = self._solves.steep(solved, _AGAIN)
+        places, F = some.places_mm, some.forces_N_per_m
+        of_depth = found.displacement / some.displacement_mm[:, None]
+        by = np.concatenate([found.images * _FACE_MM / F[:, None, None], of_depth[:, None]], 1)
+        base, chain = self._inputs(theta)
+        there = places, np.log(F / FAT_KPA)
+        emulated = self._frames(base, *there)[1][..., :PLACE] @ chain
+        wrong = by[..., :-2] @ self.of.chain(theta) - emulated
+        return _Smooth(*there, *np.moveaxis(wrong, -1, 0))
 
     def like(self, other: EmulatedForward) -> None:
         """Behind the lump tissue is as another guess of the same strokes has it: that varies little."""
@@ -271,17 +260,25 @@ class EmulatedForward(SaysSlopes):
 
     def _corrections(self, theta: Floats, places_mm: Floats, ln_F: Floats) -> tuple[Floats, Floats]:
         """To be added to frames (n, 17), and derivatives (n, 17, k + 2) by the unknowns, place and ln F."""
-        last = self._right[-1]
-        before, behind = self._before(places_mm)
-        there = np.where(self._press, ln_F, last.ln_F)
-        out, by_place, by_force = last.at(before, there)
-        slopes, of_force = np.zeros((*out.shape, len(theta))), by_force
-        steep = [right.turns for right in self._right if right.turns is not None]
-        if steep:
-            turned = steep[-1](before, there)[0].reshape(len(out), -1, ROWS + 1).transpose(0, 2, 1)
-            slopes, of_force = turned[..., :-1], np.where(self._press[:, None], by_force, turned[..., -1])
-        out = out + slopes @ (theta - last.theta) + of_force * (ln_F - there)[:, None]
-        by = np.concatenate([slopes, by_place[..., None], of_force[..., None]], -1)
+        last, (before, behind) = self._right[-1], self._before(places_mm)
+        right = last(before, ln_F)
+        slopes = np.zeros((*right[0].shape, len(theta)))
+        if self._turns is not None:
+            turns = self._turns(before, ln_F).reshape(3, len(before), len(theta), -1).swapaxes(2, 3)
+            right, slopes = right + turns @ (theta - last.theta), turns[0]
+        if len(self._right) > 1:  # along the way from one guess to another it turns as they say
+            other = self._right[-2]
+            step = last.theta - other.theta
+            way = step / self.of.column("sd") ** 2
+            way /= way @ step + _NO_WAY
+            more = last(before, ln_F) - other(before, ln_F)
+            if self._turns is not None:
+                more -= turns @ step
+            share = float(way @ (theta - last.theta))
+            right = right + np.clip(share, -1.0, 1.0) * more
+            slopes = slopes + (abs(share) < 1.0) * more[0][..., None] * way
+        out, by_place, by_force = right
+        by = np.concatenate([slopes, by_place[..., None], by_force[..., None]], -1)
         out[behind], by[behind, :ROWS] = _turned(out[behind]), by[behind, :ROWS][:, ::-1]
         by[behind, :, -2] *= -1
         return out, by

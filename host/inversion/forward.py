@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum, auto
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -150,19 +149,11 @@ class Rubs(Protocol):
         ...
 
 
-class Asked(Enum):
-    """What the solver is asked about a guess: some frames, all that count, or these and derivatives."""
-
-    GLANCE = auto()
-    VALUES = auto()
-    SLOPES = auto()
-
-
 @runtime_checkable
 class Emulates(Predicts, Protocol):
     """An emulator that the solver sets right."""
 
-    def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, asked: Asked) -> None:
+    def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> None:
         """Let the solver compute a guess; CaseError or StrokeError where it cannot."""
         ...
 

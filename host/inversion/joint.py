@@ -70,6 +70,12 @@ class Together:
         """As `Posterior.start`; the lump lies elsewhere along each stroke."""
         return self.joined([part.start(theta, E_kPa, at) for part, at in zip(self.parts, lumps_mm)])
 
+    def within(self, z: Floats) -> Floats:
+        """A guess with tissue and lump no farther than the search goes."""
+        out, at = z.copy(), self.at["tissue"]
+        out[at] = np.clip(z[at], self.of.column("low"), self.of.column("high"))
+        return out
+
     def places(self, z: Floats) -> Floats:
         """Of all frames of all strokes, from the lump, mm."""
         return np.concatenate([part.places(z[index]) for part, index in zip(self.parts, self.index)])

@@ -53,7 +53,7 @@ _LOST = 2.0
 _NEARLY, _MOST = 30.0, 3
 """Modes whose misfit on the usual mesh is within so much of the best one's, a stroke, are looked at on the
 fine one: so much the mesh may get wrong."""
-_AS_WELL = 5.0
+_AS_WELL = 9.0
 """A mode whose evidence is within so much of the best one's, as a logarithm, may be the one."""
 
 
@@ -165,17 +165,18 @@ class _Coarse:
                 stride=_STRIDE,
             )
 
-    def _search(self, own: Sequence[Floats], **how: float) -> None:
+    def _search(self, own: Sequence[Floats], best: float = np.inf, stride: float = 1.0) -> None:
         posterior, forward = self._assemble(self._parts, None if self.emulated else COARSE)
         steps, enough = (
             (EMULATED_STEPS, EMULATED_ENOUGH) if self.emulated else (_COARSE_STEPS, _COARSE_ENOUGH)
         )
         if self.emulated:
-            how["best"] = np.inf
+            best = np.inf
         try:
             mode = search(
                 posterior, forward, posterior.joined(own), steps, enough=enough,
-                hopeless=self._hopeless, least=1.0 if self.emulated else _COARSE_ENOUGH, **how,
+                hopeless=self._hopeless, best=best, stride=stride,
+                least=1.0 if self.emulated else _COARSE_ENOUGH,
             )  # fmt: skip
         except (CaseError, StrokeError):
             return

@@ -14,7 +14,7 @@ from palpate.inversion.departures import DEPARTURES, FRICTION, TWO_LUMPS, UNDULA
 from palpate.inversion.found import Ends
 from palpate.inversion.joint import Together
 from palpate.inversion.posterior import Posterior
-from palpate.inversion.search import Mode
+from palpate.inversion.search import Mode, Sides
 from palpate.inversion.solid_classes import HEIGHT, WIDTH
 from palpate.inversion.widening import WIDER, Widening
 
@@ -55,17 +55,21 @@ def told(
     force = posterior.force_at(z)
     common = posterior.noise.common_gain
 
-    def half(weights: dict[str | int, float], like: str, more: float = 0.0) -> float:
-        """Half-width for a sum of unknowns, by name or number, widened as one of them is."""
+    def half(weights: dict[str | int, float], like: str, more: float = 0.0) -> Sides:
+        """Half-widths for a sum of unknowns, by name or number, widened as one of them is."""
         w = np.zeros(len(z))
         for key, weight in weights.items():
             w[names.index(key) if isinstance(key, str) else key] += weight
-        return wider[like].half(float(np.sqrt(w @ C @ w + more**2)), mode.settled)
+        laplace = float(np.sqrt(w @ C @ w))
+        sds = mode.sides.get(like) if set(weights) == alone.get(like) else None
+        each = sds or Sides(laplace, laplace)
+        return Sides(*(wider[like].half(float(np.hypot(sd, more)), mode.settled) for sd in each))
 
-    def log(value: float, by: float) -> Value:
-        return Value(value, value * float(np.exp(-by)), value * float(np.exp(by)))
+    def log(value: float, by: Sides) -> Value:
+        return Value(value, value * float(np.exp(-by.below)), value * float(np.exp(by.above)))
 
     E = float(np.exp(z[fat]))
+    alone: dict[str, set[str | int]] = {"ln_E": {fat}, **{name: {name} for name in names}}
     thick: dict[str | int, float] = {"ln t": 1.0}
     if "ln t" not in names:  # on the border it is depth + d/2
         down = case.half_down / case.t_mm
@@ -83,7 +87,7 @@ def told(
     if "ln d" in names:
         d = half({"ln d": 1.0}, "ln d")
         s, ds = case.E_inv23, half({"E^-2/3": 1.0}, "E^-2/3")
-        low, high = max(s - ds, 0.0), s + ds
+        low, high = max(s - ds.below, 0.0), s + ds.above
         ratio = Value(case.E_ratio, high**-1.5, low**-1.5 if low > 0 else None)
         values |= {
             "d_mm": log(case.d_mm, d),
@@ -108,7 +112,7 @@ def told(
             ),
         }
         apart, more = z[names.index(APART)], half({APART: 1.0}, "apart")
-        values["apart_mm"] = Value(apart, apart - more, apart + more)
+        values["apart_mm"] = Value(apart, apart - more.below, apart + more.above)
     other = max((name for name in DEPARTURES if name != posterior.of.name), key=lambda it: odds.get(it, 0.0))
     why = ""
     if odds.get(other, 0.0) > SURE:

@@ -8,7 +8,9 @@ all others they are computed anew.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +34,13 @@ _WORSE, _LEAST_WORSE = {0: np.inf, 1: np.inf, 2: 1e4, 3: 1e3, 4: 1e3}, 200.0
 """After so many steps, and more, a misfit so much over another mode's will not come down to it."""
 
 
+class Sides(NamedTuple):
+    """Standard deviations of an unknown below and above its mode."""
+
+    below: float
+    above: float
+
+
 @dataclass
 class Mode:
     """Where a search has ended.
@@ -53,6 +62,8 @@ class Mode:
         The frames there and their derivatives.
     jacobian : ndarray (n (rows + 1), size)
         Of the weighted residuals of the data.
+    sides : mapping of Sides
+        Of unknowns whose marginals were worked out, by name (`marginal.sides`).
     """
 
     z: Floats
@@ -65,6 +76,7 @@ class Mode:
     found: Predicted
     slopes: Slopes
     jacobian: Floats
+    sides: Mapping[str, Sides] = field(default_factory=dict)
 
     @property
     def chi2(self) -> float:
@@ -83,6 +95,7 @@ def search(
     best: float = np.inf,
     least: float = 0.0,
     stride: float = 1.0,
+    held: int | None = None,
 ) -> Mode:
     """Go down from z in `most` steps, until an undamped one promises less than `enough` of the misfit.
 
@@ -94,6 +107,8 @@ def search(
         A step that gains less is the last.
     stride : float
         Over the unknowns' own longest steps.
+    held : int, optional
+        An unknown that stays as it is; covariance and evidence are the others'.
 
     Raises
     ------
@@ -108,14 +123,14 @@ def search(
         A, B = posterior.jacobian(z, found, slopes)
         H = A.T @ A + B.T @ B
         g = A.T @ misfit.data.ravel() + B.T @ misfit.prior
-        undamped = _promise(_step(posterior, z, H, g, 0.0, stride), H, g)
+        undamped = _promise(_step(posterior, z, H, g, 0.0, stride, held), H, g)
         settled = undamped < enough
         far = misfit.total - best > _WORSE.get(steps, _LEAST_WORSE)
         if settled or steps >= most or far or (steps >= 4 and misfit.total > hopeless):
             break
         before, last, taken, good, promised = found, misfit.total, False, False, np.inf
         for _ in range(_TRIES if exact else 2):
-            step = _step(posterior, z, H, g, damping, stride)
+            step = _step(posterior, z, H, g, damping, stride, held)
             promised = _promise(step, H, g)
             try:
                 other = _computed(posterior, forward, z + step)
@@ -140,10 +155,13 @@ def search(
         steps += taken
         if taken and last - misfit.total < least:
             break
-    covariance: Floats = np.linalg.inv(H).astype(np.float64)
+    free = np.flatnonzero(np.arange(len(z)) != held)
+    own = np.ix_(free, free)
+    covariance = np.zeros(H.shape)
+    covariance[own] = np.linalg.inv(H[own])
     dof = posterior.measured - float(np.trace(covariance @ (A.T @ A)))
     known = np.isfinite(posterior.sd)
-    evidence = -0.5 * (misfit.total + np.linalg.slogdet(H)[1]) - float(np.log(posterior.sd[known]).sum())
+    evidence = -0.5 * (misfit.total + np.linalg.slogdet(H[own])[1]) - float(np.log(posterior.sd[known]).sum())
     return Mode(z, covariance, misfit, dof, settled, steps, evidence, found, slopes, A)
 
 
@@ -157,7 +175,13 @@ def _promise(step: Floats, H: Floats, g: Floats) -> float:
 
 
 def _step(
-    posterior: Posterior | Together, z: Floats, H: Floats, g: Floats, damping: float, stride: float
+    posterior: Posterior | Together,
+    z: Floats,
+    H: Floats,
+    g: Floats,
+    damping: float,
+    stride: float,
+    held: int | None,
 ) -> Floats:
     """A damped step; what would leave its range stays at its end, and a long step is shortened."""
     of = posterior.of
@@ -166,7 +190,7 @@ def _step(
     M = H.copy()
     own = np.arange(k)
     M[own, own] += damping * (np.diag(H)[own] + 10 / sd**2)
-    free = np.ones(len(z), bool)
+    free = np.arange(len(z)) != held
     step = np.zeros(len(z))
     for _ in range(k):
         step[:] = 0.0

@@ -16,6 +16,7 @@ from palpate.inversion.felt import FeltStroke, NotInvertible
 from palpate.inversion.forward import Emulates
 from palpate.inversion.found import Found
 from palpate.inversion.kept import Felt
+from palpate.inversion.marginal import with_sides
 from palpate.inversion.modes import coarse, finest
 from palpate.inversion.press import invert_press
 from palpate.inversion.recorded import felt_strokes
@@ -124,5 +125,7 @@ def invert_together(strokes: Sequence[Felt], noise: Noise, kind: str = AUTO) -> 
     odds |= {name: float(np.exp(share - all_of_them)) for name, share in others.items()}
     if kind == AUTO and two and odds[TWO_LUMPS] > SURE:
         modes, first = two, two[0]
+    if isinstance(first.forward, Emulates):
+        modes = [with_sides(one) for one in modes]
     said = told_of_modes(modes, odds)
     return replace(said, laid=first.posterior.laid(first.mode.z, first.mode.found))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from palpate.inversion.classes import APART, DEEPER, LARGER, Class, Unknown
 from palpate.inversion.departures import TWO_LUMPS
 from palpate.inversion.emulated import AFAR_MM, EmulatedForward
-from palpate.inversion.forward import Asked, Emulated, SaysSlopes, Slopes
+from palpate.inversion.forward import Emulated, SaysSlopes, Slopes
 from palpate.inversion.found import Found, distinct
 from palpate.inversion.joint import Together
 from palpate.inversion.modes import EMULATED_ENOUGH, EMULATED_STEPS
@@ -163,12 +163,10 @@ class TwoForward(SaysSlopes):
         place, force = first[..., -2] + other[..., -2], (first + other - plain)[..., -1]
         return np.concatenate([of_tissue, place[..., None], force[..., None]], -1)
 
-    def set_right(
-        self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, asked: Asked = Asked.VALUES
-    ) -> None:
+    def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> None:
         """As `EmulatedForward.set_right`, over each lump alone."""
-        self._first.set_right(self._own @ theta, places_mm, forces_N_per_m, asked)
-        self._second.set_right(self._others @ theta, places_mm - theta[self._apart], forces_N_per_m, asked)
+        self._first.set_right(self._own @ theta, places_mm, forces_N_per_m)
+        self._second.set_right(self._others @ theta, places_mm - theta[self._apart], forces_N_per_m)
 
     def like(self, other: TwoForward) -> None:
         """As `EmulatedForward.like`."""

@@ -18,7 +18,7 @@ from palpate.inversion.changing import CHANGE, LATER, added, changing
 from palpate.inversion.classes import ANYWHERE, Class
 from palpate.inversion.emulated import EmulatedForward
 from palpate.inversion.felt import FeltStroke
-from palpate.inversion.forward import Asked, Forward, Predicted, Predicts, Slopes
+from palpate.inversion.forward import Forward, Predicted, Predicts, Slopes
 from palpate.inversion.found import Ends
 from palpate.inversion.joint import Together
 from palpate.inversion.kept import Felt
@@ -196,12 +196,12 @@ class TwoVisits:
             np.concatenate([_with_change(one.depth, k, later) for later, one in enumerate(found)]),
         )
 
-    def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats, asked: Asked) -> None:
+    def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> None:
         """Let the solver compute both visits of a guess."""
         n = self._first
         for one, its, frames in zip(self._each, self._thetas(theta), (slice(0, n), slice(n, None))):
             assert isinstance(one, EmulatedForward)
-            one.set_right(its, places_mm[frames], forces_N_per_m[frames], asked)
+            one.set_right(its, places_mm[frames], forces_N_per_m[frames])
 
     def go_back(self) -> None:
         """The last guess but one was better."""

@@ -12,9 +12,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.sim.tissue import Case
+from palpate.sim.tissue import Case, Settings
 
 Floats = NDArray[np.float64]
+Small = NDArray[np.float32]
 
 INPUTS = (
     "ln d", "ln depth", "ln t", "E^-2/3", "ln gland ratio", "ln gland", "b of the fat", "b of the gland",
@@ -29,6 +30,8 @@ HIGH = np.array(
 )
 """What it was fitted to; beyond it goes on along its tangent, and stays as it is far before the lump."""
 ROWS = 16
+MESH = Settings(hx_mm=0.5, shells=3, tolerance=1e-3, to_border=True)
+"""Of the frames it was fitted to: what columns of 1 mm read otherwise is 0.8 % of the mean pressure."""
 _STIFFENING = slice(B_OF_THE_FAT, B_OF_THE_FAT + 2)
 
 
@@ -38,23 +41,26 @@ class PlaneEmulator:
 
     Attributes
     ----------
-    weights, biases : tuples of ndarray
+    weights, biases : tuples of ndarray, float32
     """
 
-    weights: tuple[Floats, ...]
-    biases: tuple[Floats, ...]
+    weights: tuple[Small, ...]
+    biases: tuple[Small, ...]
 
     def __call__(self, x: Floats) -> tuple[Floats, Floats]:
         """Frames (n, 17) at inputs (n, 11): rows over the mean pressure, ln displacement; and (n, 17, 11)."""
         within = np.clip(x, LOW, HIGH)
-        value, steps = features(within)
-        slopes: Floats = steps.transpose(2, 0, 1)
+        seen, steps = features(within)
+        value: Small = seen.astype(self.weights[0].dtype)
+        slopes: Small = np.ascontiguousarray(steps.transpose(2, 0, 1)).astype(value.dtype)
         for W, b in zip(self.weights[:-1], self.biases[:-1]):
             z = value @ W + b
-            s = 0.5 * (1 + np.tanh(z / 2))
-            value, slopes = z * s, (s * (1 + z * (1 - s))) * (slopes @ W)
-        out: Floats = value @ self.weights[-1] + self.biases[-1]
-        by: Floats = (slopes @ self.weights[-1]).transpose(1, 2, 0)
+            s = np.float32(0.5) * (1 + np.tanh(z / 2))
+            slopes = (slopes.reshape(-1, len(W)) @ W).reshape(len(slopes), *z.shape)
+            slopes *= s * (1 + z * (1 - s))
+            value = z * s
+        out: Floats = (value @ self.weights[-1] + self.biases[-1]).astype(float)
+        by: Floats = (slopes @ self.weights[-1]).transpose(1, 2, 0).astype(float)
         beyond = x - within
         beyond[:, PLACE] = 0.0
         by[..., PLACE] *= (within[:, PLACE] == x[:, PLACE])[:, None]
@@ -123,5 +129,5 @@ def read_plane_emulator(path: Path) -> PlaneEmulator:
     """What `write_plane_emulator` has written."""
     with np.load(path) as file:
         count = len(file.files) // 2
-        weights, biases = (tuple(file[f"{name}{i}"].astype(float) for i in range(count)) for name in "Wb")
+        weights, biases = (tuple(file[f"{name}{i}"] for i in range(count)) for name in "Wb")
     return PlaneEmulator(weights, biases)

@@ -19,8 +19,8 @@ from palpate.progress import ProgressCallback, Steps
 Small = NDArray[np.float32]
 Ints = NDArray[np.int64]
 
-_WIDTH, _LAYERS = 128, 4
-_PASSES, _BATCH = 700, 256
+_WIDTH, _LAYERS = 256, 4
+_PASSES, _BATCH = 600, 256
 _RATE, _LAST_RATE, _WARM_UP = 3e-3, 1e-5, 500
 _UNIT = 0.01
 """Errors of rows over the mean pressure, and of ln displacement, count in this."""
@@ -69,10 +69,9 @@ def fit_plane_emulator(
             adam.step(net.backward(_pull(value - wanted[part]), _pull(slope - steeper)))
         steps(str(done))
     last = _GAIN * np.float32(_UNIT)
-    weights = [W.astype(float) for W in net.weights]
-    biases = [b.astype(float) for b in net.biases]
-    weights[-1], biases[-1] = weights[-1] * last, biases[-1] * last + mean
-    return PlaneEmulator(tuple(weights), tuple(biases))
+    *weights, W = net.weights
+    *biases, b = net.biases
+    return PlaneEmulator((*weights, W * last), (*biases, (b.astype(float) * last + mean).astype(np.float32)))
 
 
 def errors_of(emulator: PlaneEmulator, frames: Frames, cases: Ints) -> dict[str, float]:

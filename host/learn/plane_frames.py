@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from palpate.files import whole_file
-from palpate.learn.plane_emulator import B_OF_THE_FAT, HIGH, LOW, PLACE, ROWS, inputs_of
+from palpate.learn.plane_emulator import B_OF_THE_FAT, HIGH, LOW, MESH, PLACE, ROWS, inputs_of
 from palpate.learn.plane_fit import Frames
 from palpate.progress import ProgressCallback, Steps
-from palpate.sim.tissue import Case, CaseError, Settings, StrokeError
+from palpate.sim.tissue import Case, CaseError, StrokeError
 from palpate.sim.tissue.derivatives import differentiate
 from palpate.sim.tissue.frames import solve_frames
 from palpate.sim.tissue.topology import Topology
@@ -36,7 +36,6 @@ _FIELDS = (
     "probe_radius_mm",
 )  # fmt: skip
 _FAT_KPA = 10.0
-_SETTINGS = Settings(hx_mm=1.0, tolerance=1e-3)
 _REACH_MM = -40.0, 4.0
 _FACE_MM = ROWS * PITCH_MM
 _LOG2_DRAWN = 14
@@ -134,8 +133,8 @@ def _frames_of(drawn: Floats, block: Block, k: int) -> Frames | None:
             gland_ratio=float(np.exp(drawn[4])), gland_mm=float(gland), fat_stiffening=float(drawn[6]),
             gland_stiffening=float(drawn[7]), probe_radius_mm=float(np.exp(drawn[8])),
         )  # fmt: skip
-        topology = Topology(case, _SETTINGS, *_REACH_MM)
-        solved = solve_frames(case, _SETTINGS, topology.geometry(case), places, _FAT_KPA * np.exp(ln_F))
+        topology = Topology(case, MESH, *_REACH_MM)
+        solved = solve_frames(case, MESH, topology.geometry(case), places, _FAT_KPA * np.exp(ln_F))
         by = differentiate(solved, topology, _FIELDS)
     except (CaseError, StrokeError):
         return None

@@ -74,26 +74,15 @@ class Derivatives:
     displacement: Floats
     steps: list[tuple[NDArray[np.float32], Floats, Floats]]
 
-    def beside(self, other: Derivatives) -> Derivatives:
-        """These, then those of other frames of the same case."""
-        images, displacement = (
-            np.concatenate([getattr(one, name) for one in (self, other)])
-            for name in ("images", "displacement")
-        )
-        return Derivatives(self.by, images, displacement, self.steps + other.steps)
-
     def carried(self, frames: SolvedFrames, changes: Floats) -> list[State]:
         """The frames' states after changes (n, k) of the parameters, to first order."""
-        return [
-            self.carried_on(state, k, change) for k, (state, change) in enumerate(zip(frames.states, changes))
-        ]
-
-    def carried_on(self, state: State, k: int, change: Floats) -> State:
-        """A state near the frame k after a change (k,) of the parameters, to first order."""
-        du, dlam, dY = self.steps[k]
-        multiplier = np.where(state.multiplier > 0, np.maximum(state.multiplier + change @ dlam, 0.0), 0.0)
-        u = state.u + change.astype(np.float32) @ du
-        return State(u, state.height + float(change @ dY), multiplier, state.pressure)
+        out = []
+        for state, (du, dlam, dY), change in zip(frames.states, self.steps, changes):
+            free = np.maximum(state.multiplier + change @ dlam, 0.0)
+            multiplier = np.where(state.multiplier > 0, free, 0.0)
+            u = state.u + change.astype(np.float32) @ du
+            out.append(State(u, state.height + float(change @ dY), multiplier, state.pressure))
+        return out
 
 
 def absent(case: Case) -> set[str]:

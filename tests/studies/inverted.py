@@ -32,7 +32,7 @@ from tests.studies.table import Asked, StudyTable, kept_rows, of_text
 
 LUMPS = 300
 _HALF_OF_ALL = 0.6745
-"""So many of Laplace's standard deviations half the errors would be below."""
+"""So many standard deviations half the errors would be below."""
 WORDS = {"d_mm": "ln d", "depth_mm": "ln depth", "t_mm": "ln t", "E_inv23": "E^-2/3", "E_fat_kPa": "ln_E"}
 """What is judged, and what widens it."""
 
@@ -54,7 +54,7 @@ def tables(asked: Asked) -> list[StudyTable]:
 
 
 def inverted(case: Case, seed: int, noise: str) -> dict[str, Any]:
-    """One stroke: how far the regression and the inversion are from the truth, and Laplace's half-widths."""
+    """One stroke: how far regression and inversion are off, and how far the posterior spreads that way."""
     try:
         felt, start, stream, _ = felt_of(case, seed, noise)
     except PalpateError as error:  # no such tissue, no equilibrium, or a stroke that cannot be inverted
@@ -75,10 +75,12 @@ def fitted(felt: FeltStroke, start: Start, under: Truth, noise: str, of: str) ->
         value, truth = found.values[name], truths[name]
         assert value.high is not None
         if name == "E_inv23":
-            half, apart, before = value.high - value.value, value.value - truth, first[name] - truth
+            below, above = value.value - value.low, value.high - value.value
+            apart, before = value.value - truth, first[name] - truth
         else:
-            half, apart = np.log(value.high / value.value), np.log(value.value / truth)
-            before = np.log(first[name] / truth)
+            below, above = np.log([value.value / value.low, value.high / value.value])
+            apart, before = np.log([value.value / truth, first[name] / truth])
+        half = below if apart > 0 else above  # towards the truth
         row[name] = {"apart": float(apart), "sd": WIDER[factor].sd(float(half), found.settled)}
         row[name] |= {"first": float(before), "truth": truth}
     said = found.hardness
@@ -102,7 +104,7 @@ def said_first(start: Start) -> dict[str, float]:
 
 
 def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
-    """Errors and intervals of the rows, and Laplace's factors; held out by halves."""
+    """Errors and intervals of the rows, and factors; held out by halves."""
     whole = [row for row in rows if not row["problem"]]
     fits = np.array([row["chi2"] < FITS for row in whole])
     settled = np.array([row["settled"] for row in whole], bool)
@@ -151,7 +153,7 @@ def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
     return [
         of_text(title, heads, out),
         of_text(
-            "What widens Laplace's intervals",
+            "What widens intervals",
             ["", "strokes", "asked", "used", "floor", "held, halves crossed"],
             factors,
         ),

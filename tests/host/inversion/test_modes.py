@@ -87,7 +87,7 @@ def test_the_right_border_is_found_however_far_off_the_regression_has_it(lump):
 
 @pytest.mark.long
 def test_a_thin_fat_over_a_gland_as_soft_is_told_beside_a_thick_one():
-    """What a glance said of other borders was held against a mode that was set right: all were dropped."""
+    """Few frames' promises were held against a mode that all of them had set right: none was told."""
     felt, start, _, _ = felt_of(lumps(246, 31)[245], 31245)  # fat of 7.5 mm, a gland 1.1 times as stiff
     fat = invert_stroke(felt, start, level_named("typical"), ANYWHERE.name).values["t_mm"]
     assert fat.low < 12.0 and fat.high > 22.0, fat

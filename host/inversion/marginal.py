@@ -1,0 +1,79 @@
+"""How an unknown's posterior falls off on either side of a mode, where forward models are cheap.
+
+The unknown is held at one value after another and all others follow to the likeliest: its profile. How well
+they are known there weighs it (L. Tierney, J. Kadane, JASA 81, 1986).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from palpate.inversion.found import Found
+from palpate.inversion.search import Mode, Sides, search
+from palpate.inversion.widening import NORMAL
+from palpate.sim.tissue import CaseError, StrokeError
+
+Floats = NDArray[np.float64]
+
+_TOLD = "ln d", "ln depth", "ln t", "E^-2/3"
+_STEP, _LONGER, _FLAT = 0.75, 1.5, 0.35
+"""Of Laplace's standard deviations; so much longer where the logarithm has fallen by less than the last."""
+_MOST, _GONE = 8, 4.5
+"""So many steps to a side, at most: until the logarithm has fallen so far."""
+_STEPS, _ENOUGH, _DAMPING = 4, 0.2, 1e-3
+_FINE = 801
+_TAIL = 0.05
+
+
+def with_sides(found: Found) -> Found:
+    """The mode with standard deviations below and above it of what is told, where the class has it."""
+    names = [unknown.name for unknown in found.posterior.of.unknowns]
+    at = {name: names.index(name) for name in _TOLD if name in names}
+    at["ln_E"] = found.posterior.at["ln_E"].start
+    sides = {name: _sides(found, number) for name, number in at.items()}
+    return replace(found, mode=replace(found.mode, sides=sides))
+
+
+def _sides(found: Found, at: int) -> Sides:
+    values, logs = _profile(found, at)
+    x = np.linspace(values[0], values[-1], _FINE)
+    density = np.exp(PchipInterpolator(values, logs - logs.max())(x))
+    below = np.append(0.0, np.cumsum(density[1:] + density[:-1]))
+    low, high = np.interp([_TAIL, 1 - _TAIL], below / below[-1], x)
+    mode = float(found.mode.z[at])
+    return Sides(max(mode - float(low), 0.0) / NORMAL, max(float(high) - mode, 0.0) / NORMAL)
+
+
+def _profile(found: Found, at: int) -> tuple[Floats, Floats]:
+    """Values (n,) of an unknown, ascending, and the logarithms of its density there."""
+    mode = found.mode
+    here = _held(found, at, mode.z)
+    points = {float(mode.z[at]): here.log_evidence}
+    sd = float(np.sqrt(mode.covariance[at, at]))
+    for side in (sd, -sd):
+        z, last, step = mode.z, here.log_evidence, _STEP
+        way = side * mode.covariance[:, at] / mode.covariance[at, at]
+        for _ in range(_MOST):
+            guess = found.posterior.within(z + step * way)
+            if guess[at] == z[at]:
+                break
+            try:
+                there = _held(found, at, guess)
+            except (CaseError, StrokeError):
+                break
+            points[float(there.z[at])] = there.log_evidence
+            if there.log_evidence < max(points.values()) - _GONE:
+                break
+            way, z = (there.z - z) / step, there.z
+            step *= _LONGER if there.log_evidence > last - _FLAT else 1.0
+            last = there.log_evidence
+    values = np.array(sorted(points))
+    return values, np.array([points[value] for value in values.tolist()])
+
+
+def _held(found: Found, at: int, z: Floats) -> Mode:
+    return search(found.posterior, found.forward, z, _STEPS, enough=_ENOUGH, damping=_DAMPING, held=at)
