@@ -261,7 +261,7 @@ class EmulatedForward(SaysSlopes):
     def _corrections(self, theta: Floats, places_mm: Floats, ln_F: Floats) -> tuple[Floats, Floats]:
         """To be added to frames (n, 17), and derivatives (n, 17, k + 2) by the unknowns, place and ln F."""
         last, (before, behind) = self._right[-1], self._before(places_mm)
-        right = last(before, ln_F)
+        said = right = last(before, ln_F)
         slopes = np.zeros((*right[0].shape, len(theta)))
         if self._turns is not None:
             turns = self._turns(before, ln_F).reshape(3, len(before), len(theta), -1).swapaxes(2, 3)
@@ -271,7 +271,7 @@ class EmulatedForward(SaysSlopes):
             step = last.theta - other.theta
             way = step / self.of.column("sd") ** 2
             way /= way @ step + _NO_WAY
-            more = last(before, ln_F) - other(before, ln_F)
+            more = said - other(before, ln_F)
             if self._turns is not None:
                 more -= turns @ step
             share = float(way @ (theta - last.theta))
