@@ -40,6 +40,7 @@ Floats = NDArray[np.float64]
 _PITCH_MM = 1.5
 _FACE_MM = ROWS * _PITCH_MM
 _STEP, _NO_WAY = 1e-6, 1e-9
+"""Of differences; guesses that are so near, squared, are one."""
 AFAR_MM, _END_MM = LOW[PLACE], 50.0
 """So far before the lump there is none, as far as the emulator knows; so far away the solver is asked."""
 _FIRST, _AGAIN, _PLAIN = Alike(2.0, 0.25, 0.2), Alike(5.0, 0.35, 0.4), Alike(12.0, 0.08, 0.1)

@@ -63,7 +63,7 @@ class Mode:
     jacobian : ndarray (n (rows + 1), size)
         Of the weighted residuals of the data.
     sides : mapping of Sides
-        Of unknowns whose marginals were worked out, by name (`marginal.sides`).
+        Of unknowns whose marginals were worked out, by name (`marginal.with_sides`).
     """
 
     z: Floats

@@ -61,8 +61,10 @@ class _Followed:
     Attributes
     ----------
     posterior : Together
+    mode : Mode
+        Where it goes next.
     promised : float
-        The misfit where it goes next; where it may go no further, the one it has come to.
+        The misfit there; where it may go no further, the one it has come to.
     alone : float
         The misfit by the emulator alone, which allows for what that gets wrong.
     right : bool

@@ -31,7 +31,7 @@ HIGH = np.array(
 """What it was fitted to; beyond it goes on along its tangent, and stays as it is far before the lump."""
 ROWS = 16
 MESH = Settings(hx_mm=0.5, shells=3, tolerance=1e-3, to_border=True)
-"""Of the frames it was fitted to: what columns of 1 mm read otherwise is 0.8 % of the mean pressure."""
+"""Of the frames it was fitted to. The inversion sets it right on the same one: another reads otherwise."""
 _STIFFENING = slice(B_OF_THE_FAT, B_OF_THE_FAT + 2)
 
 
