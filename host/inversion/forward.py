@@ -157,14 +157,6 @@ class Emulates(Predicts, Protocol):
         """Let the solver compute a guess; CaseError or StrokeError where it cannot."""
         ...
 
-    def go_back(self) -> None:
-        """The last guess but one was better."""
-        ...
-
-    def like(self, other: Any) -> None:
-        """Begin with what another mode over the same strokes has in common with this one."""
-        ...
-
 
 class Forward:
     """Computes frames of one class on one mesh, whose topology stays as long as the guesses are near.

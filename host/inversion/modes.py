@@ -31,8 +31,9 @@ from palpate.sim.tissue import CaseError, StrokeError
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_NEAR_MM, _MOST_NEAR, _ALIKE_MM = 16.0, 40, 1.0
-"""So far from the lump it is near; so many frames are enough there; those so far apart are alike."""
+_NEAR_MM, _MOST_NEAR, _ALIKE_MM = 24.0, 40, 1.0
+"""So far from the lump, half the face and half a wide lump, it is near; so many frames are enough there;
+those so far apart are alike."""
 _BY_EMULATOR, _COARSELY, _FINELY = (3, 1, 3), (6, 3, 4), (6, 1, 4)
 """So-manieth frame of the press counts, and means of so many near the lump and far from it: for the emulator,
 and for the solver on the usual mesh and the fine one."""
@@ -77,7 +78,8 @@ def coarse(
         mode = dict(zip(names, known[0].mode.z))
         searches.go_on([np.array([mode[unknown.name] for unknown in of.unknowns])])
         return searches.modes
-    searches.go_on([searches.starts[0].theta(of)])
+    if not (of.lump and searches.emulated):  # else it is among the others
+        searches.go_on([searches.starts[0].theta(of)])
     if of.lump and (searches.emulated or not _fit(searches.modes)):
         searches.go_on(searches.others())
     searches.move_border()

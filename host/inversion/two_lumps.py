@@ -77,11 +77,13 @@ def as_two(noise: Noise, modes: Sequence[Found], right: Found) -> AsTwo:
     of = two_of(one.posterior.of)
 
     def assemble(parts: Sequence[Posterior], settings: Settings | None) -> tuple[Together, TwoForward]:
-        alone = (emulated_of(one.posterior.of, [part.stroke for part in parts]) for _ in range(2))
-        return Together(parts), TwoForward(of, *alone)
+        # what the solver has said of one lump holds for each of two
+        assert isinstance(right.forward, EmulatedForward)
+        return Together(parts), TwoForward(of, right.forward)
 
     parts = [Posterior(of, part.stroke, noise, EMULATED) for part in one.posterior.parts]
-    posterior, forward = assemble(parts, None)
+    posterior = Together(parts)
+    forward = TwoForward(of, emulated_of(one.posterior.of, [part.stroke for part in parts]))
     found = []
     for start in (start for mode in modes[:_BEGUN] for start in _starts(mode, parts)):
         try:
@@ -122,15 +124,15 @@ class TwoForward(SaysSlopes):
     ----------
     of : Class
         Of both.
-    first, second : EmulatedForward
-        Over each of them alone.
+    alone : EmulatedForward
+        Over one of them.
     """
 
-    def __init__(self, of: Class, first: EmulatedForward, second: EmulatedForward) -> None:
-        self.of, self._first, self._second = of, first, second
+    def __init__(self, of: Class, alone: EmulatedForward) -> None:
+        self.of, self._alone = of, alone
         self.scale = of.scale
         names = [unknown.name for unknown in of.unknowns]
-        self._own, self._apart = np.eye(len(first.of.unknowns), len(names)), names.index(APART)
+        self._own, self._apart = np.eye(len(alone.of.unknowns), len(names)), names.index(APART)
         self._others = self._own.copy()
         self._others[names.index("ln d"), names.index(LARGER)] = 1.0
         self._others[names.index("ln depth"), names.index(DEEPER)] = 1.0
@@ -144,9 +146,9 @@ class TwoForward(SaysSlopes):
             There is no such tissue.
         """
         own = self._own @ theta
-        first = self._first(own, places_mm, forces_N_per_m)
-        other = self._second(self._others @ theta, places_mm - theta[self._apart], forces_N_per_m)
-        plain = self._first(own, np.full(len(places_mm), AFAR_MM), forces_N_per_m)
+        first = self._alone(own, places_mm, forces_N_per_m)
+        other = self._alone(self._others @ theta, places_mm - theta[self._apart], forces_N_per_m)
+        plain = self._alone(own, np.full(len(places_mm), AFAR_MM), forces_N_per_m)
         steep = [
             self._sum(*(getattr(frames.slopes, name) for frames in (first, other, plain)))
             for name in ("images", "depth")
@@ -165,15 +167,5 @@ class TwoForward(SaysSlopes):
 
     def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> None:
         """As `EmulatedForward.set_right`, over each lump alone."""
-        self._first.set_right(self._own @ theta, places_mm, forces_N_per_m)
-        self._second.set_right(self._others @ theta, places_mm - theta[self._apart], forces_N_per_m)
-
-    def like(self, other: TwoForward) -> None:
-        """As `EmulatedForward.like`."""
-        self._first.like(other._first)
-        self._second.like(other._second)
-
-    def go_back(self) -> None:
-        """As `EmulatedForward.go_back`."""
-        self._first.go_back()
-        self._second.go_back()
+        self._alone.set_right(self._own @ theta, places_mm, forces_N_per_m)
+        self._alone.set_right(self._others @ theta, places_mm - theta[self._apart], forces_N_per_m)

@@ -203,18 +203,6 @@ class TwoVisits:
             assert isinstance(one, EmulatedForward)
             one.set_right(its, places_mm[frames], forces_N_per_m[frames])
 
-    def go_back(self) -> None:
-        """The last guess but one was better."""
-        for one in self._each:
-            assert isinstance(one, EmulatedForward)
-            one.go_back()
-
-    def like(self, other: TwoVisits) -> None:
-        """Begin with what another mode over the same strokes has in common with this one."""
-        for one, its in zip(self._each, other._each):
-            assert isinstance(one, EmulatedForward) and isinstance(its, EmulatedForward)
-            one.like(its)
-
 
 def _with_change(slopes: Floats, k: int, later: int) -> Floats:
     """With columns for the changes behind the k of tissue and lump: those of the first few, or nothing."""

@@ -17,6 +17,10 @@ from palpate.sim.tissue import Case
 from tests.host.inversion.world import felt_of
 from tests.studies.inverted import lumps
 
+_TOO_SURE = pytest.mark.xfail(
+    strict=True, reason="its border is told 12 % too deep, three standard deviations"
+)
+
 
 def borders(start):
     """Of other guesses: from the lump's top to the border, in diameters; and the gland's depth, in mm."""
@@ -75,8 +79,7 @@ def test_a_ridge_through_a_narrow_mode_is_told_beside_it_and_a_narrow_one_on_a_r
 
 
 @pytest.mark.long
-@pytest.mark.xfail(strict=True, reason="modes on a flat ridge of t merge before the solver is asked")
-@pytest.mark.parametrize("lump", [8, 21, 30])
+@pytest.mark.parametrize("lump", [8, pytest.param(21, marks=_TOO_SURE), 30])
 def test_the_right_border_is_found_however_far_off_the_regression_has_it(lump):
     """Of 61 cylinders these had ended with a border 1.7 to 4.7 times too deep, outside their intervals."""
     case = lumps(lump + 1, 13)[lump]

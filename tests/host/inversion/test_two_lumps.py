@@ -20,8 +20,8 @@ TWO = two_of(ANYWHERE)
 def frames_of(of):
     """A guess, its posterior, and its forward model."""
     posterior, z = a_few_frames(of, np.random.default_rng(4))
-    first, second = (emulated_of(ANYWHERE, [posterior.stroke]) for _ in range(2))
-    return posterior, z, TwoForward(of, first, second) if of is TWO else first
+    alone = emulated_of(ANYWHERE, [posterior.stroke])
+    return posterior, z, TwoForward(of, alone) if of is TWO else alone
 
 
 def test_the_jacobian_is_the_misfit_s_derivative_before_and_after_the_solver_has_spoken():
