@@ -114,6 +114,11 @@ class Class:
         """One attribute of all unknowns, (k,)."""
         return np.array([getattr(unknown, name) for unknown in self.unknowns])
 
+    def within(self, theta: Floats) -> Floats:
+        """A guess (k,) no farther than the search goes."""
+        out: Floats = np.clip(theta, self.column("low"), self.column("high"))
+        return out
+
     @property
     def scale(self) -> Floats:
         """How far steps of the unknowns, of a place and of ln force usually go, (k + 2,)."""

@@ -80,13 +80,14 @@ class Corrections:
         """
         known, _, turns = self._between(theta)
         here = places_mm, ln_F
-        more = _smoothed(*here, wrong - self._covariance(*here) @ known)
+        more = _smoothed(_kernel(*here, *here)[0], wrong - self._covariance(*here) @ known)
         if turned is None:
             by = more[..., None] * self._way(theta)
         else:
             there = turned.places_mm, turned.ln_F
             apart = np.moveaxis(turned.by - np.tensordot(self._covariance(*there), turns, 1), -1, 0)
-            smooth = np.stack([_smoothed(*there, part) for part in apart], -1)
+            K = _kernel(*there, *there)[0]
+            smooth = np.stack([_smoothed(K, part) for part in apart], -1)
             by = np.concatenate([np.zeros((*more.shape, len(theta))), smooth])
             more = np.concatenate([more, np.zeros(smooth.shape[:2])])
             places_mm, ln_F = (np.append(*pair) for pair in zip(here, there))
@@ -149,9 +150,9 @@ def _kernel(x: Floats, ln_F: Floats, x2: Floats, ln_F2: Floats) -> tuple[Floats,
     return along * force, slope * force, -along * force * off / _LN_F
 
 
-def _smoothed(places_mm: Floats, ln_F: Floats, values: Floats) -> Floats:
+def _smoothed(K: Floats, values: Floats) -> Floats:
     """Weights (m, q) of a Gaussian process through values (m, q), as smooth as is likeliest."""
-    K, best = _kernel(places_mm, ln_F, places_mm, ln_F)[0], (np.inf, values)
+    best = np.inf, values
     for times in _LARGER:
         L = np.linalg.cholesky(times**2 * K + _OF_THE_MESH**2 * np.eye(len(K)))
         weights = np.linalg.solve(L.T, np.linalg.solve(L, values))

@@ -213,12 +213,8 @@ def _other_side(case: Case, before: SolvedFrames, reach_mm: float) -> CubicSplin
 
 def _values(solved: SolvedFrames) -> Floats:
     """Rows over the mean pressure and ln displacement, (n, 17)."""
-    return np.column_stack([_shares(solved), np.log(solved.displacement_mm)])
-
-
-def _shares(solved: SolvedFrames) -> Floats:
-    """Rows over the mean pressure, (n, 16)."""
-    return solved.images_kPa * _FACE_MM / solved.forces_N_per_m[:, None]
+    shares = solved.images_kPa * _FACE_MM / solved.forces_N_per_m[:, None]
+    return np.column_stack([shares, np.log(solved.displacement_mm)])
 
 
 def _turned(frames: Floats) -> Floats:

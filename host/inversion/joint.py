@@ -73,7 +73,7 @@ class Together:
     def within(self, z: Floats) -> Floats:
         """A guess with tissue and lump no farther than the search goes."""
         out, at = z.copy(), self.at["tissue"]
-        out[at] = np.clip(z[at], self.of.column("low"), self.of.column("high"))
+        out[at] = self.of.within(z[at])
         return out
 
     def places(self, z: Floats) -> Floats:

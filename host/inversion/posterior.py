@@ -149,7 +149,7 @@ class Posterior:
     def start(self, theta: Floats, E_kPa: float, lump_mm: float) -> Floats:
         """A first guess: tissue and lump (k,), the fat's modulus, where along the stroke the lump lies."""
         z = self.mean.copy()
-        z[self.at["tissue"]] = np.clip(theta, self.of.column("low"), self.of.column("high"))
+        z[self.at["tissue"]] = self.of.within(theta)
         z[self.at["ln_E"]], z[self.at["start"]] = np.log(E_kPa), lump_mm
         middle = lump_mm if self.stroke.alone else self.stroke.place_mm[self.stroke.press :].mean()
         self.mean[self.at["start"]] = middle

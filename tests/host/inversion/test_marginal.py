@@ -1,12 +1,11 @@
 """Intervals know that a posterior is curved: how an unknown falls off on either side of the mode."""
 
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from palpate.inversion.classes import Unknown
+from palpate.inversion.classes import Class, Unknown
 from palpate.inversion.found import Found
 from palpate.inversion.joint import Together
 from palpate.inversion.marginal import with_sides
@@ -28,9 +27,7 @@ class Curved:
         self.bend = bend
         self.sd = np.array([1.0, 3.0, 1.0])
         unknowns = tuple(Unknown(name, 0.0, 1.0, -9.0, 9.0, 1.0) for name in NAMES[:2])
-        self.of = SimpleNamespace(
-            unknowns=unknowns, column=lambda name: np.array([getattr(unknown, name) for unknown in unknowns])
-        )
+        self.of = Class("curved", unknowns, lambda theta: None, ())
 
     def places(self, z):
         return z[:1]
