@@ -21,6 +21,8 @@ _LN_F = 0.8
 _OF_THE_MESH = 0.0003
 """The spreads of corrections: of all frames alike, along the stroke by mm, by the logarithm of the force, and
 of what the contact's nodes make of a single frame."""
+_SQUARE = _ALL**2 + sum(sd**2 for sd, _ in _ALONG)
+"""A correction's variance."""
 _LARGER = 0.1, 0.3, 1.0, 2.0, 4.0, 8.0
 """So much larger they may be, all alike: as is likeliest."""
 _THERE = 1e-4
@@ -53,6 +55,7 @@ class Corrections:
         self._thetas = np.empty((0, k))
         # weights of the covariances with the frames above: (guesses, frames, q) and their turns
         self._weights, self._turns = np.empty((0, 0, q)), np.empty((0, 0, q, k))
+        self._first: tuple[Floats, Floats, _Smooth] | None = None
 
     def away(self, theta: Floats) -> float:
         """How far a guess is from the nearest one, by the unknowns' spreads; infinite where there is none."""
@@ -80,16 +83,18 @@ class Corrections:
         """
         known, _, turns = self._between(theta)
         here = places_mm, ln_F
-        more = _smoothed(_kernel(*here, *here)[0], wrong - self._covariance(*here) @ known)
+        smooth = _smoothed(_kernel(*here, *here)[0], wrong - self._covariance(*here) @ known)
+        self._first = self._first or (*here, smooth)
+        more = smooth.weights
         if turned is None:
             by = more[..., None] * self._way(theta)
         else:
             there = turned.places_mm, turned.ln_F
             apart = np.moveaxis(turned.by - np.tensordot(self._covariance(*there), turns, 1), -1, 0)
             K = _kernel(*there, *there)[0]
-            smooth = np.stack([_smoothed(K, part) for part in apart], -1)
-            by = np.concatenate([np.zeros((*more.shape, len(theta))), smooth])
-            more = np.concatenate([more, np.zeros(smooth.shape[:2])])
+            steep = np.stack([_smoothed(K, part).weights for part in apart], -1)
+            by = np.concatenate([np.zeros((*more.shape, len(theta))), steep])
+            more = np.concatenate([more, np.zeros(steep.shape[:2])])
             places_mm, ln_F = (np.append(*pair) for pair in zip(here, there))
         frames = len(places_mm)
         self._places, self._ln_F = np.append(self._places, places_mm), np.append(self._ln_F, ln_F)
@@ -98,6 +103,14 @@ class Corrections:
             np.concatenate([_longer(old, frames), np.concatenate([base, new])[None]])
             for old, base, new in ((self._weights, known, more), (self._turns, turns, by))
         )
+
+    def unsure(self, places_mm: Floats, ln_F: Floats) -> float:
+        """How far off frames (n,) of the first guess still are, in the root mean square."""
+        if self._first is None:
+            return 0.0
+        x, F, smooth = self._first
+        left = smooth.left(_kernel(x, F, places_mm, ln_F)[0])
+        return float(np.sqrt(left.mean()))
 
     def _covariance(self, places_mm: Floats, ln_F: Floats) -> Floats:
         """With all frames asked so far, (n, frames)."""
@@ -150,14 +163,39 @@ def _kernel(x: Floats, ln_F: Floats, x2: Floats, ln_F2: Floats) -> tuple[Floats,
     return along * force, slope * force, -along * force * off / _LN_F
 
 
-def _smoothed(K: Floats, values: Floats) -> Floats:
-    """Weights (m, q) of a Gaussian process through values (m, q), as smooth as is likeliest."""
-    best = np.inf, values
+class _Smooth(NamedTuple):
+    """A Gaussian process through values (m, q).
+
+    Attributes
+    ----------
+    weights : ndarray (m, q)
+        Of the covariances with its frames.
+    times, spread : float
+        So much larger corrections are along the frames, and all variances.
+    root : ndarray (m, m)
+        Of the values' covariances, by Cholesky.
+    """
+
+    weights: Floats
+    times: float
+    spread: float
+    root: Floats
+
+    def left(self, K: Floats) -> Floats:
+        """Variances (n,) of other frames, of covariances (m, n) with these."""
+        own = self.times**2 * _SQUARE + _OF_THE_MESH**2
+        out: Floats = self.spread * (own - (np.linalg.solve(self.root, self.times**2 * K) ** 2).sum(0))
+        return out
+
+
+def _smoothed(K: Floats, values: Floats) -> _Smooth:
+    """Through values (m, q) of covariances (m, m), as smooth as is likeliest."""
+    best = np.inf, _Smooth(values, 1.0, 1.0, K)
     for times in _LARGER:
-        L = np.linalg.cholesky(times**2 * K + _OF_THE_MESH**2 * np.eye(len(K)))
+        L = np.asarray(np.linalg.cholesky(times**2 * K + _OF_THE_MESH**2 * np.eye(len(K))), float)
         weights = np.linalg.solve(L.T, np.linalg.solve(L, values))
         spread = float((values * weights).mean()) + 1e-30
         unlikely = len(K) * float(np.log(spread)) + 2 * float(np.log(np.diag(L)).sum())
         if unlikely < best[0]:
-            best = unlikely, times**2 * weights
+            best = unlikely, _Smooth(times**2 * weights, times, spread, L)
     return best[1]

@@ -65,6 +65,11 @@ class EmulatedForward(SaysSlopes):
     ----------
     strokes : sequence of (int, int)
         How many frames each stroke has, and how many of them are its press.
+
+    Attributes
+    ----------
+    unsure : float
+        How far off the frames of a stroke are where the solver was asked first, over the mean pressure.
     """
 
     def __init__(self, of: Class, strokes: Sequence[tuple[int, int]]) -> None:
@@ -76,6 +81,7 @@ class EmulatedForward(SaysSlopes):
         self._corrections = Corrections(of.column("sd"), ROWS + 1)
         self._solves = Solves(of, MESH)
         self._behind: CubicSpline | None = None
+        self.unsure = 0.0
 
     def __call__(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> Emulated:
         """Frames (n,) of a guess.
@@ -120,6 +126,8 @@ class EmulatedForward(SaysSlopes):
         wrong = _values(solved) - self._frames(self._inputs(theta)[0], places, asked_F)[0]
         turned = self._turned_by(theta, solved) if steep else None
         self._corrections.add(theta, places, asked_F, wrong, turned)
+        if not self.unsure:
+            self.unsure = self._corrections.unsure(before[~self._press], ln_F[~self._press])
 
     def _turned_by(self, theta: Floats, solved: SolvedFrames) -> Turned:
         """What the solver's derivatives by the unknowns are otherwise."""

@@ -151,7 +151,16 @@ class Rubs(Protocol):
 
 @runtime_checkable
 class Emulates(Predicts, Protocol):
-    """An emulator that the solver sets right."""
+    """An emulator that the solver sets right.
+
+    Attributes
+    ----------
+    unsure : float
+        How far off frames still are, over the mean pressure.
+    """
+
+    @property
+    def unsure(self) -> float: ...
 
     def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> None:
         """Let the solver compute a guess; CaseError or StrokeError where it cannot."""

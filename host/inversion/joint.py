@@ -48,6 +48,8 @@ class Together:
             index[own] = size + np.arange(len(own))
             size += len(own)
             self.index.append(index)
+        self._in_order = len(self.parts) == 1 and np.array_equal(self.index[0], np.arange(size))
+        """One stroke's own unknowns are all, as they stand."""
         k = first.at["tissue"].stop
         self.size, self.at = size, {"tissue": first.at["tissue"], "ln_E": slice(k, k + 1)}
         self.sd = self.joined([part.sd for part in self.parts])
@@ -106,6 +108,8 @@ class Together:
 
     def _wide(self, blocks: Sequence[Floats]) -> Floats:
         """The strokes' blocks below each other, each by its own unknowns."""
+        if self._in_order:
+            return blocks[0]
         out = np.zeros((sum(map(len, blocks)), self.size))
         ends = np.cumsum([0, *map(len, blocks)])
         for block, index, a, b in zip(blocks, self.index, ends, ends[1:]):

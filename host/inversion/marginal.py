@@ -20,13 +20,15 @@ from palpate.sim.tissue import CaseError, StrokeError
 Floats = NDArray[np.float64]
 
 _TOLD = "ln d", "ln depth", "ln t", "E^-2/3"
-_STEP, _LONGER, _FLAT = 0.75, 1.5, 0.35
+_STEP, _LONGER, _FLAT = 1.0, 1.5, 0.6
 """Of Laplace's standard deviations; so much longer where the logarithm has fallen by less than the last."""
-_MOST, _GONE = 8, 4.5
+_MOST, _GONE = 8, 3.5
 """So many steps to a side, at most: until the logarithm has fallen so far."""
 _STEPS, _ENOUGH, _DAMPING = 4, 0.2, 1e-3
 _FINE = 801
 _TAIL = 0.05
+_LEAST = 0.5
+"""Of Laplace's: a profile is ragged where a search ends beside another mode."""
 
 
 def with_sides(found: Found) -> Found:
@@ -44,8 +46,8 @@ def _sides(found: Found, at: int) -> Sides:
     density = np.exp(PchipInterpolator(values, logs - logs.max())(x))
     below = np.append(0.0, np.cumsum(density[1:] + density[:-1]))
     low, high = np.interp([_TAIL, 1 - _TAIL], below / below[-1], x)
-    mode = float(found.mode.z[at])
-    return Sides(max(mode - float(low), 0.0) / NORMAL, max(float(high) - mode, 0.0) / NORMAL)
+    mode, least = float(found.mode.z[at]), _LEAST * float(np.sqrt(found.mode.covariance[at, at]))
+    return Sides(max((mode - float(low)) / NORMAL, least), max((float(high) - mode) / NORMAL, least))
 
 
 def _profile(found: Found, at: int) -> tuple[Floats, Floats]:

@@ -20,7 +20,7 @@ from palpate.inversion.forward import COARSE, FINE
 from palpate.inversion.found import Assemble, Found, distinct, one_lump
 from palpate.inversion.kept import Felt
 from palpate.inversion.mirror import mirrored_about
-from palpate.inversion.posterior import EMULATED, SINGLE, Posterior
+from palpate.inversion.posterior import EMULATED, FINE_MESH, SINGLE, USUAL_MESH, Posterior
 from palpate.inversion.result import FITS
 from palpate.inversion.search import search
 from palpate.inversion.set_right import set_right
@@ -112,8 +112,8 @@ class _Coarse:
         self.emulated = emulates(of)
         how = _BY_EMULATOR if self.emulated else _COARSELY
         taken = [_gathered(stroke, start.lump_mm, *how) for (stroke, _), start in zip(strokes, self.starts)]
-        mesh = EMULATED if self.emulated else COARSE.hx_mm
-        self._parts = [Posterior(of, some, noise, mesh) for some, _ in taken]
+        error = EMULATED if self.emulated else USUAL_MESH
+        self._parts = [Posterior(of, some, noise, error) for some, _ in taken]
         self._kept = [kept for _, kept in taken]
 
     def others(self) -> Iterator[Floats]:
@@ -238,7 +238,7 @@ def _fine(strokes: Sequence[Felt], noise: Noise, found: Found, assemble: Assembl
     ):
         own = found.mode.z[index]
         more, now = _gathered(stroke, part.one(own, "start"), *_FINELY)
-        parts.append(Posterior(of, more, noise, FINE.hx_mm))
+        parts.append(Posterior(of, more, noise, FINE_MESH))
         zs.append(_carried(part, own, before, parts[-1], now))
         kept.append(now)
     posterior, forward = assemble(parts, FINE)

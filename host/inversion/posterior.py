@@ -13,7 +13,7 @@ cannot be told from E: its spread is added to E's afterwards.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,15 +36,22 @@ _PADDING_SD = 0.25
 _LN_E, _LN_F = (np.log(10.8), 0.58), (np.log(5.46), 0.48)
 """Mean and spread of the fat's modulus in kPa and of the force over it in mm, over the models' design."""
 
-EMULATED = 0.0
-"""Stands for a column width where frames are emulated."""
-_MESH_ERROR = {2.0: (0.05, 0.004), 1.0: (0.015, 0.001), EMULATED: (0.03, 0.005)}
-"""By column width, what is wrong: of the step from row to row, and of the pressure itself."""
-_EMULATED_DEPTH_ERROR = 0.005
 _DEPTH_ERROR_MM = 0.002
 _LEAST_SD = 1e-5
 
 SINGLE = ("ln_E", "ln_F", "start", "scale", "creep", "zero", "drift", "depth_zero", "depth_drift")
+
+
+class ModelError(NamedTuple):
+    """What is wrong of computed frames: shares of the step from row to row, of pressure, of displacement."""
+
+    of_step: float
+    of_pressure: float
+    of_depth: float = 0.0
+
+
+USUAL_MESH, FINE_MESH = ModelError(0.05, 0.004), ModelError(0.015, 0.001)
+EMULATED = ModelError(0.03, 0.005, 0.005)
 
 
 @dataclass(frozen=True)
@@ -61,7 +68,7 @@ class Misfit:
 
 
 class Posterior:
-    """One stroke under one class on one mesh; a guess is a vector z of all unknowns.
+    """One stroke under one class; a guess is a vector z of all unknowns.
 
     Attributes
     ----------
@@ -71,7 +78,7 @@ class Posterior:
 
     own_zeros = True
 
-    def __init__(self, of: Class, stroke: FeltStroke, noise: Noise, hx_mm: float) -> None:
+    def __init__(self, of: Class, stroke: FeltStroke, noise: Noise, error: ModelError) -> None:
         self.of, self.stroke, self.noise = of, stroke, noise
         n, p, channels = len(stroke.displacement_mm), stroke.press, stroke.rows_kPa.shape[1]
         gains = self._gain_sd()
@@ -86,7 +93,11 @@ class Posterior:
         self.mean, self.sd = self._known()
         self.force_sd = max(0.5 * noise.force, 2e-3)
         self._lag = stroke.slow(np.eye(n))
-        self._weight = self._weights(hx_mm)
+        self.weigh(error)
+
+    def weigh(self, error: ModelError) -> None:
+        """Weigh the data by what is wrong of the frames that are held against them."""
+        self._weight = self._weights(error)
 
     def _gain_sd(self) -> Floats:
         """Of each gain that is an unknown."""
@@ -125,15 +136,14 @@ class Posterior:
         mean[self.at["creep"]] = noise.creep
         return mean, sd
 
-    def _weights(self, hx_mm: float) -> Floats:
+    def _weights(self, error: ModelError) -> Floats:
         """One over the standard deviation of rows and displacement, (n, rows + 1); 0: not measured."""
         s, noise = self.stroke, self.noise
         white, depth = self._sensors(s.live)
-        if hx_mm == EMULATED:
-            depth = np.hypot(depth, _EMULATED_DEPTH_ERROR * s.displacement_mm)
+        depth = np.hypot(depth, error.of_depth * s.displacement_mm)
         steps = np.abs(np.diff(np.pad(s.rows_kPa, ((0, 0), (1, 1)), mode="edge"), axis=1))
-        step, share = _MESH_ERROR[hx_mm]
-        mesh = np.hypot(step * np.maximum(steps[:, 1:], steps[:, :-1]), share * np.maximum(s.rows_kPa, 0.0))
+        step = error.of_step * np.maximum(steps[:, 1:], steps[:, :-1])
+        mesh = np.hypot(step, error.of_pressure * np.maximum(s.rows_kPa, 0.0))
         stuck = noise.hysteresis * np.maximum(s.rows_kPa, 0.0)
         rows = np.sqrt(white**2 + mesh**2 + stuck**2 + s.curve_kPa**2)
         weight = 1.0 / np.column_stack([np.maximum(rows, 1e-3), depth])

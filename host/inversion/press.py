@@ -13,7 +13,7 @@ from palpate.answer.fitted import Inverted
 from palpate.inversion.classes import Class
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import COARSE, FINE
-from palpate.inversion.posterior import Posterior
+from palpate.inversion.posterior import FINE_MESH, USUAL_MESH, Posterior
 from palpate.inversion.result import of_modes, told
 from palpate.inversion.search import Mode, search
 from palpate.inversion.start import Start, first_guess
@@ -66,7 +66,7 @@ def _modes(of: Class, press: FeltStroke, begin: Start, noise: Noise) -> list[Fou
     modes: list[Found] = []
     for size, depth in _STARTS if of.name in LUMPS else _STARTS[:1]:
         start = replace(begin, d_mm=begin.d_mm * size, depth_mm=begin.depth_mm * depth)
-        posterior = Posterior(of, press, noise, COARSE.hx_mm)
+        posterior = Posterior(of, press, noise, USUAL_MESH)
         try:
             z = posterior.start(start.theta(of), start.E_kPa, start.lump_mm)
             mode = search(posterior, forward_of(of, COARSE, [press]), z, _STEPS, enough=0.5)
@@ -81,7 +81,7 @@ def _modes(of: Class, press: FeltStroke, begin: Start, noise: Noise) -> list[Fou
 
 def _finer(posterior: Posterior, mode: Mode) -> Found:
     """Go on upon the fine mesh; as before where that fails."""
-    other = Posterior(posterior.of, posterior.stroke, posterior.noise, FINE.hx_mm)
+    other = Posterior(posterior.of, posterior.stroke, posterior.noise, FINE_MESH)
     other.mean[other.at["start"]] = posterior.mean[posterior.at["start"]]
     try:
         forward = forward_of(posterior.of, FINE, [posterior.stroke])

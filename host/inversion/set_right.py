@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.inversion.forward import FINE, Emulates
+from palpate.inversion.forward import Emulates
 from palpate.inversion.found import Assemble, Found, distinct
 from palpate.inversion.joint import Together
-from palpate.inversion.posterior import Posterior
+from palpate.inversion.posterior import FINE_MESH, Posterior
 from palpate.inversion.search import Mode, search
 from palpate.sim.probe.noise import Noise
 from palpate.sim.tissue import CaseError, StrokeError
@@ -22,11 +22,13 @@ _MOST, _NEARLY = 4, 30.0
 """So many modes are asked about, within so much of the best one's misfit, a stroke."""
 _AS_WELL = 20.0
 """Within so much of the best one's promise they go on."""
-_ROUNDS, _STAYS = 6, 4.0
-"""Guesses of one mode, at most: until it promises so little of the misfit. A tenth of that is not kept."""
+_ROUNDS, _STAYS = 6, 50.0
+"""Guesses of one mode, at most: until it promises so little of the misfit, which is kept."""
 _RIPPLE = 5.0
 """Of two guesses the contact's nodes may make the better one worse by so much."""
 _STEPS, _ENOUGH, _DAMPING = 20, 0.1, 1e-3
+_UNSURE = 1.5
+"""So many times what frames are off counts as wrong of all pressures: it is under the lump that they are."""
 
 
 def set_right(noise: Noise, modes: Sequence[Found], assemble: Assemble, known: float = np.inf) -> list[Found]:
@@ -39,7 +41,7 @@ def set_right(noise: Noise, modes: Sequence[Found], assemble: Assemble, known: f
     """
     strokes, parts = len(modes[0].kept), []
     for part in modes[0].posterior.parts:
-        parts.append(Posterior(modes[0].posterior.of, part.stroke, noise, FINE.hx_mm))
+        parts.append(Posterior(modes[0].posterior.of, part.stroke, noise, FINE_MESH))
         parts[-1].mean[:] = part.mean
     posterior, forward = assemble(parts, None)
     assert isinstance(forward, Emulates)
@@ -99,6 +101,9 @@ class _Followed:
         except (CaseError, StrokeError):
             self._next = (self._best + z) / 2
         else:
+            wrong = max(FINE_MESH.of_pressure, _UNSURE * forward.unsure)
+            for part in posterior.parts:
+                part.weigh(FINE_MESH._replace(of_pressure=wrong))
             there = posterior.misfit(z, forward(tissue, posterior.places(z), posterior.forces(z))).total
             if there < self._least + _RIPPLE:
                 self._best, self._least = z, min(there, self._least)

@@ -17,7 +17,7 @@ from palpate.answer.fitted import Laid
 from palpate.inversion.classes import Class
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import Emulated, Slopes
-from palpate.inversion.posterior import Misfit, Posterior
+from palpate.inversion.posterior import EMULATED, Misfit, ModelError, Posterior
 from palpate.inversion.solid_emulator import BINS
 from palpate.sim.probe.noise import Noise
 from palpate.wire.cells import FULL_SCALE_KPA, PITCH_MM
@@ -50,14 +50,14 @@ class SolidPosterior(Posterior):
     own_zeros = False
 
     def __init__(self, of: Class, stroke: FeltStroke, noise: Noise) -> None:
-        super().__init__(of, stroke, noise, 0.0)
+        super().__init__(of, stroke, noise, EMULATED)
         self._whiten = self._whitening()
 
     def _gain_sd(self) -> Floats:
         shared = self.noise.row_gain
         return np.full(BINS[0] if shared else 0, shared)
 
-    def _weights(self, hx_mm: float) -> Floats:
+    def _weights(self, error: ModelError) -> Floats:
         s, noise = self.stroke, self.noise
         p = np.maximum(s.rows_kPa, 0.0).reshape(-1, *BINS)
         white, depth = self._sensors(np.maximum(s.live, 0.25))
@@ -71,8 +71,8 @@ class SolidPosterior(Posterior):
                 steps = np.maximum(steps, part)
         share = np.full(BINS, np.hypot(_SHARE_ERROR, noise.hysteresis))
         share[:, [0, -1]] = np.hypot(share[:, [0, -1]], _COLUMN_ERROR)
-        for k, error in enumerate(_ROW_ERRORS):
-            share[[k, -1 - k]] = np.hypot(share[[k, -1 - k]], error)
+        for k, of_row in enumerate(_ROW_ERRORS):
+            share[[k, -1 - k]] = np.hypot(share[[k, -1 - k]], of_row)
         mesh = np.hypot(_STEP_ERROR * steps, share * p).reshape(len(p), -1)
         mesh[: s.press] *= _SHARED
         rows = np.maximum(np.sqrt(white**2 + mesh**2 + s.curve_kPa**2), 1e-3)

@@ -165,6 +165,11 @@ class TwoForward(SaysSlopes):
         place, force = first[..., -2] + other[..., -2], (first + other - plain)[..., -1]
         return np.concatenate([of_tissue, place[..., None], force[..., None]], -1)
 
+    @property
+    def unsure(self) -> float:
+        """As one lump's."""
+        return self._alone.unsure
+
     def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> None:
         """As `EmulatedForward.set_right`, over each lump alone."""
         self._alone.set_right(self._own @ theta, places_mm, forces_N_per_m)

@@ -196,6 +196,11 @@ class TwoVisits:
             np.concatenate([_with_change(one.depth, k, later) for later, one in enumerate(found)]),
         )
 
+    @property
+    def unsure(self) -> float:
+        """As the visit's that is told less well."""
+        return max(one.unsure for one in self._each if isinstance(one, EmulatedForward))
+
     def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> None:
         """Let the solver compute both visits of a guess."""
         n = self._first

@@ -25,6 +25,7 @@ MODULES = {
     "departed": "departed",
     "inverted": "inverted",
     "inverted_solid": "inverted_solid",
+    "on_border": "on_border",
     "outside": "outside",
     "phantoms": "phantoms",
     "pressed": "pressed",
@@ -68,6 +69,7 @@ def command(
       coverage    the intervals of the bundled told model, the depth's among them
       departed    what no class holds (waves, friction, two lumps): how often a fit says so (minutes each)
       inverted    strokes fitted by the forward model: errors and intervals (a minute each)
+      on_border   the same over lumps on the border of fat and gland
       inverted_solid  the same over balls and ellipsoids (minutes each, and two to compute each)
       outside     lumps outside the bundled models' ranges: flags, and strokes fitted (a minute each)
       phantoms    eight balls in one soft material, three strokes each, fitted together (minutes each)

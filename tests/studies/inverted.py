@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from palpate.answer.fitted import HARD, LEVEL
 from palpate.errors import PalpateError
-from palpate.inversion.classes import ANYWHERE
+from palpate.inversion.classes import ANYWHERE, BORDER
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.result import FITS
 from palpate.inversion.start import Start
@@ -26,6 +26,7 @@ from palpate.learn.observed import random_scale
 from palpate.sim.probe.noise import level_named
 from palpate.sim.probe.packed_frames import Truth
 from palpate.sim.tissue import Case
+from palpate.sim.tissue.any_tissue import TissueRanges, random_lumps
 from palpate.sim.tissue.anywhere import anywhere_lumps
 from tests.host.inversion.world import felt_of, in_fat_of
 from tests.studies.table import Asked, StudyTable, kept_rows, of_text
@@ -36,30 +37,34 @@ _HALF_OF_ALL = 0.6745
 WORDS = {"d_mm": "ln d", "depth_mm": "ln depth", "t_mm": "ln t", "E_inv23": "E^-2/3", "E_fat_kPa": "ln_E"}
 """What is judged, and what widens it."""
 
+PLACED = {ANYWHERE.name: "anywhere", BORDER.name: "on the border"}
 
-def lumps(n: int, seed: int) -> list[Case]:
-    """`n` lumps anywhere in fat of 2 to 40 kPa; the first of more are the same."""
+
+def lumps(n: int, seed: int, of: str = ANYWHERE.name) -> list[Case]:
+    """`n` lumps of a class in fat of 2 to 40 kPa; the first of more are the same."""
     rng = np.random.default_rng(seed)
-    return [
-        in_fat_of(case, case.fat_kPa * random_scale(case, rng)) for case in anywhere_lumps(n, 9000 + seed)
-    ]
+    if of == BORDER.name:
+        drawn = random_lumps(n, 9000 + seed, TissueRanges())
+    else:
+        drawn = anywhere_lumps(n, 9000 + seed)
+    return [in_fat_of(case, case.fat_kPa * random_scale(case, rng)) for case in drawn]
 
 
-def tables(asked: Asked) -> list[StudyTable]:
+def tables(asked: Asked, of: str = ANYWHERE.name) -> list[StudyTable]:
     """Invert what is not yet there; then accuracy, and factors from one half for the other."""
-    cases = lumps(asked.lumps or LUMPS, asked.seed)
+    cases = lumps(asked.lumps or LUMPS, asked.seed, of)
     noise, seed = asked.noise or "typical", 1000 * asked.seed
-    rows = kept_rows(asked, "inverted.jsonl", len(cases), lambda k: inverted(cases[k], seed + k, noise))
-    return judged(rows)
+    rows = kept_rows(asked, "inverted.jsonl", len(cases), lambda k: inverted(cases[k], seed + k, noise, of))
+    return judged(rows, of)
 
 
-def inverted(case: Case, seed: int, noise: str) -> dict[str, Any]:
+def inverted(case: Case, seed: int, noise: str, of: str) -> dict[str, Any]:
     """One stroke: how far regression and inversion are off, and how far the posterior spreads that way."""
     try:
         felt, start, stream, _ = felt_of(case, seed, noise)
     except PalpateError as error:  # no such tissue, no equilibrium, or a stroke that cannot be inverted
         return {"code": case.code, "problem": str(error)}
-    return fitted(felt, start, stream.truth, noise, ANYWHERE.name)
+    return fitted(felt, start, stream.truth, noise, of)
 
 
 def fitted(felt: FeltStroke, start: Start, under: Truth, noise: str, of: str) -> dict[str, Any]:
@@ -103,7 +108,7 @@ def said_first(start: Start) -> dict[str, float]:
     }  # fmt: skip
 
 
-def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
+def judged(rows: list[dict[str, Any]], of: str) -> list[StudyTable]:
     """Errors and intervals of the rows, and factors; held out by halves."""
     whole = [row for row in rows if not row["problem"]]
     fits = np.array([row["chi2"] < FITS for row in whole])
@@ -128,6 +133,8 @@ def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
             ("did not settle", ~settled, wider.restless),
         ):
             these = asked[fits & part]
+            if not len(these):
+                continue
             factors.append([
                 f"{name}, {words}", str(len(these)), f"{np.quantile(these, LEVEL):.2f}", f"{used:.2f}",
                 f"{wider.floor:.3f}", f"{100 * halves_crossed(these):.0f}",
@@ -144,7 +151,7 @@ def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
         )
     )
     title = (
-        f"{len(rows)} strokes over lumps anywhere: {len(rows) - len(whole)} not inverted, {fit} fit, "
+        f"{len(rows)} strokes over lumps {PLACED[of]}: {len(rows) - len(whole)} not inverted, {fit} fit, "
         f"{rest} settled; {likely} nearer to hard or soft, rightly, told in {some}, {right} of it right; "
         f"{np.median([row['cpu_s'] for row in whole]):.1f} CPU s in the median"
     )

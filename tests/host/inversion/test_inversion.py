@@ -11,7 +11,7 @@ from palpate.inversion.departures import DEPARTURES
 from palpate.inversion.felt import FeltStroke, NotInvertible, felt_stroke
 from palpate.inversion.forward import COARSE, Forward
 from palpate.inversion.joint import Together
-from palpate.inversion.posterior import Posterior
+from palpate.inversion.posterior import USUAL_MESH, Posterior
 from palpate.inversion.result import worst_part
 from palpate.inversion.search import search
 from palpate.sim.probe.emulated import EmulatedProbe
@@ -33,7 +33,7 @@ def a_few_frames(of, rng):
         rng.uniform(1, 8, (n, 16)), np.full(16, 26), rng.uniform(1, 3, n), place,
         np.array([0, 0, 0.2, 0.4, 0.7, 1.0]), np.array([-30.0, -20, -9, -3, 2, 7]), 1,
     )  # fmt: skip
-    posterior = Posterior(of, stroke, LEVELS["typical"], COARSE.hx_mm)
+    posterior = Posterior(of, stroke, LEVELS["typical"], USUAL_MESH)
     z = posterior.start(of.column("mean"), 9.0, 0.5)
     z[posterior.at["force"]] = np.log(5.0) + np.linspace(0, rng.uniform(-0.1, 0.1), n)
     z[posterior.at["place"]] = rng.normal(0, 0.2, n - 1)

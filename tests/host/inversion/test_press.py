@@ -11,7 +11,7 @@ from palpate.errors import UsageError
 from palpate.inversion.classes import ANYWHERE, under
 from palpate.inversion.felt import FeltStroke, NotInvertible, felt_press
 from palpate.inversion.forward import COARSE
-from palpate.inversion.posterior import Posterior
+from palpate.inversion.posterior import USUAL_MESH, Posterior
 from palpate.inversion.press import invert_press
 from palpate.inversion.under import forward_of
 from palpate.link.face import Face, face_in_words
@@ -31,7 +31,7 @@ def test_the_jacobian_of_a_padded_press_is_its_derivative():
     )  # fmt: skip
     of = under(FLAT, ANYWHERE, 12.0)
     posterior, forward = (
-        Posterior(of, press, LEVELS["typical"], COARSE.hx_mm),
+        Posterior(of, press, LEVELS["typical"], USUAL_MESH),
         forward_of(of, COARSE, [press]),
     )
     z = posterior.start(of.column("mean"), 9.0, 2.0)
