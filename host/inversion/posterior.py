@@ -42,7 +42,7 @@ _LEAST_SD = 1e-5
 SINGLE = ("ln_E", "ln_F", "start", "scale", "creep", "zero", "drift", "depth_zero", "depth_drift")
 
 
-class ModelError(NamedTuple):
+class Wrong(NamedTuple):
     """What is wrong of computed frames: shares of the step from row to row, of pressure, of displacement."""
 
     of_step: float
@@ -50,8 +50,8 @@ class ModelError(NamedTuple):
     of_depth: float = 0.0
 
 
-USUAL_MESH, FINE_MESH = ModelError(0.05, 0.004), ModelError(0.015, 0.001)
-EMULATED = ModelError(0.03, 0.005, 0.005)
+USUAL_MESH, FINE_MESH = Wrong(0.05, 0.004), Wrong(0.015, 0.001)
+EMULATED = Wrong(0.03, 0.005, 0.005)
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Posterior:
 
     own_zeros = True
 
-    def __init__(self, of: Class, stroke: FeltStroke, noise: Noise, error: ModelError) -> None:
+    def __init__(self, of: Class, stroke: FeltStroke, noise: Noise, error: Wrong) -> None:
         self.of, self.stroke, self.noise = of, stroke, noise
         n, p, channels = len(stroke.displacement_mm), stroke.press, stroke.rows_kPa.shape[1]
         gains = self._gain_sd()
@@ -95,7 +95,7 @@ class Posterior:
         self._lag = stroke.slow(np.eye(n))
         self.weigh(error)
 
-    def weigh(self, error: ModelError) -> None:
+    def weigh(self, error: Wrong) -> None:
         """Weigh the data by what is wrong of the frames that are held against them."""
         self._weight = self._weights(error)
 
@@ -136,7 +136,7 @@ class Posterior:
         mean[self.at["creep"]] = noise.creep
         return mean, sd
 
-    def _weights(self, error: ModelError) -> Floats:
+    def _weights(self, error: Wrong) -> Floats:
         """One over the standard deviation of rows and displacement, (n, rows + 1); 0: not measured."""
         s, noise = self.stroke, self.noise
         white, depth = self._sensors(s.live)

@@ -17,7 +17,7 @@ from palpate.answer.fitted import Laid
 from palpate.inversion.classes import Class
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.forward import Emulated, Slopes
-from palpate.inversion.posterior import EMULATED, Misfit, ModelError, Posterior
+from palpate.inversion.posterior import EMULATED, Misfit, Posterior, Wrong
 from palpate.inversion.solid_emulator import BINS
 from palpate.sim.probe.noise import Noise
 from palpate.wire.cells import FULL_SCALE_KPA, PITCH_MM
@@ -57,7 +57,7 @@ class SolidPosterior(Posterior):
         shared = self.noise.row_gain
         return np.full(BINS[0] if shared else 0, shared)
 
-    def _weights(self, error: ModelError) -> Floats:
+    def _weights(self, error: Wrong) -> Floats:
         s, noise = self.stroke, self.noise
         p = np.maximum(s.rows_kPa, 0.0).reshape(-1, *BINS)
         white, depth = self._sensors(np.maximum(s.live, 0.25))
