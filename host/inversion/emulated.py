@@ -117,7 +117,7 @@ class EmulatedForward(SaysSlopes):
         before, behind = self._before(places_mm)
         way = np.where(self._press, PRESS, 2 * self._stroke + behind)
         frames = Frames(np.clip(before, -END_MM, END_MM), ln_F, way)
-        steep = self.of.lump and self._corrections.away(theta) > _FAR_AWAY
+        steep = self.of.lump and self.away(theta) > _FAR_AWAY
         alike = _PLAIN if not self.of.lump else _FAR if steep else _NEAR
         solved = self._solves(theta, frames, alike)
         places, asked_F = solved.places_mm, np.log(solved.forces_N_per_m / FAT_KPA)
@@ -128,6 +128,10 @@ class EmulatedForward(SaysSlopes):
         self._corrections.add(theta, places, asked_F, wrong, turned)
         if not self.unsure:
             self.unsure = self._corrections.unsure(before[~self._press], ln_F[~self._press])
+
+    def away(self, theta: Floats) -> float:
+        """As `Emulates.away`."""
+        return self._corrections.away(theta)
 
     def _turned_by(self, theta: Floats, solved: SolvedFrames) -> Turned:
         """What the solver's derivatives by the unknowns are otherwise."""

@@ -162,6 +162,10 @@ class Emulates(Predicts, Protocol):
     @property
     def unsure(self) -> float: ...
 
+    def away(self, theta: Floats) -> float:
+        """How far a guess is from the nearest one computed, by the unknowns' spreads beforehand."""
+        ...
+
     def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> None:
         """Let the solver compute a guess; CaseError or StrokeError where it cannot."""
         ...

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from palpate.inversion.forward import Emulates
 from palpate.inversion.found import Found
-from palpate.inversion.search import Mode, Sides, search
+from palpate.inversion.search import Sides, search
 from palpate.inversion.widening import NORMAL
 from palpate.sim.tissue import CaseError, StrokeError
 
@@ -25,6 +26,8 @@ _STEP, _LONGER, _FLAT = 1.0, 1.5, 0.6
 _MOST, _GONE = 8, 3.5
 """So many steps to a side, at most: until the logarithm has fallen so far."""
 _STEPS, _ENOUGH, _DAMPING = 4, 0.2, 1e-3
+_ERRS, _AFAR = 2.0, 1.0
+"""So much of the logarithm an emulator's errors take, from so far on of the guesses that were computed."""
 _FINE = 801
 _TAIL = 0.05
 _LEAST = 0.5
@@ -53,29 +56,34 @@ def _sides(found: Found, at: int) -> Sides:
 def _profile(found: Found, at: int) -> tuple[Floats, Floats]:
     """Values (n,) of an unknown, ascending, and the logarithms of its density there."""
     mode = found.mode
-    here = _held(found, at, mode.z)
-    points = {float(mode.z[at]): here.log_evidence}
+    _, log = _held(found, at, mode.z)
+    points = {float(mode.z[at]): log}
     sd = float(np.sqrt(mode.covariance[at, at]))
     for side in (sd, -sd):
-        z, last, step = mode.z, here.log_evidence, _STEP
+        z, last, step = mode.z, log, _STEP
         way = side * mode.covariance[:, at] / mode.covariance[at, at]
         for _ in range(_MOST):
             guess = found.posterior.within(z + step * way)
             if guess[at] == z[at]:
                 break
             try:
-                there = _held(found, at, guess)
+                there, its = _held(found, at, guess)
             except (CaseError, StrokeError):
                 break
-            points[float(there.z[at])] = there.log_evidence
-            if there.log_evidence < max(points.values()) - _GONE:
+            points[float(there[at])] = its
+            if its < max(points.values()) - _GONE:
                 break
-            way, z = (there.z - z) / step, there.z
-            step *= _LONGER if there.log_evidence > last - _FLAT else 1.0
-            last = there.log_evidence
+            way, z = (there - z) / step, there
+            step *= _LONGER if its > last - _FLAT else 1.0
+            last = its
     values = np.array(sorted(points))
     return values, np.array([points[value] for value in values.tolist()])
 
 
-def _held(found: Found, at: int, z: Floats) -> Mode:
-    return search(found.posterior, found.forward, z, _STEPS, enough=_ENOUGH, damping=_DAMPING, held=at)
+def _held(found: Found, at: int, z: Floats) -> tuple[Floats, float]:
+    """The likeliest guess with one unknown as it is, and the logarithm of its density."""
+    forward = found.forward
+    assert isinstance(forward, Emulates)
+    mode = search(found.posterior, forward, z, _STEPS, enough=_ENOUGH, damping=_DAMPING, held=at)
+    away = forward.away(mode.z[found.posterior.at["tissue"]])
+    return mode.z, mode.log_evidence + _ERRS * min(away / _AFAR, 1.0)

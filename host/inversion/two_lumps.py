@@ -170,6 +170,10 @@ class TwoForward(SaysSlopes):
         """As one lump's."""
         return self._alone.unsure
 
+    def away(self, theta: Floats) -> float:
+        """Of the lump whose like is farther."""
+        return max(self._alone.away(of_one @ theta) for of_one in (self._own, self._others))
+
     def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> None:
         """As `EmulatedForward.set_right`, over each lump alone."""
         self._alone.set_right(self._own @ theta, places_mm, forces_N_per_m)

@@ -201,6 +201,11 @@ class TwoVisits:
         """As the visit's that is told less well."""
         return max(one.unsure for one in self._each if isinstance(one, EmulatedForward))
 
+    def away(self, theta: Floats) -> float:
+        """Of the visit whose like is farther."""
+        each = zip(self._each, self._thetas(theta))
+        return max(one.away(its) for one, its in each if isinstance(one, EmulatedForward))
+
     def set_right(self, theta: Floats, places_mm: Floats, forces_N_per_m: Floats) -> None:
         """Let the solver compute both visits of a guess."""
         n = self._first

@@ -18,14 +18,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.sim.tissue import kernels
 from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.contact import ContactState
 from palpate.sim.tissue.element import integrate
 from palpate.sim.tissue.errors import CaseError, StrokeError
 from palpate.sim.tissue.frames import SolvedFrames
 from palpate.sim.tissue.layers import DEEPER, UNDER_FAT, fields_of
-from palpate.sim.tissue.material import Tissue, elasticity
+from palpate.sim.tissue.material import Stiffening, Tissue, elasticity
 from palpate.sim.tissue.newton import Newton, NoConvergence
 from palpate.sim.tissue.one_thread import one_blas_thread
 from palpate.sim.tissue.run import StrokeRun
@@ -47,7 +46,7 @@ FACE = ("probe_radius_mm", "face_half_mm", "fillet_per_mm2", "friction", "paddin
 FIELDS = (*LENGTHS, *MODULI, *FACE)
 """Fields of a case in the plane; friction from none at all only. The force is the frames' own."""
 
-_LENGTH_STEP = 5e-8
+_LENGTH_STEP = 2e-8
 """Relative. Small: the bulk modulus magnifies its square a hundredfold."""
 _MODULUS_STEP = 1e-6
 _STIFFENING_STEP = 1e-3
@@ -194,13 +193,14 @@ class _Columns:
         own = self._run.tissue
         return Tissue(own.mesh, own.integrals, replace(own.constants, mu=mu, bulk=bulk))
 
-    def _stiffened(self, name: str) -> tuple[NDArray[np.int64], Floats]:
-        """The elements that stiffen more with it, and their b."""
-        case, b = self._run.case, self._run.tissue.constants.stiffening
+    def _stiffened(self, name: str) -> Stiffening:
+        """The elements that stiffen more with it."""
+        run, case = self._run, self._run.case
+        b = run.tissue.constants.stiffening
         # from a b that is not 0, so that a law that is linear counts too
-        marked = elasticity(replace(case, **{name: getattr(case, name) + 1.0}), self._run.mesh).stiffening
+        marked = elasticity(replace(case, **{name: getattr(case, name) + 1.0}), run.mesh).stiffening
         which = np.nonzero(marked - b > 0.5)[0]
-        return which, b
+        return Stiffening(run.mesh, run.tissue.integrals, run.tissue.constants, which)
 
     def at(self, state: State, x: float) -> tuple[Floats, Floats, tuple[NDArray[np.float32], Floats, Floats]]:
         """Derivatives of the image (rows, k), the displacement (k,) and the state."""
@@ -230,8 +230,8 @@ class _Columns:
             gap[j] = moved.rise
         for j, tissue in self._linear.items():
             forces[j] = self._internal(tissue, u)
-        for j, (which, b) in self._stiffer.items():
-            forces[j] = self._of_stiffening(u, which, b)
+        for j, stiffening in self._stiffer.items():
+            forces[j] = _of_stiffening(stiffening, u)
         s = contact.x0[active] + u[dof] - x
         for j, name in enumerate(self._by):
             if name not in FACE:
@@ -257,13 +257,6 @@ class _Columns:
         """What the tissue's elements push back with, (2N,)."""
         return tissue.residual(u, self._zero, self._frozen)[0]
 
-    def _of_stiffening(self, u: Floats, which: NDArray[np.int64], b: Floats) -> Floats:
-        I, mesh, c = self._run.tissue.integrals, self._run.mesh, self._run.tissue.constants
-        out = np.zeros((2, len(u)))
-        for side, less in zip(out, (0.0, _STIFFENING_STEP)):
-            kernels.stiffening_residual(u, mesh.elements, which, I.dN, I.dx, c.mu, c.law, b + less, side)
-        return (out[1] - out[0]) / _STIFFENING_STEP
-
     def _solved(
         self, forces: Floats, gap: Floats, deficit: Floats, touching: ContactState
     ) -> tuple[Floats, Floats, Floats]:
@@ -284,3 +277,11 @@ class _Columns:
         rise = (pull @ w - deficit - change @ border) / (r * w.sum() - border @ of_height)
         du = change - rise[:, None] * of_height
         return du, rise, pull + r * (du[:, dof + 1] - slope * du[:, dof] - rise[:, None])
+
+
+def _of_stiffening(stiffening: Stiffening, u: Floats) -> Floats:
+    """How forces (2N,) change with b."""
+    out = np.zeros((2, len(u)))
+    for side, more in zip(out, (0.0, _STIFFENING_STEP)):
+        stiffening.residual(u, side, more)
+    return (out[1] - out[0]) / _STIFFENING_STEP

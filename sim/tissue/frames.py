@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 
 _SAME_PLACE_MM = 0.05
 """Nearer frames differ in their force rather than in their place, as far as guessing goes."""
-_LONGEST_STEP_MM = 3.0
+_LONGEST_STEP_MM = 5.0
 _PRESS_ANEW_MM = 9.0
 """Over a longer way pressing again costs less than sliding there."""
 _HALVINGS = 5

@@ -18,7 +18,17 @@ import numpy as np
 from numba import njit
 
 from palpate.sim.tissue import law as laws
-from palpate.sim.tissue.lanes import LANES, ROWS, eight_elements, fma
+from palpate.sim.tissue.lanes import (
+    LANES,
+    POINTS,
+    ROWS,
+    UPPER,
+    add_eight_forces,
+    add_eight_stiffnesses,
+    eight_elements,
+    eight_shears,
+    fma,
+)
 from palpate.sim.tissue.law import slopes
 
 
@@ -157,64 +167,85 @@ def pressure(du, elements, theta, frozen, bulk):
 
 
 @njit(cache=True, nogil=True)
-def stiffening_residual(u, elements, which, dN, dx, mu, law, b, R):
-    """Add the forces of the elements `which`, which stiffen, to R (2N,).
+def stiffening_residual(u, elements, points, mu, law, b, R):
+    """Add the forces of elements (n, 9) that stiffen to R (2N,); `points` are theirs, of `lanes.pack_points`.
 
     R += integral of mu phi'(I) (F - cof F) : grad v,   F - cof F = [[v1, v2], [v2, -v1]],
     v1 = u_x,x - u_y,y,   v2 = u_x,y + u_y,x,   I = v1^2 + v2^2
     """
-    for e in which:
-        nodes = elements[e]
-        for p in range(9):
-            v1 = 0.0
-            v2 = 0.0
+    local, mus, bs = np.zeros((18, LANES)), np.zeros(LANES), np.zeros(LANES)
+    shears, factors, forces = np.empty((2, LANES)), np.empty((2, LANES)), np.empty((18, LANES))
+    for group in range(len(points)):
+        here = _gather(u, elements, group, mu, b, local, mus, bs)
+        forces[:] = 0.0
+        for p in range(POINTS):
+            point = points[group, p]
+            _stretch(point, local, law, mus, bs, shears, factors)
+            add_eight_forces(point.ctypes.data, shears.ctypes.data, factors.ctypes.data, forces.ctypes.data)
+        for i in range(here):
+            nodes = elements[LANES * group + i]
             for a in range(9):
-                n = 2 * nodes[a]
-                v1 += dN[e, p, 0, a] * u[n] - dN[e, p, 1, a] * u[n + 1]
-                v2 += dN[e, p, 1, a] * u[n] + dN[e, p, 0, a] * u[n + 1]
-            f, _ = slopes(law, b[e], v1 * v1 + v2 * v2)
-            f *= mu[e] * dx[e, p]
-            for a in range(9):
-                n = 2 * nodes[a]
-                R[n] += f * (dN[e, p, 0, a] * v1 + dN[e, p, 1, a] * v2)
-                R[n + 1] += f * (dN[e, p, 0, a] * v2 - dN[e, p, 1, a] * v1)
+                R[2 * nodes[a]] += forces[a, i]
+                R[2 * nodes[a] + 1] += forces[9 + a, i]
 
 
-@njit(cache=True, fastmath=True, nogil=True)
-def stiffening_tangent(u, elements, which, dN, dx, mu, law, b, K):
-    """Add the stiffness of the elements `which`, which stiffen, to K (M, 18, 18).
+@njit(cache=True, nogil=True)
+def stiffening_tangent(u, elements, which, numbers, points, mu, law, b, K):
+    """Add the stiffness of some of the elements (n, 9) that stiffen to K (M, 18, 18).
+
+    `which` of them, ascending, and their `numbers` (n,) in K; all else as in `stiffening_residual`.
 
     K += integral of 2 mu phi'' w w^T + mu phi' (dv1^T dv1 + dv2^T dv2),   w = v1 dv1 + v2 dv2
     """
-    w = np.empty(18)
-    for e in which:
-        nodes = elements[e]
-        for p in range(9):
-            D = dN[e, p]
-            v1 = 0.0
-            v2 = 0.0
-            for a in range(9):
-                n = 2 * nodes[a]
-                v1 += D[0, a] * u[n] - D[1, a] * u[n + 1]
-                v2 += D[1, a] * u[n] + D[0, a] * u[n + 1]
-            f, df = slopes(law, b[e], v1 * v1 + v2 * v2)
-            f *= mu[e] * dx[e, p]
-            df *= 2 * mu[e] * dx[e, p]
-            for a in range(9):
-                w[a] = D[0, a] * v1 + D[1, a] * v2
-                w[9 + a] = D[0, a] * v2 - D[1, a] * v1
+    local, mus, bs = np.zeros((18, LANES)), np.zeros(LANES), np.zeros(LANES)
+    shears, factors, upper = np.empty((2, LANES)), np.empty((2, LANES)), np.empty((UPPER, LANES))
+    done = 0
+    while done < len(which):
+        group = which[done] // LANES
+        _gather(u, elements, group, mu, b, local, mus, bs)
+        upper[:] = 0.0
+        for p in range(POINTS):
+            point = points[group, p]
+            _stretch(point, local, law, mus, bs, shears, factors)
+            add_eight_stiffnesses(
+                point.ctypes.data, shears.ctypes.data, factors.ctypes.data, upper.ctypes.data
+            )
+        while done < len(which) and which[done] // LANES == group:
+            own, lane, row = K[numbers[which[done]]], which[done] % LANES, 0
             for a in range(18):
-                t = df * w[a]
-                for c in range(18):
-                    K[e, a, c] += t * w[c]
-            for a in range(9):
-                for c in range(9):
-                    s = f * (D[0, a] * D[0, c] + D[1, a] * D[1, c])
-                    t = f * (D[1, a] * D[0, c] - D[0, a] * D[1, c])
-                    K[e, a, c] += s
-                    K[e, 9 + a, 9 + c] += s
-                    K[e, a, 9 + c] += t
-                    K[e, 9 + a, c] -= t
+                own[a, a] += upper[row, lane]
+                row += 1
+                for c in range(a + 1, 18):
+                    own[a, c] += upper[row, lane]
+                    own[c, a] += upper[row, lane]
+                    row += 1
+            done += 1
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _gather(u, elements, group, mu, b, local, mus, bs):
+    """Displacements, moduli and b of a group's elements, and how many there are."""
+    here = min(LANES, len(elements) - LANES * group)
+    for i in range(here):
+        e = LANES * group + i
+        mus[i] = mu[e]
+        bs[i] = b[e]
+        for a in range(9):
+            n = 2 * elements[e, a]
+            local[a, i] = u[n]
+            local[9 + a, i] = u[n + 1]
+    return here
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _stretch(point, local, law, mus, bs, shears, factors):
+    """Shears (2, 8) of a group's elements at a Gauss point; mu phi' and 2 mu phi'' times its area."""
+    eight_shears(point.ctypes.data, local.ctypes.data, shears.ctypes.data)
+    for i in range(LANES):
+        first, second = slopes(law, bs[i], shears[0, i] ** 2 + shears[1, i] ** 2)
+        share = mus[i] * point[18, i]
+        factors[0, i] = share * first
+        factors[1, i] = 2 * share * second
 
 
 @njit(cache=True, nogil=True)

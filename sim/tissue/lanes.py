@@ -1,4 +1,4 @@
-"""Eight elements at once: the residual's arithmetic on vectors of eight numbers.
+"""Eight elements at once: arithmetic of residual and stiffening on vectors of eight numbers.
 
 numba's own loops over nine nodes are not vectorised. Here each number of an element becomes a vector with one
 lane per element, and LLVM's code is written out: multiply-adds in a stated order, so that the bits depend
@@ -17,6 +17,11 @@ from numba.extending import intrinsic
 LANES = 8
 ROWS = 459
 """Numbers of an element: for each of 9 rows L and C0, then for each k and row g (x, y) and C's row."""
+
+POINTS, POINT_ROWS = 9, 19
+"""Gauss points of an element, and numbers of each: nine gradients by x and nine by y, and its area."""
+UPPER = 171
+"""Numbers of a symmetric matrix (18, 18): its upper triangle, row by row."""
 
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 
@@ -42,6 +47,22 @@ def pack(g, C, L, C0):
                 for b in range(9):
                     group[row + 2 + b, lane] = C[e, k, a, b]
                 row += 11
+    return out
+
+
+@njit(cache=True, nogil=True)
+def pack_points(dN, dx):
+    """Gradients (M, 9, 2, 9) and areas (M, 9) of Gauss points, as (groups, 9, 19, 8), filled up with 0."""
+    count = dx.shape[0]
+    out = np.zeros(((count + LANES - 1) // LANES, POINTS, POINT_ROWS, LANES))
+    for e in range(count):
+        group = out[e // LANES]
+        lane = e % LANES
+        for p in range(POINTS):
+            for a in range(9):
+                group[p, a, lane] = dN[e, p, 0, a]
+                group[p, 9 + a, lane] = dN[e, p, 1, a]
+            group[p, 18, lane] = dx[e, p]
     return out
 
 
@@ -77,13 +98,15 @@ class _Code:
     def sub(self, a, b):
         return self._builder.fsub(a, b)
 
+    def negative(self, a):
+        return self._builder.fneg(a)
+
     def minus_dot(self, row, u):
         """Minus the product of two rows of nine."""
         total = self.mul(row[0], u[0])
         for b in range(1, 8):
             total = self.fma(row[b], u[b], total)
-        negative = self._builder.fneg
-        return self.fma(negative(row[8]), u[8], negative(total))
+        return self.fma(self.negative(row[8]), u[8], self.negative(total))
 
 
 @intrinsic
@@ -143,6 +166,77 @@ def eight_elements(typing_context, integrals, u, mu, bulk, pressures, forces, gr
         return context.get_dummy_value()
 
     return types.void(*[types.intp] * 9), generate
+
+
+@intrinsic
+def eight_shears(typing_context, point, u, shears):
+    """v1 = u_x,x - u_y,y and v2 = u_x,y + u_y,x at a Gauss point of eight elements.
+
+    In: the point's 19 numbers, displacements `u` (18, nine x then nine y). Out: `shears` (2).
+    """
+
+    def generate(context, builder, signature, values):
+        point, u, shears = values
+        do = _Code(builder)
+        v1 = v2 = do.zero
+        for a in range(9):
+            by_x, by_y = do.load(point, a), do.load(point, 9 + a)
+            ux, uy = do.load(u, a), do.load(u, 9 + a)
+            v1 = do.fma(by_x, ux, do.fma(do.negative(by_y), uy, v1))
+            v2 = do.fma(by_y, ux, do.fma(by_x, uy, v2))
+        do.store(v1, shears, 0)
+        do.store(v2, shears, 1)
+        return context.get_dummy_value()
+
+    return types.void(*[types.intp] * 3), generate
+
+
+@intrinsic
+def add_eight_forces(typing_context, point, shears, factor, forces):
+    """Add f (v1 dv1 + v2 dv2) of a Gauss point to the `forces` (18) of eight elements; `factor` (1) is f."""
+
+    def generate(context, builder, signature, values):
+        point, shears, factor, forces = values
+        do = _Code(builder)
+        f = do.load(factor, 0)
+        v1, v2 = (do.mul(f, do.load(shears, k)) for k in range(2))
+        for a in range(9):
+            by_x, by_y = do.load(point, a), do.load(point, 9 + a)
+            x = do.fma(by_x, v1, do.fma(by_y, v2, do.load(forces, a)))
+            y = do.fma(by_x, v2, do.fma(do.negative(by_y), v1, do.load(forces, 9 + a)))
+            do.store(x, forces, a)
+            do.store(y, forces, 9 + a)
+        return context.get_dummy_value()
+
+    return types.void(*[types.intp] * 4), generate
+
+
+@intrinsic
+def add_eight_stiffnesses(typing_context, point, shears, factors, stiffnesses):
+    """Add f (dv1 dv1 + dv2 dv2) + g w w of a Gauss point, w = v1 dv1 + v2 dv2, for eight elements.
+
+    In: `factors` (2), f and g. `stiffnesses` (171) are upper triangles.
+    """
+
+    def generate(context, builder, signature, values):
+        point, shears, factors, stiffnesses = values
+        do = _Code(builder)
+        f, g = (do.load(factors, k) for k in range(2))
+        v1, v2 = (do.load(shears, k) for k in range(2))
+        X, Y = ([do.load(point, 9 * k + a) for a in range(9)] for k in range(2))
+        w = [do.fma(X[a], v1, do.mul(Y[a], v2)) for a in range(9)]
+        w += [do.fma(X[a], v2, do.negative(do.mul(Y[a], v1))) for a in range(9)]
+        dv1, dv2 = [*X, *map(do.negative, Y)], [*Y, *X]
+        row = 0
+        for a in range(18):
+            by_w, by_1, by_2 = do.mul(g, w[a]), do.mul(f, dv1[a]), do.mul(f, dv2[a])
+            for b in range(a, 18):
+                more = do.fma(by_w, w[b], do.load(stiffnesses, row))
+                do.store(do.fma(by_1, dv1[b], do.fma(by_2, dv2[b], more)), stiffnesses, row)
+                row += 1
+        return context.get_dummy_value()
+
+    return types.void(*[types.intp] * 4), generate
 
 
 @intrinsic

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from palpate.sim.tissue import kernels
 from palpate.sim.tissue.case import LAWS, Case
 from palpate.sim.tissue.element import ElementIntegrals
+from palpate.sim.tissue.lanes import pack_points
 from palpate.sim.tissue.law import EXPONENTIAL
 from palpate.sim.tissue.layers import FAT, GLAND, LUMP, by_material
 from palpate.sim.tissue.mesh import TissueMesh
@@ -54,6 +55,41 @@ def elasticity(case: Case, mesh: TissueMesh) -> Elasticity:
     return Elasticity(mu, young * nu / ((1 + nu) * (1 - 2 * nu)) + mu, b, LAWS.index(case.law))
 
 
+class Stiffening:
+    """The elements that stiffen, laid out for the kernels.
+
+    Parameters
+    ----------
+    mesh, integrals, constants
+        As of `Tissue`.
+    which : ndarray (n,), int
+        Their numbers, ascending.
+    """
+
+    def __init__(
+        self, mesh: TissueMesh, integrals: ElementIntegrals, constants: Elasticity, which: NDArray[np.int64]
+    ) -> None:
+        self._which, self._nodes = which, mesh.elements[which]
+        self._points = pack_points(integrals.dN[which], integrals.dx[which])
+        self._mu, self._b, self._law = constants.mu[which], constants.stiffening[which], constants.law
+        self._at = np.full(len(mesh.elements), -1)
+        self._at[which] = np.arange(len(which))
+
+    def __len__(self) -> int:
+        return len(self._which)
+
+    def residual(self, u: Floats, out: Floats, more: float = 0.0) -> None:
+        """Add their forces at displacement `u` (2N,) to `out`, with b larger by so much."""
+        kernels.stiffening_residual(u, self._nodes, self._points, self._mu, self._law, self._b + more, out)
+
+    def tangent(self, u: Floats, which: NDArray[np.int64], K: Floats) -> None:
+        """Add the stiffness of those among the elements `which` to K (M, 18, 18)."""
+        at = self._at[which]
+        kernels.stiffening_tangent(
+            u, self._nodes, at[at >= 0], self._which, self._points, self._mu, self._law, self._b, K
+        )
+
+
 class Tissue:
     """The elastic body: residual and element tangents at a displacement.
 
@@ -68,7 +104,8 @@ class Tissue:
     def __init__(self, mesh: TissueMesh, integrals: ElementIntegrals, constants: Elasticity) -> None:
         self.mesh, self.integrals, self.constants = mesh, integrals, constants
         self.mu_linear = np.where(constants.stiffening > 0, 0.0, constants.mu)
-        self.stiffening_elements = np.nonzero(constants.stiffening > 0)[0]
+        which = np.nonzero((constants.stiffening > 0) & (constants.mu != 0))[0]
+        self._stiffening = Stiffening(mesh, integrals, constants, which)
         self._gradients = np.zeros((len(mesh.elements), 3, 18))
         self._excess = np.zeros((len(mesh.elements), 3))
 
@@ -97,10 +134,8 @@ class Tissue:
             u, q, frozen, elements, I.packed, self.mu_linear, c.bulk,
             true, excess, theta, self._gradients, self._excess,
         )  # fmt: skip
-        if len(self.stiffening_elements):
-            kernels.stiffening_residual(
-                u, elements, self.stiffening_elements, I.dN, I.dx, c.mu, c.law, c.stiffening, true
-            )
+        if len(self._stiffening):
+            self._stiffening.residual(u, true)
         excess += true
         return true, excess, theta
 
@@ -122,9 +157,8 @@ class Tissue:
         """
         I, c, elements = self.integrals, self.constants, self.mesh.elements
         kernels.tangent(u, q, which, elements, I.g, I.C, I.L, I.C0, self.mu_linear, c.bulk, K, frozen)
-        if len(self.stiffening_elements):
-            some = which[c.stiffening[which] > 0]
-            kernels.stiffening_tangent(u, elements, some, I.dN, I.dx, c.mu, c.law, c.stiffening, K)
+        if len(self._stiffening):
+            self._stiffening.tangent(u, which, K)
 
     def pressure(self, du: Floats, theta: Floats, frozen: Floats) -> Floats:
         """Pressures (M, 3) after the step `du`, to first order with the gradients `frozen`."""

@@ -30,6 +30,7 @@ MODULES = {
     "phantoms": "phantoms",
     "pressed": "pressed",
     "ranges": "ranges",
+    "unlike": "unlike",
 }
 """Name of a study -> its module, with `tables(Asked)`, or `STUDIES` of the told model by name."""
 
@@ -68,6 +69,7 @@ def command(
       reference   a press beside the lump, the right one or one of another place or person
       coverage    the intervals of the bundled told model, the depth's among them
       departed    what no class holds (waves, friction, two lumps): how often a fit says so (minutes each)
+      unlike      tissue and sensors a little unlike every model: held, or refused (a minute each)
       inverted    strokes fitted by the forward model: errors and intervals (a minute each)
       on_border   the same over lumps on the border of fat and gland
       inverted_solid  the same over balls and ellipsoids (minutes each, and two to compute each)

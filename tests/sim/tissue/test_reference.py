@@ -97,6 +97,18 @@ def test_the_kernels_forces_are_the_forms_residual(code):
 
 
 @pytest.mark.parametrize("code", MATERIALS)
+def test_some_elements_alone_have_the_stiffness_that_they_have_among_all(code):
+    b = both(code)
+    m = len(b.q)
+    (all_of_them, some), frozen = np.zeros((2, m, 18, 18)), np.empty((m, 3, 18))
+    which = np.flatnonzero(np.random.default_rng(3).random(m) < 0.4)
+    b.tissue.tangent(b.u, b.pressure, b.elements, all_of_them, frozen)
+    b.tissue.tangent(b.u, b.pressure, which, some, frozen)
+    np.testing.assert_array_equal(some[which], all_of_them[which])
+    assert not np.delete(some, which, 0).any()
+
+
+@pytest.mark.parametrize("code", MATERIALS)
 def test_the_kernels_stiffness_is_the_forms_tangent_with_the_pressures_eliminated(code):
     b = both(code)
     m = len(b.q)
