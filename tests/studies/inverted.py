@@ -7,7 +7,9 @@ DIRECTORY/inverted.jsonl; a study that was ended goes on where it stopped.
 
 from __future__ import annotations
 
+import math
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -79,20 +81,22 @@ def fitted(felt: FeltStroke, start: Start, under: Truth, noise: str, of: str) ->
     for name, factor in WORDS.items():
         value, truth = found.values[name], truths[name]
         assert value.high is not None
-        if name == "E_inv23":
-            below, above = value.value - value.low, value.high - value.value
-            apart, before = value.value - truth, first[name] - truth
-        else:
-            below, above = np.log([value.value / value.low, value.high / value.value])
-            apart, before = np.log([value.value / truth, first[name] / truth])
+        scale = scale_of(name)
+        below, above = scale(value.value) - scale(value.low), scale(value.high) - scale(value.value)
+        apart, before = (scale(each) - scale(truth) for each in (value.value, first[name]))
         half = below if apart > 0 else above  # towards the truth
-        row[name] = {"apart": float(apart), "sd": WIDER[factor].sd(float(half), found.settled)}
-        row[name] |= {"first": float(before), "truth": truth}
+        row[name] = {"apart": apart, "sd": WIDER[factor].sd(half, found.settled)}
+        row[name] |= {"first": before, "truth": truth}
     said = found.hardness
     hard = under.case.E_inv23 < HARD
     right = None if said == "unsure" else (said == "hard") == hard
     more_likely = (found.values["E_inv23"].value < HARD) == hard
     return row | {"chi2": found.chi2, "settled": found.settled, "right": right, "likely": more_likely}
+
+
+def scale_of(name: str) -> Callable[[float], float]:
+    """What errors are differences of: E^-2/3 itself, of all else the logarithm."""
+    return float if name == "E_inv23" else math.log
 
 
 def truths_of(under: Truth) -> dict[str, float]:

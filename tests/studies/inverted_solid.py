@@ -22,7 +22,7 @@ from palpate.sim.probe.noise import level_named
 from palpate.sim.tissue import Case
 from palpate.sim.tissue.solid.design import ball_cases
 from tests.host.inversion.solid_world import felt_over, kept_strokes
-from tests.studies.inverted import halves_crossed, said_first, truths_of
+from tests.studies.inverted import halves_crossed, said_first, scale_of, truths_of
 from tests.studies.table import Asked, StudyTable, kept_rows, of_text
 
 LUMPS = 24
@@ -62,10 +62,10 @@ def inverted(case: Case, asked: Asked, k: int) -> dict[str, Any]:
     truth = truths_of(stream.truth) | {"width_mm": 2 * case.half_axes_mm[1]}
     first = said_first(start) | {"width_mm": start.d_mm}
     for name in WORDS:
-        value, scale = found.values[name], (lambda v: v) if name == "E_inv23" else np.log
+        value, scale = found.values[name], scale_of(name)
         assert value.low is not None and value.high is not None
         low, middle, high, true, before = (
-            float(scale(v)) for v in (value.low, value.value, value.high, truth[name], first[name])
+            scale(v) for v in (value.low, value.value, value.high, truth[name], first[name])
         )
         apart = middle - true
         half = middle - low if apart > 0 else high - middle

@@ -1,8 +1,8 @@
 """Strokes over tissue a little unlike every model: whether intervals hold the truth, or a fit is refused.
 
 Lumps anywhere as in `inverted`, each stroked three times: over a gland whose modulus rises by 10 % from
-top to bottom; over an ellipse 1.15 times as wide as it is high; and under `real` noise, which has waves,
-hysteresis and cells that stick, fitted as such. Rows are kept in DIRECTORY/unlike.jsonl.
+top to bottom; over an ellipse 1.15 times as wide as it is high, whose width is d; and under `real` noise,
+which has waves, hysteresis and cells that stick, fitted as such. Rows are kept in DIRECTORY/unlike.jsonl.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from palpate.sim.tissue.layers import GLAND
 from palpate.sim.tissue.material import Elasticity, elasticity
 from palpate.sim.tissue.mesh import TissueMesh
 from tests.host.inversion.world import ExactField, felt_of
-from tests.studies.inverted import WORDS, lumps, truths_of
+from tests.studies.inverted import WORDS, lumps, scale_of, truths_of
 from tests.studies.table import Asked, StudyTable, kept_rows, of_text
 
 LUMPS = 20
@@ -70,9 +70,8 @@ def unlike(case: Case, world: str, seed: int) -> dict[str, Any]:
         value = found.values[name]
         assert value.high is not None
         held[name] = value.low <= truths[name] <= value.high
-        apart[name] = (
-            value.value - truths[name] if name == "E_inv23" else float(np.log(value.value / truths[name]))
-        )
+        scale = scale_of(name)
+        apart[name] = scale(value.value) - scale(truths[name])
     return {"problem": "", "fits": found.fits, "held": held, "apart": apart}
 
 
