@@ -26,7 +26,7 @@ _STEP, _LONGER, _FLAT = 1.0, 1.5, 0.6
 _MOST, _GONE = 8, 3.5
 """So many steps to a side, at most: until the logarithm has fallen so far."""
 _STEPS, _ENOUGH, _DAMPING = 4, 0.2, 1e-3
-_ERRS, _AFAR = 2.0, 1.0
+_ERRS, _AFAR = 4.0, 1.5
 """So much of the logarithm an emulator's errors take, from so far on of the guesses that were computed."""
 _FINE = 801
 _TAIL = 0.05

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from palpate.inversion.forward import Predicted, Predicts, Slopes
 from palpate.inversion.joint import Together
 from palpate.inversion.posterior import Misfit, Posterior
+from palpate.inversion.steps import Steps
 from palpate.sim.tissue import CaseError, StrokeError
 
 Floats = NDArray[np.float64]
@@ -123,14 +124,15 @@ def search(
         A, B = posterior.jacobian(z, found, slopes)
         H = A.T @ A + B.T @ B
         g = A.T @ misfit.data.ravel() + B.T @ misfit.prior
-        undamped = _promise(_step(posterior, z, H, g, 0.0, stride, held), H, g)
+        steps_of = Steps(posterior, z, H, g, stride, held)
+        undamped = _promise(steps_of(0.0), H, g)
         settled = undamped < enough
         far = misfit.total - best > _WORSE.get(steps, _LEAST_WORSE)
         if settled or steps >= most or far or (steps >= 4 and misfit.total > hopeless):
             break
         before, last, taken, good, promised = found, misfit.total, False, False, np.inf
         for _ in range(_TRIES if exact else 2):
-            step = _step(posterior, z, H, g, damping, stride, held)
+            step = steps_of(damping)
             promised = _promise(step, H, g)
             try:
                 other = _computed(posterior, forward, z + step)
@@ -172,33 +174,3 @@ def _computed(posterior: Posterior | Together, forward: Predicts, z: Floats) -> 
 def _promise(step: Floats, H: Floats, g: Floats) -> float:
     """How much of the misfit a step would take if all were linear."""
     return -float(2 * g @ step + step @ H @ step)
-
-
-def _step(
-    posterior: Posterior | Together,
-    z: Floats,
-    H: Floats,
-    g: Floats,
-    damping: float,
-    stride: float,
-    held: int | None,
-) -> Floats:
-    """A damped step; what would leave its range stays at its end, and a long step is shortened."""
-    of = posterior.of
-    k = len(of.unknowns)
-    low, high, longest, sd = (of.column(name) for name in ("low", "high", "step", "sd"))
-    M = H.copy()
-    own = np.arange(k)
-    M[own, own] += damping * (np.diag(H)[own] + 10 / sd**2)
-    free = np.arange(len(z)) != held
-    step = np.zeros(len(z))
-    for _ in range(k):
-        step[:] = 0.0
-        step[free] = np.linalg.solve(M[np.ix_(free, free)], -g[free])
-        pushed = ((z[:k] <= low) & (step[:k] < 0)) | ((z[:k] >= high) & (step[:k] > 0))
-        if not (pushed & free[:k]).any():
-            break
-        free[:k] &= ~pushed
-    step /= max(1.0, float(np.abs(step[:k] / (stride * longest)).max()))
-    step[:k] = np.clip(z[:k] + step[:k], low, high) - z[:k]
-    return step

@@ -45,12 +45,10 @@ def set_right(noise: Noise, modes: Sequence[Found], assemble: Assemble, known: f
         parts[-1].mean[:] = part.mean
     posterior, forward = assemble(parts, None)
     assert isinstance(forward, Emulates)
-    likely = sorted(modes, key=lambda one: one.mode.misfit.total)[:_MOST]
-    most = likely[0].mode.misfit.total + _NEARLY * strokes
     going: list[_Followed] = []
-    for mode in likely:
+    for mode in _unlike(modes, _NEARLY * strokes):
         one = _Followed(posterior, forward, mode)
-        if mode.mode.misfit.total < most and one.on():
+        if one.on():
             going.append(one)
             if one.promised > known + _NEARLY * strokes:
                 break
@@ -63,6 +61,22 @@ def set_right(noise: Noise, modes: Sequence[Found], assemble: Assemble, known: f
             break
         min(moving, key=lambda one: one.promised).on()
     return [one.told() for one in going]
+
+
+def _unlike(modes: Sequence[Found], nearly: float) -> list[Found]:
+    """The best mode and some within `nearly` of its misfit, those least like one another; the best first."""
+    best, *others = sorted(modes, key=lambda one: one.mode.misfit.total)
+    most = best.mode.misfit.total + nearly
+    others = [one for one in others if one.mode.misfit.total < most]
+    at, sd = best.posterior.at["tissue"], best.posterior.of.column("sd")
+    kept = [best]
+    while others and len(kept) < _MOST:
+        apart = [
+            min(float(np.linalg.norm((one.mode.z[at] - other.mode.z[at]) / sd)) for other in kept)
+            for one in others
+        ]
+        kept.append(others.pop(int(np.argmax(apart))))
+    return sorted(kept, key=lambda one: one.mode.misfit.total)
 
 
 class _Followed:

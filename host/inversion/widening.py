@@ -37,11 +37,11 @@ class Widening:
 
 
 WIDER = {
-    "ln d": Widening(1.15, 1.4, 0.01),
-    "ln depth": Widening(1.1, 1.6, 0.02),
+    "ln d": Widening(1.25, 1.4, 0.01),
+    "ln depth": Widening(1.05, 1.6, 0.02),
     "ln t": Widening(1.3, 1.8, 0.02),
-    "E^-2/3": Widening(1.25, 2.0, 0.01),
-    "ln_E": Widening(1.2, 1.2, 0.01),
+    "E^-2/3": Widening(1.4, 2.0, 0.01),
+    "ln_E": Widening(1.25, 1.25, 0.01),
     "apart": Widening(1.3, 3.3, 0.3),
 }
 """By unknown; docs/inversion.md says how they are known."""
@@ -56,12 +56,12 @@ WIDER_PRESS = {
 """The same of a press alone."""
 
 WIDER_SOLID = {
-    "ln d": Widening(1.3, 1.3, 0.0),
+    "ln d": Widening(1.35, 1.35, 0.0),
     "ln width": Widening(1.3, 1.3, 0.0),
-    "ln depth": Widening(1.2, 1.2, 0.0),
-    "ln t": Widening(1.7, 1.7, 0.0),
-    "E^-2/3": Widening(1.4, 1.4, 0.0),
-    "ln_E": Widening(0.8, 0.8, 0.0),
+    "ln depth": Widening(1.3, 1.3, 0.0),
+    "ln t": Widening(2.2, 2.2, 0.0),
+    "E^-2/3": Widening(1.45, 1.45, 0.0),
+    "ln_E": Widening(1.0, 1.0, 0.0),
 }
 """The same over solid lumps, where `pooled` has widened the spread already."""
 
