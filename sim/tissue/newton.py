@@ -27,11 +27,11 @@ _VOLUME_SLACK = 30.0
 """The bulk modulus magnifies what is left of the volume change: true forces may be so much farther off."""
 
 _LARGEST_RISE_MM = 1.5
-_WINDOW_MM, _SPARING_MM = 22.0, 16.0
+_WINDOW_MM, _SPARING_MM = 22.0, 18.0
 """The tangent of elements farther from the probe is renewed only if the iteration goes badly; on a fine mesh,
 which has the second window, only if it does so twice."""
 
-_GOOD_PROGRESS = 0.2
+_GOOD_PROGRESS = 0.5
 """While each step leaves less of the error than this, the tangent may stay."""
 
 

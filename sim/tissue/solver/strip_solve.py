@@ -83,7 +83,7 @@ def forward(x, count, dofs, interior, pivots, size, spans, row_starts, rows):
                 x[r, dofs[g, i]] = local[i]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True)
 def backward(x, count, dofs, interior, pivots, size, spans, row_starts, rows):
     """Back substitution along `count` steps of a chain, the last first.
 
