@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     "--design",
     required=True,
     help="thesis | one-factor | sobol:N[:SEED] | balls[:N[:SEED]] | balls-soft:N[:SEED] | "
-    "balls-rim:N[:SEED] | any:N[:SEED] | any-press:N[:SEED] | anywhere:N[:SEED] | anywhere-press:N[:SEED] | "
-    "a file with one code per line; several joined by +.",
+    "balls-deep:N[:SEED] | balls-rim:N[:SEED] | any:N[:SEED] | any-press:N[:SEED] | anywhere:N[:SEED] | "
+    "anywhere-press:N[:SEED] | a file with one code per line; several joined by +.",
 )
 @click.option(
     "--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Directory of the strokes."
@@ -64,6 +64,7 @@ def command(
       anywhere-press:N[:SEED]  the press before each of these
       balls:N[:SEED]   N balls and ellipsoids in random tissue, at three forces each (seconds a stroke)
       balls-soft:N[:SEED]  N of them over a gland less than twice as stiff as the fat
+      balls-deep:N[:SEED]  N small ones that lie deep
       balls-rim:N[:SEED]  N of them outside the sizes and stiffnesses that a model is for
       FILE             one case code per line
 

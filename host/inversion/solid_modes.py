@@ -20,7 +20,7 @@ from palpate.inversion.joint import Together
 from palpate.inversion.kept import Felt
 from palpate.inversion.mirror import mirrored_about
 from palpate.inversion.search import Mode, search
-from palpate.inversion.solid_classes import OFFSET, RATIO, learnt, moved, moving
+from palpate.inversion.solid_classes import HEIGHT, OFFSET, RATIO, WIDTH, learnt, moved, moving
 from palpate.inversion.solid_correction import Correction, correction_at
 from palpate.inversion.solid_emulator import bundled
 from palpate.inversion.solid_forward import OverOneLump
@@ -39,6 +39,8 @@ _NEAR_MM = 17.0
 _THIN = 3
 _RATIO = 6
 """Of the emulator's inputs, the gland's stiffness over the fat's."""
+_STIFFNESS = 2
+"""Of the unknowns of a lump; the first is its size, the second its depth."""
 _STEPS, _ENOUGH = 20, 1.0
 _HOPELESS = 2.0
 """A start whose misfit is over the best one's by this part of it after some steps is not followed."""
@@ -47,6 +49,8 @@ _SIZED, _LESS, _MORE = 1.3, -0.5, 0.4
 """Sizes of further first guesses, and ln of their glands' stiffness over the usual."""
 _ROUNDS, _BESIDE_ROUNDS = 4, 3
 """The solver is asked so often, and so often beside the line, where a stroke costs it four times as much."""
+_OTHER_ROUNDS = 1
+"""On the line it is then asked about a lump of another stiffness, and so often about what is found there."""
 _WORTH = 3.0
 """It is asked about modes whose evidence is within so much of the best one's, as a logarithm."""
 _STAYS = 0.5
@@ -69,6 +73,9 @@ _ALIKE_MM = 1.5
 """... and lines so near each other."""
 _IN_THE_MIDDLE_MM = 2.5
 """A bump whose middle is so near that of the face is looked for on the line."""
+
+_MODEL = {"ln d": 0.025, WIDTH: 0.05, HEIGHT: 0.05, "ln depth": 0.025, "E^-2/3": 0.02, "ln_E": 0.025}
+"""Standard deviations of what mesh and emulator, set right, get wrong, by unknown."""
 
 
 @dataclass(frozen=True)
@@ -138,10 +145,9 @@ class Searches:
 
     def lumps(self, classes: Sequence[Class]) -> list[Found]:
         """The modes of classes with a lump, set right; the later classes begin at the first's."""
-        modes = self._first([self._learnt(moving(of, len(self.strokes))) for of in classes])
-        if not modes:
-            return []
-        return near(self._set_right(modes))
+        learnt = [self._learnt(moving(of, len(self.strokes))) for of in classes]
+        modes = self._first(learnt)
+        return [_widened(one) for one in near(self._set_right(modes, learnt))] if modes else []
 
     def plain(self, of: Class, misfit: float) -> list[Found]:
         """The modes of tissue without a lump, set right, where it may explain the strokes about as well."""
@@ -152,7 +158,7 @@ class Searches:
             thetas[-1][0] = np.log(by * self.start.t_mm)
         modes = self._from(of, thetas)
         likely = bool(modes) and min(one.mode.misfit.total for one in modes) < (1 + _PLAINLY) * misfit
-        return self._set_right(modes) if likely else []
+        return [_widened(one) for one in self._set_right(modes)] if likely else []
 
     def _learnt(self, of: Class) -> Class:
         return learnt(of, self._ratios, self._errors)
@@ -170,11 +176,26 @@ class Searches:
             modes += near(self._from(of, guesses) if modes else self._beside(of), _ROUGH)
         return modes
 
-    def _set_right(self, modes: list[Found]) -> list[Found]:
-        """The modes by an emulator that the solver sets right at the likeliest, until those stay."""
+    def _set_right(self, modes: list[Found], classes: Sequence[Class] = ()) -> list[Found]:
+        """The modes by an emulator that the solver sets right at the likeliest, until those stay.
+
+        classes : sequence of Class
+            With a lump, which may be as hard as the likeliest is soft, or as soft as it is hard.
+        """
         asked: list[_Asked] = []
-        beside = modes[0].of.lump and abs(_best(modes).offset_mm) > ON_LINE_MM
-        for _ in range(_BESIDE_ROUNDS if beside else _ROUNDS):
+        beside = bool(classes) and abs(_best(modes).offset_mm) > ON_LINE_MM
+        modes = self._asked_about(modes, asked, _BESIDE_ROUNDS if beside else _ROUNDS)
+        if classes and asked and not beside:
+            modes = self._asked_about(
+                [*modes, *self._other_side(modes, asked, classes)], asked, _OTHER_ROUNDS
+            )
+        stays = _answered(_best(modes), asked)
+        settled = [replace(one.mode, settled=one.mode.settled and stays) for one in modes]
+        return [replace(one, mode=mode) for one, mode in zip(modes, settled)]
+
+    def _asked_about(self, modes: list[Found], asked: list[_Asked], rounds: int) -> list[Found]:
+        """The modes, after the solver has been asked about the likeliest so many times at most."""
+        for _ in range(rounds):
             least = _best(modes).mode.log_evidence - _WORTH
             far = [one for one in near(modes) if one.mode.log_evidence >= least and not _answered(one, asked)]
             if not far:
@@ -185,9 +206,30 @@ class Searches:
             except (CaseError, StrokeError):
                 break
             modes = self._again(modes, asked) or modes
-        stays = _answered(_best(modes), asked)
-        settled = [replace(one.mode, settled=one.mode.settled and stays) for one in modes]
-        return [replace(one, mode=mode) for one, mode in zip(modes, settled)]
+        return modes
+
+    def _other_side(
+        self, modes: Sequence[Found], asked: list[_Asked], classes: Sequence[Class]
+    ) -> list[Found]:
+        """Modes near a lump of another stiffness that feels like the likeliest: the emulator, right at that
+        one, is not there."""
+        out: list[Found] = []
+        best = _best(modes)
+        z = self._afresh(best)
+        like = replace(self.start, d_mm=float(np.exp(z[0])), E_inv23=float(z[_STIFFNESS]))
+        like = like.as_stiff(_HARD if like.E_inv23 > (_HARD + _SOFT) / 2 else _SOFT)
+        z[0], z[_STIFFNESS] = np.log(like.d_mm), like.E_inv23
+        there = self._searched(best.of, z, corrections=_nearest(best, asked), held=_STIFFNESS)
+        if there is None:
+            return []
+        try:
+            asked.append((there, _corrections(there.cases())))
+        except (CaseError, StrokeError):
+            return []
+        for of in classes:
+            z = self._posterior(of).start(there.theta(of), self.start.E_kPa, self.lumps_mm)
+            _take(out, self._searched(of, z, corrections=asked[-1][1]))
+        return out
 
     def _again(self, modes: Sequence[Found], asked: Sequence[_Asked]) -> list[Found]:
         """The modes by the emulator set right as nearby as can be, from where they were."""
@@ -195,12 +237,16 @@ class Searches:
         for name in dict.fromkeys(one.of.name for one in modes):
             of_class: list[Found] = []
             for one in (one for one in modes if one.of.name == name):
-                z, k = one.mode.z.copy(), len(one.of.unknowns)
-                z[k - self._errors : k] = 0.0
-                _, corrections = min(asked, key=lambda there: _moved(there[0], one))
-                _take(of_class, self._searched(one.of, z, corrections=corrections))
+                z = self._afresh(one)
+                _take(of_class, self._searched(one.of, z, corrections=_nearest(one, asked)))
             out += near(of_class)
         return out
+
+    def _afresh(self, one: Found) -> Floats:
+        """A mode as a guess: what the emulator gets wrong is another matter, once it is set right."""
+        z, k = one.mode.z.copy(), len(one.of.unknowns)
+        z[k - self._errors : k] = 0.0
+        return z
 
     def _beside(self, of: Class) -> list[Found]:
         """A class's modes, searched from beside the line as the columns say or, where needed, elsewhere."""
@@ -230,12 +276,17 @@ class Searches:
         return Together([SolidPosterior(of, stroke, self.noise) for stroke in self.strokes], self.shared)
 
     def _searched(
-        self, of: Class, z: Floats, hopeless: float = np.inf, corrections: Sequence[Correction] = ()
+        self,
+        of: Class,
+        z: Floats,
+        hopeless: float = np.inf,
+        corrections: Sequence[Correction] = (),
+        held: int | None = None,
     ) -> Found | None:
         posterior, each = self._posterior(of), self._each(of)
         forward = OverOneLump(each, self.strokes, corrections)
         try:
-            mode = search(posterior, forward, z, _STEPS, enough=_ENOUGH, hopeless=hopeless)
+            mode = search(posterior, forward, z, _STEPS, enough=_ENOUGH, hopeless=hopeless, held=held)
         except (CaseError, StrokeError):
             return None
         return Found(posterior, each, mode)
@@ -248,6 +299,11 @@ _Asked = tuple[Found, list[Correction]]
 def _answered(one: Found, asked: Sequence[_Asked]) -> bool:
     """Whether the solver was asked nearby."""
     return any(_moved(there, one) < _STAYS for there, _ in asked)
+
+
+def _nearest(one: Found, asked: Sequence[_Asked]) -> list[Correction]:
+    """What the solver said nearest to a mode."""
+    return min(asked, key=lambda there: _moved(there[0], one))[1]
 
 
 def _corrections(cases: Sequence[Case]) -> list[Correction]:
@@ -263,6 +319,17 @@ def _corrections(cases: Sequence[Case]) -> list[Correction]:
         ]
         out.append(alike[0] if alike else correction_at(case, bundled()[0]))
     return out
+
+
+def _widened(one: Found) -> Found:
+    """With what emulator and mesh get wrong."""
+    at = {unknown.name: k for k, unknown in enumerate(one.of.unknowns)}
+    at["ln_E"] = one.posterior.at["ln_E"].start
+    C = one.mode.covariance.copy()
+    for name, sd in _MODEL.items():
+        if name in at:
+            C[at[name], at[name]] += sd**2
+    return replace(one, mode=replace(one.mode, covariance=C))
 
 
 def _take(modes: list[Found], found: Found | None) -> None:

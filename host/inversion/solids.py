@@ -12,7 +12,6 @@ import numpy as np
 
 from palpate.answer.fitted import Inverted
 from palpate.inversion.kept import Felt
-from palpate.inversion.pooled import pooled
 from palpate.inversion.result import told_of_modes
 from palpate.inversion.solid_classes import BALL, ELLIPSOID, NONE
 from palpate.inversion.solid_modes import Searches
@@ -31,26 +30,19 @@ mesh and emulator get wrong is explained by whatever has more unknowns."""
 def invert_solid(strokes: Sequence[Felt], noise: Noise) -> Inverted:
     """Invert strokes over one lump that ends across them; as `palpate.inversion.strokes.invert_together`."""
     number = strokes[0][0].stroke
-    start = agreed([own for stroke, own in strokes if stroke.solid])
-    searches = Searches(strokes, start, noise)
+    searches = Searches(strokes, agreed([own for stroke, own in strokes if stroke.solid]), noise)
     modes = searches.lumps(_LUMPS)
     if not modes:
         return Inverted(number, problem=f"stroke {number}: no solid lump could be computed")
-    weighed = [replace(one, mode=pooled(one.posterior, one.mode, start)) for one in modes]
-    # the estimate speaks of a lump, but not of whether there is one
-    k = int(np.argmax([one.mode.log_evidence for one in weighed]))
-    word = weighed[k].mode.log_evidence + np.log(len({one.of.name for one in weighed}))
-    lump = modes[k].mode.log_evidence
-    for one in searches.plain(NONE, modes[k].mode.misfit.total):
-        modes.append(one)
-        mode = pooled(one.posterior, one.mode, start)
-        evidence = word + (mode.log_evidence - lump + _SURER) / _TEMPERED
-        weighed.append(replace(one, mode=replace(mode, log_evidence=evidence)))
-    odds = odds_of((one.of.name, one.mode.log_evidence) for one in weighed)
+    best = max(modes, key=lambda one: one.mode.log_evidence).mode
+    lump = best.log_evidence + np.log(len({one.of.name for one in modes}))
+    for one in searches.plain(NONE, best.misfit.total):
+        evidence = lump + (one.mode.log_evidence - best.log_evidence + _SURER) / _TEMPERED
+        modes.append(replace(one, mode=replace(one.mode, log_evidence=evidence)))
+    odds = odds_of((one.of.name, one.mode.log_evidence) for one in modes)
     is_lump = odds.get(NONE.name, 0.0) < 0.5
-    order = np.argsort([-one.mode.log_evidence for one in weighed], kind="stable")
-    first, *others = (int(k) for k in order if weighed[k].of.lump == is_lump)
-    likely = [weighed[k] for k in (first, *(k for k in others if odds[weighed[k].of.name] > _RARE))]
+    modes.sort(key=lambda one: -one.mode.log_evidence)
+    first, *others = (one for one in modes if one.of.lump == is_lump)
+    likely = [first, *(one for one in others if odds[one.of.name] > _RARE)]
     said = told_of_modes(likely, odds, WIDER_SOLID if is_lump else WIDER_PLAIN)
-    best = modes[first]
-    return replace(said, laid=best.posterior.laid(best.mode.z, best.mode.found))
+    return replace(said, laid=first.posterior.laid(first.mode.z, first.mode.found))

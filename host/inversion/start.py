@@ -14,7 +14,6 @@ from palpate import models
 from palpate.firmware_twin.replay_core import Replay
 from palpate.inversion.classes import GLAND, Class
 from palpate.inversion.felt import FeltStroke
-from palpate.inversion.widening import NORMAL
 from palpate.model_export.fixed_point import force_map, reference
 from palpate.model_export.schema import ModelSpec
 from palpate.sim.tissue.face_sensors import places_mm
@@ -37,21 +36,13 @@ _D_MM = 3.5, 30.0
 _T_MM = 3.0, 45.0
 _ELSEWHERE = 0.12
 """A border that is nearer to another one, as a logarithm, is the same."""
-_UNLIKE = 2.0
-"""So much farther off may be an estimate of a stroke that is unlike those the regression was fitted to."""
 _ROOM = 1.4
 """A gland begins so much deeper than a lump in it reaches."""
 
 
 @dataclass(frozen=True)
 class Start:
-    """A first estimate: lengths in mm, and where along the stroke the lump lies.
-
-    Attributes
-    ----------
-    sd : tuple of float
-        Standard deviations of ln d, ln h, ln t, E^-2/3 and ln E_fat; none where no regression has said it.
-    """
+    """A first estimate: lengths in mm, and where along the stroke the lump lies."""
 
     stroke: int
     d_mm: float
@@ -60,7 +51,6 @@ class Start:
     E_inv23: float
     E_kPa: float
     lump_mm: float
-    sd: tuple[float, ...] = ()
 
     def theta(self, of: Class) -> Floats:
         """The estimate as a first guess (k,) for a class."""
@@ -158,12 +148,11 @@ def _bump_mm(felt: FeltStroke) -> float:
 
 
 def agreed(starts: Sequence[Start]) -> Start:
-    """What estimates of one lump say in the middle. No surer than one of them: mostly they err alike."""
+    """What estimates of one lump say in the middle."""
     logs = np.log([[one.d_mm, one.depth_mm, one.t_mm, one.E_kPa] for one in starts])
     d, depth, t, E = np.exp(logs.mean(0)).tolist()
     stiffness = float(np.mean([one.E_inv23 for one in starts]))
-    sd = () if not all(one.sd for one in starts) else tuple(np.mean([one.sd for one in starts], 0).tolist())
-    return replace(starts[0], d_mm=d, depth_mm=depth, t_mm=t, E_inv23=stiffness, E_kPa=E, sd=sd)
+    return replace(starts[0], d_mm=d, depth_mm=depth, t_mm=t, E_inv23=stiffness, E_kPa=E)
 
 
 @lru_cache(maxsize=2)
@@ -227,12 +216,5 @@ def start_of(
     centre = centre if low < centre < high else lump_mm
     return Start(
         stroke, float(np.clip(d, 4, 25)), float(np.clip(depth, 1.2, 40)), float(np.clip(t, *_T_MM)),
-        float(np.clip(s, 0.02, 0.7)), float(np.clip(E, 2, 60)), centre, _sd(_model(model)[0], said),
+        float(np.clip(s, 0.02, 0.7)), float(np.clip(E, 2, 60)), centre,
     )  # fmt: skip
-
-
-def _sd(spec: ModelSpec, said: dict[str, Any]) -> tuple[float, ...]:
-    """As `Start.sd`, of 90 % intervals."""
-    by = (1.0 if said["in_domain"][0] else _UNLIKE) / NORMAL
-    half = dict(zip(_OUTPUTS, reference.half_widths(spec, said["y"], said["sigma"])[0]))
-    return tuple(by * float(half[name]) for name in ("ln d", "ln h", "ln t", "E^-2/3", "ln E_fat"))

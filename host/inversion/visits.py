@@ -23,7 +23,6 @@ from palpate.inversion.found import Ends
 from palpate.inversion.joint import Together
 from palpate.inversion.kept import Felt
 from palpate.inversion.modes import coarse, finest
-from palpate.inversion.pooled import widened
 from palpate.inversion.posterior import Posterior
 from palpate.inversion.result import of_modes, told
 from palpate.inversion.solid_classes import BALL, ELLIPSOID, moved
@@ -101,9 +100,8 @@ def _solid_visits(
     if not modes:
         raise PalpateError("no lump could be computed that both visits are over")
     modes = sorted(modes, key=lambda one: -one.mode.log_evidence)
-    wider = [replace(one, mode=widened(one.posterior, one.mode)) for one in modes]
-    odds = odds_of((one.of.name, one.mode.log_evidence) for one in wider)
-    return _changed(wider, len(before), odds, WIDER_SOLID, _WIDER_CHANGES)
+    odds = odds_of((one.of.name, one.mode.log_evidence) for one in modes)
+    return _changed(modes, len(before), odds, WIDER_SOLID, _WIDER_CHANGES)
 
 
 def _changed(

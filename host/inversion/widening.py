@@ -63,7 +63,7 @@ WIDER_SOLID = {
     "E^-2/3": Widening(1.45, 1.45, 0.0),
     "ln_E": Widening(1.0, 1.0, 0.0),
 }
-"""The same over solid lumps, where `pooled` has widened the spread already."""
+"""The same over solid lumps, where `solid_modes` has widened the spread already."""
 
 WIDER_PLAIN = {"ln t": Widening(4.0, 4.0, 0.0), "ln_E": WIDER_SOLID["ln_E"]}
 """Over tissue without a lump, where a thick fat over a gland as soft feels like a thin one over a stiffer."""

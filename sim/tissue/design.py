@@ -37,12 +37,14 @@ _DRAWN: dict[str, Callable[[int, int], list[Case]]] = {
     "anywhere": anywhere_cases,
     "anywhere-press": anywhere_press_cases,
 }
+_BALLS = ("balls", "balls-soft", "balls-deep", "balls-rim")
 
 
 def read_design(text: str) -> list[Case]:
     """Cases of `thesis`, `one-factor`, `sobol:N[:SEED]`, `balls[:N[:SEED]]`, `any:N[:SEED]`,
-    `balls-soft:N[:SEED]`, `balls-rim:N[:SEED]`, `any-press:N[:SEED]`, `anywhere:N[:SEED]`,
-    `anywhere-press:N[:SEED]` or a file (CSV of fields, or codes); of several joined by +, all.
+    `balls-soft:N[:SEED]`, `balls-deep:N[:SEED]`, `balls-rim:N[:SEED]`, `any-press:N[:SEED]`,
+    `anywhere:N[:SEED]`, `anywhere-press:N[:SEED]` or a file (CSV of fields, or codes); of several joined
+    by +, all.
 
     Raises
     ------
@@ -56,7 +58,7 @@ def read_design(text: str) -> list[Case]:
     if text == "one-factor":
         return one_factor_cases()
     name, *numbers = text.split(":")
-    if name in ("sobol", "balls-rim", "balls-soft", *_DRAWN) or (name == "balls" and not Path(text).exists()):
+    if name in ("sobol", *_BALLS[1:], *_DRAWN) or (name == "balls" and not Path(text).exists()):
         usual = [1000] if name == "balls" else []
         try:
             given = [int(number) for number in numbers] or usual
@@ -66,17 +68,17 @@ def read_design(text: str) -> list[Case]:
         if n < 1 or seed < 0 or len(numbers) > 2:
             raise CaseError(f"{text!r} is not a design; write {name}:N or {name}:N:SEED")
         if name.startswith("balls"):
-            from palpate.sim.tissue.solid.design import ball_cases, rim_cases, soft_gland_cases
+            from palpate.sim.tissue.solid.design import ball_cases, deep_cases, rim_cases, soft_gland_cases
 
-            drawn = {"balls": ball_cases, "balls-rim": rim_cases, "balls-soft": soft_gland_cases}
-            return drawn[name](n, seed)
+            drawn = (ball_cases, soft_gland_cases, deep_cases, rim_cases)[_BALLS.index(name)]
+            return drawn(n, seed)
         return sobol_cases(n, seed) if name == "sobol" else _DRAWN[name](n, seed)
     path = Path(text)
     if not path.is_file():
         raise CaseError(
             f"{text!r} is not a design (thesis, one-factor, sobol:N:SEED, balls:N:SEED, balls-soft:N:SEED, "
-            "balls-rim:N:SEED, any:N:SEED, any-press:N:SEED, anywhere:N:SEED, anywhere-press:N:SEED) and not "
-            "a file of cases"
+            "balls-deep:N:SEED, balls-rim:N:SEED, any:N:SEED, any-press:N:SEED, anywhere:N:SEED, "
+            "anywhere-press:N:SEED) and not a file of cases"
         )
     return _read_file(path)
 

@@ -31,8 +31,8 @@ _WINDOW_MM, _SPARING_MM = 22.0, 18.0
 """The tangent of elements farther from the probe is renewed only if the iteration goes badly; on a fine mesh,
 which has the second window, only if it does so twice."""
 
-_GOOD_PROGRESS = 0.5
-"""While each step leaves less of the error than this, the tangent may stay."""
+_GOOD_PROGRESS, _SPARING_PROGRESS = 0.2, 0.5
+"""While each step leaves less of the error than this, the tangent may stay; on a fine mesh the second."""
 
 
 class NoConvergence(ArithmeticError):
@@ -79,6 +79,7 @@ class Newton:
         self.tissue, self.contact, self.solver, self.tolerance = tissue, contact, solver, tolerance
         self.sparing = sparing
         self._window_mm = _SPARING_MM if sparing else _WINDOW_MM
+        self._good = _SPARING_PROGRESS if sparing else _GOOD_PROGRESS
         self.counts = Work()
         mesh = tissue.mesh
         self._held = np.nonzero(mesh.fixed.ravel())[0]
@@ -129,7 +130,7 @@ class Newton:
                 return state
             if not error < 1e6:
                 raise NoConvergence("the iteration diverged")
-            slow = error > _GOOD_PROGRESS * error_before
+            slow = error > self._good * error_before
             far = error > 1.0
             if careful or not self._started or (far and not self.sparing):
                 self._factor(state, touching, position, self._all)

@@ -61,6 +61,9 @@ WIDEST = SolidRanges(
 SOFT_GLAND = SolidRanges(gland_ratio=(1.0, 2.0), on_line=0.9)
 """Tissue of nearly one material, as Samani (2007) finds it and as phantoms are made."""
 
+DEEP = SolidRanges(d_mm=(4.0, 12.0), h=(1.0, 2.4), gland_ratio=(1.0, 10.0), on_line=0.9)
+"""Small lumps that lie deep, half of them outside the usual ranges: as phantoms have them."""
+
 COVERED = SolidRanges(gland_ratio=(SOFT_GLAND.gland_ratio[0], SolidRanges.gland_ratio[1]))
 """What a model of solid lumps is for: usual tissue and that of a soft gland."""
 
@@ -100,6 +103,11 @@ def rim_cases(n: int, seed: int) -> list[Case]:
 def soft_gland_cases(n: int, seed: int) -> list[Case]:
     """3 n cases of `SOFT_GLAND`, as `ball_cases`."""
     return ball_cases(n, seed, SOFT_GLAND)
+
+
+def deep_cases(n: int, seed: int) -> list[Case]:
+    """3 n cases of `DEEP`, as `ball_cases`."""
+    return ball_cases(n, seed, DEEP)
 
 
 def _lump(point: Floats, r: SolidRanges) -> Case:

@@ -228,6 +228,22 @@ def test_an_emulated_ball_is_found_again(monkeypatch):
     assert "--class border" in invert_stroke(felt, start, level_named("typical"), "border").problem
 
 
+def test_a_lump_of_another_stiffness_that_feels_alike_is_asked_about_too(monkeypatch):
+    """A ball thirty times as stiff as the fat was told as five times: the emulator, asked elsewhere, had no
+    mode there."""
+    asked = []
+
+    def nothing_otherwise(case, _):
+        asked.append(case)
+        same = otherwise(SimpleNamespace(standard_normal=np.zeros))
+        return replace(same, case=case)
+
+    monkeypatch.setattr(solid_modes, "correction_at", nothing_otherwise)
+    invert_stroke(*felt_over(*emulated(BALL), 5)[:2], level_named("typical"))
+    hard = [case.E_inv23 < 0.25 for case in asked if case.has_lump]
+    assert any(hard) and not all(hard)
+
+
 def test_tissue_without_a_lump_is_told_so(monkeypatch):
     """It was told as a ball with wide intervals: no class that a face's sides are felt in was without one."""
     without_solver(monkeypatch)

@@ -101,6 +101,14 @@ def test_designs_joined_by_a_plus_are_run_one_after_the_other():
         settings_of("any:4+balls:4", 2.0)
 
 
+def test_small_lumps_that_lie_deep_are_a_design_of_their_own():
+    """A ball of 5 mm, 10 mm deep, was told as one of 16: the emulator had not met such lumps."""
+    lumps = read_design("balls-deep:64:1")[::3]
+    assert sum(case.d_mm < 6 and case.h > 1.5 for case in lumps) > 4
+    assert sum(case.gland_ratio < 1.5 for case in lumps) > 8
+    assert max(case.d_mm for case in lumps) <= 12
+
+
 def test_another_body_is_one_row_of_the_table_of_shapes(monkeypatch):
     """Its name was asked for in three places of the code's reader and writer."""
     monkeypatch.setitem(SHAPES, "disc", (1.0, 0.5))
