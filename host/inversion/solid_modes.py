@@ -213,7 +213,6 @@ class Searches:
     ) -> list[Found]:
         """Modes near a lump of another stiffness that feels like the likeliest: the emulator, right at that
         one, is not there."""
-        out: list[Found] = []
         best = _best(modes)
         z = self._afresh(best)
         like = replace(self.start, d_mm=float(np.exp(z[0])), E_inv23=float(z[_STIFFNESS]))
@@ -226,6 +225,7 @@ class Searches:
             asked.append((there, _corrections(there.cases())))
         except (CaseError, StrokeError):
             return []
+        out: list[Found] = []
         for of in classes:
             z = self._posterior(of).start(there.theta(of), self.start.E_kPa, self.lumps_mm)
             _take(out, self._searched(of, z, corrections=asked[-1][1]))

@@ -87,7 +87,7 @@ def forward(x, count, dofs, interior, pivots, size, spans, row_starts, rows):
 def backward(x, count, dofs, interior, pivots, size, spans, row_starts, rows):
     """Back substitution along `count` steps of a chain, the last first.
 
-    Its sums wait for one number after the other: two right-hand sides are taken at once, not in turn.
+    Its sums are taken in any order, so in lanes; two right-hand sides share each read of the rows.
     """
     a = np.zeros(dofs.shape[1], x.dtype)
     b = np.zeros(dofs.shape[1], x.dtype)
