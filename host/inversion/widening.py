@@ -39,7 +39,7 @@ class Widening:
 WIDER = {
     "ln d": Widening(1.25, 1.4, 0.01),
     "ln depth": Widening(1.05, 1.6, 0.02),
-    "ln t": Widening(1.3, 1.8, 0.02),
+    "ln t": Widening(1.1, 1.8, 0.02),
     "E^-2/3": Widening(1.4, 2.0, 0.01),
     "ln_E": Widening(1.25, 1.25, 0.01),
     "apart": Widening(1.3, 3.3, 0.3),

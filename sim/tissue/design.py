@@ -16,6 +16,7 @@ from palpate.sim.tissue.case import Case
 from palpate.sim.tissue.draws import LumpRanges
 from palpate.sim.tissue.errors import CaseError
 from palpate.sim.tissue.settings import Settings
+from palpate.sim.tissue.solid.design import ball_cases, deep_cases, rim_cases, soft_gland_cases
 from palpate.sim.tissue.thesis_runs import THESIS_CODES
 
 
@@ -31,55 +32,35 @@ USUAL = Ranges()
 WIDEST = Ranges((4.0, 25.0), (0.2, 2.0), (1.0, 1000.0), (0.1, 1.2), (25.0, 100.0))
 
 
-_DRAWN: dict[str, Callable[[int, int], list[Case]]] = {
-    "any": any_tissue_cases,
-    "any-press": press_cases,
-    "anywhere": anywhere_cases,
-    "anywhere-press": anywhere_press_cases,
-}
-_BALLS = ("balls", "balls-soft", "balls-deep", "balls-rim")
-
-
 def read_design(text: str) -> list[Case]:
-    """Cases of `thesis`, `one-factor`, `sobol:N[:SEED]`, `balls[:N[:SEED]]`, `any:N[:SEED]`,
-    `balls-soft:N[:SEED]`, `balls-deep:N[:SEED]`, `balls-rim:N[:SEED]`, `any-press:N[:SEED]`,
-    `anywhere:N[:SEED]`, `anywhere-press:N[:SEED]` or a file (CSV of fields, or codes); of several joined
-    by +, all.
+    """Cases of `thesis`, `one-factor`, `NAME:N[:SEED]` with a name of `DRAWN`, `balls` (which is
+    `balls:1000`), or a file (CSV of fields, or codes); of several joined by +, all.
 
     Raises
     ------
     CaseError
         The design or a case of it cannot be read.
     """
-    if "+" in text and not Path(text).exists():
+    path = Path(text)
+    if "+" in text and not path.exists():
         return [case for part in text.split("+") for case in read_design(part)]
     if text == "thesis":
         return [Case.from_code(code) for code in THESIS_CODES]
     if text == "one-factor":
         return one_factor_cases()
     name, *numbers = text.split(":")
-    if name in ("sobol", *_BALLS[1:], *_DRAWN) or (name == "balls" and not Path(text).exists()):
-        usual = [1000] if name == "balls" else []
+    if name in DRAWN and not (text == "balls" and path.exists()):
+        given = numbers if text != "balls" else ["1000"]
         try:
-            given = [int(number) for number in numbers] or usual
-            n, seed = given[0], given[1] if len(given) > 1 else 1
-        except (ValueError, IndexError):
+            n, seed = (int(number) for number in (*given, "1")[: max(2, len(given))])
+        except ValueError:
             n, seed = 0, 0
-        if n < 1 or seed < 0 or len(numbers) > 2:
+        if n < 1 or seed < 0:
             raise CaseError(f"{text!r} is not a design; write {name}:N or {name}:N:SEED")
-        if name.startswith("balls"):
-            from palpate.sim.tissue.solid.design import ball_cases, deep_cases, rim_cases, soft_gland_cases
-
-            drawn = (ball_cases, soft_gland_cases, deep_cases, rim_cases)[_BALLS.index(name)]
-            return drawn(n, seed)
-        return sobol_cases(n, seed) if name == "sobol" else _DRAWN[name](n, seed)
-    path = Path(text)
+        return DRAWN[name](n, seed)
     if not path.is_file():
-        raise CaseError(
-            f"{text!r} is not a design (thesis, one-factor, sobol:N:SEED, balls:N:SEED, balls-soft:N:SEED, "
-            "balls-deep:N:SEED, balls-rim:N:SEED, any:N:SEED, any-press:N:SEED, anywhere:N:SEED, "
-            "anywhere-press:N:SEED) and not a file of cases"
-        )
+        drawn = ", ".join(f"{name}:N:SEED" for name in DRAWN)
+        raise CaseError(f"{text!r} is not a design (thesis, one-factor, {drawn}) and not a file of cases")
     return _read_file(path)
 
 
@@ -92,7 +73,7 @@ def settings_of(text: str, hx_mm: float) -> Settings:
         Designs are joined that are simulated differently.
     """
     names = [part.split(":")[0] for part in text.split("+")]
-    usual = {STROKES if n in ("any", "anywhere") else PRESSES if n in _DRAWN else Settings() for n in names}
+    usual = {_USUAL.get(name, Settings()) for name in names}
     if len(usual) > 1:
         raise CaseError(f"{text!r}: strokes from elsewhere, or presses, are swept apart from the others")
     return replace(usual.pop(), hx_mm=hx_mm)
@@ -129,6 +110,22 @@ def one_factor_cases() -> list[Case]:
     lumps += [replace(reference, d_mm=d) for d in (5.0, 15.0, 20.0)]
     lumps += [replace(reference, h=h) for h in (0.3, 0.5, 1.2, 1.5)]
     return [replace(case, F_rel=F) for case in lumps for F in forces]
+
+
+DRAWN: dict[str, Callable[[int, int], list[Case]]] = {
+    "sobol": sobol_cases,
+    "balls": ball_cases,
+    "balls-soft": soft_gland_cases,
+    "balls-deep": deep_cases,
+    "balls-rim": rim_cases,
+    "any": any_tissue_cases,
+    "any-press": press_cases,
+    "anywhere": anywhere_cases,
+    "anywhere-press": anywhere_press_cases,
+}
+"""Designs drawn at random, by name: of a number and a seed."""
+_USUAL = {"any": STROKES, "anywhere": STROKES, "any-press": PRESSES, "anywhere-press": PRESSES}
+"""How their cases are simulated, where not as any other."""
 
 
 def _read_file(path: Path) -> list[Case]:

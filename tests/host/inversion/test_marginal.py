@@ -1,7 +1,5 @@
 """Intervals know that a posterior is curved: how an unknown falls off on either side of the mode."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
@@ -12,6 +10,7 @@ from palpate.inversion.marginal import with_sides
 from palpate.inversion.posterior import Misfit
 from palpate.inversion.search import search
 from palpate.inversion.widening import NORMAL
+from tests.host.inversion.toys import Nothing
 
 NAMES = "ln d", "ln depth", "ln_E"
 
@@ -42,30 +41,6 @@ class Curved:
     def jacobian(self, z, _, __):
         steep = np.array([[-(1 + 2 * self.bend * z[0]) / 0.2, 1 / 0.2, 0.0], [0.0, 0.0, 2.0]])
         return steep, np.diag(1 / self.sd)
-
-
-@dataclass
-class Nothing:
-    """What is predicted, and how: the toy's misfit needs neither."""
-
-    far: float = 0.0
-    scale: float = 1.0
-    unsure: float = 0.0
-
-    def __call__(self, *_):
-        return self
-
-    def slopes(self, _):
-        return self
-
-    def on_mesh_of(self, _):
-        return False
-
-    def away(self, theta):
-        return self.far * float(np.hypot(*theta))
-
-    def set_right(self, *_):
-        raise AssertionError("nothing more is asked")
 
 
 def found_over(bend, far=0.0):

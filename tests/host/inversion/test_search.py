@@ -8,7 +8,7 @@ from scipy.optimize import lsq_linear
 from palpate.inversion.classes import Class, Unknown
 from palpate.inversion.posterior import Misfit
 from palpate.inversion.search import search
-from tests.host.inversion.test_marginal import Nothing
+from tests.host.inversion.toys import Nothing
 
 
 class Straight:
