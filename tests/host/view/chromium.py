@@ -15,10 +15,13 @@ CHROMIUM_OPTIONS = (
     "--disable-sync",
 )
 
+NAMES = ("chromium-headless-shell", "chromium", "chromium-browser")
+
 
 def chromium() -> str:
-    """Debian's Chromium, or one that the environment names."""
-    found = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
+    """Debian's Chromium, by preference the one without windows, or one that the environment names."""
+    named = os.environ.get("CHROMIUM")
+    found = named or next(filter(None, map(shutil.which, NAMES)), None)
     assert found, "no Chromium; run: .ci/setup test"
     return found
 
