@@ -52,7 +52,7 @@ def read_design(text: str) -> list[Case]:
     if name in DRAWN and not (text == "balls" and path.exists()):
         given = numbers if text != "balls" else ["1000"]
         try:
-            n, seed = (int(number) for number in (*given, "1")[: max(2, len(given))])
+            n, seed = map(int, given if len(given) > 1 else (*given, "1"))
         except ValueError:
             n, seed = 0, 0
         if n < 1 or seed < 0:
