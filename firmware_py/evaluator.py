@@ -2,7 +2,7 @@
 
 `Tables` holds a model as arrays; `evaluate` works on arrays the caller owns and allocates nothing.
 `compute` has no branch on data other than those in scales.py, so the exporter runs this very code on
-intervals to prove that no intermediate leaves +-2^30 (model_export/fixed_point/bounds.py).
+intervals to prove that no intermediate leaves +-2^30 (model_export/integers/bounds.py).
 
 Numbers: features Q24; u, a feature moved and scaled into +-1 over the model's clip box, Q28; predictions y,
 ln sigma and widths on the link scale Q24; outputs in millionths. The polynomials: polynomial.py.

@@ -4,7 +4,7 @@ The map gives d p_s / d ln F (a value a row, in units of the image's mean) and d
 image itself: linear in the relative pressures p / mean(p) - 1, quadratic in ln F and ln D. Layers and
 probe are symmetric, so it works on the image's even and odd halves apart, with half of the numbers. A frame
 takes two steps, the second with the map evaluated half way (midpoint rule). Learned from
-finite-element strokes at two forces by `palpate.model_export.fixed_point.force_map`.
+finite-element strokes at two forces by `palpate.model_export.integers.force_map`.
 
 Blob, little endian: "F", version, shift of the coefficients' Q format, 0; ln F centre and ln D
 centre (int32, Q24, of the image sum in Q5 counts and of the displacement in 1/16 um; 0 there is for a map of

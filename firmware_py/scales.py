@@ -1,7 +1,7 @@
 """Between the link scale, where a model predicts (Q24), and the outputs' units; integers only.
 
 `clip`, `pick` and `exp` hold the only branches on data of an evaluation: the exporter's proof exchanges them
-(model_export/fixed_point/bounds.py).
+(model_export/integers/bounds.py).
 """
 
 MAX_LN_WIDTH = 34887240  # ln 8

@@ -141,7 +141,7 @@ def _probes() -> list[Finding]:
             findings.append(Finding("probe", "ok", f"{device.port}: {said}"))
         elif device.message and device.state in ("busy", "forbidden", "other protocol"):
             findings.append(Finding("probe", "missing", f"{device.port}: {device.state}", device.message))
-    todo = "Plug one in, or start one with `palpate emulate d10h08e10f10`."
+    todo = "Plug one in, or start one with `palpate emulate d12h07e20f06`."
     return findings or [Finding("probe", "ok", "none connected", todo)]
 
 

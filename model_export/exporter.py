@@ -11,8 +11,8 @@ import numpy as np
 from firmware_py import signature
 from palpate.model_export import image_builder
 from palpate.model_export.errors import ModelError
-from palpate.model_export.fixed_point import accuracy, bounds, compiler, sampling
-from palpate.model_export.fixed_point.force_map import blob as pack_force_map
+from palpate.model_export.integers import accuracy, bounds, compiler, sampling
+from palpate.model_export.integers.force_map import blob as pack_force_map
 from palpate.model_export.schema import ModelSpec
 from palpate.model_export.signing import keys
 

@@ -13,7 +13,7 @@ from firmware_py import model_image as fw
 from palpate.fixedpoint import nested
 from palpate.model_export import self_test
 from palpate.model_export.errors import ImageError, ModelError, ProofError
-from palpate.model_export.fixed_point import compiler
+from palpate.model_export.integers import compiler
 from palpate.model_export.schema import KINDS, OUTPUTS, ModelSpec
 
 MAX_COUNTER = fw.MAX_COUNTER

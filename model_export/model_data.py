@@ -250,7 +250,7 @@ class ModelData:
     force_range : (float, float)
         F_N_per_m that the model was trained over.
     force_map : dict or None
-        Opaque here: `palpate.model_export.fixed_point.force_map` turns it into the firmware's table.
+        Opaque here: `palpate.model_export.integers.force_map` turns it into the firmware's table.
     training : dict
         At least "hash" (64 hex digits) and "n"; noise level, seed and scores are welcome.
     first : FirstStage or None

@@ -11,7 +11,7 @@ from firmware_py import evaluator, stage
 from firmware_py import features as firmware_features
 from firmware_py import model_image as fw
 from palpate.model_export.errors import ModelError
-from palpate.model_export.fixed_point import compiler, sampling
+from palpate.model_export.integers import compiler, sampling
 from palpate.model_export.schema import ModelSpec
 
 SELF_TESTS = 2

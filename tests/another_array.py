@@ -24,8 +24,8 @@ from palpate.link import flash
 from palpate.link.probe import Probe
 from palpate.model_export.errors import ImageError
 from palpate.model_export.exporter import export
-from palpate.model_export.fixed_point import force_map
 from palpate.model_export.image_builder import inspect
+from palpate.model_export.integers import force_map
 from palpate.model_export.signing import keys
 from palpate.recording import channels
 from palpate.sim.probe.emulated import EmulatedProbe

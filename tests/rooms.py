@@ -27,7 +27,7 @@ FLOORS = (
         "firmware_twin": ("palpate.firmware_twin",),
         "document": tuple(
             f"palpate.model_export.{name}"
-            for name in ("errors", "vocabulary", "model_data", "check", "schema", "fixed_point.reference")
+            for name in ("errors", "vocabulary", "model_data", "check", "schema", "integers.reference")
         ),
         "sim.tissue": ("palpate.sim.tissue",),
     },

@@ -10,8 +10,8 @@ import pytest
 from firmware_py import outputs
 from palpate import models
 from palpate.firmware_twin.replay_core import Replay
-from palpate.model_export.fixed_point import force_map
-from palpate.model_export.fixed_point.reference import evaluate, inputs
+from palpate.model_export.integers import force_map
+from palpate.model_export.integers.reference import evaluate, inputs
 from palpate.sim.probe.over_lump import strokes_over
 from palpate.sim.tissue import Case
 

@@ -15,7 +15,7 @@ from firmware_py import evaluator, features, outputs
 from palpate.learn.observed import observe
 from palpate.learn.thesis.polynomial import fit_thesis_model
 from palpate.model_export.exporter import prepare
-from palpate.model_export.fixed_point.reference import evaluate
+from palpate.model_export.integers.reference import evaluate
 from palpate.sim.probe.sensors import LEVELS, StrokeField
 from palpate.sim.tissue import load_strokes, read_design, sweep
 

@@ -17,7 +17,7 @@ from palpate.dataset.strokes import ObservedDataSet, observe_data_set
 from palpate.dataset.table import DataSet
 from palpate.features.map_features import Floats
 from palpate.learn.probe_model import training_hash
-from palpate.model_export.fixed_point.reference import (
+from palpate.model_export.integers.reference import (
     evaluate,
     half_widths,
     inputs,

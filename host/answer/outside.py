@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from palpate.answer.across import Floats
 from palpate.answer.words import UNFAMILIAR, WITHOUT_PRESS
-from palpate.model_export.fixed_point.reference import evaluate
+from palpate.model_export.integers.reference import evaluate
 from palpate.model_export.schema import ModelSpec
 from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS
 from palpate.wire.events import OUTPUTS

@@ -21,7 +21,7 @@ from firmware_py.outputs import PARTS
 from palpate.answer.across import across
 from palpate.answer.layers import LumpLayer, lump_layer
 from palpate.answer.outside import why_outside
-from palpate.model_export.fixed_point.reference import estimates, inputs, standardised
+from palpate.model_export.integers.reference import estimates, inputs, standardised
 from palpate.model_export.schema import Across, ModelSpec
 from palpate.spans import Span
 

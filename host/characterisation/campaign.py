@@ -114,7 +114,11 @@ def read(path: str | Path) -> list[Measured]:
     entries = said.get("recording")
     if set(said) - {"recording"} or not isinstance(entries, list) or not entries:
         raise UsageError(f"{path} is a list of [[recording]], each with file and kind, and nothing else")
-    return [_measured(path, k + 1, entry) for k, entry in enumerate(entries)]
+    found = [_measured(path, k + 1, entry) for k, entry in enumerate(entries)]
+    for k, one in enumerate(found):
+        if any(one.file.samefile(other.file) for other in found[:k]):
+            raise UsageError(f"{path}, recording {k + 1}: {one.file.name} is there already")
+    return found
 
 
 def _measured(path: Path, number: int, entry: dict[str, Any]) -> Measured:
@@ -131,13 +135,14 @@ def _measured(path: Path, number: int, entry: dict[str, Any]) -> Measured:
         raise UsageError(f"{where}: {kind} knows no {extra[0]!r}; it knows {', '.join(sorted(allowed))}")
     if not isinstance(entry.get("file"), str):
         raise UsageError(f"{where} names no file")
+    course = _course(entry.get("kPa"), where) if kind == "cuff" else None
+    known = [_known(entry, name, where) for name in ("displacement_mm", "travel_mm")]
     file = path.parent / entry["file"]
     counts, kPa, places, strokes = _frames(file)
     if len(counts) < FEWEST:
         raise RecordingError(f"{where}: {file.name} holds {len(counts)} frames; {FEWEST} say something")
-    course = None
-    if kind == "cuff":
-        course = _begun(_course(entry.get("kPa"), where), kPa, places[:, 2])
+    if course is not None:
+        course = _begun(course, kPa, places[:, 2])
     if kind == "plain" and not strokes:
         raise RecordingError(f"{where}: {file.name} holds no stroke")
     return Measured(
@@ -150,27 +155,31 @@ def _measured(path: Path, number: int, entry: dict[str, Any]) -> Measured:
         places[:, 2],
         strokes,
         course,
-        _known(entry, "displacement_mm", where),
-        _known(entry, "travel_mm", where),
+        *known,
     )
 
 
 def _known(entry: dict[str, Any], name: str, where: str) -> float:
     value = entry.get(name, math.nan)
-    if not isinstance(value, int | float) or isinstance(value, bool):
+    if name in entry and not _is_number(value):
         raise UsageError(f"{where}: {name} is a number, not {value!r}")
     return float(value)
 
 
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
 def _course(value: Any, where: str) -> Course:
     """A step is two points at one time, which lie a microsecond apart here."""
-    pairs = [[0, value]] if isinstance(value, int | float) else value
-    good = isinstance(pairs, list) and all(
-        isinstance(p, list) and len(p) == 2 and all(isinstance(v, int | float) for v in p) for p in pairs
+    good = isinstance(value, list) and all(
+        isinstance(p, list) and len(p) == 2 and all(map(_is_number, p)) and p[1] >= 0 for p in value
     )
-    if not good or not pairs or any(b[0] < a[0] for a, b in itertools.pairwise(pairs)):
-        raise UsageError(f"{where}: kPa is a number, or [time in s, kPa] pairs in the order of time")
-    table = np.array(pairs, float)
+    if not good or not value or any(b[0] < a[0] for a, b in itertools.pairwise(value)):
+        raise UsageError(f"{where}: kPa is a list of [time in s, kPa] in the order of time, none below 0")
+    table = np.array(value, float)
+    if not np.ptp(table[:, 1]):
+        raise UsageError(f"{where}: the cuff's pressure does not change, which cannot tell gains from zeros")
     return Course(table[:, 0] + 1e-6 * np.arange(len(table)), table[:, 1])
 
 

@@ -29,7 +29,7 @@ def command(directory: Path, key: Path | None, uart: bool, slots: bool, as_json:
       palpate board out/board --key out/key
       mpremote fs cp out/board/main.py out/board/firmware.pack out/board/key.pub :
     """
-    from palpate.files import cannot_write
+    from palpate.files import cannot_write, whole_file
     from palpate.sim.probe.rp2040.board_files import KEY, board_files, slot_files
 
     if slots and uart:
@@ -37,13 +37,12 @@ def command(directory: Path, key: Path | None, uart: bool, slots: bool, as_json:
     public = public_key(key)
     files = slot_files(public) if slots else board_files(public, uart)
     try:
-        directory.mkdir(parents=True, exist_ok=True)
         (directory / KEY).unlink(missing_ok=True)
-        for name, data in files.items():
-            (directory / name).parent.mkdir(exist_ok=True)
-            (directory / name).write_bytes(data)
     except OSError as error:
         raise cannot_write(directory, error) from error
+    for name, data in files.items():
+        with whole_file(directory / name) as part:
+            part.write_bytes(data)
     size = sum(map(len, files.values()))
     if as_json:
         print_json({"directory": directory, "files": sorted(files), "bytes": size, "key": public is not None})

@@ -27,7 +27,7 @@ def command(ask: bool, as_json: bool) -> None:
         print_json([device.as_dict() for device in devices])
         return
     if not devices:
-        say("no serial ports; plug a probe in, or start one with `palpate emulate d10h08e10f10`")
+        say("no serial ports; plug a probe in, or start one with `palpate emulate d12h07e20f06`")
         return
     rows = [(d.port, d.state, d.description, d.usb_serial or d.serial, d.model_id) for d in devices]
     table(("port", "state", "what", "serial", "model"), rows)

@@ -142,8 +142,8 @@ def command(
     streams, calibration = strokes_over(code, noise, seed, frames, strokes, steady, still)
     if reference and not still:
         streams = [reference_beside(code, noise, seed, steady), *streams]
-    # over its wire a model would take the board minutes
-    model = emulator.image(name) if own_model and board else None
+    # from the start: a client that waits for the probe may be quicker than whoever brought it a model
+    model = emulator.image(name) if own_model else None
     probe = EmulatedProbe(
         runtime, streams, listen, store, True, public_key=public, calibration=calibration, roomy=True,
         model=model,
@@ -151,9 +151,7 @@ def command(
     if board:
         note("the board starts: its first seconds take a minute or more here")
     with probe:
-        if own_model and not board:
-            emulator.give_model(probe.port, name)
-        elif not (key or no_model or own_model):
+        if not (key or no_model or own_model):
             note("the model that comes with Palpate is for another sensor array; the probe has none")
         port = ""
         path: Path | None = None

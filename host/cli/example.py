@@ -12,6 +12,7 @@ import click
 import palpate
 from palpate.console import json_option, note, print_json, say
 from palpate.errors import UsageError
+from palpate.files import whole_file
 
 _HERE = Path(palpate.__file__).parent
 _FOLDERS = (_HERE / "examples", _HERE.parent / "docs" / "examples", _HERE.parent / "tests")
@@ -54,9 +55,10 @@ def command(name: str | None, to: Path, as_json: bool) -> None:
     for place in places:
         if place.exists():
             raise UsageError(f"{place} exists already; choose another folder with --to")
-    to.mkdir(parents=True, exist_ok=True)
     for path, place in zip(paths, places):
-        (shutil.copytree if path.is_dir() else shutil.copy)(path, place)
+        for file in [path] if path.is_file() else [file for file in path.rglob("*") if file.is_file()]:
+            with whole_file(place / file.relative_to(path)) as part:
+                shutil.copy(file, part)
     if as_json:
         print_json({"files": places})
         return

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from palpate.console import json_option, note, print_json, say
+from palpate.errors import UsageError
 
 
 @click.command("keygen")
@@ -31,6 +32,8 @@ def command(directory: Path, succeeds: Path | None, force: bool, as_json: bool) 
     """
     from palpate.model_export.signing import keys
 
+    if directory == Path():
+        raise UsageError("the key gets a directory of its own: name one")
     public = keys.generate(directory, succeeds=succeeds, force=force)
     result = {"directory": directory, "public_key": public}
     if succeeds is not None:

@@ -5,6 +5,7 @@ Each module logs under its own name, as `palpate.link.line`; a program that uses
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import platform
 import sys
@@ -13,11 +14,26 @@ from typing import Any
 
 import click
 
-from palpate.console import printable
+from palpate.console import note, printable
 from palpate.errors import UsageError
+from palpate.files import cannot_write
 
 LOG = logging.getLogger("palpate")
 _HANDLERS: list[logging.Handler] = []
+
+
+class _File(logging.FileHandler):
+    """A log that cannot be written says so once; the command goes on."""
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        LOG.removeHandler(self)
+        error = sys.exc_info()[1]
+        why = str(cannot_write(Path(self.baseFilename), error)) if isinstance(error, OSError) else str(error)
+        note(f"no more is logged: {why}")
+
+    def close(self) -> None:
+        with contextlib.suppress(OSError):  # what it could not write it has said
+            super().close()
 
 
 class _Plain(logging.Formatter):
@@ -51,7 +67,7 @@ def _log_file(_context: click.Context, _option: click.Parameter, path: Path | No
     if path is None:
         return
     try:
-        handler = logging.FileHandler(path, encoding="utf-8")
+        handler = _File(path, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"cannot log into {path}: {(error.strerror or str(error)).lower()}") from error
     _listen(handler, logging.DEBUG)

@@ -14,6 +14,10 @@ SEED = click.IntRange(0, (1 << 64) - 1)
 class Finite(click.FloatRange):
     """A number between two limits that is neither NaN, which lies between any two, nor infinite."""
 
+    def _describe_range(self) -> str:
+        """For the help; without limits click would say `x<=None`."""
+        return "any number" if self.min is None and self.max is None else super()._describe_range()
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """The number; click's sentence where it is none."""
         number = float(super().convert(value, param, ctx))

@@ -25,7 +25,7 @@ from palpate.cli.ports import (
 )
 from palpate.cli.real import load_model
 from palpate.console import json_option, note, plain, print_json, printable, say
-from palpate.errors import CommandTimeout, LinkError
+from palpate.errors import CommandTimeout, LinkError, UsageError
 
 if TYPE_CHECKING:
     from palpate.answer.told import Told
@@ -121,6 +121,8 @@ def command(
     from palpate.stroke.follower import Follower
     from palpate.wire.events import Estimate, Gap
 
+    if as_json and json_lines:
+        raise UsageError("--json prints one document, --json-lines one for each estimate; give one of them")
     if refine:
         from palpate.cli.refining import refining
         from palpate.first_time import announce

@@ -81,6 +81,8 @@ def command(
         raise UsageError("--workers is for this machine and --scheduler for a cluster; give one of them")
     cases = read_design(design)
     settings = settings_of(design, hx_mm)
+    if keep is not None and (keep.suffix != ".parquet" or not any(case.solid for case in cases)):
+        raise UsageError("--keep writes balls and ellipsoids into a file named .parquet")
     announce()
     began = time.monotonic()
     last: list[Progress] = []

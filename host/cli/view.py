@@ -38,7 +38,7 @@ Examples:
     "--host",
     default="127.0.0.1",
     show_default=True,
-    help="Address to listen on; beyond localhost a token is asked for.",
+    help="Address to listen on; whoever opens the page needs its token.",
 )
 @click.option(
     "--http-port",

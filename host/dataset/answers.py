@@ -14,7 +14,7 @@ from palpate.dataset.table import DataSet
 from palpate.features.map_features import Floats
 from palpate.learn import probe_model
 from palpate.learn.observed import NAMES as FEATURES
-from palpate.model_export.fixed_point.reference import evaluate, inputs
+from palpate.model_export.integers.reference import evaluate, inputs
 from palpate.model_export.schema import ModelSpec
 from palpate.model_export.vocabulary import WORDS
 from palpate.spans import Span, depth_mm

@@ -16,7 +16,7 @@ from palpate.errors import PalpateError
 from palpate.features.map_features import Floats
 from palpate.firmware_twin.replay_core import Replay
 from palpate.learn.observed import NAMES, OF_THE_DISPLACEMENT
-from palpate.model_export.fixed_point import force_map as force_maps
+from palpate.model_export.integers import force_map as force_maps
 from palpate.model_export.schema import ModelSpec
 from palpate.progress import ProgressCallback
 from palpate.recording.channels import IMPORT_NOTE

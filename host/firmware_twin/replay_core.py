@@ -96,7 +96,7 @@ class Replay:
     Parameters
     ----------
     force_map : bytes, optional
-        The blob that the model carries (palpate.model_export.fixed_point.force_map.blob).
+        The blob that the model carries (palpate.model_export.integers.force_map.blob).
     plain : bool
         Run the firmware under plain CPython instead (a hundred times slower), to compare.
     n_bins, width_um : int, optional

@@ -142,6 +142,9 @@ def _declaration(said: dict[str, Any]) -> Declaration:
         raise UsageError("say where the probe was: [position] with a name, or with constant_mm_per_s")
     if ("name" in position) == ("constant_mm_per_s" in position):
         raise UsageError("[position] has a name, or constant_mm_per_s where there is none, and not both")
+    steady = _number(position, "constant_mm_per_s", "position.constant_mm_per_s", 0.0)
+    if "name" not in position and not steady:
+        raise UsageError("position.constant_mm_per_s is above 0: at rest there is no stroke")
     rate = _number(said, "frames_per_s", "frames_per_s", 0.0)
     if rate > MOST_FRAMES_PER_S:
         raise UsageError(f"frames_per_s is {MOST_FRAMES_PER_S} at most, not {rate:g}")
@@ -158,7 +161,7 @@ def _declaration(said: dict[str, Any]) -> Declaration:
         int(_number(pressure, "zero_frames", "pressure.zero_frames", 0.0)),
         str(position.get("name", "")),
         _unit(position, "position", LENGTHS, "mm"),
-        _number(position, "constant_mm_per_s", "position.constant_mm_per_s", 0.0),
+        steady,
         str(parts["displacement"].get("name", "")),
         _unit(parts["displacement"], "displacement", LENGTHS, "mm"),
         str(parts["time"].get("name", "")),

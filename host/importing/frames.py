@@ -94,6 +94,8 @@ def assemble(source: _Source, said: Declaration, name: str) -> GivenFrames:
     if n < 2:
         raise ImportFailed(f"{name} holds {n} frames; a stroke takes more")
     pressure = said.kPa * (raw - said.zero)
+    if said.zero_frames > n:
+        raise ImportFailed(f"{name} holds {n} frames; the declaration takes its zero from {said.zero_frames}")
     if said.zero_frames:
         pressure = pressure - pressure[: said.zero_frames].mean(axis=0)
     _fill_dead(pressure, said, name)

@@ -14,7 +14,7 @@ from palpate import models
 from palpate.firmware_twin.replay_core import Replay
 from palpate.inversion.classes import GLAND, Class
 from palpate.inversion.felt import FeltStroke
-from palpate.model_export.fixed_point import force_map, reference
+from palpate.model_export.integers import force_map, reference
 from palpate.model_export.schema import ModelSpec
 from palpate.sim.tissue.face_sensors import places_mm
 from palpate.wire.cells import PITCH_MM

@@ -21,7 +21,7 @@ from palpate.learn.result import TissueFit, tissue_fit
 from palpate.learn.scopes import Scope
 from palpate.learn.strange import StrangeStrokes, observe_strange, strange_checks, strange_table
 from palpate.learn.study import FOLDS, Study
-from palpate.model_export.fixed_point import force_map as force_maps
+from palpate.model_export.integers import force_map as force_maps
 from palpate.progress import ProgressCallback, Steps
 
 DRAWS, USUAL_DRAWS, RIM_DRAWS, PLAIN_DRAWS = 3, 3, 2, 4

@@ -21,7 +21,7 @@ from palpate.learn.data import Split, Strokes, split
 from palpate.learn.model import learn_force_map
 from palpate.learn.observed import Observed, joined, noise_named, observe
 from palpate.learn.scopes import FIELD, Recipe
-from palpate.model_export.fixed_point import force_map as force_maps
+from palpate.model_export.integers import force_map as force_maps
 from palpate.progress import ProgressCallback
 from palpate.sim.probe.sensors import Noise, StrokeField
 from palpate.sim.tissue.workers import QuietPool

@@ -18,7 +18,7 @@ from palpate.features.map_features import Floats
 from palpate.learn.conformal import out_of_fold
 from palpate.learn.probe_model import Polynomial, fit_polynomial, floats, stage_of, standardised
 from palpate.learn.ridge import Term, all_terms, fit_ridge, importance
-from palpate.model_export.fixed_point.reference import checks_among, monomials
+from palpate.model_export.integers.reference import checks_among, monomials
 from palpate.model_export.schema import Estimate, FirstStage
 
 Groups = NDArray[np.int64]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from palpate.features.map_features import Floats
 from palpate.learn.evening import evened
 from palpate.learn.ridge import all_terms, fit_ridge
-from palpate.model_export.fixed_point.reference import monomials
+from palpate.model_export.integers.reference import monomials
 
 LEVEL = 0.9
 """Coverage of the intervals, also those of the thesis' equations; probe and page take it from the model."""

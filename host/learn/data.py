@@ -20,7 +20,7 @@ DIR/plain, DIR/plain-press        over tissue without a lump, for false alarms
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from math import log
 from os import PathLike
@@ -34,6 +34,7 @@ from palpate.errors import UsageError
 from palpate.learn.design import (
     FIELD_SETTINGS,
     OUTSIDE,
+    PRESS_SETTINGS,
     inside,
     lump_cases,
     no_lump_cases,
@@ -231,7 +232,7 @@ def pressed(
     if all(_holds(directory / name) for name in presses):
         return strokes
     simulate_missing(
-        {name: (cases, PRESSES) for name, cases in presses.items()}, directory, workers, progress
+        {name: (cases, PRESS_SETTINGS) for name, cases in presses.items()}, directory, workers, progress
     )
     return read(directory)
 
@@ -388,7 +389,7 @@ def prepare_strokes(
         "rim-press": (at_forces(rim, PRESS_PARTS), PRESSES),
         "rim": (at_forces(rim, FORCE_PARTS), STROKES),
         "plain-press": (at_forces(plain, PRESS_PARTS), PRESSES),
-        "plain": (at_forces(plain, FORCE_PARTS), _STILL),
+        "plain": (at_forces(plain, FORCE_PARTS), replace(STROKES, far_start_mm=None, start_mm=0.0)),
     }
     simulate_missing(parts, directory, workers, progress)
     return read_strokes(directory)

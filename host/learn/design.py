@@ -17,11 +17,14 @@ from scipy.stats import qmc
 
 from palpate.learn.lumps import FORCE_STEP, LumpStrokes
 from palpate.sim.tissue import Case, Settings, any_tissue, sobol_cases
-from palpate.sim.tissue.any_tissue import FORCE_PARTS, PRESS_PARTS, REFERENCE_PARTS
+from palpate.sim.tissue.any_tissue import FORCE_PARTS
 from palpate.sim.tissue.design import USUAL, Ranges
 
 FIELD_SETTINGS = Settings(far_start_mm=-44.0)
 """The usual steps of 2 mm, and a coarser approach so that a stroke may start 5 mm off."""
+PRESS_SETTINGS = Settings(start_mm=-40.0, press_only=True)
+PRESS_PARTS, REFERENCE_PARTS = (0.2, 0.4, 0.65, 1.0), (0.2, 0.4, 0.65, 1.0, 1.4)
+"""As in `any_tissue`, on the usual mesh: told its tissue a model looks at a press in its checks alone."""
 
 NO_LUMP_THICKNESS_MM = (4.0, 40.0)
 RADIUS, STIFFENING = (1.05, 1.09), (1.0, 2.5)
@@ -74,7 +77,7 @@ def no_lump_cases(n: int, seed: int = 2, tissue: dict[str, Any] | None = None) -
 
 
 def press_cases(lumps: Sequence[LumpStrokes]) -> list[Case]:
-    """What to simulate, with `PRESSES`, of the presses before these strokes."""
+    """What to simulate, with `PRESS_SETTINGS`, of the presses before these strokes."""
     # at their middle force; without rounding where that was simulated
     whole = len(FORCE_PARTS)
     middle = [lump.strokes[1].case if len(lump.strokes) == whole else lump.case for lump in lumps]
@@ -82,7 +85,7 @@ def press_cases(lumps: Sequence[LumpStrokes]) -> list[Case]:
 
 
 def other_cases(n: int, tissue: Mapping[str, Any] | None = None, seed: int = _OTHER_SEED) -> list[Case]:
-    """What to simulate, with `PRESSES`: `n` tissues at rising forces, each off in one thing.
+    """What to simulate, with `PRESS_SETTINGS`: `n` tissues at rising forces, each off in one thing.
 
     Its face's radius, or how its fat stiffens, in turn.
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from palpate.features.map_features import Floats
-from palpate.model_export.fixed_point.reference import monomials
+from palpate.model_export.integers.reference import monomials
 
 BELOW = 0.005
 """Parts are asked to hold this much less than all."""

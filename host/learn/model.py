@@ -40,8 +40,8 @@ from palpate.learn.probe_model import (
 )
 from palpate.learn.ridge import Term, all_terms
 from palpate.learn.scopes import BORDER, ESTIMATES, PRESS, Scope, most_worth
-from palpate.model_export.fixed_point import force_map as force_maps
-from palpate.model_export.fixed_point.reference import with_checks
+from palpate.model_export.integers import force_map as force_maps
+from palpate.model_export.integers.reference import with_checks
 from palpate.model_export.schema import FirstStage, Joining, ModelSpec
 from palpate.sim.tissue import Stroke
 from palpate.spans import depth_mm as depth_span

@@ -138,7 +138,7 @@ def observe(
     noise : Noise or name
     seed : int
     groups : which lump each field is; by default its place in `fields`
-    force_map : blob of `palpate.model_export.fixed_point.force_map`, or None
+    force_map : blob of `palpate.model_export.integers.force_map`, or None
     alter : changes the counts (frames, cells) as another sensor would, for example one with fewer bits
     first : the number of the first stroke, if these are part of a longer set
     """

@@ -21,7 +21,7 @@ from palpate.features.map_features import Floats
 from palpate.learn.conformal import Widths
 from palpate.learn.domain import DomainCheck
 from palpate.learn.ridge import STRENGTHS, Term, fit_ridge
-from palpate.model_export.fixed_point.reference import monomials
+from palpate.model_export.integers.reference import monomials
 from palpate.model_export.schema import (
     Domain,
     Estimate,

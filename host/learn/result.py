@@ -21,7 +21,7 @@ from palpate.learn.reference import JoiningFit
 from palpate.learn.scopes import FIELD
 from palpate.learn.score import HeldOutRow, flat
 from palpate.learn.study import Study, TextTable, text_of
-from palpate.model_export.fixed_point.force_map import ForceMap
+from palpate.model_export.integers.force_map import ForceMap
 from palpate.model_export.schema import FirstStage, ModelSpec
 
 TARGETS_MET = {

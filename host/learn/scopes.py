@@ -22,7 +22,7 @@ from palpate.features.map_features import Floats
 from palpate.learn.observed import FORCE_N_PER_M, OF_THE_DISPLACEMENT, Observed
 from palpate.learn.probe_model import OUTPUTS, to_link
 from palpate.learn.ridge import Term, all_terms, fit_ridge, importance
-from palpate.model_export.fixed_point.reference import monomials
+from palpate.model_export.integers.reference import monomials
 from palpate.model_export.vocabulary import OF_THE_COLUMNS
 from palpate.sim.tissue import Case
 from palpate.sim.tissue.any_tissue import TissueRanges, plain_lumps, random_lumps, rim_lumps

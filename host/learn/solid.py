@@ -37,8 +37,8 @@ from palpate.learn.training import (
     widened,
     width_factors,
 )
-from palpate.model_export.fixed_point import force_map as force_maps
-from palpate.model_export.fixed_point.reference import evaluate, inputs
+from palpate.model_export.integers import force_map as force_maps
+from palpate.model_export.integers.reference import evaluate, inputs
 from palpate.progress import ProgressCallback, Steps
 from palpate.sim.tissue.solid.design import COVERED, ball_cases
 from palpate.sim.tissue.workers import pool

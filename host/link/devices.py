@@ -127,10 +127,12 @@ class Place:
     def port_now(self) -> str:
         """The port's present name; `PortMissing` while the probe is away."""
         if self.pid:
-            notes = [note.port for note in emulated.running() if note.pid == self.pid]
-            if not notes:
+            notes = emulated.running()
+            here = [note.port for note in notes if note.pid == self.pid]
+            here += [self.port] * any(note.port == self.port for note in notes)  # it was started again
+            if not here:
                 raise PortMissing(self.port, f"the emulated probe at {self.port} has ended; start it again")
-            return notes[0]
+            return here[0]
         return resolve(self.usb_serial).port if self.usb_serial else self.port
 
 
@@ -192,7 +194,7 @@ def _the_only_one(devices: list[Device]) -> Device:
             raise LinkError(device.message)
     raise PortMissing(
         "auto",
-        "no probe found; plug one in, start one with `palpate emulate d10h08e10f10`, or name it with --port",
+        "no probe found; plug one in, start one with `palpate emulate d12h07e20f06`, or name it with --port",
     )
 
 

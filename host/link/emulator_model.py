@@ -10,8 +10,6 @@ from pathlib import Path
 
 from palpate import models
 from palpate.files import whole_file
-from palpate.link.flash import flash
-from palpate.link.probe import Probe
 from palpate.model_export.errors import SigningError
 from palpate.model_export.exporter import export
 from palpate.model_export.signing import keys
@@ -20,22 +18,6 @@ from palpate.model_export.signing import keys
 def public_key() -> bytes:
     """The key that an emulated probe trusts where its user names none."""
     return (_key() / "public.key").read_bytes()
-
-
-def give_model(port: str, name: str = models.FIELD) -> str:
-    """Put a model onto an emulated probe that has none; the id of its model then.
-
-    Parameters
-    ----------
-    port : str
-        Where the probe answers.
-    name : str
-        Of `models.NAMES`.
-    """
-    with Probe.open(port) as probe:
-        if probe.identity.has_model:
-            return probe.identity.model_id
-        return flash(probe, image(name)).model_id
 
 
 def image(name: str = models.FIELD) -> bytes:

@@ -57,6 +57,8 @@ def address_of(port: str) -> Address | None:
     except ValueError:
         raise UsageError(f"{query!r} are no options: write NAME=VALUE, several with & between") from None
     options = dict(pairs)
+    if not re.fullmatch(r"[\w-]*", options.get("name", "")):
+        raise UsageError(f"name={options['name']}: letters, digits, _ and - make a name")
     if len(options) < len(pairs):
         raise UsageError(f"an option stands twice in {port!r}")
     if not where:

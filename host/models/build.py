@@ -16,7 +16,8 @@ from palpate.files import json_text, whole_file
 from palpate.learn.any_tissue import fit_in_any_tissue
 from palpate.learn.anywhere import AnywhereStudy
 from palpate.learn.data import prepare, prepare_strokes
-from palpate.learn.design import FIELD_SETTINGS
+from palpate.learn.design import FIELD_SETTINGS, PRESS_SETTINGS
+from palpate.learn.design import PRESS_PARTS as TOLD_PRESS
 from palpate.learn.design import at_forces as at_three_forces
 from palpate.learn.emulator import fit_emulator
 from palpate.learn.emulator_file import errors_of, write_emulator
@@ -30,8 +31,8 @@ from palpate.learn.result import FieldFit, TissueFit
 from palpate.learn.solid import fit_to_balls
 from palpate.learn.study import Study
 from palpate.learn.told import fit_field
-from palpate.model_export.fixed_point import force_map as force_maps
-from palpate.model_export.fixed_point.reference import evaluate, inputs
+from palpate.model_export.integers import force_map as force_maps
+from palpate.model_export.integers.reference import evaluate, inputs
 from palpate.model_export.schema import ModelSpec
 from palpate.models import (
     ANYWHERE,
@@ -253,7 +254,7 @@ def _pressed(lump: LumpStrokes, fat_kPa: float, blob: bytes, k: int) -> tuple[Fl
 
 
 def _told(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
-    press = [simulate(c, PRESSES) for c in at_forces([case], PRESS_PARTS)]
+    press = [simulate(c, PRESS_SETTINGS) for c in at_forces([case], TOLD_PRESS)]
     strokes = StrokeField(*(simulate(c, FIELD_SETTINGS) for c in at_three_forces(case)), press=press)
     seen = observe([strokes], MADE[TOLD]["noise"], SAMPLE_SEED, force_map=blob or None, first=k)
     return seen.X[0], np.append(seen.values[0, :E_FAT], fat_kPa)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
+from palpate.files import whole_file
 from palpate.report import style
 
 
@@ -32,3 +34,11 @@ def render(package: str, name: str, **values: Any) -> str:
     )
     css = (here / "report.css").read_text("utf-8")
     return environment.get_template(name).render(css=css, **values)
+
+
+def written(directory: Path, text: str) -> Path:
+    """Write a page as its directory's `index.html`; where that is."""
+    page = directory / "index.html"
+    with whole_file(page) as part:
+        part.write_text(text, encoding="utf-8")
+    return page

@@ -45,11 +45,9 @@ def write_refined(directory: str | PathLike[str], recordings: Mapping[Path, Sequ
     target.mkdir(parents=True, exist_ok=True)
     with style.look():
         parts = [{"item": item, "png": drawn(item, target)} for item in items(recordings)]
-    page = target / "index.html"
     title = f"Refined: {', '.join(path.name for path in recordings)}"
     text = pages.render("palpate.report", "refined.html", title=title, parts=parts)
-    page.write_text(text, encoding="utf-8")
-    return page
+    return pages.written(target, text)
 
 
 def _card(said: Iterator[FollowedStroke], number: int) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 
+from palpate.files import whole_file
 from palpate.report import pages, style
 from palpate.report.items import TITLES, Item, Summary, lacking
 
@@ -111,9 +112,7 @@ def write_report(
         for item in sorted([*found, *more], key=lambda item: order.get(item.name, len(order))):
             tell(item.name)
             parts.append({"item": item, "png": drawn(item, target)})
-    page = target / "index.html"
-    page.write_text(_page(parts, summary), encoding="utf-8")
-    return page
+    return pages.written(target, _page(parts, summary))
 
 
 def drawn(item: Item, target: Path) -> str:
@@ -125,9 +124,11 @@ def drawn(item: Item, target: Path) -> str:
     png = io.BytesIO()
     # not by `savefig`, which draws each file twice; the first lays out, and once is enough for both
     FigureCanvasAgg(figure).print_png(png, metadata={"Software": None})
-    (target / f"{item.slug}.png").write_bytes(png.getvalue())
+    with whole_file(target / f"{item.slug}.png") as part:
+        part.write_bytes(png.getvalue())
     figure.set_layout_engine("none")
-    FigureCanvasSVG(figure).print_svg(target / f"{item.slug}.svg", metadata={"Date": None})
+    with whole_file(target / f"{item.slug}.svg") as part:
+        FigureCanvasSVG(figure).print_svg(part, metadata={"Date": None})
     return base64.b64encode(png.getvalue()).decode("ascii")
 
 

@@ -87,7 +87,7 @@ class Follower:
 
 
 def _force_map(spec: ModelSpec) -> Any:
-    from palpate.model_export.fixed_point import force_map as force_maps
+    from palpate.model_export.integers import force_map as force_maps
 
     return None if spec.force_map is None else forcemap.load(force_maps.blob(spec.force_map))
 

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from palpate.dataset.agreement import Agreement, Estimated
 from palpate.dataset.answers import NAMES, OUTPUTS
+from palpate.files import whole_file
 from palpate.model_export.vocabulary import SHOWN_UNITS
 from palpate.report import pages, style
 from palpate.validation.result import Validation
@@ -30,19 +31,18 @@ def write(found: Validation, directory: str | PathLike[str], title: str) -> Path
     with style.look():
         for name, a in found.agreements.items():
             png = _png(_figure(found, name, a))
-            (target / f"{name}.png").write_bytes(png)
+            with whole_file(target / f"{name}.png") as part:
+                part.write_bytes(png)
             parts.append({
                 "name": name, "words": NAMES[name], "rows": rows_of(a), "verdict": found.verdicts[name].text,
                 "png": base64.b64encode(png).decode("ascii"),
             })  # fmt: skip
-    page = target / "index.html"
     facts = shares_of(found)
     text = pages.render(
         "palpate.validation", "page.html",
         title=title, parts=parts, facts=facts, confusion=found.confusion, found=found,
     )  # fmt: skip
-    page.write_text(text, encoding="utf-8")
-    return page
+    return pages.written(target, text)
 
 
 def rows_of(a: Agreement) -> list[tuple[str, str]]:

@@ -13,7 +13,7 @@ from palpate.fixedpoint import CompileError, mpy, sources
 from palpate.fixedpoint.mpy import ARCHITECTURES, BYTECODE
 from palpate.model_export.errors import ExportError, ModelError
 from palpate.model_export.exporter import prepare
-from palpate.model_export.fixed_point import compiler
+from palpate.model_export.integers import compiler
 from palpate.model_export.schema import OUTPUTS, ModelSpec
 from palpate.model_export.source import statements
 

@@ -17,8 +17,8 @@ from palpate.fixedpoint.form import Form
 from palpate.fixedpoint.ir import Code, Node, var
 from palpate.fixedpoint.nested import Run
 from palpate.fixedpoint.word_pairs import Words, split
-from palpate.model_export.fixed_point import compiler
 from palpate.model_export.image_builder import in_order
+from palpate.model_export.integers import compiler
 from palpate.model_export.schema import OUTPUTS, FirstStage, ModelSpec
 
 N = ev.OUTPUTS

@@ -158,7 +158,10 @@ class EmulatedProbe:
     def _boots(self) -> int:
         """Count this start, in a file beside the probe's own."""
         counter = self._store / "boots"
-        boots = int(counter.read_text()) + 1 if counter.exists() else 1
+        try:
+            boots = int(counter.read_text()) + 1
+        except (OSError, ValueError):  # the first start, or a file that a power cut has left in pieces
+            boots = 1
         counter.write_text(str(boots))
         return boots
 

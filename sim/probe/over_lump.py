@@ -1,11 +1,12 @@
 """What the sensors of a probe read while a hand presses and strokes it over a lump, or beside it.
 
-The lump is simulated at several forces around its case's own, so that the hand can wander.
+The lump is simulated at several forces around its case's own, so that the hand can wander. `palpate refine`
+finds in the frames what no model of tissue has, so the mesh is fine and the press has many forces.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,8 +14,8 @@ import numpy as np
 from firmware_py import geometry
 from palpate.sim.probe.noise import level_named
 from palpate.sim.probe.sensors import FORCE_RATIO, PRESS_FRAMES, FrameStream, SensorModel, StrokeField
-from palpate.sim.tissue import Case, Settings, simulate_forces
-from palpate.sim.tissue.any_tissue import PRESS_PARTS, PRESSES, REFERENCE_PARTS, STROKES, without_its_lump
+from palpate.sim.tissue import Case, simulate_forces
+from palpate.sim.tissue.any_tissue import PRESSES, STROKES, without_its_lump
 from palpate.wire.cells import SHAPE
 
 if TYPE_CHECKING:
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 BESIDE_MM = 35.0
 """From the lump to the reference press."""
 FIRST_MM = -28.0
+_PRESSED, _SOLID_PRESSED = tuple(np.geomspace(0.15, 1.4, 30)), (0.2, 0.4, 0.65, 1.0, 1.4)
+"""Forces of a press, over the middle one: between fewer, rows where the contact ends bend. A solid lump's
+take a second each."""
 
 
 def strokes_over(
@@ -74,7 +78,7 @@ def strokes_over(
 
         pressed = StrokeField(*press_before(ramped))
     else:
-        pressed = _pressed(case, PRESSES.start_mm, PRESS_PARTS)
+        pressed = _pressed(case, PRESSES.start_mm)
     return [probe.stroke(frames, press=PRESS_FRAMES, pressed=pressed) for probe in probes], calibration
 
 
@@ -111,12 +115,12 @@ def _case(case: Case | str) -> Case:
     return Case.from_code(case) if isinstance(case, str) else case
 
 
-def _pressed(case: Case, at_mm: float, parts: Sequence[float] = REFERENCE_PARTS) -> StrokeField:
-    """What is under the probe there, at these parts of the case's force."""
-    forces = [case.F_rel * part for part in parts]
+def _pressed(case: Case, at_mm: float) -> StrokeField:
+    """What is under the probe there, at rising forces."""
+    forces = [case.F_rel * part for part in (_SOLID_PRESSED if case.solid else _PRESSED)]
     if case.solid:
         return StrokeField(*_solid(case, forces, positions_mm=(at_mm,)))
-    return StrokeField(*simulate_forces(case, forces, Settings(start_mm=at_mm, press_only=True)))
+    return StrokeField(*simulate_forces(case, forces, replace(PRESSES, start_mm=at_mm)))
 
 
 def _solid(case: Case, forces: list[float], **how: Any) -> list[Any]:

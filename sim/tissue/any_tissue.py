@@ -19,14 +19,16 @@ from palpate.sim.tissue.settings import Settings
 FORCE_PARTS = (1.4**-0.5, 1.0, 1.4**0.5)
 """Forces of each lump's strokes, over the middle one: room for a hand that wanders."""
 
-PRESS_PARTS = (0.2, 0.4, 0.65, 1.0)
-"""Forces at which the press before the stroke is looked at, over the middle one."""
+PRESS_PARTS = (0.2, 0.25, 0.32, 0.4, 0.5, 0.63, 0.8, 1.0)
+"""Forces of the press before the stroke, over the middle one: between four of them, rows where the contact
+ends bend so much that t came out a twentieth low."""
 
-REFERENCE_PARTS = (0.2, 0.4, 0.65, 1.0, 1.4)
+REFERENCE_PARTS = (*PRESS_PARTS, 1.4)
 """Forces of a reference press beside the lump, over the stroke's middle one."""
 
-STROKES = Settings(far_start_mm=-44.0)
-PRESSES = Settings(start_mm=-40.0, press_only=True)
+STROKES = Settings(hx_mm=1.0, shells=2, to_border=True, far_start_mm=-44.0)
+"""On the usual mesh, with straight lines to the border of the contact, t comes out another twentieth low."""
+PRESSES = replace(STROKES, far_start_mm=None, start_mm=-40.0, press_only=True)
 
 
 @dataclass(frozen=True)

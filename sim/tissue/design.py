@@ -139,18 +139,29 @@ def _read_file(path: Path) -> list[Case]:
     known = {f.name for f in fields(Case)}
     header = [name.strip() for name in lines[0].split(",")]
     if not known & set(header):
-        return [Case.from_code(line) for line in lines if not line.lstrip().startswith("#")]
+        return [_code(line, path) for line in lines if not line.lstrip().startswith("#")]
+    if twice := {name for name in header if header.count(name) > 1}:
+        raise CaseError(f"{path} has a column twice: {', '.join(sorted(twice))}")
     if unknown := set(header) - known:
         raise CaseError(f"{path} has unknown columns: {', '.join(sorted(unknown))}")
     needed = [f.name for f in fields(Case) if f.default is MISSING and f.default_factory is MISSING]
     if lacking := [name for name in needed if name not in header]:
         raise CaseError(f"{path} lacks the columns {', '.join(lacking)}")
     cases = []
-    for number, row in enumerate(csv.DictReader(lines), start=2):
+    for number, row in enumerate(csv.reader(lines[1:]), start=2):
+        if len(row) != len(header):
+            raise CaseError(f"{path}, line {number}: {len(row)} cells for {len(header)} columns")
         try:
-            words = {name.strip(): value for name, value in row.items() if value}
+            words = {name: value.strip() for name, value in zip(header, row) if value.strip()}
             values = {name: value if name == "shape" else float(value) for name, value in words.items()}
             cases.append(Case(**values))  # type: ignore[arg-type]
         except (TypeError, ValueError) as error:
             raise CaseError(f"{path}, line {number}: {error}") from None
     return cases
+
+
+def _code(line: str, path: Path) -> Case:
+    try:
+        return Case.from_code(line)
+    except CaseError as error:
+        raise CaseError(f"{path}: {error}") from None

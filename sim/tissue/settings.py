@@ -100,6 +100,8 @@ class Settings:
             raise CaseError("the mesh sizes and the increment must be positive numbers")
         if not 0.1 <= self.hx_mm <= 4.0:
             raise CaseError(f"hx_mm must lie between 0.1 and 4, not {self.hx_mm:g}")
+        if self.increment_mm < 0.01:
+            raise CaseError(f"increment_mm must be 0.01 or more, not {self.increment_mm:g}")
         if not -60.0 <= self.start_mm <= 0.0:
             raise CaseError(f"start_mm must lie between -60 and 0, not {self.start_mm:g}")
         if self.far_start_mm is not None and not -60.0 <= self.far_start_mm <= self.start_mm:

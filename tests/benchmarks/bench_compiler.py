@@ -29,7 +29,7 @@ from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from palpate import models
 from palpate.fixedpoint import Program, from_sklearn, mpy
-from palpate.model_export.fixed_point import reference, sampling
+from palpate.model_export.integers import reference, sampling
 from tests.benchmarks import cortex_m0
 from tests.benchmarks.peers import compiled
 

@@ -21,7 +21,7 @@ from palpate.firmware_twin.replay_core import Replay
 from palpate.learn.observed import NAMES
 from palpate.learn.probe_model import fit_polynomial, from_link
 from palpate.learn.ridge import all_terms
-from palpate.model_export.fixed_point import force_map as force_maps
+from palpate.model_export.integers import force_map as force_maps
 from palpate.model_export.schema import ModelSpec
 from palpate.spans import depth_mm
 from tests.foreign_world import FRAMES, Laboratory, kept

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from firmware_py import cobs, evaluator, pipeline, traces
-from palpate.model_export.fixed_point import compiler
+from palpate.model_export.integers import compiler
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
 from tests.firmware_py import twins
 from tests.firmware_py.strokes import read_strokes

@@ -21,7 +21,7 @@ from rich.table import Table
 from firmware_py import feature_names
 from palpate.firmware_twin import twin
 from palpate.firmware_twin.replay_core import Replay
-from palpate.model_export.fixed_point import force_map
+from palpate.model_export.integers import force_map
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
 from tests.firmware_py import pipeline_features as field_features
 from tests.firmware_py.strokes import read_strokes

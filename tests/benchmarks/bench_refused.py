@@ -26,7 +26,7 @@ from palpate.firmware_twin.replay_core import compiled
 from palpate.learn.design import FIELD_SETTINGS, lump_cases
 from palpate.learn.lumps import read_lumps
 from palpate.learn.observed import Observed, of_streams
-from palpate.model_export.fixed_point import force_map as force_maps
+from palpate.model_export.integers import force_map as force_maps
 from palpate.sim.probe.noise import LEVELS
 from palpate.sim.probe.packed_frames import FrameStream
 from palpate.sim.probe.sensors import SensorModel, StrokeField

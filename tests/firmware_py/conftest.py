@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from palpate.firmware_twin.replay_core import Replay
-from palpate.model_export.fixed_point import force_map
+from palpate.model_export.integers import force_map
 from palpate.sim.probe.sensors import StrokeField
 from tests.firmware_py.strokes import read_strokes
 

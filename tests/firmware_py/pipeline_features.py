@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from firmware_py import bins, calib, feature_names, features, geometry, profile
 from palpate.errors import UsageError
 from palpate.features import press_features
-from palpate.model_export.fixed_point.force_map import ForceMap
+from palpate.model_export.integers.force_map import ForceMap
 from palpate.wire.cells import PITCH_MM, ROW_MM
 from tests.firmware_py import pipeline_steps as steps
 from tests.firmware_py import press_float

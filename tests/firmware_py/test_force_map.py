@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from firmware_py import forcemap
-from palpate.model_export.fixed_point import force_map
+from palpate.model_export.integers import force_map
 
 
 def firmware_move(blob, image, depth, u):

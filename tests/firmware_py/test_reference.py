@@ -12,7 +12,7 @@ from firmware_py import calib, feature_names, features, reference, stage, status
 from firmware_py import pipeline as pipelines
 from palpate.firmware_twin.replay_core import Replay
 from palpate.learn.reference import features_of
-from palpate.model_export.fixed_point import compiler
+from palpate.model_export.integers import compiler
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
 from tests import reference_model
 from tests.firmware_py import checked_int

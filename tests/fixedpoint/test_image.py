@@ -26,7 +26,7 @@ from palpate.fixedpoint import from_sklearn
 from palpate.link.flash import flash as probe_flash
 from palpate.model_export import image_builder, program_image
 from palpate.model_export.errors import ModelError
-from palpate.model_export.fixed_point import reference, sampling
+from palpate.model_export.integers import reference, sampling
 from palpate.model_export.signing import keys
 from palpate.sim.probe.flash_sim import FlashSim
 from palpate.stroke.replay import replay

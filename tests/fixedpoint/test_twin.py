@@ -14,7 +14,7 @@ from firmware_py import evaluator
 from palpate import models
 from palpate.fixedpoint import Program, from_sklearn
 from palpate.fixedpoint.quantise import GOOD_WORST
-from palpate.model_export.fixed_point import compiler, sampling
+from palpate.model_export.integers import compiler, sampling
 
 ROWS = 2000
 

@@ -11,8 +11,8 @@ import pytest
 from palpate import models
 from palpate.answer.visit import HOW, LEAST_COMMON, pool, visit_answer
 from palpate.firmware_twin.replay_core import Replay
-from palpate.model_export.fixed_point import force_map
-from palpate.model_export.fixed_point.reference import evaluate, inputs
+from palpate.model_export.integers import force_map
+from palpate.model_export.integers.reference import evaluate, inputs
 from palpate.sim.probe.over_lump import strokes_over
 from palpate.sim.tissue import Case
 from palpate.wire.events import OUTPUTS

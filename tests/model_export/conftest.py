@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from palpate.model_export.exporter import export
-from palpate.model_export.fixed_point import compiler
+from palpate.model_export.integers import compiler
 from palpate.model_export.signing import keys
 from tests.model_export import small_key, synthetic
 

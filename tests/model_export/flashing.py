@@ -7,7 +7,7 @@ import numpy as np
 from firmware_py import features as firmware_features
 from firmware_py import forcemap, slots, status
 from palpate.model_export import image_builder
-from palpate.model_export.fixed_point import compiler
+from palpate.model_export.integers import compiler
 
 
 def a_force_map():

@@ -11,7 +11,7 @@ import numpy as np
 from firmware_py import features as firmware_features
 from firmware_py import model_image
 from palpate.learn.scopes import PILOT_FEATURES
-from palpate.model_export.fixed_point.reference import monomials
+from palpate.model_export.integers.reference import monomials
 from palpate.model_export.schema import OUTPUTS, Domain, Interval, Limit, ModelSpec, Output
 
 SIX = ("ln_base", "ln_amp", "ln_stdev", "inv_curvature", "ln_d28", "ln_d0")

@@ -13,7 +13,7 @@ from palpate.learn.checks import joined
 from palpate.model_export import image_builder
 from palpate.model_export.errors import ModelError, ProofError
 from palpate.model_export.exporter import export, prepare
-from palpate.model_export.fixed_point import bounds, compiler, reference
+from palpate.model_export.integers import bounds, compiler, reference
 from palpate.model_export.schema import Estimate, FirstStage, ModelSpec
 from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS
 from tests.model_export import synthetic

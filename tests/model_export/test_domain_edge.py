@@ -10,7 +10,7 @@ import pytest
 
 from firmware_py import evaluator, feature_names, outputs, status, verdict
 from firmware_py import features as firmware_features
-from palpate.model_export.fixed_point import compiler
+from palpate.model_export.integers import compiler
 from tests.model_export import synthetic
 
 ONE = 1 << 24

@@ -13,7 +13,7 @@ import pytest
 from firmware_py import evaluator, feature_names, status
 from palpate import models
 from palpate.model_export.errors import ModelError
-from palpate.model_export.fixed_point import compiler
+from palpate.model_export.integers import compiler
 from palpate.model_export.source import emit
 from tests.micropython import run_micropython
 from tests.model_export import synthetic

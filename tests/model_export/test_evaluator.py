@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from firmware_py import evaluator, scales, status
 from firmware_py import features as firmware_features
 from palpate.model_export.errors import ProofError
-from palpate.model_export.fixed_point import accuracy, bounds, compiler, reference, sampling
+from palpate.model_export.integers import accuracy, bounds, compiler, reference, sampling
 from tests.firmware_py import checked_int
 from tests.model_export import synthetic
 

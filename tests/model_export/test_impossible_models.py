@@ -19,7 +19,7 @@ from firmware_py import model_image as fw
 from firmware_py import slots, status
 from palpate.model_export import image_builder
 from palpate.model_export.errors import ImageError
-from palpate.model_export.fixed_point import compiler
+from palpate.model_export.integers import compiler
 from palpate.sim.probe.flash_sim import FlashSim
 from tests.micropython import run_micropython
 from tests.model_export import small_key

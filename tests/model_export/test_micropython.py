@@ -10,7 +10,7 @@ import pytest
 from firmware_py import features as firmware_features
 from firmware_py import model_image
 from palpate.model_export import image_builder
-from palpate.model_export.fixed_point import compiler, sampling
+from palpate.model_export.integers import compiler, sampling
 from tests.micropython import run_micropython
 from tests.model_export.test_two_stages import Q24, alike_on_micropython
 

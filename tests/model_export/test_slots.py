@@ -8,7 +8,7 @@ from firmware_py import forcemap, model_image, signature, slh_dsa, slots, status
 from firmware_py.store import FileStore
 from palpate.link import emulator_model as emulator
 from palpate.model_export import image_builder as host_image
-from palpate.model_export.fixed_point.force_map import blob as pack_force_map
+from palpate.model_export.integers.force_map import blob as pack_force_map
 from palpate.sim.probe.flash_sim import FlashSim
 from tests.model_export import small_key
 from tests.model_export.flashing import a_force_map, flash, model_id, probe_of, send

@@ -14,7 +14,7 @@ from firmware_py import model_image as fw
 from palpate.model_export import image_builder
 from palpate.model_export.errors import ModelError, ProofError
 from palpate.model_export.exporter import export
-from palpate.model_export.fixed_point import bounds, compiler, reference
+from palpate.model_export.integers import bounds, compiler, reference
 from palpate.model_export.schema import Estimate, FirstStage, ModelSpec
 from tests.micropython import run_micropython
 from tests.model_export import synthetic

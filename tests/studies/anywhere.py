@@ -17,7 +17,7 @@ from palpate.learn.probe_model import OUTPUTS
 from palpate.learn.scopes import BORDER
 from palpate.learn.study import TextTable
 from palpate.learn.training import observed
-from palpate.model_export.fixed_point import force_map as force_maps
+from palpate.model_export.integers import force_map as force_maps
 from palpate.progress import ProgressCallback
 from palpate.sim.tissue import Case
 from palpate.sim.tissue.anywhere import anywhere_lumps

@@ -38,8 +38,6 @@ _FORCE_SD = 0.05
 """Of a force that wanders by 10 % at most."""
 _START_SD_MM = 3.0
 
-FINE_STROKES = replace(STROKES, hx_mm=1.0)
-FINE_PRESSES = replace(PRESSES, hx_mm=1.0)
 FRAMES, TRAVEL_MM, COLUMNS = 50, 80.0, 26
 PRESS_SHARES = (0.25, 0.5)
 _STEP = 0.05
@@ -201,8 +199,8 @@ def simulate_neighbours(
     wanted = [near for case in cases for near in neighbours(case)]
     presses = [replace(c, F_rel=c.F_rel * share) for c in wanted for share in PRESS_SHARES]
     report = sweep_progress("strokes that differ in one thing", progress)
-    sweep(presses, FINE_PRESSES, directory / "press", workers=workers, progress=report)
-    sweep(wanted, FINE_STROKES, directory / "strokes", workers=workers, progress=report)
+    sweep(presses, PRESSES, directory / "press", workers=workers, progress=report)
+    sweep(wanted, STROKES, directory / "strokes", workers=workers, progress=report)
     homes = (directory / "press", directory / "strokes")
     return {stroke.case: stroke for home in homes for stroke in iterate_strokes(home)}
 

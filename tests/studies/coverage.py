@@ -22,8 +22,8 @@ from palpate.learn.lumps import read_lumps
 from palpate.learn.observed import Observed, observe
 from palpate.learn.score import quarters
 from palpate.learn.table import SHOWN, TARGETS
-from palpate.model_export.fixed_point import force_map as force_maps
-from palpate.model_export.fixed_point.reference import evaluate
+from palpate.model_export.integers import force_map as force_maps
+from palpate.model_export.integers.reference import evaluate
 from palpate.model_export.schema import ModelSpec
 from palpate.progress import ProgressCallback
 from palpate.sim.tissue import sweep

@@ -14,8 +14,8 @@ import numpy as np
 from palpate import models
 from palpate.learn.lumps import LumpStrokes, holds_solids, read_solid_rim
 from palpate.learn.observed import observe_in_any_fat
-from palpate.model_export.fixed_point import force_map
-from palpate.model_export.fixed_point.reference import evaluate, inputs
+from palpate.model_export.integers import force_map
+from palpate.model_export.integers.reference import evaluate, inputs
 from palpate.models.build import simulated
 from palpate.sim.tissue import Case, Settings
 from palpate.sim.tissue.any_tissue import (

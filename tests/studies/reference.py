@@ -28,7 +28,7 @@ from palpate.learn.reference import (
 from palpate.learn.scopes import BORDER
 from palpate.learn.study import DRAWS, FOLDS, Study
 from palpate.learn.study import text_of as outputs_text
-from palpate.model_export.fixed_point import force_map as force_maps
+from palpate.model_export.integers import force_map as force_maps
 from palpate.model_export.vocabulary import ABSENT
 from palpate.progress import ProgressCallback
 from palpate.sim.tissue import Case, Stroke, sweep

@@ -9,7 +9,7 @@ import numpy as np
 
 from palpate.learn.bench import Bench
 from palpate.learn.data import simulate_missing
-from palpate.learn.design import FIELD_SETTINGS, lump_cases, press_cases
+from palpate.learn.design import FIELD_SETTINGS, PRESS_SETTINGS, lump_cases, press_cases
 from palpate.learn.lumps import LumpStrokes, read_lumps, with_presses
 from palpate.learn.model import FittedModel, fit_model
 from palpate.learn.observed import Observed, joined, observe
@@ -19,7 +19,6 @@ from palpate.learn.score import coverage
 from palpate.learn.table import TARGETS
 from palpate.progress import ProgressCallback
 from palpate.sim.probe.two_lumps import TwoLumps
-from palpate.sim.tissue.any_tissue import PRESSES
 from tests.studies.retrained import DRAWS, Row, Study, row_of
 
 LUMPS = 32
@@ -51,7 +50,7 @@ def other_tissue(
     )
     found = read_lumps(directory / name)[0]
     press = f"{name}-press"
-    simulate_missing({press: (press_cases(found), PRESSES)}, directory, workers, progress)
+    simulate_missing({press: (press_cases(found), PRESS_SETTINGS)}, directory, workers, progress)
     return with_presses(found, directory / press)
 
 

@@ -10,7 +10,7 @@ import pytest
 from palpate import models
 from palpate.answer.outside import why_outside
 from palpate.answer.words import outside_words
-from palpate.model_export.fixed_point import reference
+from palpate.model_export.integers import reference
 from palpate.model_export.vocabulary import ABSENT, OF_THE_PRESS, WORDS
 from palpate.sim.probe.noise import LEVELS
 from palpate.sim.probe.over_lump import strokes_over
@@ -21,7 +21,7 @@ from tests.host.conftest import emulated
 
 __all__ = ["emulated"]
 
-TOO_LARGE, ORDINARY = "d24h03e100f05", "d12h08e10f05"
+TOO_LARGE, ORDINARY = "d25h04e100f05", "d12h08e10f05"
 
 
 def asked(palpate, emulated, tmp_path, code, noise="typical", press=True):
@@ -79,7 +79,7 @@ def test_a_feature_of_the_press_that_is_absent_is_the_only_reason():
         x[0, k] = ABSENT
         why = why_outside(spec, x)
         assert (why == ("no_press",)) == (name in OF_THE_PRESS) and why
-    x = there * 1.5
+    x = there * 3
     beyond = why_outside(spec, x)
     assert {"d_mm", "t_mm"} & set(beyond) and {check.name for check in spec.checks.estimates} & set(beyond)
 

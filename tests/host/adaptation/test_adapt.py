@@ -16,9 +16,9 @@ from palpate.dataset.strokes import ObservedDataSet, read_strokes
 from palpate.firmware_twin.replay_core import Replay
 from palpate.learn.observed import NAMES
 from palpate.model_export.exporter import export
-from palpate.model_export.fixed_point import force_map
-from palpate.model_export.fixed_point.reference import evaluate, monomials, standardised
 from palpate.model_export.image_builder import inspect
+from palpate.model_export.integers import force_map
+from palpate.model_export.integers.reference import evaluate, monomials, standardised
 from palpate.model_export.schema import ModelSpec
 
 

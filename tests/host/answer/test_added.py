@@ -12,7 +12,7 @@ from palpate import models
 from palpate.answer import layers, words
 from palpate.answer.across import across
 from palpate.answer.told import told
-from palpate.model_export.fixed_point import reference
+from palpate.model_export.integers import reference
 from palpate.wire.cells import COLUMN_MM
 from palpate.wire.events import OUTPUTS
 

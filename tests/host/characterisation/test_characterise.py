@@ -157,6 +157,10 @@ def test_training_and_emulation_take_the_file(measured, palpate, tmp_path):
         ),
         ('[[recording]]\nfile = "a.mcap"\nkind = "air"\nkPa = 3', "recording 1: air knows no 'kPa'"),
         ('[[recording]]\nkind = "air"', "recording 1 names no file"),
+        ('[[recording]]\nfile = "a.mcap"\nkind = "cuff"\nkPa = 12', r"a list of \[time in s, kPa\]"),
+        ('[[recording]]\nfile = "a.mcap"\nkind = "cuff"\nkPa = [[0, nan]]', "a list of"),
+        ('[[recording]]\nfile = "a.mcap"\nkind = "cuff"\nkPa = [[0, 5], [9, 5]]', "does not change"),
+        ('[[recording]]\nfile = "a.mcap"\nkind = "air"\ndisplacement_mm = nan', "is a number, not nan"),
         ('[[recording]]\nfile = "none.mcap"\nkind = "air"', "there is no recording"),
     ],
 )

@@ -1,5 +1,6 @@
 """`-v` and `--log-file`: what happened, by Python's own logging; silent unless asked for."""
 
+import json
 import logging
 import subprocess
 import sys
@@ -29,6 +30,13 @@ def test_the_options_may_stand_behind_the_command_too(palpate, tmp_path):
 def test_a_log_that_cannot_be_written_is_a_sentence(palpate, tmp_path):
     code, _, err = palpate("doctor", "--log-file", tmp_path / "no" / "log.txt")
     assert code == 2 and "cannot log into" in err
+
+
+def test_a_log_on_a_full_disk_is_a_sentence_and_the_command_goes_on(palpate):
+    """Each record left a traceback, and the last one made a failure of what had succeeded."""
+    code, out, err = palpate("devices", "--log-file", "/dev/full", "--json")
+    assert code == 0 and json.loads(out)
+    assert err.count("\n") == 1 and "no more is logged: the disk is full" in err
 
 
 def test_a_program_hears_the_probe_by_its_name(emulated, caplog):

@@ -74,10 +74,11 @@ def test_a_data_set_without_repeated_visits_is_refused(tmp_path):
 
 def recorded(case, model, path):
     """Two strokes over the case, by an emulated probe with a bundled model."""
-    with EmulatedProbe.over(case, strokes=2, public_key=emulator.public_key()) as probe:
-        emulator.give_model(probe.port, model)
-        with session.recorded(probe.port, path) as host:
-            list(host.stream(strokes=2))
+    emulated = EmulatedProbe.over(
+        case, strokes=2, public_key=emulator.public_key(), model=emulator.image(model)
+    )
+    with emulated as probe, session.recorded(probe.port, path) as host:
+        list(host.stream(strokes=2))
     return path
 
 

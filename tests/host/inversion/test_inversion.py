@@ -14,13 +14,15 @@ from palpate.inversion.joint import Together
 from palpate.inversion.posterior import USUAL_MESH, Posterior
 from palpate.inversion.result import worst_part
 from palpate.inversion.search import search
+from palpate.inversion.strokes import invert_stroke
 from palpate.sim.probe.emulated import EmulatedProbe
 from palpate.sim.probe.noise import LEVELS
+from palpate.sim.probe.over_lump import strokes_over
 from palpate.sim.probe.sensors import stroke_frames
 from palpate.sim.tissue import Case, CaseError, simulate
 from tests.docs.blocks import ROOT
 from tests.docs.test_reference import fields_in_the_page
-from tests.host.inversion.world import felt_of
+from tests.host.inversion.world import felt_of, of_stream
 
 PALPATE = ROOT / ".venv" / "bin" / "palpate"
 
@@ -208,6 +210,16 @@ def test_a_stroke_of_another_mesh_is_refined_by_the_command_line(tmp_path):
     again = refined(tmp_path / "visit.mcap", *words)
     assert (tmp_path / "report" / "beyond_4.svg").exists(), again.stderr
     assert json.loads(again.stdout)["strokes"] == [{**stroke, "worst": "edited"}]
+
+
+def test_a_stroke_of_an_emulated_probe_fits_and_its_intervals_hold():
+    """None did: its press was drawn between four forces, on a coarse mesh and with straight lines to the end
+    of the contact."""
+    (stream,), calibration = strokes_over("d12h07e20f09", seed=5)
+    found = invert_stroke(*of_stream(stream, calibration), LEVELS["typical"])
+    assert found.fits, found
+    for name, true in (("d_mm", 12.0), ("depth_mm", 8.4), ("t_mm", 14.4), ("E_inv23", 20.0 ** (-2 / 3))):
+        assert found.values[name].low <= true <= found.values[name].high, (name, found.values[name])
 
 
 def test_a_recording_without_a_press_is_refused_in_a_sentence(tmp_path):

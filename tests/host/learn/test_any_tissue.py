@@ -10,7 +10,7 @@ from palpate.learn import any_tissue, lumps, model, observed, scopes, strange, s
 from palpate.learn.observed import NAMES
 from palpate.sim.probe.sensors import PRESS_FRAMES, Noise, SensorModel, StrokeField
 from palpate.sim.tissue import Case, Settings, simulate_forces
-from palpate.sim.tissue.any_tissue import PRESSES, any_tissue_cases, press_cases
+from palpate.sim.tissue.any_tissue import PRESS_PARTS, PRESSES, any_tissue_cases, press_cases
 from palpate.sim.tissue.design import read_design, settings_of
 from tests.firmware_py import press_float
 from tests.host.learn.made_up import made_up, smooth
@@ -34,7 +34,10 @@ def test_the_design_draws_tissue_and_face_and_a_longer_one_begins_with_the_short
         assert 1 <= middle.gland_ratio <= 10 and 8 <= middle.gland_mm <= 30
         assert 38 <= middle.probe_radius_mm <= 42 and 0 <= middle.fat_stiffening <= 3
     presses = press_cases(16, 5)
-    assert presses[3].F_rel == pytest.approx(cases[1].F_rel) and presses[3].d_mm == cases[1].d_mm
+    assert (
+        presses[len(PRESS_PARTS) - 1].F_rel == pytest.approx(cases[1].F_rel)
+        and presses[len(PRESS_PARTS) - 1].d_mm == cases[1].d_mm
+    )
 
 
 def test_the_command_line_names_both_designs_and_presses_without_a_stroke():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from palpate.learn.checks import fit_checks, joined
-from palpate.model_export.fixed_point.reference import estimates
+from palpate.model_export.integers.reference import estimates
 
 NAMES = ("asinh_amp", "ln_stdev", "ln_misfit", "asinh_rise", "trace_7_9", "tilt_3_5")
 

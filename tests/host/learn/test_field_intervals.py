@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from firmware_py import evaluator
 from palpate.learn import conformal, flags, model
 from palpate.learn.probe_model import HARD_BELOW, training_hash
-from palpate.model_export.fixed_point import accuracy, compiler
+from palpate.model_export.integers import accuracy, compiler
 
 
 @settings(max_examples=10, deadline=None)

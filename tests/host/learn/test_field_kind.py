@@ -13,7 +13,7 @@ from palpate.learn.probe_model import training_hash
 from palpate.learn.table import TableError
 from palpate.model_export import exporter
 from palpate.model_export import image_builder as image
-from palpate.model_export.fixed_point.reference import evaluate, monomials
+from palpate.model_export.integers.reference import evaluate, monomials
 from palpate.model_export.schema import ModelSpec
 from palpate.report import held_out_figures
 from palpate.sim.tissue import Case

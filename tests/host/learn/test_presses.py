@@ -5,7 +5,7 @@ import math
 import pytest
 
 from palpate.learn import data, design
-from palpate.sim.tissue.any_tissue import PRESS_PARTS, REFERENCE_PARTS
+from palpate.learn.design import PRESS_PARTS, REFERENCE_PARTS
 
 
 @pytest.fixture(scope="module")

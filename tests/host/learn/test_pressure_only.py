@@ -13,9 +13,9 @@ from palpate.learn import told
 from palpate.learn.observed import NAMES, OF_THE_DISPLACEMENT
 from palpate.learn.scopes import PRESSURE_ONLY, Recipe
 from palpate.model_export.exporter import export
-from palpate.model_export.fixed_point import force_map
-from palpate.model_export.fixed_point.reference import evaluate
 from palpate.model_export.image_builder import inspect
+from palpate.model_export.integers import force_map
+from palpate.model_export.integers.reference import evaluate
 from palpate.model_export.schema import ModelSpec
 from palpate.sim.probe.sensors import LEVELS, SensorModel
 from palpate.stroke.replay import replay

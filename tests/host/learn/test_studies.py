@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from palpate.errors import PalpateError, UsageError
+from palpate.learn.design import PRESS_PARTS
 from palpate.learn.observed import observe
-from palpate.sim.tissue.any_tissue import PRESS_PARTS
 from tests.host.learn.conftest import STROKES
 from tests.studies import __main__, tissues
 from tests.studies.settings import STUDIES

@@ -15,8 +15,7 @@ def test_it_goes_on_after_a_disconnect_and_acknowledges(emulated, tmp_path):
     """It spun for ever at the first empty read."""
     text = (DOCS / "howto" / "client.md").read_text()
     (program,) = [b for b in re.findall(r"```python\n(.*?)```", text, re.S) if "def unstuffed" in b]
-    device = emulated(listen="tcp:127.0.0.1:0", public_key=emulator.public_key())
-    emulator.give_model(device.port)
+    device = emulated(listen="tcp:127.0.0.1:0", public_key=emulator.public_key(), model=emulator.image())
     with connect(device) as probe:
         probe.set_setting("frame_rate", 20_000)
     port = device.port.rpartition(":")[2]

@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import os
 import socket
+import subprocess
+import sys
 from contextlib import closing
 
 import pytest
 
-from palpate.errors import CommandTimeout, PalpateError
+from palpate.errors import CommandTimeout, PalpateError, PortMissing
 from palpate.link import emulated
+from palpate.link.devices import Place
 from palpate.link.line import Line
 from palpate.link.transport import open_transport
 
@@ -33,6 +36,16 @@ def plant(folder, **words):
 def test_ours_is_read(fallback):
     plant(fallback)
     assert [note.port for note in emulated.running()] == [NOTE["port"]]
+
+
+def test_a_probe_that_was_started_again_at_its_address_is_found(fallback):
+    """A stream waited for ever: it looked for the process that had ended."""
+    plant(fallback)
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    assert Place(NOTE["port"], pid=ended.pid).port_now() == NOTE["port"]
+    with pytest.raises(PortMissing, match="start it again"):
+        Place("socket://127.0.0.1:8", pid=ended.pid).port_now()
 
 
 def test_a_directory_that_somebody_else_made_is_neither_read_nor_written(fallback, monkeypatch):

@@ -9,15 +9,14 @@ from palpate import models
 from palpate.dataset.answers import shows_lump
 from palpate.features.press_features import PLACES
 from palpate.learn import data
-from palpate.learn.design import press_cases
+from palpate.learn.design import PRESS_PARTS, PRESS_SETTINGS, press_cases
 from palpate.learn.lumps import scaled
 from palpate.learn.observed import observe
-from palpate.model_export.fixed_point import force_map
-from palpate.model_export.fixed_point.reference import checks_of, evaluate, inputs
+from palpate.model_export.integers import force_map
+from palpate.model_export.integers.reference import checks_of, evaluate, inputs
 from palpate.model_export.vocabulary import ABSENT
 from palpate.sim.probe.sensors import StrokeField
 from palpate.sim.tissue import simulate
-from palpate.sim.tissue.any_tissue import PRESS_PARTS, PRESSES
 from tests.host.learn.conftest import STROKES
 
 LUMPS = 32
@@ -32,7 +31,7 @@ def spec():
 def lumps():
     """Strokes over lumps that the model has not met, and the presses before them."""
     some = data.read(STROKES).lumps[:LUMPS]
-    presses = [simulate(case, PRESSES) for case in press_cases(some)]
+    presses = [simulate(case, PRESS_SETTINGS) for case in press_cases(some)]
     n = len(PRESS_PARTS)
     return [(lump.strokes, presses[k * n : k * n + n]) for k, lump in enumerate(some)]
 

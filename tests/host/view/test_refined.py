@@ -132,10 +132,11 @@ def test_what_does_not_fit_and_what_cannot_be_fitted_is_said(seen):
 def test_a_recorded_stroke_is_fitted_and_shown(viewer, open_page, tmp_path):
     path = tmp_path / "visit.mcap"
     case = Case.from_code("d12h07e20f09")
-    with EmulatedProbe.over(case, strokes=1, public_key=emulator.public_key()) as probe:
-        emulator.give_model(probe.port, models.FIELD)
-        with recorded(probe.port, path) as host:
-            list(host.stream(strokes=1))
+    emulated = EmulatedProbe.over(
+        case, strokes=1, public_key=emulator.public_key(), model=emulator.image(models.FIELD)
+    )
+    with emulated as probe, recorded(probe.port, path) as host:
+        list(host.stream(strokes=1))
     with refining_recorded(path) as beside:
         page = open_page(viewer(ReplaySource(path), "replay", beside=beside))
         page.locator("#stroke-1").click()

@@ -145,6 +145,13 @@ def test_settings_survive_power_cuts_in_the_middle_of_being_stored(runtime):
             assert host.ask("identify", (1,)).fields["boots"] == 7
 
 
+@pytest.mark.parametrize("left", [b"", b"\xff\x00"])
+def test_a_count_of_starts_that_a_power_cut_left_in_pieces_begins_again(tmp_path, left):
+    (tmp_path / "boots").write_bytes(left)
+    with EmulatedProbe("cpython", store=tmp_path) as probe, Host(probe) as host:
+        assert host.ask("identify", (1,)).fields["boots"] == 1
+
+
 def test_a_calibration_from_the_bench_is_the_probes_own():
     mine = calib.Calibration()
     mine.set_dead((5, 77, 300))

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from palpate.model_export.fixed_point import compiler
+from palpate.model_export.integers import compiler
 from palpate.sim.probe.rp2040 import board_files
 from palpate.sim.probe.rp2040.lean import _Facts, lean
 from palpate.sim.probe.rp2040.names import borrowed

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from firmware_py import cobs, crc, features, signature, slh_dsa, status
-from palpate.model_export.fixed_point import compiler
+from palpate.model_export.integers import compiler
 from palpate.sim.probe.sensors import LEVELS, SensorModel, StrokeField
 from tests.firmware_py import stages, twins, vectors
 from tests.firmware_py.strokes import read_strokes

@@ -11,7 +11,7 @@ from array import array
 import pytest
 
 from firmware_py import calib, evaluator, forcemap, pipeline, status
-from palpate.model_export.fixed_point import compiler
+from palpate.model_export.integers import compiler
 from tests.firmware_py.stages import any_force_map, strokes
 from tests.micropython import run_micropython
 from tests.model_export import synthetic

@@ -98,3 +98,18 @@ def test_a_file_of_cases_names_the_line_that_is_wrong(tmp_path):
     (tmp_path / "other.csv").write_text("d_mm,height\n10,0.8\n")
     with pytest.raises(CaseError, match="height"):
         read_design(str(tmp_path / "other.csv"))
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("d_mm,h,E_ratio,F_rel\n10,0.8,5,1,7\n", "line 2: 5 cells for 4 columns"),
+        ("d_mm,h,E_ratio,F_rel\n10,0.8,5\n", "line 2: 3 cells for 4 columns"),
+        ("d_mm,h,E_ratio,h\n10,0.8,5,0.9\n", "a column twice: h"),
+        ("d10h08e10f10\nxx\n", "cases.csv: 'xx' is not a case code"),
+    ],
+)
+def test_a_file_of_cases_that_cannot_be(tmp_path, text, sentence):
+    (tmp_path / "cases.csv").write_text(text)
+    with pytest.raises(CaseError, match=sentence):
+        read_design(str(tmp_path / "cases.csv"))

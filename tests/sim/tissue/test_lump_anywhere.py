@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from palpate.features.map_features import stroke_features
 from palpate.sim.tissue import Case, CaseError, Settings, case_key, load_strokes, read_design, simulate, sweep
-from palpate.sim.tissue.any_tissue import TissueRanges
+from palpate.sim.tissue.any_tissue import PRESS_PARTS, TissueRanges
 from palpate.sim.tissue.anywhere import (
     PlaceRanges,
     anywhere_cases,
@@ -123,7 +123,9 @@ def test_a_sweep_keeps_the_thickness(tmp_path):
 def test_the_design_puts_lumps_everywhere_and_a_longer_one_begins_with_the_shorter():
     cases = read_design("anywhere:64:3")
     assert len(cases) == 192 and cases == anywhere_cases(100, 3)[:192] != read_design("anywhere:64:4")
-    assert [case.d_mm for case in read_design("anywhere-press:64:3")[::4]] == [c.d_mm for c in cases[::3]]
+    assert [case.d_mm for case in read_design("anywhere-press:64:3")[:: len(PRESS_PARTS)]] == [
+        c.d_mm for c in cases[::3]
+    ]
     off = np.array([2 * case.border_mm / case.d_mm for case in cases[::3]])
     assert min(np.mean(off < -1), np.mean(np.abs(off) < 1), np.mean(off > 1)) > 0.15
     assert all(5 <= c.d_mm <= 20 and 1.99 < c.depth_mm < 30.1 and 4 <= c.t_mm <= 30 for c in cases)

@@ -25,6 +25,7 @@ Q5_PER_COUNT = 32
 DEPTH_UNITS_PER_MM = 16000
 ROWS, HALF = geometry.ROWS, geometry.HALF_ROWS
 FINEST, COARSEST = 14, 12  # Q formats of the coefficients
+_LARGEST = 32767 / 2.0**COARSEST
 _OF_THE_DEPTH = (2, 4, 5)  # inputs of the even half
 _NOISE_KPA = 0.012
 """Given to the inputs, so that the map does not rely on what a sensor cannot show: white noise of .25 % of 25
@@ -183,11 +184,15 @@ def _ridge(x: Floats, y: Floats) -> Floats:
     """Coefficients on the grid of 2^-FINEST (or coarser) that the firmware holds.
 
     They are rounded one after the other, and those still free take up what rounding has cost (as in
-    optimal brain quantisation: Frantar and Alistarh 2022), so that packing the map changes nothing.
+    optimal brain quantisation: Frantar and Alistarh 2022), so that packing the map changes nothing. Of few
+    strokes, which leave coefficients larger than can be packed, the ridge is as strong as that asks for.
     """
     size = np.sqrt((x * x).mean(0)) + 1e-12
-    H = x.T @ x / len(x) + _RIDGE * np.diag(size**2)
-    free = np.linalg.solve(H, x.T @ y / len(x))
+    for ridge in _RIDGE * 10.0 ** np.arange(6):
+        H = x.T @ x / len(x) + ridge * np.diag(size**2)
+        free = np.linalg.solve(H, x.T @ y / len(x))
+        if 1.05 * np.abs(free).max() < _LARGEST:
+            break
     grid = 2.0 ** -_shift(1.05 * np.abs(free).max())
     out = np.empty_like(free)
     left = list(range(len(free)))

@@ -13,7 +13,7 @@ import numpy as np
 
 from firmware_py import evaluator, stage
 from firmware_py import features as firmware_features
-from palpate.model_export.fixed_point import compiler, reference
+from palpate.model_export.integers import compiler, reference
 from palpate.model_export.schema import OUTPUTS, ModelSpec
 
 

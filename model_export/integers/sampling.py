@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from palpate.model_export.errors import ModelError
-from palpate.model_export.fixed_point import reference
+from palpate.model_export.integers import reference
 from palpate.model_export.schema import ModelSpec
 
 

@@ -21,8 +21,8 @@ from palpate.fixedpoint import word_pairs as words
 from palpate.fixedpoint.form import Form
 from palpate.fixedpoint.word_pairs import Row, Words, to_word
 from palpate.model_export.errors import ModelError
-from palpate.model_export.fixed_point import reference, sampling
-from palpate.model_export.fixed_point.bounds import told_as_ours
+from palpate.model_export.integers import reference, sampling
+from palpate.model_export.integers.bounds import told_as_ours
 from palpate.model_export.schema import FirstStage, ModelSpec, Term
 
 Q24 = 1 << 24
