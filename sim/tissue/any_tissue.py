@@ -20,14 +20,14 @@ FORCE_PARTS = (1.4**-0.5, 1.0, 1.4**0.5)
 """Forces of each lump's strokes, over the middle one: room for a hand that wanders."""
 
 PRESS_PARTS = (0.2, 0.25, 0.32, 0.4, 0.5, 0.63, 0.8, 1.0)
-"""Forces of the press before the stroke, over the middle one: between four of them, rows where the contact
-ends bend so much that t came out a twentieth low."""
+"""Forces of the press before the stroke, over the middle one. Rows where the contact ends bend between fewer:
+a model that learnt from four told t a twentieth too large."""
 
 REFERENCE_PARTS = (*PRESS_PARTS, 1.4)
 """Forces of a reference press beside the lump, over the stroke's middle one."""
 
 STROKES = Settings(hx_mm=1.0, shells=2, to_border=True, far_start_mm=-44.0)
-"""On the usual mesh, with straight lines to the border of the contact, t comes out another twentieth low."""
+"""The usual mesh, with straight lines to the border of the contact, made t another twentieth too large."""
 PRESSES = replace(STROKES, far_start_mm=None, start_mm=-40.0, press_only=True)
 
 
