@@ -17,14 +17,14 @@ from scipy.stats import qmc
 
 from palpate.learn.lumps import FORCE_STEP, LumpStrokes
 from palpate.sim.tissue import Case, Settings, any_tissue, sobol_cases
-from palpate.sim.tissue.any_tissue import FORCE_PARTS
+from palpate.sim.tissue.any_tissue import FORCE_PARTS, REFERENCE_PARTS
 from palpate.sim.tissue.design import USUAL, Ranges
 
 FIELD_SETTINGS = Settings(far_start_mm=-44.0)
 """The usual steps of 2 mm, and a coarser approach so that a stroke may start 5 mm off."""
 PRESS_SETTINGS = Settings(start_mm=-40.0, press_only=True)
-PRESS_PARTS, REFERENCE_PARTS = (0.2, 0.4, 0.65, 1.0), (0.2, 0.4, 0.65, 1.0, 1.4)
-"""As in `any_tissue`, on the usual mesh: told its tissue a model looks at a press in its checks alone."""
+PRESS_PARTS = REFERENCE_PARTS[:-1]
+"""On the usual mesh, unlike `any_tissue`: told its tissue a model looks at a press in its checks alone."""
 
 NO_LUMP_THICKNESS_MM = (4.0, 40.0)
 RADIUS, STIFFENING = (1.05, 1.09), (1.0, 2.5)

@@ -128,11 +128,11 @@ class Place:
         """The port's present name; `PortMissing` while the probe is away."""
         if self.pid:
             notes = emulated.running()
-            here = [note.port for note in notes if note.pid == self.pid]
-            here += [self.port] * any(note.port == self.port for note in notes)  # it was started again
-            if not here:
+            own = [note for note in notes if note.pid == self.pid]
+            own = own or [note for note in notes if note.port == self.port]  # it was started again
+            if not own:
                 raise PortMissing(self.port, f"the emulated probe at {self.port} has ended; start it again")
-            return here[0]
+            return own[0].port
         return resolve(self.usb_serial).port if self.usb_serial else self.port
 
 

@@ -15,7 +15,7 @@ from firmware_py import geometry
 from palpate.sim.probe.noise import level_named
 from palpate.sim.probe.sensors import FORCE_RATIO, PRESS_FRAMES, FrameStream, SensorModel, StrokeField
 from palpate.sim.tissue import Case, simulate_forces
-from palpate.sim.tissue.any_tissue import PRESSES, STROKES, without_its_lump
+from palpate.sim.tissue.any_tissue import PRESSES, REFERENCE_PARTS, STROKES, without_its_lump
 from palpate.wire.cells import SHAPE
 
 if TYPE_CHECKING:
@@ -24,9 +24,8 @@ if TYPE_CHECKING:
 BESIDE_MM = 35.0
 """From the lump to the reference press."""
 FIRST_MM = -28.0
-_PRESSED, _SOLID_PRESSED = tuple(np.geomspace(0.15, 1.4, 30)), (0.2, 0.4, 0.65, 1.0, 1.4)
-"""Forces of a press, over the middle one: between fewer, rows where the contact ends bend. A solid lump's
-take a second each."""
+_PRESSED = tuple(np.geomspace(0.15, 1.4, 30))
+"""Forces of a press, over the middle one: between fewer, rows where the contact ends bend."""
 
 
 def strokes_over(
@@ -117,7 +116,7 @@ def _case(case: Case | str) -> Case:
 
 def _pressed(case: Case, at_mm: float) -> StrokeField:
     """What is under the probe there, at rising forces."""
-    forces = [case.F_rel * part for part in (_SOLID_PRESSED if case.solid else _PRESSED)]
+    forces = [case.F_rel * part for part in (REFERENCE_PARTS if case.solid else _PRESSED)]
     if case.solid:
         return StrokeField(*_solid(case, forces, positions_mm=(at_mm,)))
     return StrokeField(*simulate_forces(case, forces, replace(PRESSES, start_mm=at_mm)))

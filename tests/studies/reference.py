@@ -33,8 +33,8 @@ from palpate.model_export.vocabulary import ABSENT
 from palpate.progress import ProgressCallback
 from palpate.sim.tissue import Case, Stroke, sweep
 from palpate.sim.tissue.any_tissue import (
+    PRESS_PARTS,
     PRESSES,
-    REFERENCE_PARTS,
     TissueRanges,
     at_forces,
     random_lumps,
@@ -46,6 +46,8 @@ from tests.studies.table import Asked, StudyTable
 ELSEWHERE, ELSEWHERE_LUMPS = (0.1, 0.2), 300
 """How far off the fat's thickness is at other places; for so many lumps."""
 
+PARTS = (*PRESS_PARTS, 1.4)
+"""Forces of a reference, over the stroke's middle one."""
 FAT_OFF = 1.3
 
 
@@ -60,13 +62,13 @@ class Wrong:
 def reference_cases(n: int, seed: int) -> list[Case]:
     """The tissues of `any_tissue.press_cases` without lumps, at the forces of a reference press."""
     lumps = random_lumps(n, seed, TissueRanges())
-    return at_forces([without_its_lump(case) for case in lumps], REFERENCE_PARTS)
+    return at_forces([without_its_lump(case) for case in lumps], PARTS)
 
 
 def elsewhere_cases(n: int, seed: int, share: float) -> list[Case]:
     """Reference presses at other places: the fat is thicker or, at every other lump, thinner so."""
     lumps = enumerate(random_lumps(n, seed, TissueRanges()))
-    return at_forces([without_its_lump(case, thicker(k, share)) for k, case in lumps], REFERENCE_PARTS)
+    return at_forces([without_its_lump(case, thicker(k, share)) for k, case in lumps], PARTS)
 
 
 def thicker(k: int, share: float) -> float:

@@ -5,7 +5,8 @@ import math
 import pytest
 
 from palpate.learn import data, design
-from palpate.learn.design import PRESS_PARTS, REFERENCE_PARTS
+from palpate.learn.design import PRESS_PARTS
+from palpate.sim.tissue.any_tissue import REFERENCE_PARTS
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from palpate.learn.observed import observe_in_any_fat
 from palpate.learn.reference import fit_joining
 from palpate.model_export.integers import compiler
 from palpate.sim.tissue import Case
-from palpate.sim.tissue.any_tissue import PRESS_PARTS, REFERENCE_PARTS, press_cases, without_its_lump
+from palpate.sim.tissue.any_tissue import PRESS_PARTS, press_cases, without_its_lump
 from tests import reference_model
 from tests.studies import reference as reference_study
 
@@ -73,10 +73,10 @@ def test_the_probe_joins_them_as_the_fit_does():
 
 def test_the_tissue_beside_a_lump_is_the_same_without_it():
     lumps, plain = press_cases(4, 5), reference_study.reference_cases(4, 5)
-    for lump, beside in zip(lumps[:: len(PRESS_PARTS)], plain[:: len(REFERENCE_PARTS)], strict=True):
+    for lump, beside in zip(lumps[:: len(PRESS_PARTS)], plain[:: len(reference_study.PARTS)], strict=True):
         assert not beside.has_lump
         assert reference.tissue_of(lump) == reference.tissue_of(beside)
-    thicker = reference_study.elsewhere_cases(4, 5, 0.1)[len(REFERENCE_PARTS)]
+    thicker = reference_study.elsewhere_cases(4, 5, 0.1)[len(reference_study.PARTS)]
     assert thicker.t_mm == pytest.approx(1.1 * lumps[len(PRESS_PARTS)].t_mm)
     assert without_its_lump(Case.from_code("d10h08e10f10_ball")).solid
 
