@@ -27,8 +27,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     DiskFull, PalpateError
         The file cannot be written; what stood at `path` is untouched.
     """
-    if path.exists() and not path.is_file():  # what is put in its place would replace /dev/full itself
-        raise PalpateError(f"{path} cannot be written: it is a device or a directory; name a file")
+    _refuse_device(path)
     # The suffix stays last: libraries choose the format by it.
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
@@ -113,8 +112,7 @@ def json_text(value: Any, indent: str = "") -> str:
 
 def check_writable(path: Path) -> None:
     """Raise what `whole_file` would, before the work that a file is for; nothing is left behind."""
-    if path.exists() and not path.is_file():
-        raise PalpateError(f"{path} cannot be written: it is a device or a directory; name a file")
+    _refuse_device(path)
     probe = path.with_name(f".{path.stem}.{os.getpid()}.try")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -122,6 +120,11 @@ def check_writable(path: Path) -> None:
         probe.unlink()
     except OSError as error:
         raise cannot_write(path, error) from error
+
+
+def _refuse_device(path: Path) -> None:
+    if path.exists() and not path.is_file():  # what is put in its place would replace /dev/full itself
+        raise PalpateError(f"{path} cannot be written: it is a device or a directory; name a file")
 
 
 def _sync(path: Path) -> None:

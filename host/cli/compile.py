@@ -138,7 +138,7 @@ def _compiled(
     write: Any,
 ) -> tuple[Program, bytes]:
     """The program and its source; UsageError in the compiler's own words."""
-    from palpate.cli.fitted import features_of, is_of_statsmodels
+    from palpate.cli.fitted import features_of, finite, is_of_statsmodels
     from palpate.fixedpoint import CompileError, from_sklearn, from_statsmodels
 
     by_name = is_of_statsmodels(fitted) or getattr(fitted, "feature_names_in_", None) is not None
@@ -151,7 +151,7 @@ def _compiled(
     calibrate = None
     if beside is not None:
         rows, path = beside
-        calibrate = (features(rows, path), rows[list(targets)].to_numpy())
+        calibrate = (features(rows, path), finite(rows[list(targets)], path).to_numpy())
     read = from_statsmodels if is_of_statsmodels(fitted) else from_sklearn
     words: dict[str, Any] = {"units": units or None, "calibrate": calibrate, "names": names, "level": level}
     if calibrate is not None:

@@ -102,7 +102,16 @@ def command(
     """
     if wire is None and (beside_mm is not None or cuff_kPa is not None):
         raise UsageError("--press and --cuff go with --as: what a probe feels are presses and strokes")
+    if still and reference:
+        raise UsageError("--reference needs a hand that presses, and with --still there is none")
     if wire is not None:
+        if sum((still, beside_mm is not None, cuff_kPa is not None)) > 1:
+            raise UsageError("--press, --cuff and --still exclude each other; choose one")
+        of_probe = {"--board": board, "--key": key, "--no-model": no_model, "--store": store,
+                    "--reference": reference, "--steady": steady}  # fmt: skip
+        for name, given in of_probe.items():
+            if given:
+                raise UsageError(f"{name} is of a probe, and --as {wire} emulates another array without it")
         check_arguments(code, noise, listen)
         over = (code, noise, seed)
         _speak(
@@ -140,7 +149,7 @@ def command(
     if Case.from_code(code).solid:
         note(f"{code} is a solid lump: its strokes take a quarter of a minute, one beside the line a whole")
     streams, calibration = strokes_over(code, noise, seed, frames, strokes, steady, still)
-    if reference and not still:
+    if reference:
         streams = [reference_beside(code, noise, seed, steady), *streams]
     # from the start: a client that waits for the probe may be quicker than whoever brought it a model
     model = emulator.image(name) if own_model else None

@@ -10,6 +10,7 @@ import click
 from palpate.cli.numbers import SEED, Finite
 from palpate.console import console, json_option, note, print_json, showing_progress
 from palpate.errors import UsageError
+from palpate.files import check_writable
 from palpate.first_time import announce
 from palpate.sim.probe.noise import LEVELS
 
@@ -88,6 +89,9 @@ def command(
     noise_named(noise)
     changed = _tissue(tissue)
     check_kind(kind, without is None, changed is not None, anywhere)
+    if kind == "thesis" and (lumps is not None or workers is not None):
+        raise UsageError("--lumps and --workers go with --kind field: the thesis' runs are a sweep's")
+    check_writable(out)
     if kind == "field":
         check_begun(directory, lumps)
         if not begun(directory):

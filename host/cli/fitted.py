@@ -127,7 +127,23 @@ def features_of(model: Any, table: pd.DataFrame, path: Path, targets: tuple[str,
             f"the model takes {count} features, without names, and {path} has {len(names)} columns; name "
             "those that are none with --target"
         )
-    return table[names]
+    return finite(table[names], path)
+
+
+def finite(rows: pd.DataFrame, path: Path) -> pd.DataFrame:
+    """The rows; `UsageError` names the first cell that holds no finite number, the heads being row 1."""
+    import numpy as np
+    import pandas as pd
+
+    if rows.empty:
+        raise UsageError(f"{path} has no rows")
+    found = np.column_stack([pd.to_numeric(rows[name], errors="coerce") for name in rows])
+    bad = np.argwhere(~np.isfinite(found.astype(float)))
+    if len(bad):
+        row, column = bad[0]
+        said = f"{str(rows.iat[row, column])!r} is no finite number"
+        raise UsageError(f"{path}, row {row + 2}, {rows.columns[column]}: {said}")
+    return rows
 
 
 def _names(model: Any) -> list[str] | None:

@@ -11,7 +11,7 @@ import click
 from palpate.cli.numbers import Finite
 from palpate.console import json_option, note, plain, print_json, say, table
 from palpate.errors import UsageError
-from palpate.files import by_suffix, whole_file
+from palpate.files import by_suffix, check_writable, whole_file
 from palpate.first_time import announce
 
 if TYPE_CHECKING:
@@ -84,6 +84,10 @@ def command(
     case = Case.from_code(code)
     if fields is not None and case.solid and fields.suffix.lower() in (".png", ".svg"):
         raise UsageError("fields round a solid lump are written for ParaView only: name a file .vtu or .pvd")
+    if out is not None and out == fields:
+        raise UsageError(f"--out and --fields both name {out}; give each a file of its own")
+    for written in filter(None, (out, fields)):
+        check_writable(written)
     settings = Settings(hx_mm=hx_mm, increment_mm=increment_mm, start_mm=start_mm, solver=solver)
     announce()
     if fields is None:

@@ -60,8 +60,8 @@ Examples:
 @fat_option
 @click.option("--data", type=click.Path(path_type=Path, dir_okay=False),
               help="Data set with lumps visited again: what visits differ by themselves.")  # fmt: skip
-@click.option("--model", default="field", show_default=True, type=click.Path(path_type=Path),
-              help="Of --data: the model that the probe or the recording has.")  # fmt: skip
+@click.option("--model", type=click.Path(path_type=Path), metavar="MODEL",
+              help="Of --data: the model that the probe or the recording has; field by default.")  # fmt: skip
 @click.option("--refine", is_flag=True, help="Fit the finite-element model to each stroke, too, meanwhile.")
 @click.option("--browser/--no-browser", default=True, help="Open the page in the browser.")
 def command(
@@ -73,7 +73,7 @@ def command(
     document: Path | None,
     fat_kPa: float | None,
     data: Path | None,
-    model: Path,
+    model: Path | None,
     refine: bool,
     browser: bool,
 ) -> None:
@@ -85,6 +85,8 @@ def command(
     """
     if recording is not None and port is not None:
         raise UsageError("say either --port PORT for a probe or the FILE.mcap of a recording, not both")
+    if model is not None and data is None:
+        raise UsageError("--model goes with --data; the page shows what the probe's own model says")
     try:
         from palpate.view.serve import Viewer
     except ModuleNotFoundError as error:
@@ -96,7 +98,7 @@ def command(
     if refine:
         from palpate.view.refined import refining_live, refining_recorded
 
-    between = _between(data, model)
+    between = _between(data, model or Path("field"))
     spec = None if document is None else load_model(document)
     source: LiveSource | ReplaySource
     beside: AbstractContextManager[Sees | None] = nullcontext()

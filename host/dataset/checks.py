@@ -133,14 +133,10 @@ def one_truth_a_lump(out: pd.DataFrame) -> None:
     for _, line in out.iterrows():
         other = known.setdefault(line["lump"], line)
         for name in OF_THE_LUMP:
-            a, b = other[name], line[name]
-            if (a != b and not (a != a and b != b)) or (a == a) != (b == b):
-                raise fault(
-                    line["row"],
-                    name,
-                    f"lump {line['lump']} has {b:g} here and {a:g} in row {other['row']}; give another lump "
-                    "another name",
-                )
+            there, here = ("nothing" if math.isnan(v) else f"{v:g}" for v in (other[name], line[name]))
+            if there != here:
+                what = f"lump {line['lump']} has {here} here and {there} in row {other['row']}"
+                raise fault(line["row"], name, f"{what}; give another lump another name")
 
 
 def remarks(out: pd.DataFrame) -> Iterable[str]:

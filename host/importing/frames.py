@@ -29,6 +29,7 @@ LESS = "/xela/data"
 FARTHEST_MM = 1000.0
 """Places and displacements."""
 LONGEST_S = 86_400.0
+GREATEST_KPA = 1e6
 
 
 class ImportFailed(UsageError):
@@ -99,6 +100,7 @@ def assemble(source: _Source, said: Declaration, name: str) -> GivenFrames:
     if said.zero_frames:
         pressure = pressure - pressure[: said.zero_frames].mean(axis=0)
     _fill_dead(pressure, said, name)
+    _within(np.abs(pressure).reshape(n, -1).max(1), GREATEST_KPA, "kPa", f"{name}, {{}}")
     missing = []
     stroke = np.zeros(n, np.int64)
     if said.stroke:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from firmware_py import calib, geometry
-from palpate.errors import RecordingError
+from palpate.errors import RecordingError, UnknownFormat
 from palpate.files import whole_file
 from palpate.importing import frames as sources
 from palpate.importing import ours, places, published, resample
@@ -28,7 +28,6 @@ from palpate.wire.packing import pack
 
 PAUSE_US = 300_000
 """Between two strokes."""
-WIDEST_KPA = 1e6
 WORST_SATURATED = 0.001
 """Share of readings at the end of the scale from which it is worth a remark."""
 
@@ -120,7 +119,7 @@ def import_file(
     began_ns = source.stat().st_mtime_ns
     meta = {"port": port, "started_ns": str(began_ns)}
     if recording.suffix != ".mcap":
-        raise RecordingError(f"a recording's name ends in .mcap, not {recording.name!r}")
+        raise UnknownFormat(f"a recording's name ends in .mcap, not {recording.name!r}")
     if recording.exists() and not overwrite:
         raise RecordingError(f"{recording} exists already; choose another name or give --overwrite")
     with whole_file(recording) as part:
@@ -163,7 +162,7 @@ def _sha256(path: Path) -> str:
 
 
 def _counts(found: GivenFrames, said: Declaration, remarks: list[str]) -> np.ndarray:
-    pressure = np.clip(found.pressure_kPa, -WIDEST_KPA, WIDEST_KPA)
+    pressure = found.pressure_kPa
     if not resample.suits(said.rows, said.columns, said.pitch_mm):
         pressure = resample.onto_this_array(pressure, said.pitch_mm)
     counts = np.rint((pressure + PEDESTAL_KPA) / FULL_SCALE_KPA * geometry.FULL_COUNT)

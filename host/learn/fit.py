@@ -167,6 +167,8 @@ def check_kind(kind: str, displacement: bool, told: bool, anywhere: bool = False
     """`UsageError` where the kind cannot do what is asked of it."""
     if kind == "thesis" and not displacement:
         raise UsageError("the thesis' equations need the displacement: only --kind field does without")
+    if kind == "thesis" and told:
+        raise UsageError("the thesis' equations know one tissue: --tissue goes with --kind field")
     if kind == "field" and not told and not displacement:
         raise UsageError("--without displacement is for a model that is told its tissue: add --tissue thesis")
     if anywhere and (kind != "field" or told):

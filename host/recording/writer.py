@@ -20,7 +20,7 @@ from typing import Any, Self
 from mcap.records import Attachment, Message, Metadata
 from mcap.writer import CompressionType, Writer
 
-from palpate.errors import RecordingError
+from palpate.errors import RecordingError, UnknownFormat
 from palpate.recording import channels
 from palpate.recording.journal import JournalFile
 from palpate.recording.reader import PROFILE, Recording
@@ -47,6 +47,8 @@ class RecordingWriter:
 
     Raises
     ------
+    UnknownFormat
+        The name does not end in .mcap.
     RecordingError
         The file exists or cannot be created; `DiskFull` while recording.
     """
@@ -56,7 +58,7 @@ class RecordingWriter:
     ) -> None:
         self.path = Path(path)
         if self.path.suffix != ".mcap":
-            raise RecordingError(f"a recording's name ends in .mcap, not {self.path.name!r}")
+            raise UnknownFormat(f"a recording's name ends in .mcap, not {self.path.name!r}")
         self.frames = 0
         self._journal = JournalFile(self.path, overwrite)
         _log.info("recording into %s", self.path)

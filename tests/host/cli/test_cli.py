@@ -60,6 +60,14 @@ COMMANDS = [name for chapter in CHAPTERS.values() for name, _, _ in chapter]
         (("flash", "/dev/zero"), 2, "too large to be"),
         (("export", "/dev/zero", "--key", "k", "--out", "o.palp"), 2, "too large to be"),
         (("export", "field", "--key", "k", "--out", "o.palp", "--counter", "7"), 2, "are for --rollback"),
+        (("emulate", LUMP, "--still", "--reference"), 2, "needs a hand that presses"),
+        (("emulate", LUMP, "--as", "reskin", "--press", "0", "--cuff", "3"), 2, "exclude each other"),
+        (("emulate", LUMP, "--as", "reskin", "--no-model"), 2, "--no-model is of a probe"),
+        (("fit", "{tmp}", "--tissue", "thesis", "--out", "m.json"), 2, "--tissue goes with --kind field"),
+        (("fit", "{tmp}", "--lumps", "90", "--out", "m.json"), 2, "go with --kind field"),
+        (("view", "--model", "field"), 2, "--model goes with --data"),
+        (("simulate", LUMP, "--out", "a.png", "--fields", "a.png"), 2, "both name a.png"),
+        (("stream", "--record", "visit.txt"), 2, "a recording's name ends in .mcap"),
     ],
 )  # fmt: skip
 def test_invalid_arguments_and_missing_things_get_one_sentence(

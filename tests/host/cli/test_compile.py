@@ -40,6 +40,8 @@ def files(tmp_path_factory):
     X.assign(d_mm=Y).to_parquet(place / "train.parquet")
     X.iloc[:, ::-1].assign(d_mm=Y + 1, d2_mm=-Y).to_csv(place / "more.csv", index=False, sep=";", decimal=",")
     X.assign(a=np.nan).to_csv(place / "holes.csv", index=False)
+    X.assign(a="many").to_csv(place / "words.csv", index=False)
+    X[:0].to_csv(place / "heads.csv", index=False)
     scaled = make_pipeline(StandardScaler(), PolynomialFeatures(2), Ridge()).fit(X, Y)
     skops.io.dump(scaled, place / "model.skops")
     joblib.dump(scaled, place / "model.joblib")
@@ -156,7 +158,9 @@ def test_a_pickle_is_not_read_without_trust(palpate, files, tmp_path):
         (("model.skops", "--target", "q"), "no column 'q'; it has a, b, c, d_mm"),
         (("model.skops", "--data", "{place}/none.csv"), "there is no table"),
         (("model.skops", "--data", "{place}/text.parquet"), "cannot be read as a table"),
-        (("model.skops", "--data", "{place}/holes.csv"), "no finite a in row 0"),
+        (("model.skops", "--data", "{place}/holes.csv"), "holes.csv, row 2, a: 'nan' is no finite number"),
+        (("model.skops", "--data", "{place}/words.csv"), "words.csv, row 2, a: 'many' is no finite number"),
+        (("model.skops", "--data", "{place}/heads.csv"), "heads.csv has no rows"),
         (("model.skops", "--data", "{place}/model.joblib"), "use .csv, .parquet"),
         (("model.skops", "--out", "m.exe"), "use .py, .mpy, .c, .h"),
         (("model.skops", "--out", "m.c", "--arch", "armv6m"), "--arch is of a .mpy"),

@@ -63,6 +63,7 @@ def test_csv_and_parquet_say_the_same(tmp_path):
             "b.mcap,1,B,.008",
             "row 4, column d_mm: 0.008 is not within 0.5 to 100; is it in m. d_mm",
         ),
+        ("b.mcap,2,B,8", "b.mcap,2,B,", "row 5, column d_mm: lump B has nothing here and 8 in row 4"),
         ("b.mcap,2,B,8", "b.mcap,2,B,9", "row 5, column d_mm: lump B has 9 here and 8 in row 4"),
         ("b.mcap,2,B,8", "b.mcap,,B,8", "row 5, column stroke: it is empty"),
         ("b.mcap,2,B,8", "b.mcap,2,,8", "row 5, column lump: it is empty"),

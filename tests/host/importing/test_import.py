@@ -188,6 +188,7 @@ def test_dead_cells_are_filled_from_their_neighbours(felt, tmp_path):
         ),
         (lambda t: t.assign(x=["oops"] * len(t)), r"frame 0, x: 'oops' is not a number"),
         (lambda t: t.assign(t=0.0), r"frame 1, t: time does not go on"),
+        (lambda t: t.assign(p_2_2=1e300), r"frame 0: 1e\+297 kPa is none of a stroke"),
         (lambda t: t.drop(columns="z"), r"has no 'z'"),
         (lambda t: t[:1], "a stroke takes more"),
     ],
