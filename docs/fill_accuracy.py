@@ -92,27 +92,23 @@ def table(heads: Row, rows: Iterable[Row]) -> str:
 def main_row(scores: Scores) -> Scores:
     """The held-out scores of one stroke at typical noise, with its press where the model needs one."""
     rows: list[Scores] = scores["held_out"]
-    return next((row for row in rows if row.get("setting") == "typical, with its press"), rows[0])
+    return next(row for row in rows if row["setting"] in ("typical, with its press", "typical, one stroke"))
 
 
 def found(scores: Scores) -> float:
     """The share of strokes over lumps that find one."""
-    row = main_row(scores)
-    missed: float = row["not_found"]
-    return 1 - missed if missed < 1 else row["n"] / (row["n"] + missed)
+    return 1 - float(main_row(scores)["not_found"])
 
 
 def _outputs(row: Scores) -> list[str]:
-    return [key for key in row if key not in ("group", "n") and not key.startswith("half_")]
+    return [key for key in row if key not in ("group", "n")]
 
 
 def covered(scores: Scores) -> tuple[float, float, float]:
     """Least and greatest coverage over the outputs, of all lumps; the least in any quarter."""
     every, *parts = scores["coverage"]
     overall = [every[key] for key in _outputs(every)]
-    quarters = [
-        r[key] for r in parts if "quarter" in r["group"] or " to " in r["group"] for key in _outputs(r)
-    ]
+    quarters = [r[key] for r in parts if "quarter" in r["group"] for key in _outputs(r)]
     return min(overall), max(overall), min(quarters)
 
 
@@ -139,7 +135,7 @@ def models_table() -> str:
         rows.append(
             (
                 f"{about['title']} (`{name}`)", percent(found(scores)), percent(row["d_error"], 1),
-                percent(row.get("depth_error"), 1), percent(row["hard_soft"]),
+                percent(row["depth_error"], 1), percent(row["hard_soft"]),
                 "; worst quarter ".join(held(scores)),
             )
         )  # fmt: skip
@@ -151,20 +147,12 @@ def errors_table(rows: Sequence[Scores]) -> str:
     keys = [key for key in OUTPUT_NAMES if any(f"{key}_error" in row for row in rows)]
     heads = ("Strokes", *(OUTPUT_NAMES[key] for key in keys), "hard or soft", "not found", "lumps")
     return table(
-        heads, [(_setting(row), *(cell(row, key) or ABSENT for key in keys), *_end(row)) for row in rows]
-    )
-
-
-def _setting(row: Scores) -> str:
-    return row.get("setting") or f"{row['noise']}, {row['strokes']} stroke" + "s averaged" * (
-        row["strokes"] > 1
+        heads, [(row["setting"], *(cell(row, key) or ABSENT for key in keys), *_end(row)) for row in rows]
     )
 
 
 def _end(row: Scores) -> tuple[str, str, str]:
-    missed = row["not_found"]
-    share = missed if missed < 1 else missed / (missed + row["n"])
-    return percent(row["hard_soft"]), percent(share), f"{row.get('lumps', row['n']):.0f}"
+    return percent(row["hard_soft"]), percent(row["not_found"]), f"{row['lumps']:.0f}"
 
 
 def coverage_table(rows: Sequence[Scores]) -> str:
@@ -237,8 +225,7 @@ def evidence(name: str) -> str:
         "## Flags",
         flags_table(scores),
     ]
-    if "strange" in scores:
-        parts += ["## Two lumps, and tissue of uneven thickness", strange_table(scores["strange"])]
+    parts += ["## Two lumps, and tissue of uneven thickness", strange_table(scores["strange"])]
     for extra in scores.get("tables", ()):
         heads = _in_order(extra["rows"][0])
         parts += [
@@ -257,8 +244,8 @@ def _in_order(row: Scores) -> list[str]:
 
 
 def _found_table(rows: Sequence[Scores]) -> str:
-    body = [(r["d_mm"], r["h"], r["E"], percent(r["found"]), f"{r['n']:.0f}") for r in rows]
-    return table(("d (mm)", "h", "E", "found", "strokes"), body)
+    body = [(r["d_mm"], r["depth_mm"], r["E"], percent(r["found"]), f"{r['n']:.0f}") for r in rows]
+    return table(("d (mm)", "depth (mm)", "E", "found", "strokes"), body)
 
 
 def _again(name: str, made: Scores) -> str:
@@ -294,7 +281,7 @@ def card(name: str) -> str:
     results = [
         ("Lumps found", percent(found(scores))),
         ("Median error of the diameter", percent(row["d_error"], 1)),
-        *([("Median error of the depth", percent(row["depth_error"], 1))] if "depth_error" in row else []),
+        ("Median error of the depth", percent(row["depth_error"], 1)),
         ("Hard or soft right", percent(row["hard_soft"])),
         ("90 % intervals hold", everywhere),
         ("In the worst quarter of lumps or tissue", worst),

@@ -3,11 +3,8 @@ where stiffness is not."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from types import MappingProxyType
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +34,6 @@ from palpate.model_export.schema import Layers
 
 TOLD = ("ln d", "ln depth", "ln t", "E^-2/3", "ln E_fat", "in the fat")
 """What the tables by place are of; the last is how much of the lump's height lies in the fat."""
-TARGETS = {"d": 0.116, "d_r2": 0.74, "depth": 0.066, "depth_r2": 0.94}
-"""Of the laboratory, which had a reference press as well."""
 
 SURE = 0.8
 """A place is said where its odds are at least this."""
@@ -76,9 +71,7 @@ def fit_layers(z: Floats, y: Floats, seen: Observed) -> Layers:
 class AnywhereStudy(Study):
     """Estimates of lumps anywhere by models that have not seen them."""
 
-    scope: ClassVar[Scope] = ANYWHERE
-    targets: ClassVar[Mapping[str, float]] = MappingProxyType(TARGETS)
-    training: ClassVar[Mapping[str, str]] = MappingProxyType({"place": "any"})
+    scope: Scope = field(default=ANYWHERE, kw_only=True)
 
     def layers(self, model: FittedModel) -> Layers:
         """Learnt from the lumps left out."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from palpate.errors import UsageError
 from palpate.learn.observed import noise_named
-from palpate.learn.result import FieldFit, TissueFit
+from palpate.learn.result import TissueFit
 from palpate.learn.table import TableError
 from palpate.learn.thesis.fit import ThesisFit
 from palpate.model_export.schema import ModelSpec
@@ -36,7 +36,7 @@ class Fit:
         "thesis" or "field".
     spec : ModelSpec
         The model itself: what `save` writes and `palpate.export` compiles and signs.
-    result : ThesisFit, FieldFit (of a model that was told its tissue) or TissueFit
+    result : ThesisFit or TissueFit
         Every number behind the tables.
     strokes : list of Stroke
         The thesis' runs; empty for the field kind, which has thousands.
@@ -44,7 +44,7 @@ class Fit:
 
     kind: str
     spec: ModelSpec
-    result: ThesisFit | FieldFit | TissueFit
+    result: ThesisFit | TissueFit
     strokes: list[Stroke] = field(default_factory=list, repr=False)
 
     def tables(self) -> list[Table]:
@@ -132,19 +132,12 @@ def fit(
             found = fit_thesis(features_table(runs), progress=progress)
             spec = fit_thesis_model(runs, seed=seed, noise=noise, progress=progress)
         return Fit("thesis", spec, found, runs)
-    from palpate.learn import data, scopes
+    from palpate.learn import data
 
     data.check_begun(directory, lumps)
     home = Path(directory)
-    scope = _scope(home, tissue is not None, anywhere)
-    result: FieldFit | TissueFit
-    if scope is scopes.TOLD:
-        from palpate.learn.told import fit_field
-
-        told = data.prepare(home, lumps or data.TOLD_LUMPS, workers=workers, tissue=tissue, progress=progress)
-        recipe = scopes.FIELD if displacement else scopes.PRESSURE_ONLY
-        result = fit_field(told, noise, seed, recipe=recipe, workers=workers, progress=progress)
-    elif scope is scopes.SOLID:
+    scope = _scope(home, tissue, displacement, anywhere)
+    if scope.design is None:
         from palpate.learn.lumps import read_solid_rim, read_solids
         from palpate.learn.solid import fit_to_balls
 
@@ -152,14 +145,11 @@ def fit(
             solids, rim, many = read_solids(home), read_solid_rim(home), workers or os.cpu_count() or 1
             result = fit_to_balls(solids, noise, seed, workers=many, progress=progress, rim=rim)
     else:
-        from palpate.learn.any_tissue import fit_in_any_tissue
-        from palpate.learn.anywhere import AnywhereStudy
-        from palpate.learn.study import Study
+        from palpate.learn.cylinders import fit_to_cylinders
 
         strokes = data.prepare_strokes(home, lumps or data.LUMPS, workers, progress, scope)
-        study = AnywhereStudy if scope is scopes.ANYWHERE else Study
         with one_blas_thread():
-            result = fit_in_any_tissue(strokes, noise, seed, progress=progress, kind=study)
+            result = fit_to_cylinders(strokes, noise, seed, progress=progress, scope=scope)
     return Fit("field", result.spec, result)
 
 
@@ -175,21 +165,22 @@ def check_kind(kind: str, displacement: bool, told: bool, anywhere: bool = False
         raise UsageError("--anywhere is for a field model in tissue of all kinds: --kind field, no --tissue")
 
 
-def _scope(home: Path, told: bool, anywhere: bool) -> Scope:
+def _scope(home: Path, tissue: Mapping[str, float] | None, displacement: bool, anywhere: bool) -> Scope:
     """What a field model is for, by what is asked and what the directory holds; raises as `fit`."""
-    from palpate.learn.data import lie_anywhere
+    from palpate.learn.data import check_tissue_names, lie_anywhere
     from palpate.learn.lumps import holds_solids
-    from palpate.learn.scopes import ANYWHERE, BORDER, SOLID, TOLD
+    from palpate.learn.scopes import ANYWHERE, BORDER, PRESSURE_ONLY, SOLID, told
 
     if holds_solids(home):
-        if told or anywhere:
+        if tissue is not None or anywhere:
             what = "lie in tissue of all kinds: leave --tissue out"
             if anywhere:
                 what = "lie on the border of fat and gland: leave --anywhere out"
             raise UsageError(f"the balls in {home} {what}")
         return SOLID
-    if told:
-        return TOLD
+    if tissue is not None:
+        scope = told(check_tissue_names(tissue))
+        return scope if displacement else scope.of(PRESSURE_ONLY)
     held = lie_anywhere(home)
     if anywhere and held is False:
         raise TableError(f"{home} holds lumps on the border of fat and gland: name another directory")

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
-from statistics import NormalDist
-
 import numpy as np
-import pandas as pd
 
 from palpate.features.map_features import Floats
-from palpate.learn.model import Answers, FittedModel
+from palpate.learn.model import FittedModel
 from palpate.learn.observed import Observed
 from palpate.learn.probe_model import E_INV23, OUTPUTS
 from palpate.learn.scopes import Scope
@@ -18,9 +13,6 @@ from palpate.learn.score import share
 
 WELL_OUTSIDE, NEAR = np.log(1.05), np.log(1.13)
 """By 5 % of an end; lumps further out would cost those within the ranges more than they bring."""
-
-DISTANCES = (-np.inf, -2.0, -1.0, -0.5, 0.0, 0.25, 0.5, 1.0, 2.0, 4.0, np.inf)
-"""Half-widths beyond the nearest end of the ranges, negative inside."""
 
 
 def facts_of(
@@ -60,33 +52,3 @@ def beyond(seen: Observed, scope: Scope) -> Floats:
             low, high, y = -np.inf, float(np.log(high)), np.log(y)
         out = np.maximum(out, np.maximum(low - y, y - high))
     return out
-
-
-def by_distance(model: FittedModel, judged: Sequence[tuple[Observed, Answers]]) -> pd.DataFrame:
-    """Share flagged against how far the truth lies beyond the ranges, of the strokes that found a lump.
-
-    A distance is counted in half-widths of the estimate's own interval, from the end that is passed
-    furthest, or is nearest.
-
-    Returns
-    -------
-    DataFrame
-        Columns from, to (half-widths), strokes, flagged, and unbiased: the share that the same margin would
-        flag if the estimates' errors were normal, without bias, and just as wide as the intervals say.
-    """
-    distance, flagged = [], []
-    for observed, answers in judged:
-        true = observed.truth[:, : model.scope.estimated]
-        distance.append(model.domain.beyond(true[answers.found], answers.half[answers.found]))
-        flagged.append(~answers.in_domain[answers.found])
-    t, caught = np.concatenate(distance), np.concatenate(flagged)
-    normal = NormalDist()
-    errors_a_half = normal.inv_cdf((1 + model.widths.level) / 2)
-    rows = []
-    for low, high in itertools.pairwise(DISTANCES):
-        cell = (t > low) & (t <= high)
-        if cell.any():
-            ideal = [normal.cdf(errors_a_half * (float(x) - model.domain.margin)) for x in t[cell]]
-            row = {"from": low, "to": high, "strokes": int(cell.sum()), "flagged": float(caught[cell].mean())}
-            rows.append(row | {"unbiased": float(np.mean(ideal))})
-    return pd.DataFrame(rows, columns=["from", "to", "strokes", "flagged", "unbiased"])

@@ -53,7 +53,7 @@ class LumpStrokes:
     @property
     def field(self) -> StrokeField:
         """What the sensors feel."""
-        return StrokeField(*self.strokes, press=self.press)
+        return StrokeField(*self.strokes)
 
     def scaled(self, s: float) -> LumpStrokes:
         """The same lump with all moduli and the force times s."""
@@ -99,21 +99,15 @@ def read_lumps(home: Path) -> tuple[list[LumpStrokes], int, int]:
 
 
 def read_presses(home: Path) -> list[tuple[Stroke, ...]]:
-    """The presses of a sweep (`design.press_cases`, or `any-press`), lump by lump, at rising forces."""
+    """The presses of a sweep (designs `any-press`, `anywhere-press`), lump by lump, at rising forces."""
     return [press for press in _rising(load_strokes(home)) if len(press) > 2]
-
-
-def with_presses(lumps: Sequence[LumpStrokes], home: Path) -> list[LumpStrokes]:
-    """The lumps with the presses that `home` holds; without, where it holds none."""
-    if not (home / "strokes.parquet").exists():
-        return list(lumps)
-    found = {_key(press[0].case): press for press in read_presses(home)}
-    return [replace(lump, press=found.get(_key(lump.low.case), ())) for lump in lumps]
 
 
 def read_pressed(strokes: Path, presses: Path) -> list[LumpStrokes]:
     """The lumps of two sweeps, designs `any` and `any-press`, that both have whole."""
-    out = [lump for lump in with_presses(read_lumps(strokes)[0], presses) if lump.press]
+    found = {_key(press[0].case): press for press in read_presses(presses)}
+    lumps = read_lumps(strokes)[0]
+    out = [replace(lump, press=found[key]) for lump in lumps if (key := _key(lump.low.case)) in found]
     if not out:
         raise UsageError(f"{strokes} and {presses} have no lump in common")
     return out

@@ -3,9 +3,8 @@
 Where the scope has a press there are two stages: what the press tells about the tissue, and with it what the
 stroke tells about the lump.
 
-Order of work: the first stage; the terms and the polynomial on training lumps; the size of residuals on
-estimates of these by models fitted without them; quantiles on both these and calibration lumps; the domain
-on all of them.
+Order of work: the first stage; the terms and the polynomial; then, on estimates of each lump by models fitted
+without it, the size of residuals, the intervals' widths and the domain.
 """
 
 from __future__ import annotations
@@ -33,7 +32,6 @@ from palpate.learn.probe_model import (
     estimates_of,
     features_version,
     fit_polynomial,
-    from_link,
     spec_of,
     stage_of,
     standardised,
@@ -46,9 +44,9 @@ from palpate.model_export.schema import FirstStage, Joining, ModelSpec
 from palpate.sim.tissue import Stroke
 from palpate.spans import depth_mm as depth_span
 
-FLAGGED_INSIDE, UNFAMILIAR_INSIDE, WITH_CHECKS = 0.022, 0.002, 0.025
-"""Shares of strokes inside the ranges that are flagged: in all, by box and distance alone, and in all where
-checks were fitted first."""
+FLAGGED_INSIDE, UNFAMILIAR_INSIDE = 0.022, 0.002
+"""Shares of strokes inside the ranges that are flagged without the checks: in all, by box and distance
+alone."""
 NEAR_THE_BORDER, FEWEST_ON_A_SIDE = 0.1, 50
 """Estimates of E^-2/3 this close to hard or soft, and this many on either side, place the border."""
 PRESS_TERMS, PRESS_DEGREE = 50, 3
@@ -57,53 +55,25 @@ _OF_DEPTH = OUTPUTS.index("ln d"), OUTPUTS.index("ln h")
 each other."""
 _WIDER_H = (1.0, 1.025, 1.05, 1.075, 1.1)
 
-FitChecks = Callable[[Observed], FirstStage | None]
-
 
 @dataclass(frozen=True)
 class Answers:
     """A model's answers for n strokes, as the probe gives them.
 
-    y, half : (n, outputs), link scale; lo, hi : (outputs), ends of the estimates; hard : (n), called hard;
-    found : (n), shows a lump; familiar : (n), in the domain but for the checks; unlike : (n), left out by a
-    check; border : the estimate of E^-2/3 below which a lump counts as hard.
+    y, half : (n, outputs), link scale; hard : (n), called hard; familiar : (n), in the domain but for the
+    checks; unlike : (n), left out by a check.
     """
 
     y: Floats
     half: Floats
-    lo: Floats
-    hi: Floats
     hard: NDArray[np.bool_]
-    found: NDArray[np.bool_]
     familiar: NDArray[np.bool_]
     unlike: NDArray[np.bool_]
-    border: float
 
     @property
     def in_domain(self) -> NDArray[np.bool_]:
         """(n), whether each stroke is one that the model is for."""
         return self.familiar & ~self.unlike
-
-    @property
-    def value(self) -> Floats:
-        """Estimates in the units of the wire, (n, outputs)."""
-        return from_link(self.y)
-
-    @property
-    def low(self) -> Floats:
-        """Lower ends of the intervals, in the units of the wire."""
-        return from_link(np.clip(self.y - self.half, self.lo, self.hi))
-
-    @property
-    def high(self) -> Floats:
-        """Upper ends of the intervals, in the units of the wire."""
-        return from_link(np.clip(self.y + self.half, self.lo, self.hi))
-
-    @property
-    def hardness(self) -> NDArray[np.str_]:
-        """(n), "hard", "soft" or "unsure"."""
-        sure_hard, sure_soft = self.high[:, E_INV23] < self.border, self.low[:, E_INV23] >= self.border
-        return np.where(sure_hard, "hard", np.where(sure_soft, "soft", "unsure"))
 
 
 @dataclass(frozen=True)
@@ -132,19 +102,10 @@ class FittedModel:
     def answer(self, seen: Observed, tissue: Floats | None = None) -> Answers:
         """Estimates of every stroke, those without a lump too (their numbers mean nothing)."""
         X = self.inputs(seen, tissue)
-        return self.answer_from(X, self.polynomial.predict(X), seen.found, self.unlike(X, seen))
-
-    def answer_from(
-        self, X: Floats, y: Floats, found: NDArray[np.bool_], unlike: NDArray[np.bool_] | None = None
-    ) -> Answers:
-        """Answers from features X (n, features), predictions y (n, outputs; link scale) and found (n)."""
-        z, hard = self.polynomial.standard(X), y[:, E_INV23] < self.border
+        z, y = self.polynomial.standard(X), self.polynomial.predict(X)
+        hard = y[:, E_INV23] < self.border
         half = self.widths.half(z, y, hard)
-        if unlike is None:
-            unlike = np.zeros(len(X), bool)
-        familiar = self.domain.inside(X, z, y, half)
-        lo, hi = self.polynomial.lo, self.polynomial.hi
-        return Answers(y, half, lo, hi, hard, found, familiar, unlike, self.border)
+        return Answers(y, half, hard, self.domain.inside(X, z, y, half), self.unlike(X, seen))
 
     def unlike(self, X: Floats, seen: Observed) -> NDArray[np.bool_]:
         """Whether a check is above 0 for each stroke, (n); X as of `inputs`."""
@@ -254,31 +215,17 @@ def _fitted(
     return fit(X, Y, groups), guess
 
 
-def fit_model(
-    scope: Scope,
-    train: Observed,
-    calibration: Observed | None = None,
-    rim: Observed | None = None,
-    checks: FitChecks | None = None,
-    step: Callable[[str], None] | None = None,
-) -> FittedModel:
+def fit_model(scope: Scope, train: Observed, rim: Observed | None = None) -> FittedModel:
     """Fit the model of a scope; strokes that show no lump are left out of its last stage.
 
     Parameters
     ----------
     scope : Scope
     train : Observed
-    calibration : Observed, optional
-        Strokes over other lumps, by which intervals and domain are set too.
     rim : Observed, optional
         Strokes over lumps just outside the ranges: polynomials are fitted to them too, so that they do not
         extrapolate at the ranges' corners; intervals and domain are not.
-    checks : callable, optional
-        Fits the checks to the model's own strokes over lumps, before its domain (`other_tissues`).
-    step : callable, optional
-        Called with what has just been done.
     """
-    step = step or (lambda what: None)
     n = len(train)
     if rim is not None and len(rim):
         train = joined([train, replace(rim, group=-1 - rim.group)])
@@ -287,46 +234,29 @@ def fit_model(
         # The last stage learns from estimates as good as it will get: of lumps left out.
         press, guessed = fit_press(train, scope.press)
         guessed = guessed[train.found]
-        step("press")
     within = int(train.found[:n].sum())
     found, recipe = train.take(train.found), scope.last_stage
     X, Y = inputs_of(recipe.features, found, guessed), found.truth[:, : scope.estimated]
-    own, x = found.take(np.arange(within)), X[:within]
-    if calibration is not None:
-        calibration = calibration.take(calibration.found)
-        own = joined([own, calibration])
-        said = None if press is None else said_by_press(press, calibration.press)
-        x = np.concatenate([x, inputs_of(recipe.features, calibration, said)])
-    fitted = checks(own) if checks else None
     terms = recipe.terms(standardised(X), Y, found.group)
-    step("terms chosen")
     polynomial, guess = _fitted(recipe.features, X, Y, found.group, terms, scope)
-    guess = guess[:within]
-    z, true = polynomial.standard(x), own.truth[:, : scope.estimated]
-    sigma = fit_sigma(z[:within], guess, true[:within] - guess, own.group[:within])
-    # From here on, both kinds of out-of-sample strokes.
-    guess = np.concatenate([guess, polynomial.predict(x[within:])])
-    border = even_odds(guess[:, E_INV23], true[:, E_INV23] <= HARD_BELOW)
-    hard = guess[:, E_INV23] < border
-    together = [] if scope.told else [_OF_DEPTH]
-    parts = list(scope.parts(own).values())
-    widths = calibrate(*sigma, z, guess, true, hard, groups=parts, together=together)
-    if not scope.told:
-        widths = _wide_enough_for_depth(widths, z, guess, true, hard)
-    familiar = familiar_unseen(polynomial, x, own.group)
-    if fitted is not None:
-        familiar &= ~above_zero(fitted, NAMES, own.X)
+    # From here on the model's own lumps, each as it is estimated without itself.
+    own, x, y, true = found.take(np.arange(within)), X[:within], guess[:within], Y[:within]
+    z = polynomial.standard(x)
+    sigma = fit_sigma(z, y, true - y, own.group)
+    border = even_odds(y[:, E_INV23], true[:, E_INV23] <= HARD_BELOW)
+    hard = y[:, E_INV23] < border
+    widths = calibrate(*sigma, z, y, true, hard, groups=list(scope.parts(own).values()), together=[_OF_DEPTH])
+    widths = _wide_enough_for_depth(widths, z, y, true, hard)
     domain = with_ranges(
         fit_domain(x, z, scope.estimated, UNFAMILIAR_INSIDE),
         np.array([scope.limits(name)[0] for name in OUTPUTS[: scope.estimated]]),
         np.array([scope.limits(name)[1] for name in OUTPUTS[: scope.estimated]]),
-        familiar,
-        guess,
-        widths.half(z, guess, hard),
-        FLAGGED_INSIDE if fitted is None else WITH_CHECKS,
+        familiar_unseen(polynomial, x, own.group),
+        y,
+        widths.half(z, y, hard),
+        FLAGGED_INSIDE,
     )
-    step("models fitted")
-    return FittedModel(scope, press, polynomial, widths, domain, border, fitted)
+    return FittedModel(scope, press, polynomial, widths, domain, border)
 
 
 def familiar_unseen(model: Polynomial, X: Floats, groups: NDArray[np.int64]) -> NDArray[np.bool_]:

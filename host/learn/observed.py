@@ -1,6 +1,6 @@
 """Strokes as the probe observes them: quantised noisy frames through the firmware's own integer pipeline.
 
-A lump is observed in the fat that it was simulated in (`observe`), or each in a fat of its own
+A lump is observed in the fat that it was simulated in (`observe`), or after a press, each in a fat of its own
 (`observe_in_any_fat`): one simulation serves every fat, since with all moduli and the force times s
 displacements stay and pressures go times s.
 """
@@ -125,34 +125,30 @@ def observe(
     fields: Sequence[StrokeField],
     noise: Noise | str,
     seed: int,
-    groups: Sequence[int] | None = None,
     force_map: bytes | None = None,
     alter: Alter | None = None,
-    first: int = 0,
 ) -> Observed:
     """One stroke over each field, each by a probe of its own; the same seed gives the same strokes.
 
     Parameters
     ----------
-    fields : one for each stroke, which a press precedes where it has one
+    fields : one for each stroke
     noise : Noise or name
     seed : int
-    groups : which lump each field is; by default its place in `fields`
     force_map : blob of `palpate.model_export.integers.force_map`, or None
     alter : changes the counts (frames, cells) as another sensor would, for example one with fewer bits
-    first : the number of the first stroke, if these are part of a longer set
     """
     level = noise_named(noise)
 
     def stroke(field: StrokeField, k: int) -> tuple[FrameStream, Calibration]:
         probe = SensorModel(field, level, _seed_of(seed, k))
-        stream = probe.stroke(press=PRESS_FRAMES if field.press else 0, pressed=field.press)
+        stream = probe.stroke()
         if alter is not None:
             stream = replace(stream, packed=[pack(c) for c in alter(stream.counts)])
         return stream, probe.calibration()
 
-    made = (stroke(field, k) for k, field in enumerate(fields, first))
-    return of_streams(made, range(len(fields)) if groups is None else groups, force_map)
+    made = (stroke(field, k) for k, field in enumerate(fields))
+    return of_streams(made, range(len(fields)), force_map)
 
 
 def observe_in_any_fat(
@@ -187,6 +183,11 @@ def observe_in_any_fat(
     made = ((p.sensors.stroke(press=PRESS_FRAMES, pressed=p.press), p.sensors.calibration()) for p in probes)
     seen = of_streams(made, range(first, first + len(lumps)), force_map)
     return seen.take(seen.pressed)
+
+
+def own_fat(lumps: Sequence[LumpStrokes]) -> list[float]:
+    """The modulus of each lump's fat as it was simulated, kPa."""
+    return [lump.low.case.fat_kPa for lump in lumps]
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The result of a field fit: the model, and how well it does on unseen lumps."""
+"""The result of a fit: the model, and how well it does on unseen lumps."""
 
 from __future__ import annotations
 
@@ -14,114 +14,14 @@ from rich.table import Table
 from palpate.learn import tables
 from palpate.learn.conformal import LEVEL
 from palpate.learn.flags import facts_of
-from palpate.learn.model import Answers, FittedModel
+from palpate.learn.model import FittedModel
 from palpate.learn.observed import Observed
 from palpate.learn.probe_model import OUTPUTS, training_hash
 from palpate.learn.reference import JoiningFit
-from palpate.learn.scopes import FIELD
-from palpate.learn.score import HeldOutRow, flat
+from palpate.learn.score import flat, found_by
 from palpate.learn.study import Study, TextTable, text_of
 from palpate.model_export.integers.force_map import ForceMap
 from palpate.model_export.schema import FirstStage, ModelSpec
-
-TARGETS_MET = {
-    ("none", 1): {"t_r2": 0.999, "d_r2": 0.998, "h_r2": 0.996, "E_inv23_r2": 0.985},
-    ("typical", 1): {
-        "t_r2": 0.997,
-        "t_error": 0.012,
-        "d_r2": 0.987,
-        "d_error": 0.024,
-        "h_r2": 0.98,
-        "h_error": 0.03,
-        "E_inv23_r2": 0.95,
-        "hard_soft": 0.95,
-        "hard_soft_far": 0.99,
-    },
-    ("typical", 4): {"E_inv23_r2": 0.97},
-}
-"""(noise, strokes) -> what the field recipe should reach on lumps it has not seen."""
-
-
-@dataclass(frozen=True)
-class FieldFit:
-    """A field model, and how well it does on unseen lumps.
-
-    Attributes
-    ----------
-    spec : ModelSpec
-        What `palpate fit` writes; trained at `noise`.
-    model : FittedModel
-    rows : list of HeldOutRow
-    coverage : DataFrame
-        Of the intervals, by group (`score.coverage`).
-    excluded : dict
-        Reason -> how many strokes were left out of training, calibration or test.
-    facts : dict
-        Domain flags, false alarms, hardness, bounds.
-    flagged : DataFrame
-        The domain flag by distance from the ranges' ends (`flags.by_distance`).
-    found : DataFrame
-        Detectability by d, h and E.
-    visits : DataFrame
-        Smallest change of diameter between two visits, %.
-    """
-
-    spec: ModelSpec
-    model: FittedModel
-    noise: str
-    rows: list[HeldOutRow]
-    coverage: pd.DataFrame
-    excluded: dict[str, int]
-    facts: dict[str, float]
-    flagged: pd.DataFrame
-    found: pd.DataFrame
-    visits: pd.DataFrame
-    test: Observed = field(repr=False)
-    answers: Answers = field(repr=False)
-
-    def tables(self) -> list[Table]:
-        """What `palpate fit --kind field` prints."""
-        return [
-            tables.held_out(self.rows, self.missed_targets()),
-            tables.coverage(self.coverage, self.model.widths.level, self.noise),
-            tables.facts(self.facts, self.noise),
-            tables.flagged(self.flagged),
-            tables.excluded(self.excluded),
-            tables.found(self.found),
-            tables.visits(self.visits),
-        ]
-
-    def missed_targets(self) -> list[str]:
-        """Targets not reached, each as a sentence with the number reached."""
-        out = []
-        for row in self.rows:
-            for name, goal in TARGETS_MET.get((row.noise, row.strokes), {}).items():
-                got = row.scores[name]
-                fine = got <= goal if name.endswith("_error") else got >= goal
-                if row.recipe == FIELD.name and not fine:
-                    out.append(f"{row.noise}, {row.strokes} stroke(s): {name} is {got:.4f}, wanted {goal}")
-        return out
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain numbers for JSON."""
-        return {
-            "noise": self.noise,
-            "held_out": [row.to_dict() for row in self.rows],
-            "targets_missed": self.missed_targets(),
-            "coverage": self.coverage.reset_index(names="group").to_dict("records"),
-            "excluded": self.excluded,
-            **flat(self.facts),
-            "flagged_by_distance": [_ends(row) for row in self.flagged.to_dict("records")],
-            "detectability": self.found.to_dict("records"),
-            "two_visits_change_of_diameter_percent": self.visits.to_dict("records"),
-            "training": self.spec.training,
-        }
-
-
-def _ends(row: dict[Any, Any]) -> dict[str, Any]:
-    """A row with its infinite ends as None, for JSON."""
-    return {name: value if np.isfinite(value) else None for name, value in row.items()}
-
 
 _STRANGE = {
     "flagged": "flagged",
@@ -133,7 +33,7 @@ _STRANGE = {
 
 @dataclass(frozen=True)
 class TissueFit:
-    """A model that is not told its tissue, and how well it does.
+    """A model, and how well it does on lumps that it has not seen.
 
     Attributes
     ----------
@@ -143,11 +43,13 @@ class TissueFit:
     rows : list of dict
         Of the held-out table (`study.Study.row`).
     study : Study
-        Held-out estimates at `noise`, with the press.
+        Held-out estimates at `noise`, with the press where the model takes one.
     strange : DataFrame
         Two lumps side by side, tissue that undulates (`strange.strange_table`).
     facts : dict
         Domain flags, false alarms.
+    found : DataFrame
+        Detectability by d, depth and E (`score.found_by`).
     excluded : dict
         Reason -> how many strokes were left out.
     """
@@ -159,53 +61,60 @@ class TissueFit:
     study: Study = field(repr=False)
     strange: pd.DataFrame = field(repr=False)
     facts: dict[str, float] = field(repr=False)
+    found: pd.DataFrame = field(repr=False)
     excluded: dict[str, int] = field(repr=False)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """What it estimates, of `probe_model.OUTPUTS`."""
+        return OUTPUTS[: self.study.scope.estimated]
 
     def coverage(self) -> pd.DataFrame:
         """Share of true values inside the intervals: all, and each quarter of lump and tissue."""
         study = self.study
-        inside = np.abs(study.y - study.seen.truth) <= study.half
+        inside = np.abs(study.y - study.seen.truth[:, : study.scope.estimated]) <= study.half
         groups = {"all": np.ones(len(inside), bool), **study.parts}
         rows = {
-            name: {"n": int(group.sum()), **dict(zip(OUTPUTS, inside[group].mean(0)))}
+            name: {"n": int(group.sum()), **dict(zip(self.outputs, inside[group].mean(0)))}
             for name, group in groups.items()
         }
         return pd.DataFrame.from_dict(rows, orient="index")
 
     def tables(self) -> list[Table]:
         """What `palpate fit --kind field` prints."""
-        heads, rows = text_of(pd.DataFrame(self.rows), self.study.targets)
-        title = "Lumps and tissue never seen: R2 / median error / % in the interval"
+        heads, rows = text_of(pd.DataFrame(self.rows), self.study.scope.targets)
+        title = "Lumps never seen: R2 / median error / % in the interval"
         held_out = tables.shown(title, heads, rows, caption=tables.targets(self.missed_targets()))
         found = self.coverage()
         cells = [
-            [str(name), *(f"{100 * row[output]:.0f}" for output in OUTPUTS), f"{row['n']:.0f}"]
+            [str(name), *(f"{100 * row[output]:.0f}" for output in self.outputs), f"{row['n']:.0f}"]
             for name, row in found.iterrows()
         ]
         title = f"Coverage of the {100 * LEVEL:.0f} % intervals, %, noise {self.noise}"
         return [
             held_out,
             *(tables.shown(*table) for table in self.study.further_tables()),
-            tables.shown(title, ["lumps", *OUTPUTS, "n"], cells),
+            tables.shown(title, ["lumps", *self.outputs, "n"], cells),
             tables.facts(self.facts, self.noise),
             tables.shown(
                 f"Two lumps, uneven tissue: noise {self.noise}, %",
                 ["strokes that find a lump", *_STRANGE.values(), "n"],
                 [
-                    [row["strokes"], *(f"{100 * row[name]:.1f}" for name in _STRANGE), str(row["n"])]
+                    [row["strokes"], *(_percent(row[name]) for name in _STRANGE), str(row["n"])]
                     for row in self.strange.to_dict("records")
                 ],
             ),
+            tables.found(self.found),
             tables.excluded(self.excluded),
         ]
 
     def missed_targets(self) -> list[str]:
-        """Targets not reached with the press at typical noise, each as a sentence with the number reached."""
+        """Targets not reached at typical noise, each as a sentence with the number reached."""
         out = []
         for row in self.rows:
-            if row["setting"] != "typical, with its press":
+            if row["setting"] != f"typical, {self.study.scope.input}":
                 continue
-            for name, goal in self.study.targets.items():
+            for name, goal in self.study.scope.targets.items():
                 high = name.endswith("_r2") or name in ("hard_soft", "worst_quarter")
                 got = float(row[name if high else f"{name}_error"])  # type: ignore[arg-type]
                 if got < goal if high else got > goal:
@@ -221,10 +130,15 @@ class TissueFit:
             "coverage": self.coverage().reset_index(names="group").to_dict("records"),
             "excluded": self.excluded,
             **flat(self.facts),
-            "strange": self.strange.to_dict("records"),
+            "strange": [flat({str(k): v for k, v in row.items()}) for row in self.strange.to_dict("records")],
+            "detectability": self.found.to_dict("records"),
             **({"tables": records(further)} if (further := self.study.further_tables()) else {}),
             "training": self.spec.training,
         }
+
+
+def _percent(share: float) -> str:
+    return "" if np.isnan(share) else f"{100 * share:.1f}"
 
 
 def records(tables: Sequence[TextTable]) -> list[dict[str, Any]]:
@@ -236,7 +150,7 @@ def records(tables: Sequence[TextTable]) -> list[dict[str, Any]]:
 
 def tissue_fit(
     model: FittedModel,
-    joining: JoiningFit,
+    joining: JoiningFit | None,
     checks: FirstStage,
     fitted_to: Sequence[Observed],
     counts: Mapping[str, int],
@@ -246,6 +160,7 @@ def tissue_fit(
     rows: list[dict[str, object]],
     force_map: ForceMap,
     strange: pd.DataFrame,
+    asked: Observed,
     outside: Observed | None,
     plain: Observed,
     left_out: dict[str, int],
@@ -253,7 +168,8 @@ def tissue_fit(
 ) -> TissueFit:
     """The result, with its document: hash and counts of what the model was fitted to, and its scores.
 
-    counts : what the document says of the lumps; outside, plain : see `flags.facts_of`; host : the parts that
+    joining : of a model with a first stage; counts : what the document says of the lumps; asked : strokes
+    over lumps inside the ranges, found or not; outside, plain : see `flags.facts_of`; host : the parts that
     the host tells (`model.Model.spec`).
     """
     training = {
@@ -262,18 +178,21 @@ def tissue_fit(
         **counts,
         "noise": Path(noise).name,
         "seed": seed,
-        "tissue": "any",
-        **study.training,
+        **study.scope.words,
     }
-    scores = {name: value for name, value in rows[1].items() if isinstance(value, float)}
+    main = next(row for row in rows if row["setting"] == f"{noise}, {study.scope.input}")
+    scores = {name: value for name, value in main.items() if isinstance(value, float)}
     whole = replace(model, checks=checks)
     return TissueFit(
-        spec=whole.spec(training, force_map.as_dict(), joining.data(), held_out=scores, **host),
+        spec=whole.spec(
+            training, force_map.as_dict(), joining.data() if joining else None, held_out=scores, **host
+        ),
         model=model,
         noise=noise,
         rows=rows,
         study=study,
         strange=strange,
         facts=facts_of(model, study.flagged, outside, plain),
+        found=found_by(asked),
         excluded=left_out,
     )

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations_with_replacement
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from firmware_py import outputs
 from palpate.answer.layers import PLACES, layer_of, values
 from palpate.features import press_features
 from palpate.features.map_features import Floats
+from palpate.learn.design import Tissue, lump_cases, no_lump_cases, other_cases, rim_cases
 from palpate.learn.observed import FORCE_N_PER_M, OF_THE_DISPLACEMENT, Observed
 from palpate.learn.probe_model import OUTPUTS, to_link
 from palpate.learn.ridge import Term, all_terms, fit_ridge, importance
@@ -71,7 +73,7 @@ CUBIC = (
     "tilt_10_14",
     "trace_7_9",
 )
-MOST_CUBIC = 48
+MOST_CUBIC = 40
 """Of a told model: the image must stay below 8000 bytes."""
 
 ESTIMATES = ("ln_reach", "ln_t", "ln_layers")
@@ -108,7 +110,7 @@ the narrow image of a ball, not in how it is put together."""
 
 @dataclass(frozen=True)
 class Recipe:
-    """Which features in which terms, and whether frames are moved to the mean force first.
+    """Which features in which terms.
 
     Attributes
     ----------
@@ -127,7 +129,6 @@ class Recipe:
     name: str
     features: tuple[str, ...]
     degree: int
-    force_map: bool = True
     cubic: tuple[str, ...] = field(default=())
     alone: tuple[str, ...] = field(default=())
     most: int | None = None
@@ -181,13 +182,19 @@ PRESSURE_ONLY = _told_recipe("field, pressure only", False)
 """For recordings without displacement."""
 
 
+Drawn = Callable[[int, int], list[Case]]
+"""So many cases of a seed, at their middle force."""
+
+
 @dataclass(frozen=True)
 class Design:
-    """Lumps in tissue of all kinds: so many of a seed, at their middle force; outside the ranges; none."""
+    """What is simulated: lumps, those just outside the ranges, tissue without a lump; where the model is told
+    its tissue, others too."""
 
-    lumps: Callable[[int, int], list[Case]]
-    rim: Callable[[int, int], list[Case]]
-    plain: Callable[[int, int], list[Case]]
+    lumps: Drawn
+    rim: Drawn
+    plain: Drawn
+    others: Drawn | None = None
 
 
 @dataclass(frozen=True)
@@ -204,8 +211,8 @@ class Scope:
         Truths by whose quarters the intervals are to hold.
     press : tuple of str
         The first stage's features; none: there is no first stage, the stroke has to say all.
-    told : bool
-        Whether the model is told its tissue: it repeats E_fat, the last output.
+    tissue : mapping, optional
+        That of a model which is told its tissue and repeats E_fat, the last output: `design.Tissue`.
     ends : mapping
         Of estimates, link scale, by output; none: those of training.
     force_N_per_m : (float, float)
@@ -214,24 +221,43 @@ class Scope:
     layers : bool
         Whether lumps lie in several layers, which intervals are to hold for too.
     design : Design, optional
-        What is simulated, in tissue of all kinds.
+        What is simulated, of cylinders.
+    targets : mapping
+        Of one stroke, with its press where the scope has one, at typical noise: median errors, R2, hard or
+        soft right, coverage in every quarter.
+    words : mapping
+        What the model's document says of the lumps.
     """
 
     ranges: Mapping[str, tuple[float, float]]
     recipe: Recipe
     quarters: tuple[str, ...]
     press: tuple[str, ...] = ()
-    told: bool = False
+    tissue: Mapping[str, Any] | None = None
     ends: Mapping[str, tuple[float, float]] | None = None
     force_N_per_m: tuple[float, float] = FORCE_N_PER_M
     folds: int = 4
     layers: bool = False
     design: Design | None = None
+    targets: Mapping[str, float] = field(default_factory=dict)
+    words: Mapping[str, str] = field(default_factory=lambda: {"tissue": "any"})
+
+    @property
+    def told(self) -> bool:
+        """Whether the model is told its tissue."""
+        return self.tissue is not None
 
     @property
     def estimated(self) -> int:
         """How many outputs are estimated."""
         return outputs.E_FAT if self.told else outputs.COUNT
+
+    @property
+    def input(self) -> str:
+        """What the model is given, in words."""
+        if self.told:
+            return "one stroke"
+        return "with its press" if self.press else "the stroke alone"
 
     @property
     def stroke_alone(self) -> Scope:
@@ -304,22 +330,45 @@ def _stroke(name: str, features: tuple[str, ...]) -> Recipe:
     return Recipe(name, features, 2, cubic=cubic, most=STROKE_TERMS, kept=1)
 
 
-TOLD = Scope(
-    _by_output(4, 5),
-    FIELD,
-    ("ln d", "ln h", "E^-2/3", "ln F"),
-    told=True,
-    ends=_by_output(6, 7),
-    force_N_per_m=(outputs.TABLE[0][4], outputs.TABLE[0][5]),
-    folds=8,
-)
-"""Told its tissue."""
+def told(tissue: Tissue) -> Scope:
+    """The scope of a model that is told its tissue."""
+    drawn = (partial(of, tissue=tissue) for of in (lump_cases, rim_cases, no_lump_cases, other_cases))
+    return Scope(
+        _by_output(4, 5),
+        FIELD,
+        ("ln d", "ln h", "E^-2/3", "ln F"),
+        tissue=tissue,
+        ends=_by_output(6, 7),
+        force_N_per_m=(outputs.TABLE[0][4], outputs.TABLE[0][5]),
+        folds=8,
+        design=Design(*drawn),
+        targets=MappingProxyType(
+            {"d": 0.024, "t": 0.012, "h": 0.03, "hard_soft": 0.95, "worst_quarter": 0.86}
+        ),
+        words={},
+    )
+
+
+TOLD = told(MappingProxyType({}))
+"""Told that its tissue is the thesis'."""
 BORDER = Scope(
     MappingProxyType(_BORDER_RANGES),
     _stroke("border", STROKE),
     _TISSUES,
     PRESS,
     design=Design(partial(random_lumps, r=TissueRanges()), rim_lumps, plain_lumps),
+    targets=MappingProxyType(
+        {
+            "d": 0.055,
+            "depth": 0.03,
+            "t": 0.025,
+            "E_fat": 0.015,
+            "d_r2": 0.94,
+            "E_inv23_r2": 0.83,
+            "hard_soft": 0.87,
+            "worst_quarter": 0.86,
+        }
+    ),
 )
 """Lumps on the border between fat and gland."""
 ANYWHERE = Scope(
@@ -335,7 +384,27 @@ ANYWHERE = Scope(
     PRESS,
     layers=True,
     design=Design(anywhere_lumps, anywhere_rim, anywhere_plain),
+    targets=MappingProxyType({"d": 0.116, "d_r2": 0.74, "depth": 0.066, "depth_r2": 0.94}),
+    words={"tissue": "any", "place": "any"},
 )
-"""The fat's thickness for itself; depth is no output, but h holds it roughly: 2 mm under the skin to 30."""
-SOLID = replace(BORDER, recipe=_stroke("solid", STROKE_SOLID), press=press_features.NAMES, design=None)
+"""The fat's thickness for itself; depth is no output, but h holds it roughly: 2 mm under the skin to 30.
+Targets are of the laboratory, which had a reference press as well."""
+SOLID = replace(
+    BORDER,
+    recipe=_stroke("solid", STROKE_SOLID),
+    press=press_features.NAMES,
+    design=None,
+    targets=MappingProxyType(
+        {
+            "d": 0.08,
+            "width": 0.10,
+            "depth": 0.05,
+            "t": 0.03,
+            "E_fat": 0.02,
+            "hard_soft": 0.85,
+            "worst_quarter": 0.86,
+        }
+    ),
+    words={"tissue": "any", "shape": "solid"},
+)
 """Balls and ellipsoids on the border."""

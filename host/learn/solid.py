@@ -133,6 +133,7 @@ def fit_to_balls(
         rows,
         force_map,
         strange,
+        own,
         observed(rim, noise, seed, blob, len(lumps)) if rim else None,
         observed(plain, noise, seed, blob, draws=1),
         {"no lump found": round(len(study.y) * study.lost / (1 - study.lost))},

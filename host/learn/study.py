@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import pandas as pd
@@ -24,19 +23,6 @@ if TYPE_CHECKING:
     from palpate.model_export.schema import Layers
 
 DRAWS, FOLDS = 3, 5
-TARGETS = {
-    "d": 0.055,
-    "depth": 0.03,
-    "t": 0.025,
-    "E_fat": 0.015,
-    "d_r2": 0.94,
-    "E_inv23_r2": 0.83,
-    "hard_soft": 0.87,
-    "worst_quarter": 0.86,
-}
-"""Of one stroke with its press at typical noise: median errors, R2, hard or soft right, coverage in every
-quarter."""
-
 TextTable = tuple[str, list[str], list[list[str]]]
 """Title, heads, rows."""
 
@@ -53,11 +39,6 @@ class Study:
     what the second stage had, where it was kept.
     """
 
-    scope: ClassVar[Scope] = BORDER
-    targets: ClassVar[Mapping[str, float]] = MappingProxyType(TARGETS)
-    training: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    """What the document says of the lumps."""
-
     seen: Observed
     y: Floats
     half: Floats
@@ -65,6 +46,7 @@ class Study:
     lost: float
     in_domain: NDArray[np.bool_] | None = None
     inputs: Floats = field(default_factory=lambda: np.empty((0, 0)), kw_only=True)
+    scope: Scope = field(default=BORDER, kw_only=True)
 
     @property
     def parts(self) -> Parts:
@@ -87,15 +69,19 @@ class Study:
         folds: int = FOLDS,
         step: Callable[[str], None] | None = None,
         rim: Observed | None = None,
+        scope: Scope | None = None,
     ) -> Self:
         """Every lump predicted by models fitted, both stages and the intervals, without it.
 
-        rim: strokes over lumps outside the ranges, that all models are fitted to as well.
+        rim: strokes over lumps outside the ranges, that all models are fitted to as well; scope: by default
+        the class's own.
 
         The force map alone has seen every lump: it knows nothing of what lies below.
         """
         fold = seen.group % folds
-        scope = cls.scope if with_press else cls.scope.stroke_alone
+        scope = scope or cls.scope
+        if not with_press:
+            scope = scope.stroke_alone
         parts, answers, inputs = [], [], []
         for k in range(folds):
             model = fit_model(scope, seen.take(fold != k), rim=rim)
@@ -112,14 +98,15 @@ class Study:
             float((~seen.found).mean()),
             np.concatenate([a.in_domain for a in answers]),
             inputs=np.concatenate(inputs),
+            scope=scope,
         )
 
     def row(self, words: str) -> dict[str, object]:
         """R2, median errors and coverage; lengths, forces and moduli relative, E^-2/3 absolute."""
-        Y = self.seen.truth
+        Y = self.seen.truth[:, : self.scope.estimated]
         inside = np.abs(self.y - Y) <= self.half
         out: dict[str, object] = {"setting": words, "n": len(Y), "lumps": len(np.unique(self.seen.group))}
-        for j, name in enumerate(SYMBOLS):
+        for j, name in enumerate(SYMBOLS[: self.scope.estimated]):
             out |= of_output(name, Y[:, j], self.y[:, j], self.half[:, j], absolute=j == E_INV23)
         out |= self._depth()
         out["hard_soft"] = float((self.hard == (Y[:, E_INV23] <= HARD_BELOW)).mean())
@@ -162,7 +149,7 @@ _COLUMNS = {
 
 
 def text_of(
-    result: pd.DataFrame, targets: Mapping[str, float] = MappingProxyType(TARGETS)
+    result: pd.DataFrame, targets: Mapping[str, float] = BORDER.targets
 ) -> tuple[list[str], list[list[str]]]:
     """Heads and rows: R2 / median error / the intervals' coverage of each output, and what is wanted."""
     names = [name for name in _COLUMNS if f"{name}_error" in result]

@@ -8,10 +8,8 @@ emulator's own error is in it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from types import MappingProxyType
-from typing import ClassVar
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,17 +30,6 @@ OWN_DRAWS = 6
 """Strokes over each computed lump that a model learns from."""
 EMULATED_SEED = 77
 """Of the emulated lumps; computed ones are of another."""
-
-TARGETS = {
-    "d": 0.08,
-    "width": 0.10,
-    "depth": 0.05,
-    "t": 0.03,
-    "E_fat": 0.02,
-    "hard_soft": 0.85,
-    "worst_quarter": 0.86,
-}
-"""Of one stroke with its press at typical noise: median errors, hard or soft right."""
 
 Step = Callable[[str], None]
 
@@ -73,14 +60,11 @@ class SolidStudy(Study):
     """`width` and `place`, (n,), if they are there: ln of the width across, mm, and place across, mm; half of
     their intervals."""
 
-    scope: ClassVar[Scope] = SOLID
-    targets: ClassVar[Mapping[str, float]] = MappingProxyType(TARGETS)
-    training: ClassVar[Mapping[str, str]] = MappingProxyType({"shape": "solid"})
-
     width: Floats | None = None
     width_half: Floats | None = None
     place: Floats | None = None
     place_half: Floats | None = None
+    scope: Scope = field(default=SOLID, kw_only=True)
 
     def row(self, words: str) -> dict[str, object]:
         """As of any tissue, and across the stroke: width, relative, and place, mm."""

@@ -11,26 +11,20 @@ from typing import Any
 import numpy as np
 
 from firmware_py.outputs import E_FAT
-from palpate.features.map_features import Floats
 from palpate.files import json_text, whole_file
-from palpate.learn.any_tissue import fit_in_any_tissue
-from palpate.learn.anywhere import AnywhereStudy
-from palpate.learn.data import prepare, prepare_strokes
-from palpate.learn.design import FIELD_SETTINGS, PRESS_SETTINGS
-from palpate.learn.design import PRESS_PARTS as TOLD_PRESS
-from palpate.learn.design import at_forces as at_three_forces
+from palpate.learn import scopes
+from palpate.learn.cylinders import fit_to_cylinders
+from palpate.learn.data import prepare_strokes
 from palpate.learn.emulator import fit_emulator
 from palpate.learn.emulator_file import errors_of, write_emulator
 from palpate.learn.lumps import SET, LumpStrokes, read_solid_rim, read_solids, solid_lumps
-from palpate.learn.observed import observe, observe_in_any_fat
+from palpate.learn.observed import observe_in_any_fat
 from palpate.learn.plane_emulator import write_plane_emulator
 from palpate.learn.plane_fit import errors_of as errors_of_plane
 from palpate.learn.plane_fit import fit_plane_emulator
 from palpate.learn.plane_frames import BLOCKS, plane_frames
-from palpate.learn.result import FieldFit, TissueFit
+from palpate.learn.result import TissueFit
 from palpate.learn.solid import fit_to_balls
-from palpate.learn.study import Study
-from palpate.learn.told import fit_field
 from palpate.model_export.integers import force_map as force_maps
 from palpate.model_export.integers.reference import evaluate, inputs
 from palpate.model_export.schema import ModelSpec
@@ -46,7 +40,6 @@ from palpate.models import (
     recipe_path,
 )  # fmt: skip
 from palpate.progress import ProgressCallback
-from palpate.sim.probe.sensors import StrokeField
 from palpate.sim.tissue import Case, simulate
 from palpate.sim.tissue.any_tissue import FORCE_PARTS, PRESS_PARTS, PRESSES, STROKES, at_forces
 from palpate.sim.tissue.solid.kept import read_kept
@@ -59,15 +52,7 @@ MADE: dict[str, dict[str, Any]] = {
     FIELD: {"lumps": 1500, "noise": "typical", "seed": 1},
     BALLS: {"design": "some of balls:1000:1+balls-soft:96:1", "noise": "typical", "seed": 1},
     ANYWHERE: {"lumps": 1100, "noise": "typical", "seed": 1},
-    TOLD: {
-        "lumps": 1024,
-        "rim": 64,
-        "plain": 64,
-        "wide": 32,
-        "noise": "typical",
-        "seed": 1,
-        "tissue": "thesis",
-    },
+    TOLD: {"lumps": 1024, "noise": "typical", "seed": 1, "tissue": "thesis"},
 }
 """Arguments of what prepares the strokes and fits, by model."""
 
@@ -91,7 +76,7 @@ SAMPLES: dict[str, Sequence[tuple[Case, float]]] = {
 }
 """Lumps that the models were not fitted to, on each side of their ranges' middle, and the fat's modulus."""
 
-_KINDS: dict[str, type[Study]] = {FIELD: Study, ANYWHERE: AnywhereStudy}
+_SCOPES = {FIELD: scopes.BORDER, ANYWHERE: scopes.ANYWHERE, TOLD: scopes.TOLD}
 
 SAMPLE_SEED = 7
 EMULATOR, PLANE = "emulator", "plane"
@@ -100,7 +85,7 @@ _KNOWN_OF = 25
 """Every so-manieth cylinder is not met by its emulator: that is what its errors are of."""
 
 
-def build(name: str, directory: Path, progress: ProgressCallback | None = None) -> FieldFit | TissueFit:
+def build(name: str, directory: Path, progress: ProgressCallback | None = None) -> TissueFit:
     """Simulate into `directory` what it lacks, fit, and write model and recipe into this package.
 
     Parameters
@@ -113,20 +98,14 @@ def build(name: str, directory: Path, progress: ProgressCallback | None = None) 
         See `palpate.progress.ProgressCallback`.
     """
     made = MADE[name]
-    fit: FieldFit | TissueFit
-    if name in _KINDS:
-        kind = _KINDS[name]
-        tissues = prepare_strokes(directory, made["lumps"], progress=progress, scope=kind.scope)
-        fit = fit_in_any_tissue(tissues, made["noise"], made["seed"], progress=progress, kind=kind)
-    elif name == BALLS:
+    if name == BALLS:
         workers = os.cpu_count() or 1
         lumps, rim = read_solids(directory), read_solid_rim(directory)
         fit = fit_to_balls(lumps, made["noise"], made["seed"], workers=workers, progress=progress, rim=rim)
     else:
-        counts = {part: made[part] for part in ("lumps", "rim", "plain", "wide")}
-        strokes = prepare(directory, **counts, progress=progress)
-        noise = made["noise"]
-        fit = fit_field(strokes, noise, made["seed"], levels=(noise,), progress=progress)
+        scope = _SCOPES[name]
+        strokes = prepare_strokes(directory, made["lumps"], progress=progress, scope=scope)
+        fit = fit_to_cylinders(strokes, made["noise"], made["seed"], progress=progress, scope=scope)
     fit.spec.save(path(name))
     write_recipe(name, fit.spec, fit.to_dict())
     return fit
@@ -211,8 +190,12 @@ def sample(name: str, spec: ModelSpec) -> list[dict[str, Any]]:
     blob = b"" if spec.force_map is None else force_maps.blob(spec.force_map)
     found = []
     for k, (case, fat_kPa) in enumerate(SAMPLES[name]):
-        features, true = _OBSERVED[name](case, fat_kPa, blob, k)
-        columns = inputs(spec, features[None])
+        lump = _solid(case) if case.solid else simulated(case)
+        noise = MADE[name]["noise"]
+        seen = observe_in_any_fat([lump], noise, SAMPLE_SEED + k, blob, fat_kPa=[fat_kPa])
+        columns, true = inputs(spec, seen.X), seen.values[0]
+        if spec.first is None:  # it was told the fat, and cannot know what the hand met on its way
+            true[E_FAT] = fat_kPa
         said = evaluate(spec, columns)
         found.append(
             {
@@ -231,33 +214,12 @@ def sample(name: str, spec: ModelSpec) -> list[dict[str, Any]]:
     return found
 
 
-def _with_press(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
-    """The firmware's features of one stroke in that fat, and its truth by `OUTPUTS`."""
-    return _pressed(simulated(case), fat_kPa, blob, k)
-
-
 def simulated(case: Case) -> LumpStrokes:
     """Strokes over a cylinder and the press before them."""
     strokes = tuple(simulate(c, STROKES) for c in at_forces([case], FORCE_PARTS))
     return LumpStrokes(strokes, tuple(simulate(c, PRESSES) for c in at_forces([case], PRESS_PARTS)))
 
 
-def _solid(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
+def _solid(case: Case) -> LumpStrokes:
     strokes = simulate_solid(case, [case.F_rel * part for part in FORCE_PARTS], ramp=True)
-    return _pressed(LumpStrokes(tuple(strokes), press_before(strokes)), fat_kPa, blob, k)
-
-
-def _pressed(lump: LumpStrokes, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
-    noise = MADE[FIELD]["noise"]
-    seen = observe_in_any_fat([lump], noise, SAMPLE_SEED + k, blob, fat_kPa=[fat_kPa])
-    return seen.X[0], seen.values[0]
-
-
-def _told(case: Case, fat_kPa: float, blob: bytes, k: int) -> tuple[Floats, Floats]:
-    press = [simulate(c, PRESS_SETTINGS) for c in at_forces([case], TOLD_PRESS)]
-    strokes = StrokeField(*(simulate(c, FIELD_SETTINGS) for c in at_three_forces(case)), press=press)
-    seen = observe([strokes], MADE[TOLD]["noise"], SAMPLE_SEED, force_map=blob or None, first=k)
-    return seen.X[0], np.append(seen.values[0, :E_FAT], fat_kPa)
-
-
-_OBSERVED = {FIELD: _with_press, BALLS: _solid, ANYWHERE: _with_press, TOLD: _told}
+    return LumpStrokes(tuple(strokes), press_before(strokes))

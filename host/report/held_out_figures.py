@@ -7,23 +7,18 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from rich.table import Table
 
 from palpate.features.map_features import Floats
 from palpate.learn.conformal import LEVEL
-from palpate.learn.probe_model import E_INV23, OUTPUTS
-from palpate.learn.result import FieldFit, TissueFit
-from palpate.learn.score import NEAR_THE_BORDER, ordered
-from palpate.learn.table import SHOWN, TARGETS
-from palpate.model_export.vocabulary import SHOWN_UNITS
+from palpate.learn.result import TissueFit
+from palpate.learn.score import ordered
 from palpate.report import style
 from palpate.report.items import Item
 
 _PERCENT = f"{100 * LEVEL:g}"
 _BAND = 2.0
-_UNITS = dict(zip(TARGETS, SHOWN_UNITS.values()))
-_IN_ANY_TISSUE = {
+_SHOWN = {
     "ln d": "d, mm",
     "ln t": "t, mm",
     "E^-2/3": "E^-2/3",
@@ -35,81 +30,47 @@ Panels = Mapping[str, Sequence[Floats]]
 """Of each panel's title: truth, estimates, lower and upper ends of their intervals, (n) each."""
 
 
-def items(fit: FieldFit | TissueFit) -> list[Item]:
-    """Held-out table with estimates against truth; coverage and flags; where it is known, detectability."""
-    return _in_one_tissue(fit) if isinstance(fit, FieldFit) else _in_any_tissue(fit)
-
-
-def _in_one_tissue(fit: FieldFit) -> list[Item]:
-    held_out, cover, flags, distance, left_out, found, visits = map(frame_of, fit.tables())
+def items(fit: TissueFit) -> list[Item]:
+    """Held-out table with estimates against truth; coverage and flags; detectability."""
+    held_out, *further, cover, flags, pairs, found, left_out = map(frame_of, fit.tables())
+    names = {name: name for name in fit.outputs}
     return [
         Item(
             "Beyond 1",
-            f"One stroke each, noise {fit.noise}; bars are {_PERCENT} % intervals of every eighth estimate.",
-            draw=lambda: _told_estimates(fit),
-            tables=[held_out, left_out],
-            beyond="The field model on lumps it never saw",
+            f"One stroke each, noise {fit.noise}, every lump left out of fit and intervals; bars are "
+            f"{_PERCENT} % intervals of every sixteenth estimate.",
+            draw=lambda: figure_estimates(_estimates(fit), 16),
+            tables=[held_out, *further, left_out],
+            beyond="Lumps that it never saw",
         ),
-        _intervals("by group", fit.coverage, SHOWN, [cover, flags, distance]),
+        Item(
+            "Beyond 2",
+            f"Share of true values inside the {_PERCENT} % interval, by quarter of lump and tissue; the grey "
+            f"band is +-{_BAND:g} %.",
+            draw=lambda: figure_coverage(fit.coverage(), names),
+            tables=[cover, flags, pairs],
+            beyond="Intervals",
+        ),
         Item(
             "Beyond 3",
             "Share of strokes in which the lump was found.",
             draw=lambda: figure_found(fit.found),
-            tables=[found, visits],
+            tables=[found],
             beyond="Detectability",
         ),
     ]
 
 
-def _in_any_tissue(fit: TissueFit) -> list[Item]:
-    held_out, *further, cover, flags, pairs, left_out = map(frame_of, fit.tables())
-    names = {name: name for name in OUTPUTS}
-    return [
-        Item(
-            "Beyond 1",
-            f"One stroke each with its press, noise {fit.noise}, every lump and tissue left out of fit and "
-            f"intervals; bars are {_PERCENT} % intervals of every sixteenth estimate.",
-            draw=lambda: figure_estimates(_estimates(fit), 16),
-            tables=[held_out, *further, left_out],
-            beyond="In tissue that nobody told it about",
-        ),
-        _intervals("by quarter of lump and tissue", fit.coverage(), names, [cover, flags, pairs]),
-    ]
-
-
-def _intervals(
-    groups: str, coverage: pd.DataFrame, names: Mapping[str, str], tables: list[tuple[str, pd.DataFrame]]
-) -> Item:
-    return Item(
-        "Beyond 2",
-        f"Share of true values inside the {_PERCENT} % interval, {groups}; the grey band is +-{_BAND:g} %.",
-        draw=lambda: figure_coverage(coverage, names),
-        tables=tables,
-        beyond="Intervals",
-    )
-
-
 def _estimates(fit: TissueFit) -> Panels:
     study, panels = fit.study, {}
-    for name, words in _IN_ANY_TISSUE.items():
-        j = OUTPUTS.index(name)
+    for j, name in enumerate(fit.outputs):
+        words = _SHOWN.get(name)
+        if words is None:
+            continue
         true, y, half = study.seen.truth[:, j], study.y[:, j], study.half[:, j]
         link = np.exp if name.startswith("ln ") else np.asarray
         panels[words] = [link(v) for v in (true, y, y - half, y + half)]
     return panels | {"depth, mm": [np.exp(study.seen.of("ln depth")), *study.depths_mm().T]}
-
-
-def _told_estimates(fit: FieldFit) -> Figure:
-    found, answers = fit.answers.found, fit.answers
-    of = [part[found] for part in (fit.test.values, answers.value, answers.low, answers.high)]
-    panels = {
-        f"{SHOWN[name]} {f'({unit})' if unit else ''}": [part[:, j] for part in of]
-        for j, (name, unit) in enumerate(_UNITS.items())
-    }
-    figure = figure_estimates(panels, 8)
-    E = of[0][:, E_INV23] ** -1.5
-    _draw_hardness(figure, E, answers.hardness[found])
-    return figure
 
 
 def figure_estimates(panels: Panels, every: int) -> Figure:
@@ -123,21 +84,6 @@ def figure_estimates(panels: Panels, every: int) -> Figure:
         ax.plot(true, value, ".", ms=2.5, color=style.BLUE)
         ax.set(title=words, xlabel="truth", ylabel="estimate")
     return figure
-
-
-def _draw_hardness(figure: Figure, E: Floats, said: NDArray[np.str_]) -> None:
-    """In the sixth panel: how often hard or soft is said, and wrongly, by stiffness."""
-    order = np.argsort(E)
-    decided = said != "unsure"
-    wrong = decided & ((said == "hard") != (E >= 10))
-    window = max(len(E) // 20, 5)
-    ax = figure.add_subplot(2, 3, 6)
-    for shares, words in ((decided, "hard or soft said"), (wrong, "said, and wrong")):
-        smooth = np.convolve(shares[order], np.ones(window) / window, "valid")
-        ax.plot(E[order][: 1 - window or None], smooth, label=words)
-    ax.axvspan(*NEAR_THE_BORDER, color=style.BAND, zorder=0)
-    ax.set(xscale="log", xlabel="E", title="hard, soft or unsure", ylim=(-0.02, 1.02))
-    ax.legend()
 
 
 def figure_coverage(shares: pd.DataFrame, names: Mapping[str, str]) -> Figure:
@@ -157,26 +103,24 @@ def figure_coverage(shares: pd.DataFrame, names: Mapping[str, str]) -> Figure:
 
 
 def figure_found(cells: pd.DataFrame) -> Figure:
-    """One map of d and h for each range of E."""
+    """One map of d and depth for each range of E."""
     ranges = ordered(cells["E"])
     figure = style.new(9.0, 3.0)
+    d, depth = ordered(cells["d_mm"]), ordered(cells["depth_mm"])
     for ax, E in zip(np.atleast_1d(figure.subplots(1, len(ranges), sharey=True)), ranges):
-        part = cells[cells["E"] == E]
-        d, h = ordered(cells["d_mm"]), ordered(cells["h"])
-        grid = np.full((len(h), len(d)), np.nan)
-        for row in part.itertuples():
-            grid[h.index(str(row.h)), d.index(str(row.d_mm))] = 100 * float(row.found)  # type: ignore[arg-type]
+        part = cells[cells["E"] == E].pivot(index="depth_mm", columns="d_mm", values="found")
+        grid = 100 * part.reindex(index=depth, columns=d).to_numpy(float)
         ax.imshow(grid, origin="lower", vmin=0, vmax=100, cmap="Blues", aspect="auto")
         for (i, j), share in np.ndenumerate(grid):
             if share == share:
                 ax.text(
                     j, i, f"{share:.0f}", ha="center", va="center", color="white" if share > 60 else style.INK
                 )
-        ax.set(xticks=range(len(d)), yticks=range(len(h)), title=f"E {E}: found, %", xlabel="d, mm")
+        ax.set(xticks=range(len(d)), yticks=range(len(depth)), title=f"E {E}: found, %", xlabel="d, mm")
         ax.set_xticklabels(d)
-        ax.set_yticklabels(h)
+        ax.set_yticklabels(depth)
         ax.grid(False)
-    figure.axes[0].set_ylabel("h")
+    figure.axes[0].set_ylabel("depth, mm")
     return figure
 
 

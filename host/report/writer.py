@@ -18,7 +18,7 @@ from palpate.report import pages, style
 from palpate.report.items import TITLES, Item, Summary, lacking
 
 if TYPE_CHECKING:
-    from palpate.learn.result import FieldFit, TissueFit
+    from palpate.learn.result import TissueFit
     from palpate.learn.thesis.fit import ThesisFit
     from palpate.sim.tissue import Stroke
 
@@ -37,7 +37,7 @@ def write_report(
     *,
     strokes: Sequence[Stroke] = (),
     thesis: ThesisFit | None = None,
-    field: FieldFit | TissueFit | None = None,
+    field: TissueFit | None = None,
     recording: str | PathLike[str] | None = None,
     weights: Sequence[str | PathLike[str]] = (),
     thickness_mm: float = 30.0,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,17 +33,9 @@ class StrokeField:
         as the force, which a parabola in the force reproduces: no force is lost in between, and a cell at
         the edge that lifts off needs no logarithm. Between two forces alone pressures are interpolated in
         the logarithm where both are over .3 kPa, else linearly.
-    press : sequence of Stroke
-        What is under the probe before the stroke: one position at rising forces, the least about a fifth of
-        the greatest. Empty: the stroke begins pressed, unless its sensors are told otherwise.
-
-    Attributes
-    ----------
-    press : StrokeField or None
     """
 
-    def __init__(self, *strokes: Stroke, press: Sequence[Stroke] = ()) -> None:
-        self.press = StrokeField(*press) if press else None
+    def __init__(self, *strokes: Stroke) -> None:
         positions = strokes[0].positions_mm
         for s in strokes:
             if len(s.positions_mm) != len(positions) or not np.allclose(s.positions_mm, positions):

@@ -34,14 +34,10 @@ class TwoLumps(StrokeField):
         Middle to middle.
     share : float
         How much the second changes, over what the first does.
-    press : sequence of Stroke
-        As for `StrokeField`.
     """
 
-    def __init__(
-        self, *strokes: Stroke, apart_mm: float, share: float = 1.0, press: Sequence[Stroke] = ()
-    ) -> None:
-        super().__init__(*strokes, press=press)
+    def __init__(self, *strokes: Stroke, apart_mm: float, share: float = 1.0) -> None:
+        super().__init__(*strokes)
         self.apart_mm, self.share = apart_mm, share
 
     def at(self, position_mm: Floats, force_N_per_m: Floats | None = None) -> tuple[Floats, Floats]:
@@ -56,10 +52,7 @@ class TwoLumps(StrokeField):
 
 
 def random_pair(
-    strokes: Sequence[Stroke],
-    apart_mm: tuple[float, float],
-    rng: np.random.Generator,
-    press: Sequence[Stroke] = (),
+    strokes: Sequence[Stroke], apart_mm: tuple[float, float], rng: np.random.Generator
 ) -> TwoLumps:
     """Two lumps, their distance even between the ends; the second changes .4 to 1 times what the first does.
 
@@ -67,4 +60,4 @@ def random_pair(
     """
     low, high = apart_mm
     share = 1.0 if low == high else float(rng.uniform(*_SHARES))
-    return TwoLumps(*strokes, apart_mm=float(rng.uniform(low, high)), share=share, press=press)
+    return TwoLumps(*strokes, apart_mm=float(rng.uniform(low, high)), share=share)

@@ -23,7 +23,7 @@ from palpate.console import table
 from palpate.dataset.answers import shows_lump
 from palpate.features.map_features import Floats
 from palpate.firmware_twin.replay_core import compiled
-from palpate.learn.design import FIELD_SETTINGS, lump_cases
+from palpate.learn.design import lump_cases
 from palpate.learn.lumps import read_lumps
 from palpate.learn.observed import Observed, of_streams
 from palpate.model_export.integers import force_map as force_maps
@@ -31,6 +31,7 @@ from palpate.sim.probe.noise import LEVELS
 from palpate.sim.probe.packed_frames import FrameStream
 from palpate.sim.probe.sensors import SensorModel, StrokeField
 from palpate.sim.tissue import sweep
+from palpate.sim.tissue.any_tissue import FORCE_PARTS, STROKES, at_forces
 from palpate.wire.events import OUTPUTS
 from tests.studies.coverage import SEED, held
 
@@ -99,7 +100,7 @@ def main() -> None:
     spec = models.load(models.TOLD)
     blob = None if spec.force_map is None else force_maps.blob(spec.force_map)
     with tempfile.TemporaryDirectory() as folder:
-        sweep(lump_cases(LUMPS, SEED), FIELD_SETTINGS, Path(folder))
+        sweep(at_forces(lump_cases(LUMPS, SEED, {}), FORCE_PARTS), STROKES, Path(folder))
         fields = [lump.field for lump in read_lumps(Path(folder))[0]]
     rows = []
     for words, setting in SETTINGS:

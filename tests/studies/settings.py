@@ -15,16 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py import geometry
-from palpate.learn.bench import Bench
 from palpate.learn.model import fit_model
 from palpate.learn.scopes import FIELD, TOLD, Recipe
 from palpate.sim.probe.sensors import Noise
-from tests.studies.retrained import DRAWS, Row, Study, row_of
+from tests.studies.retrained import Bench, Row, Study, row_of
 
 
 def _row(bench: Bench, setting: str, noise: Noise, recipe: Recipe = FIELD, **sensor: Any) -> Row:
-    train, calibration, test, rim = bench.parts(noise, recipe, DRAWS, **sensor)
-    return row_of(setting, fit_model(TOLD.of(recipe), train, calibration, rim), test)
+    train, rim, test = bench.parts(noise, **sensor)
+    return row_of(setting, fit_model(TOLD.of(recipe), train, rim), test)[0]
 
 
 def _white(bench: Bench) -> Iterator[Row]:
@@ -58,11 +57,17 @@ def _dead(bench: Bench) -> Iterator[Row]:
 
 
 def _force(bench: Bench) -> Iterator[Row]:
-    bare = replace(FIELD, name="field, no force map", force_map=False, most=None)
+    bare = replace(FIELD, name="field, no force map", most=None)
     for force in (0.0, 0.05, 0.1, 0.2, 0.3):
         yield _row(bench, f"+-{100 * force:g} %", bench.noise.with_(force=force))
     for force in (0.05, 0.1, 0.2):
-        yield _row(bench, f"+-{100 * force:g} %, frames not moved", bench.noise.with_(force=force), bare)
+        yield _row(
+            bench,
+            f"+-{100 * force:g} %, frames not moved",
+            bench.noise.with_(force=force),
+            bare,
+            force_map=None,
+        )
 
 
 STUDIES: dict[str, Study] = {

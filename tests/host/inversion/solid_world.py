@@ -69,10 +69,10 @@ def felt_over(
     probe: int | None = None,
 ) -> tuple[FeltStroke, Start, FrameStream]:  # fmt: skip
     """One stroke by a probe and a hand of this seed, or by the probe of another."""
-    field = StrokeField(*strokes, press=press)
+    field = StrokeField(*strokes)
     sensors = SensorModel(field, level_named(noise), seed)
     if probe is not None:
         of_probe(sensors, SensorModel(field, level_named(noise), probe))
-    stream = sensors.stroke(press=PRESS_FRAMES, pressed=field.press)
+    stream = sensors.stroke(press=PRESS_FRAMES, pressed=StrokeField(*press))
     found, start = of_stream(stream, sensors.calibration())
     return found, start, stream

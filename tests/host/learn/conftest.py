@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from palpate.learn import data, model, scopes
-from palpate.learn.bench import Bench
+from palpate.sim.probe.sensors import LEVELS
+from tests.studies.retrained import Bench
 
 STROKES = Path(__file__).parent / "data"
 SMALL = scopes.TOLD.of(scopes.Recipe("field", scopes.PILOT_FEATURES, 1))
@@ -13,8 +14,8 @@ SMALL = scopes.TOLD.of(scopes.Recipe("field", scopes.PILOT_FEATURES, 1))
 
 @pytest.fixture(scope="session")
 def strokes():
-    """96 lumps, 24 plain tissues, twice 16 lumps outside the ranges, at two forces each (`make_data.py`)."""
-    return data.read(STROKES)
+    """96 lumps, 29 outside the ranges, 10 plain tissues, 24 others, with their presses (`make_data.py`)."""
+    return data.read_strokes(STROKES)
 
 
 @pytest.fixture(scope="session")
@@ -24,9 +25,10 @@ def bench(strokes):
 
 @pytest.fixture(scope="session")
 def parts(bench):
-    return bench.parts("typical", draws=(2, 2, 2))
+    """Strokes to train on, over the rim, and over lumps to test on."""
+    return bench.parts(LEVELS["typical"])
 
 
 @pytest.fixture(scope="session")
 def fitted(parts):
-    return model.fit_model(SMALL, parts[0], parts[1])
+    return model.fit_model(SMALL, parts[0])

@@ -7,11 +7,10 @@ from click.testing import CliRunner
 
 from palpate.cli import fit
 from palpate.errors import UsageError
-from palpate.learn import data as told
-from palpate.learn.any_tissue import fit_in_any_tissue
+from palpate.learn.cylinders import fit_to_cylinders
 from palpate.learn.data import prepare_strokes
 from palpate.learn.probe_model import OUTPUTS as OURS
-from palpate.learn.scopes import ANYWHERE, ESTIMATES
+from palpate.learn.scopes import ANYWHERE, ESTIMATES, TOLD
 from palpate.learn.table import TableError
 from palpate.model_export import exporter
 from palpate.model_export import image_builder as image
@@ -43,7 +42,7 @@ def anywhere(tmp_path_factory):
 @pytest.fixture(scope="module")
 def fitted(directory):
     said = []
-    result = fit_in_any_tissue(
+    result = fit_to_cylinders(
         prepare_strokes(directory, LUMPS), others=(), progress=lambda *words: said.append(words)
     )
     return result, said
@@ -55,7 +54,7 @@ def test_one_command_prints_one_json_document_and_writes_a_model_of_two_stages(d
     result = CliRunner().invoke(fit.command, words)
     assert result.exception is None, result.output
     said = json.loads(result.stdout)
-    assert set(said) == fields_in_the_page("fit-any-tissue")
+    assert set(said) == fields_in_the_page("fit-field")
     assert [row["setting"] for row in said["held_out"]] == [
         f"{noise}, {with_what}"
         for noise in ("typical", "real")
@@ -78,7 +77,7 @@ def test_the_model_has_room_on_the_probe_and_is_a_function_of_the_press(fitted):
 def test_every_lump_is_judged_by_models_that_have_not_seen_it(fitted):
     result, said = fitted
     assert set(result.study.seen.group) <= set(range(LUMPS))
-    assert len(result.tables()) == 5 and result.missed_targets()
+    assert len(result.tables()) == 6 and result.missed_targets()
     assert said[-1][1] == said[-1][2], "progress ends where it said that it would"
     for item in held_out_figures.items(result):
         assert item.draw().axes and item.tables
@@ -88,19 +87,10 @@ def test_strokes_in_one_tissue_and_of_all_kinds_are_not_taken_for_each_other(dir
     with pytest.raises(TableError, match="strokes in one tissue; say which"):
         prepare_strokes(STROKES)
     with pytest.raises(TableError, match="tissue of all kinds; leave --tissue out"):
-        told.prepare(directory, tissue={})
+        prepare_strokes(directory, scope=TOLD)
     words = [str(STROKES), "--kind", "field", "--without", "displacement", "--out", str(tmp_path / "m.json")]
     result = CliRunner().invoke(fit.command, words)
     assert isinstance(result.exception, UsageError) and "add --tissue thesis" in str(result.exception)
-
-
-def test_a_set_from_before_fat_had_a_thickness_of_its_own_lies_on_the_border(tmp_path):
-    """Its table has no such column: it was once a KeyError."""
-    words = [str(STROKES), "--kind", "field", "--out", str(tmp_path / "m.json")]
-    result = CliRunner().invoke(fit.command, words)
-    assert isinstance(result.exception, TableError) and "say which" in str(result.exception)
-    result = CliRunner().invoke(fit.command, [*words, "--anywhere"])
-    assert isinstance(result.exception, TableError) and "on the border" in str(result.exception)
 
 
 def test_lumps_that_lie_anywhere_are_known_and_their_model_tells_the_layer(anywhere, directory, tmp_path):
@@ -110,7 +100,7 @@ def test_lumps_that_lie_anywhere_are_known_and_their_model_tells_the_layer(anywh
     assert result.exception is None, result.output
     assert "at the border" in (tmp_path / "report" / "index.html").read_text("utf-8")
     said = json.loads(result.stdout)
-    assert set(said) == fields_in_the_page("fit-any-tissue") | {"tables"}
+    assert set(said) == fields_in_the_page("fit-field") | {"tables"}
     assert [table["title"].split(":")[0] for table in said["tables"]] == [
         "Lumps anywhere, held out",
         "Where the lump lies (rows), and where it is said to lie",

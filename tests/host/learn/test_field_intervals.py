@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_py import evaluator
-from palpate.learn import conformal, flags, model
+from palpate.learn import conformal, model
+from palpate.learn.model import learn_force_map
+from palpate.learn.observed import joined
 from palpate.learn.probe_model import HARD_BELOW, training_hash
 from palpate.model_export.integers import accuracy, compiler
 
@@ -43,9 +45,10 @@ def test_intervals_cover_what_they_promise_where_the_noise_changes(seed):
         assert inside[part].mean() == pytest.approx(0.9, abs=0.05)
 
 
-def test_a_lump_beyond_the_ranges_is_flagged_and_one_well_inside_is_not(parts, fitted):
+def test_a_lump_beyond_the_ranges_is_flagged_and_one_well_inside_is_not(bench, parts, fitted):
     """The rim is made of the training lumps themselves: those with d in the outer fifths."""
-    train, _, test, _ = parts
+    train = parts[0]
+    test = joined([bench.felt(bench.test, bench.noise, draw) for draw in (200, 210, 220)])
     lo, hi = np.log(np.quantile(train.values[:, 2], [0.2, 0.8]))
     ends = [np.full(5, -np.inf), np.full(5, np.inf)]
     ends[0][2], ends[1][2] = lo, hi
@@ -53,33 +56,12 @@ def test_a_lump_beyond_the_ranges_is_flagged_and_one_well_inside_is_not(parts, f
         fitted.domain, range_lo=ends[0], range_hi=ends[1], margin=0.2
     )).answer(test)  # fmt: skip
     ln_d = test.of("ln d")
-    familiar = fitted.answer(test).in_domain & said.found
+    familiar = fitted.answer(test).in_domain & test.found
     far = (ln_d < lo - 0.15) | (ln_d > hi + 0.15)
     within = (ln_d > lo + 0.15) & (ln_d < hi - 0.15)
     assert (familiar & far).sum() >= 8 and (familiar & within).sum() >= 8
     assert (~said.in_domain[familiar & far]).mean() > 0.8
     assert said.in_domain[familiar & within].mean() > 0.9
-
-
-def test_the_flag_by_distance_counts_every_stroke_once_and_says_what_noise_alone_would_do(fitted, parts):
-    """Estimates with just the errors that their intervals state: both columns agree, and rise outwards."""
-    rng = np.random.default_rng(9)
-    n, lo, hi = 60000, np.full(5, -np.inf), np.full(5, np.inf)
-    lo[2], hi[2] = np.log(5.0), np.log(20.0)
-    check = dataclasses.replace(fitted.domain, range_lo=lo, range_hi=hi, margin=0.3)
-    narrow = dataclasses.replace(fitted, domain=check)
-    observed = parts[2].take(rng.integers(0, len(parts[2]), n))
-    observed.truth[:, 2] = np.log(rng.uniform(4.0, 25.0, n))
-    half = np.full((n, 5), 0.04)
-    y = observed.truth[:, :5] + half / 1.645 * rng.normal(size=(n, 5))
-    plain = narrow.answer_from(observed.features(fitted.polynomial.names), y, rng.random(n) < 0.9)
-    answers = dataclasses.replace(plain, half=half, familiar=check.beyond(y, half) <= 0.3)
-    table = flags.by_distance(narrow, [(observed, answers)])
-    assert table["strokes"].sum() == answers.found.sum()
-    assert table["flagged"].is_monotonic_increasing and table["flagged"].iloc[-1] > 0.99
-    assert (table["flagged"] - table["unbiased"]).abs().max() < 0.05
-    at_the_margin = table[table["from"] == 0.25].iloc[0]
-    assert 0.5 < at_the_margin["flagged"] < 0.65
 
 
 def test_the_flag_in_the_integers_is_that_of_the_fitted_model(fitted, parts, bench):
@@ -90,7 +72,7 @@ def test_the_flag_in_the_integers_is_that_of_the_fitted_model(fitted, parts, ben
         range_hi=np.r_[np.log([90.0, 25.0, 17.0, 1.2]), 0.5],
     )
     narrow = dataclasses.replace(fitted, domain=domain_)
-    spec = narrow.spec({"hash": training_hash(parts[0].X), "n": 1}, bench.force_map.as_dict())
+    spec = narrow.spec({"hash": training_hash(parts[0].X), "n": 1}, learn_force_map(bench.train).as_dict())
     test = parts[2].take(parts[2].whole)
     flags = accuracy.run(spec, compiler.compile_model(spec), test.features(spec.features))[:, evaluator.FLAGS]
     said = narrow.answer(test).in_domain

@@ -5,13 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from palpate.learn import told
-from palpate.learn.bench import Bench
+from palpate.learn.cylinders import fit_to_cylinders
+from palpate.learn.observed import noise_named
 from palpate.learn.thesis.polynomial import fit_thesis_model
 from palpate.sim.probe.noise import LEVELS
 from palpate.sim.probe.over_lump import strokes_over
 from tests.host.learn.conftest import SMALL
 from tests.host.probes import LUMP
+from tests.studies.retrained import Bench
 from tests.studies.settings import STUDIES
 
 
@@ -26,8 +27,8 @@ def sensor(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def lumps(strokes):
-    """The lumps alone: what is left out here takes its noise from the same place."""
-    return replace(strokes, rim=[], plain=[], wide=[])
+    """Some of them: the others take their noise from the same place."""
+    return replace(strokes, lumps=strokes.lumps[:48], rim=strokes.rim[:4], plain=strokes.plain[:2])
 
 
 def the_same_as_good_and_not_as_typical(sensor, made):
@@ -44,7 +45,7 @@ def test_the_emulated_probe(sensor):
 
 def test_a_field_model_is_trained_for_it(sensor, lumps):
     def fitted(noise):
-        training = told.fit_field(lumps, noise, levels=(), recipe=SMALL.recipe).spec.training
+        training = fit_to_cylinders(lumps, noise, others=(), scope=SMALL).spec.training
         assert training["noise"] == Path(noise).name
         return training["hash"]
 
@@ -66,7 +67,6 @@ def test_a_study_starts_from_it(sensor, lumps):
     """The first setting of the pitch study is the array as it is: the bench's own sensors."""
 
     def first(noise):
-        with Bench(lumps, noise=noise, workers=1) as bench:
-            return next(STUDIES["pitch"].run(bench))
+        return next(STUDIES["pitch"].run(Bench(lumps, noise=noise_named(noise))))
 
     the_same_as_good_and_not_as_typical(sensor, first)

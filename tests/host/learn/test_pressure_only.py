@@ -9,9 +9,9 @@ from palpate.dataset import table
 from palpate.dataset.strokes import observe_data_set
 from palpate.firmware_twin.replay_core import Replay
 from palpate.importing import importer
-from palpate.learn import told
+from palpate.learn.cylinders import fit_to_cylinders
 from palpate.learn.observed import NAMES, OF_THE_DISPLACEMENT
-from palpate.learn.scopes import PRESSURE_ONLY, Recipe
+from palpate.learn.scopes import PRESSURE_ONLY, TOLD, Recipe
 from palpate.model_export.exporter import export
 from palpate.model_export.image_builder import inspect
 from palpate.model_export.integers import force_map
@@ -27,13 +27,13 @@ WITHOUT_DISPLACEMENT = replace(DECLARED, displacement="")
 
 @pytest.fixture(scope="module")
 def spec(strokes):
-    return told.fit_field(strokes, levels=(), recipe=SMALL).spec
+    return fit_to_cylinders(strokes, others=(), scope=TOLD.of(SMALL)).spec
 
 
 @pytest.fixture(scope="module")
 def lump(bench):
-    """Two strokes over one of the test lumps, as the sensors read them."""
-    field = bench.lumps[bench.split.test[0]]
+    """Two strokes over a lump, as the sensors read them."""
+    field = bench.test[0].field
     models = [SensorModel(field, LEVELS["typical"], seed) for seed in (1, 2)]
     return models[0].calibration(), [model.stroke(50) for model in models]
 

@@ -3,7 +3,6 @@
 import json
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 
@@ -12,35 +11,20 @@ from palpate.cli import fit
 from palpate.errors import PalpateError, UsageError
 from palpate.model_export.schema import ModelSpec
 from palpate.report import measured
-from palpate.sim.probe.sensors import LEVELS
 from tests.docs.test_reference import fields_in_the_page
 from tests.host.learn.conftest import STROKES
 
 
-@pytest.fixture
-def few(tmp_path):
-    """Half of the lumps and of the plain tissues, each at its two forces; the others are few already."""
-    for part, many in (("lumps", 96), ("plain", 24), ("rim", None), ("wide", None)):
-        (tmp_path / part).mkdir()
-        table = pq.read_table(STROKES / part / "strokes.parquet")
-        pq.write_table(table.slice(0, many), tmp_path / part / "strokes.parquet")
-    return tmp_path
-
-
-def test_one_command_goes_from_strokes_to_a_model_and_its_held_out_table(few, tmp_path):
+def test_one_command_goes_from_strokes_to_a_model_and_its_held_out_table(tmp_path):
     """On few lumps; nothing is simulated, since all parts are there."""
     out = tmp_path / "m.json"
     words = ["--kind", "field", "--tissue", "thesis", "--noise", "good", "--workers", "1", "--json"]
-    result = CliRunner().invoke(fit.command, [str(few), "--out", str(out), *words])
+    result = CliRunner().invoke(fit.command, [str(STROKES), "--out", str(out), *words])
     assert result.exception is None, result.output
     said = json.loads(result.stdout)
-    assert {row["noise"] for row in said["held_out"]} == set(LEVELS)
-    assert {row["strokes"] for row in said["held_out"] if row["model"] == "field"} == {1, 4}
+    assert [row["setting"] for row in said["held_out"]] == ["good, one stroke", "real, one stroke"]
     assert 0 <= said["flagged_inside"] < said["flagged_or_not_found_outside"] <= 1
     assert said["outside_strokes"] > 0 and said["training"]["rim_lumps"] > 0
-    distances = said["flagged_by_distance"]
-    assert distances[0]["from"] is None and distances[-1]["to"] is None
-    assert all(0 <= row["flagged"] <= 1 and row["strokes"] > 0 for row in distances)
     assert said["excluded"] and said["detectability"] and said["coverage"]
     assert ModelSpec.load(out).training["noise"] == "good"
     assert set(said) == fields_in_the_page("fit-field")
@@ -91,17 +75,16 @@ def test_invalid_arguments_to_fit_are_refused(tmp_path, words, sentence):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_strokes_over_another_shape_are_refused_by_name(tmp_path):
+def test_strokes_over_another_shape_are_refused_by_name(monkeypatch, tmp_path):
     """The shape is a word: the sentence was once written for numbers alone, and failed over it."""
     from palpate.learn import data
+    from palpate.learn.scopes import TOLD
     from palpate.sim.tissue import Case
 
-    class Pair:
-        case = Case(10.0, 0.8, 10.0, shape="ball")
-
-    strokes = data.Strokes([Pair()], [], [], {})
+    monkeypatch.setattr(data, "_held", lambda _home: [Case(10.0, 0.8, 10.0, shape="ball")])
+    monkeypatch.setattr(data, "_holds", lambda _home: True)
     with pytest.raises(PalpateError, match="holds strokes with shape ball, not cylinder"):
-        data._check_tissue(strokes, {}, tmp_path)
+        data.check_tissue(tmp_path, TOLD)
 
 
 @pytest.mark.parametrize("wrong", ["feild", "notes"])

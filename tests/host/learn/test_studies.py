@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from palpate.errors import PalpateError, UsageError
-from palpate.learn.design import PRESS_PARTS
 from palpate.learn.observed import observe
+from palpate.sim.tissue.any_tissue import PRESS_PARTS
 from tests.host.learn.conftest import STROKES
 from tests.studies import __main__, tissues
 from tests.studies.settings import STUDIES
@@ -32,16 +32,16 @@ def test_strokes_over_another_tissue_are_simulated_once_and_scored(bench, fitted
     before = [path.stat().st_mtime_ns for path in written]
     assert len(tissues.other_tissue(tmp_path, changes, lumps=4, workers=1)) == len(pairs)
     assert [path.stat().st_mtime_ns for path in written] == before
-    observed = observe([pair.field for pair in pairs], "typical", 1, force_map=bench.blob)
+    observed = bench.felt(pairs, bench.noise, 1)
     row = tissues.tissue_row("gland 8 times the fat", fitted, observed)
-    assert -0.5 < row["d_bias"] < 0.5 and 0 <= row["flagged"] <= 1 and 0 <= row["covered_d"] <= 1
+    assert -0.5 < row["d_bias"] < 0.5 and 0 <= row["flagged"] <= 1 and 0 <= row["d_covered"] <= 1
     result = pd.DataFrame([row])
     shown = tissues.TISSUE.shown(result)
     assert "flagged" in shown.heads and len(shown.rows[0]) == len(shown.heads)
 
 
 def test_fewer_bits_and_coarser_cells_change_what_the_pipeline_gets(bench):
-    some = bench.lumps[:1]
+    some = [bench.test[0].field]
     fine = observe(some, "typical", 3)
     coarse = observe(some, "typical", 3, alter=lambda counts: counts // 64 * 64 + 32)
     assert not np.array_equal(fine.X, coarse.X)

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from palpate import models
 from palpate.dataset.answers import shows_lump
 from palpate.features.press_features import PLACES
 from palpate.learn import data
-from palpate.learn.design import PRESS_PARTS, PRESS_SETTINGS, press_cases
-from palpate.learn.lumps import scaled
-from palpate.learn.observed import observe
+from palpate.learn.observed import joined, observe_in_any_fat, own_fat
 from palpate.model_export.integers import force_map
 from palpate.model_export.integers.reference import checks_of, evaluate, inputs
 from palpate.model_export.vocabulary import ABSENT
-from palpate.sim.probe.sensors import StrokeField
-from palpate.sim.tissue import simulate
 from tests.host.learn.conftest import STROKES
 
 LUMPS = 32
@@ -30,22 +25,14 @@ def spec():
 @pytest.fixture(scope="module")
 def lumps():
     """Strokes over lumps that the model has not met, and the presses before them."""
-    some = data.read(STROKES).lumps[:LUMPS]
-    presses = [simulate(case, PRESS_SETTINGS) for case in press_cases(some)]
-    n = len(PRESS_PARTS)
-    return [(lump.strokes, presses[k * n : k * n + n]) for k, lump in enumerate(some)]
+    return data.read_strokes(STROKES).lumps[:LUMPS]
 
 
 def seen(spec, lumps, fat):
     """The firmware's features of two strokes over each lump, with fat and force times this."""
-    fields = [
-        StrokeField(*(scaled(s, fat) for s in strokes), press=[scaled(p, fat) for p in press])
-        for strokes, press in lumps
-    ]
-    blob = force_map.blob(spec.force_map)
-    found = [observe(fields, "typical", seed, force_map=blob) for seed in (31, 32)]
-    X = np.concatenate([part.X for part in found])
-    return X[np.concatenate([part.whole & shows_lump(spec, part.X) for part in found])]
+    blob, fat_kPa = force_map.blob(spec.force_map), [fat * own for own in own_fat(lumps)]
+    X = joined([observe_in_any_fat(lumps, "typical", seed, blob, fat_kPa=fat_kPa) for seed in (31, 32)])
+    return X.X[X.whole & shows_lump(spec, X.X)]
 
 
 def flagged(spec, X):

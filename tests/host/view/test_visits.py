@@ -25,7 +25,7 @@ VISITS = 3
 def visits(tmp_path_factory):
     """One lump visited three times, two strokes each; zero and gain were taken anew each time."""
     home = tmp_path_factory.mktemp("visits")
-    field = data.read(STROKES).lumps[17].field
+    field = data.read_strokes(STROKES).lumps[17].field
     rows = ["recording,stroke,lump,visit,d_mm"]
     for visit in range(1, VISITS + 1):
         felt = [SensorModel(field, LEVELS["typical"], 10 * visit + n).stroke(40) for n in (1, 2)]
