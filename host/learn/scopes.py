@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations_with_replacement
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -312,7 +311,7 @@ def _by_output(first: int, last: int) -> Mapping[str, tuple[float, float]]:
             to_link(np.array([[row[k] for row in outputs.TABLE[: outputs.E_FAT]]], float))[0]
             for k in (first, last)
         )
-    return MappingProxyType({name: (float(a), float(b)) for name, a, b in zip(OUTPUTS, low, high)})
+    return {name: (float(a), float(b)) for name, a, b in zip(OUTPUTS, low, high)}
 
 
 _TISSUES = ("ln d", "ln depth", "E^-2/3", "ln F", "ln E_fat", "gland_ratio", "gland_mm")
@@ -342,49 +341,43 @@ def told(tissue: Tissue) -> Scope:
         force_N_per_m=(outputs.TABLE[0][4], outputs.TABLE[0][5]),
         folds=8,
         design=Design(*drawn),
-        targets=MappingProxyType(
-            {"d": 0.024, "t": 0.012, "h": 0.03, "hard_soft": 0.95, "worst_quarter": 0.86}
-        ),
+        targets={"d": 0.024, "t": 0.012, "h": 0.03, "hard_soft": 0.95, "worst_quarter": 0.86},
         words={},
     )
 
 
-TOLD = told(MappingProxyType({}))
+TOLD = told({})
 """Told that its tissue is the thesis'."""
 BORDER = Scope(
-    MappingProxyType(_BORDER_RANGES),
+    _BORDER_RANGES,
     _stroke("border", STROKE),
     _TISSUES,
     PRESS,
     design=Design(partial(random_lumps, r=TissueRanges()), rim_lumps, plain_lumps),
-    targets=MappingProxyType(
-        {
-            "d": 0.055,
-            "depth": 0.03,
-            "t": 0.025,
-            "E_fat": 0.015,
-            "d_r2": 0.94,
-            "E_inv23_r2": 0.83,
-            "hard_soft": 0.87,
-            "worst_quarter": 0.86,
-        }
-    ),
+    targets={
+        "d": 0.055,
+        "depth": 0.03,
+        "t": 0.025,
+        "E_fat": 0.015,
+        "d_r2": 0.94,
+        "E_inv23_r2": 0.83,
+        "hard_soft": 0.87,
+        "worst_quarter": 0.86,
+    },
 )
 """Lumps on the border between fat and gland."""
 ANYWHERE = Scope(
-    MappingProxyType(
-        _BORDER_RANGES
-        | {
-            "ln t": (float(np.log(4.0)), float(np.log(30.0))),
-            "ln h": (float(np.log(2.0 / 20.0)), float(np.log(30.0 / 5.0))),
-        }
-    ),
+    _BORDER_RANGES
+    | {
+        "ln t": (float(np.log(4.0)), float(np.log(30.0))),
+        "ln h": (float(np.log(2.0 / 20.0)), float(np.log(30.0 / 5.0))),
+    },
     _stroke("anywhere", STROKE_ANYWHERE),
     _TISSUES,
     PRESS,
     layers=True,
     design=Design(anywhere_lumps, anywhere_rim, anywhere_plain),
-    targets=MappingProxyType({"d": 0.116, "d_r2": 0.74, "depth": 0.066, "depth_r2": 0.94}),
+    targets={"d": 0.116, "d_r2": 0.74, "depth": 0.066, "depth_r2": 0.94},
     words={"tissue": "any", "place": "any"},
 )
 """The fat's thickness for itself; depth is no output, but h holds it roughly: 2 mm under the skin to 30.
@@ -394,17 +387,15 @@ SOLID = replace(
     recipe=_stroke("solid", STROKE_SOLID),
     press=press_features.NAMES,
     design=None,
-    targets=MappingProxyType(
-        {
-            "d": 0.08,
-            "width": 0.10,
-            "depth": 0.05,
-            "t": 0.03,
-            "E_fat": 0.02,
-            "hard_soft": 0.85,
-            "worst_quarter": 0.86,
-        }
-    ),
+    targets={
+        "d": 0.08,
+        "width": 0.10,
+        "depth": 0.05,
+        "t": 0.03,
+        "E_fat": 0.02,
+        "hard_soft": 0.85,
+        "worst_quarter": 0.86,
+    },
     words={"tissue": "any", "shape": "solid"},
 )
 """Balls and ellipsoids on the border."""

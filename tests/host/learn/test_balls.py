@@ -131,7 +131,7 @@ def test_the_fit_is_judged_on_lumps_that_neither_emulator_nor_model_has_met(fitt
     assert fitted.spec.across is not None
     assert fitted.spec.first is not None and fitted.spec.checks is not None
     assert fitted.missed_targets()  # with so few lumps
-    assert len(fitted.tables()) == 5 and fitted.coverage().loc["all", "n"] == ours["n"]
+    assert len(fitted.tables()) == 6 and fitted.coverage().loc["all", "n"] == ours["n"]
 
 
 def test_flags_are_counted_on_lumps_outside_and_on_plain_tissue(fitted):
