@@ -62,6 +62,13 @@ class Study:
         return []
 
     @classmethod
+    def of(cls, model: FittedModel, seen: Observed, **more: Any) -> Self:
+        """What a model says of strokes over lumps that it has not met; more: fields of the class."""
+        found = seen.take(seen.found)
+        said, lost = model.answer(found), float((~seen.found).mean())
+        return cls(found, said.y, said.half, said.hard, lost, said.in_domain, scope=model.scope, **more)
+
+    @classmethod
     def held_out(
         cls,
         seen: Observed,

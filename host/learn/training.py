@@ -48,11 +48,10 @@ class Trained:
 
     def study(self, seen: Observed, with_press: bool) -> SolidStudy:
         """What it says of computed lumps; those of `seen` that show none are only counted."""
-        model, found = self.model if with_press else self.alone, seen.take(seen.found)
-        said = model.answer(found)
-        width, half = self.width.answer(model.inputs(found)) if with_press else (None, None)
-        lost = float((~seen.found).mean())
-        return SolidStudy(found, said.y, said.half, said.hard, lost, said.in_domain, width, half)
+        if not with_press:
+            return SolidStudy.of(self.alone, seen)
+        width, half = self.width.answer(self.model.inputs(seen.take(seen.found)))
+        return SolidStudy.of(self.model, seen, width=width, width_half=half)
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,8 @@ import pandas as pd
 from palpate.learn.conformal import LEVEL
 from palpate.learn.data import Strokes, read_strokes
 from palpate.learn.lumps import LumpStrokes
-from palpate.learn.model import Answers, FittedModel, learn_force_map
+from palpate.learn.model import FittedModel, learn_force_map
 from palpate.learn.observed import Observed, joined, noise_named, observe
-from palpate.learn.scopes import TOLD
 from palpate.learn.study import Study as Estimates
 from palpate.model_export.integers import force_map as force_maps
 from palpate.progress import ProgressCallback
@@ -121,9 +120,7 @@ class Study:
         return StudyTable(self.title, [self.setting, *columns], rows, result)
 
 
-def row_of(setting: str, model: FittedModel, test: Observed) -> tuple[Row, Answers]:
+def row_of(setting: str, model: FittedModel, test: Observed) -> tuple[Row, Estimates]:
     """Scores of one setting, and what the model says of the lumps that it finds."""
-    found = test.take(test.found)
-    said, lost = model.answer(found), float((~test.found).mean())
-    study = Estimates(found, said.y, said.half, said.hard, lost, said.in_domain, scope=TOLD)
-    return study.row(setting), said
+    study = Estimates.of(model, test)
+    return study.row(setting), study

@@ -86,7 +86,7 @@ def tissue_row(words: str, model: FittedModel, observed: Observed) -> Row:
     `silent`: the share whose interval of d misses the truth with no flag to say so.
     """
     row, said = row_of(words, model, observed)
-    off = said.y - observed.truth[observed.found, : said.y.shape[1]]
+    off = said.y - said.seen.truth[:, : said.y.shape[1]]
     row |= {f"{name}_bias": float(np.expm1(np.median(off[:, OUTPUTS.index(f"ln {name}")]))) for name in "tdh"}
     d = OUTPUTS.index("ln d")
     wrong = np.abs(off[:, d]) > said.half[:, d]
