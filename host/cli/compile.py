@@ -143,21 +143,22 @@ def _compiled(
 
     by_name = is_of_statsmodels(fitted) or getattr(fitted, "feature_names_in_", None) is not None
 
-    def features(rows: pd.DataFrame, path: Path) -> Any:
-        X = features_of(fitted, rows, path, targets)
+    def as_fitted(X: pd.DataFrame) -> Any:
         return X if by_name else X.to_numpy()
 
-    names = list(features_of(fitted, table, data, targets).columns)
-    calibrate = None
+    X, calibrate = features_of(fitted, table, data, targets), None
     if beside is not None:
         rows, path = beside
-        calibrate = (features(rows, path), finite(rows[list(targets)], path).to_numpy())
+        unmet = as_fitted(features_of(fitted, rows, path, targets))
+        calibrate = (unmet, finite(rows[list(targets)], path).to_numpy())
     read = from_statsmodels if is_of_statsmodels(fitted) else from_sklearn
-    words: dict[str, Any] = {"units": units or None, "calibrate": calibrate, "names": names, "level": level}
+    words: dict[str, Any] = {
+        "units": units or None, "calibrate": calibrate, "names": list(X.columns), "level": level,
+    }  # fmt: skip
     if calibrate is not None:
         words["output_names"] = targets
     try:
-        program = read(fitted, features(table, data), **words)
+        program = read(fitted, as_fitted(X), **words)
         return program, write(program)
     except CompileError as error:
         raise UsageError(str(error)) from None

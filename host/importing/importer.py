@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from firmware_py import calib, geometry
-from palpate.errors import RecordingError, UnknownFormat
+from palpate.errors import RecordingError
 from palpate.files import whole_file
 from palpate.importing import frames as sources
 from palpate.importing import ours, places, published, resample
@@ -21,7 +21,7 @@ from palpate.model_export.image_builder import inspect
 from palpate.recording import channels
 from palpate.recording.channels import IMPORT_NOTE
 from palpate.recording.reader import Recording
-from palpate.recording.writer import RecordingWriter
+from palpate.recording.writer import RecordingWriter, check_name
 from palpate.wire.cells import FULL_SCALE_KPA, PEDESTAL_KPA
 from palpate.wire.events import Estimate
 from palpate.wire.packing import pack
@@ -118,8 +118,7 @@ def import_file(
     }
     began_ns = source.stat().st_mtime_ns
     meta = {"port": port, "started_ns": str(began_ns)}
-    if recording.suffix != ".mcap":
-        raise UnknownFormat(f"a recording's name ends in .mcap, not {recording.name!r}")
+    check_name(recording)
     if recording.exists() and not overwrite:
         raise RecordingError(f"{recording} exists already; choose another name or give --overwrite")
     with whole_file(recording) as part:

@@ -18,7 +18,7 @@ from palpate.learn.data import Strokes
 from palpate.learn.flags import NEAR, beyond
 from palpate.learn.lumps import LumpStrokes
 from palpate.learn.model import FittedModel, fit_model, force_map_in_any_fat, learn_force_map
-from palpate.learn.observed import Observed, in_usual_tissue, joined, observe_in_any_fat, own_fat
+from palpate.learn.observed import Observed, in_usual_tissue, joined, observe_in_any_fat
 from palpate.learn.other_tissues import press_checks
 from palpate.learn.reference import learn_joining
 from palpate.learn.result import TissueFit, tissue_fit
@@ -71,9 +71,8 @@ def fit_to_cylinders(
     blob = force_maps.blob(force_map)
 
     def observed(lumps: Sequence[LumpStrokes], level: str, first: int, draws: int) -> Iterator[Observed]:
-        fat_kPa = own_fat(lumps) if scope.told else None
         for draw in range(first, first + draws):
-            yield observe_in_any_fat(lumps, level, _seed(seed, draw), blob, fat_kPa=fat_kPa)
+            yield observe_in_any_fat(lumps, level, _seed(seed, draw), blob, told=scope.told)
 
     rows = []
     for level in levels:

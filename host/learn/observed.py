@@ -159,6 +159,7 @@ def observe_in_any_fat(
     first: int = 0,
     fat_kPa: Sequence[float] | None = None,
     two_apart_mm: tuple[float, float] | None = None,
+    told: bool = False,
 ) -> Observed:
     """One stroke with its press over each lump, each in a fat and by a probe and a hand of its own.
 
@@ -170,11 +171,15 @@ def observe_in_any_fat(
     first : int
         The number of the first lump, if these are part of a longer set.
     fat_kPa : sequence of float, optional
-        Of each lump's fat; by default at random (`random_scale`).
+        Of each lump's fat; by default at random (`random_scale`), or `own_fat` where it is told.
     two_apart_mm : (float, float), optional
         Two lumps of a kind instead of one, so far apart (`sim.probe.two_lumps.random_pair`).
+    told : bool
+        A model is told the fat: each lump lies in the one that it was simulated in.
     """
     level = noise_named(noise)
+    if told and fat_kPa is None:
+        fat_kPa = own_fat(lumps)
     fats = [None] * len(lumps) if fat_kPa is None else fat_kPa
     probes = (
         probe_over(lump, level, seed, k, fat, two_apart_mm)

@@ -76,12 +76,11 @@ class StrangeStrokes:
 
     def as_they_are(self, lumps: Sequence[LumpStrokes], draw: int = 0) -> Observed:
         """Each as it was simulated, which is what is strange about it."""
-        return self._seen(lumps, self.noise, _OTHER_SEED + draw, fat_kPa=own_fat(lumps))
+        return self._seen(lumps, self.noise, _OTHER_SEED + draw)
 
     def _seen(self, lumps: Sequence[LumpStrokes], noise: Noise | str, first: int, **how: Any) -> Observed:
-        if self.told:
-            how.setdefault("fat_kPa", own_fat(lumps))
-        return observe_in_any_fat(lumps, noise, 1000 * self.seed + first, self.force_map, **how)
+        seed = 1000 * self.seed + first
+        return observe_in_any_fat(lumps, noise, seed, self.force_map, told=self.told, **how)
 
 
 def observe_strange(

@@ -33,6 +33,12 @@ CHUNK_BYTES = 1 << 18
 """Size of a sealed recording's chunks, unpacked: damage in one costs no other."""
 
 
+def check_name(path: Path) -> None:
+    """`UnknownFormat` where a recording's name does not end in .mcap."""
+    if path.suffix != ".mcap":
+        raise UnknownFormat(f"a recording's name ends in .mcap, not {path.name!r}")
+
+
 class RecordingWriter:
     """A `Recorder` for `palpate.link.probe.Probe`; thread-safe: one thread sends, another reads.
 
@@ -57,8 +63,7 @@ class RecordingWriter:
         self, path: str | Path, overwrite: bool = False, metadata: dict[str, str] | None = None
     ) -> None:
         self.path = Path(path)
-        if self.path.suffix != ".mcap":
-            raise UnknownFormat(f"a recording's name ends in .mcap, not {self.path.name!r}")
+        check_name(self.path)
         self.frames = 0
         self._journal = JournalFile(self.path, overwrite)
         _log.info("recording into %s", self.path)

@@ -14,7 +14,7 @@ from palpate.learn.data import simulate_missing
 from palpate.learn.design import lump_cases
 from palpate.learn.lumps import LumpStrokes, read_pressed
 from palpate.learn.model import FittedModel, fit_model
-from palpate.learn.observed import Observed, joined, observe_in_any_fat, own_fat
+from palpate.learn.observed import Observed, joined, observe_in_any_fat
 from palpate.learn.probe_model import OUTPUTS
 from palpate.learn.scopes import TOLD
 from palpate.learn.strange import StrangeStrokes, observe_strange
@@ -74,10 +74,7 @@ def _run(bench: Bench) -> Iterator[Row]:
 def _felt(bench: Bench, lumps: list[LumpStrokes], draw: int) -> Observed:
     """`DRAWS` strokes with their presses over each."""
     seeds = range(1000 * bench.seed + draw, 1000 * bench.seed + draw + DRAWS)
-    fat_kPa = own_fat(lumps)
-    return joined(
-        [observe_in_any_fat(lumps, bench.noise, seed, bench.blob, fat_kPa=fat_kPa) for seed in seeds]
-    )
+    return joined([observe_in_any_fat(lumps, bench.noise, seed, bench.blob, told=True) for seed in seeds])
 
 
 def tissue_row(words: str, model: FittedModel, observed: Observed) -> Row:
