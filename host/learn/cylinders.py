@@ -21,7 +21,7 @@ from palpate.learn.model import FittedModel, fit_model, force_map_in_any_fat, le
 from palpate.learn.observed import Observed, in_usual_tissue, joined, observe_in_any_fat
 from palpate.learn.other_tissues import press_checks
 from palpate.learn.reference import learn_joining
-from palpate.learn.result import TissueFit, tissue_fit
+from palpate.learn.result import Judged, Taught, TissueFit, tissue_fit
 from palpate.learn.scopes import BORDER, Scope
 from palpate.learn.strange import StrangeStrokes, observe_strange, strange_checks, strange_table
 from palpate.learn.study import FOLDS, Study
@@ -103,22 +103,14 @@ def fit_to_cylinders(
     tell("checks fitted")
     became = strange_table(strokes.lumps, strokes.plain, every, rim, watch, strange, scope)
     tell("strange strokes")
+    counts = {"lumps": len(np.unique(every.group)), "rim_lumps": len(np.unique(rim.group))}
+    excluded = strokes.excluded | {"no lump found": int((~every.found).sum())}
     return tissue_fit(
         model,
-        joining,
         checks,
-        (every, rim),
-        {"lumps": len(np.unique(every.group)), "rim_lumps": len(np.unique(rim.group))},
-        noise,
-        seed,
-        study,
-        rows,
-        force_map,
-        became,
-        every,
-        outside,
-        plain,
-        strokes.excluded | {"no lump found": int((~every.found).sum())},
+        joining,
+        Taught((every, rim), counts, noise, seed, force_map),
+        Judged(study, rows, became, every, outside, plain, excluded),
         layers=study.layers(model),
     )
 

@@ -148,51 +148,75 @@ def records(tables: Sequence[TextTable]) -> list[dict[str, Any]]:
     ]
 
 
+@dataclass(frozen=True)
+class Taught:
+    """What a model was fitted to.
+
+    counts: what the document says of the lumps; noise: a level, or a sensor's file; seed: of its noise.
+    """
+
+    parts: Sequence[Observed]
+    counts: Mapping[str, int]
+    noise: str
+    seed: int
+    force_map: ForceMap
+
+    def document(self, words: Mapping[str, str]) -> dict[str, Any]:
+        """For the model's document: hash and counts."""
+        return {
+            "hash": training_hash(*(array for part in self.parts for array in (part.X, part.truth))),
+            "n": sum(int(part.found.sum()) for part in self.parts),
+            **self.counts,
+            "noise": Path(self.noise).name,
+            "seed": self.seed,
+            **words,
+        }
+
+
+@dataclass(frozen=True)
+class Judged:
+    """How a model, and others fitted as it was, did on what they had not met; as in `TissueFit`.
+
+    asked: strokes over lumps inside the ranges, found or not; outside, plain: see `flags.facts_of`.
+    """
+
+    study: Study
+    rows: list[dict[str, object]]
+    strange: pd.DataFrame
+    asked: Observed
+    outside: Observed | None
+    plain: Observed
+    excluded: dict[str, int]
+
+
 def tissue_fit(
     model: FittedModel,
-    joining: JoiningFit | None,
     checks: FirstStage,
-    fitted_to: Sequence[Observed],
-    counts: Mapping[str, int],
-    noise: str,
-    seed: int,
-    study: Study,
-    rows: list[dict[str, object]],
-    force_map: ForceMap,
-    strange: pd.DataFrame,
-    asked: Observed,
-    outside: Observed | None,
-    plain: Observed,
-    left_out: dict[str, int],
+    joining: JoiningFit | None,
+    taught: Taught,
+    judged: Judged,
     **host: Any,
 ) -> TissueFit:
-    """The result, with its document: hash and counts of what the model was fitted to, and its scores.
+    """The result, with its document.
 
-    joining : of a model with a first stage; counts : what the document says of the lumps; asked : strokes
-    over lumps inside the ranges, found or not; outside, plain : see `flags.facts_of`; host : the parts that
-    the host tells (`model.Model.spec`).
+    checks : what the model notices beside its domain; `facts` are of the domain alone.
+    joining : of a model with a first stage.
+    host : the parts that the host tells (`model.Model.spec`).
     """
-    training = {
-        "hash": training_hash(*(array for part in fitted_to for array in (part.X, part.truth))),
-        "n": sum(int(part.found.sum()) for part in fitted_to),
-        **counts,
-        "noise": Path(noise).name,
-        "seed": seed,
-        **study.scope.words,
-    }
-    main = next(row for row in rows if row["setting"] == f"{noise}, {study.scope.input}")
+    study, rows = judged.study, judged.rows
+    main = next(row for row in rows if row["setting"] == f"{taught.noise}, {study.scope.input}")
     scores = {name: value for name, value in main.items() if isinstance(value, float)}
-    whole = replace(model, checks=checks)
+    training, force_map = taught.document(study.scope.words), taught.force_map.as_dict()
     return TissueFit(
-        spec=whole.spec(
-            training, force_map.as_dict(), joining.data() if joining else None, held_out=scores, **host
+        spec=replace(model, checks=checks).spec(
+            training, force_map, joining.data() if joining else None, held_out=scores, **host
         ),
         model=model,
-        noise=noise,
+        noise=taught.noise,
         rows=rows,
         study=study,
-        strange=strange,
-        facts=facts_of(model, study.flagged, outside, plain),
-        found=found_by(asked),
-        excluded=left_out,
+        strange=judged.strange,
+        facts=facts_of(model, study.flagged, judged.outside, judged.plain),
+        found=found_by(judged.asked),
+        excluded=judged.excluded,
     )

@@ -19,7 +19,7 @@ from palpate.learn.lumps import LumpStrokes, without_lump
 from palpate.learn.model import force_map_in_any_fat
 from palpate.learn.probe_model import E_INV23, to_link
 from palpate.learn.reference import learn_joining, tissue_of
-from palpate.learn.result import TissueFit, tissue_fit
+from palpate.learn.result import Judged, Taught, TissueFit, tissue_fit
 from palpate.learn.strange import StrangeStrokes, observe_strange, strange_checks, strange_rows
 from palpate.learn.training import (
     EMULATED,
@@ -121,22 +121,15 @@ def fit_to_balls(
     own = observed(lumps, noise, seed, blob, draws=1)
     strange = strange_rows(replace(model, checks=checks), own, lumps, plain, watch)
     tell("strange strokes")
+    outside = observed(rim, noise, seed, blob, len(lumps)) if rim else None
+    unmet = observed(plain, noise, seed, blob, draws=1)
+    excluded = {"no lump found": round(len(study.y) * study.lost / (1 - study.lost))}
     return tissue_fit(
         model,
-        joining,
         checks,
-        (seen,),
-        {"lumps": len(lumps), "emulated_lumps": count},
-        noise,
-        seed,
-        study,
-        rows,
-        force_map,
-        strange,
-        own,
-        observed(rim, noise, seed, blob, len(lumps)) if rim else None,
-        observed(plain, noise, seed, blob, draws=1),
-        {"no lump found": round(len(study.y) * study.lost / (1 - study.lost))},
+        joining,
+        Taught((seen,), {"lumps": len(lumps), "emulated_lumps": count}, noise, seed, force_map),
+        Judged(study, rows, strange, own, outside, unmet, excluded),
         across=None if place is None else across_of(width, place),
     )
 

@@ -60,7 +60,7 @@ class StrokeField:
                 x, image, depth = both_sides(positions, image, depth)
             tables.append(np.column_stack([image.reshape(len(x), -1), depth]))
         self.reach_mm = (float(x[0]), float(x[-1]))
-        self._splines = [CubicSpline(x, t, axis=0) for t in tables]
+        self._spline = CubicSpline(x, np.stack(tables, axis=1))
 
     @property
     def one_force(self) -> bool:
@@ -84,7 +84,7 @@ class StrokeField:
         wanted = np.broadcast_to(forces[0] if force_N_per_m is None else force_N_per_m, x.shape)
         if self.one_force and not np.allclose(wanted, forces[0], rtol=1e-9):
             raise UsageError(f"{self.low.code} was simulated at one force only: the hand cannot vary it")
-        tables = np.array([np.maximum(spline(x), 0) for spline in self._splines])
+        tables = np.maximum(self._spline(x), 0).swapaxes(0, 1)
         near = _nearest(forces, wanted)
         tables = np.take_along_axis(tables, near.T[:, :, None], axis=0)
         shares = _lagrange(np.log(forces[near]), np.log(wanted))

@@ -296,9 +296,9 @@ def test_ctrl_c_is_heard_by_the_program_and_by_no_worker(tmp_path):
     for wait_s, child in children:
         time.sleep(max(0.0, began + wait_s - time.monotonic()))
         os.killpg(child.pid, signal.SIGINT)  # as a terminal does
-    for _, child in children:
+    for wait_s, child in children:
         _, said = child.communicate(timeout=60)
-        assert child.returncode != 0
+        assert child.returncode != 0, f"interrupted after {wait_s} s: {said}"
         assert "Traceback" not in said and "Process" not in said, said
         wait_until(lambda: not group_lives(child.pid), "the last of its processes ends")  # noqa: B023
 
