@@ -39,6 +39,34 @@ class Turned(NamedTuple):
     by: Floats
 
 
+class Smooth(NamedTuple):
+    """A Gaussian process through values (m, q) of frames (m,).
+
+    Attributes
+    ----------
+    weights : ndarray (m, q)
+        Of the covariances with its frames.
+    times, spread : float
+        So much larger corrections are along the frames, and all variances.
+    root : ndarray (m, m)
+        Of the values' covariances, by Cholesky.
+    """
+
+    places_mm: Floats
+    ln_F: Floats
+    weights: Floats
+    times: float
+    spread: float
+    root: Floats
+
+    def off(self, places_mm: Floats, ln_F: Floats) -> float:
+        """How far off values of other frames (n,) still are, in the root mean square."""
+        own = self.times**2 * _SQUARE + _OF_THE_MESH**2
+        K = _kernel(self.places_mm, self.ln_F, places_mm, ln_F)[0]
+        known = (np.linalg.solve(self.root, self.times**2 * K) ** 2).sum(0)
+        return float(np.sqrt((self.spread * (own - known)).mean()))
+
+
 class Corrections:
     """Corrections of q values a frame.
 
@@ -55,7 +83,6 @@ class Corrections:
         self._thetas = np.empty((0, k))
         # weights of the covariances with the frames above: (guesses, frames, q) and their turns
         self._weights, self._turns = np.empty((0, 0, q)), np.empty((0, 0, q, k))
-        self._first: tuple[Floats, Floats, _Smooth] | None = None
 
     def away(self, theta: Floats) -> float:
         """How far a guess is from the nearest one, by the unknowns' spreads; infinite where there is none."""
@@ -71,8 +98,8 @@ class Corrections:
 
     def add(
         self, theta: Floats, places_mm: Floats, ln_F: Floats, wrong: Floats, turned: Turned | None
-    ) -> None:
-        """The solver's word on a guess.
+    ) -> Smooth:
+        """The solver's word on a guess, made smooth.
 
         Parameters
         ----------
@@ -83,16 +110,14 @@ class Corrections:
         """
         known, _, turns = self._between(theta)
         here = places_mm, ln_F
-        smooth = _smoothed(_kernel(*here, *here)[0], wrong - self._covariance(*here) @ known)
-        self._first = self._first or (*here, smooth)
+        smooth = _smoothed(*here, wrong - self._covariance(*here) @ known)
         more = smooth.weights
         if turned is None:
             by = more[..., None] * self._way(theta)
         else:
             there = turned.places_mm, turned.ln_F
             apart = np.moveaxis(turned.by - np.tensordot(self._covariance(*there), turns, 1), -1, 0)
-            K = _kernel(*there, *there)[0]
-            steep = np.stack([_smoothed(K, part).weights for part in apart], -1)
+            steep = np.stack([_smoothed(*there, part).weights for part in apart], -1)
             by = np.concatenate([np.zeros((*more.shape, len(theta))), steep])
             more = np.concatenate([more, np.zeros(steep.shape[:2])])
             places_mm, ln_F = (np.append(*pair) for pair in zip(here, there))
@@ -103,14 +128,7 @@ class Corrections:
             np.concatenate([_longer(old, frames), np.concatenate([base, new])[None]])
             for old, base, new in ((self._weights, known, more), (self._turns, turns, by))
         )
-
-    def unsure(self, places_mm: Floats, ln_F: Floats) -> float:
-        """How far off frames (n,) of the first guess still are, in the root mean square."""
-        if self._first is None:
-            return 0.0
-        x, F, smooth = self._first
-        left = smooth.left(_kernel(x, F, places_mm, ln_F)[0])
-        return float(np.sqrt(left.mean()))
+        return smooth
 
     def _covariance(self, places_mm: Floats, ln_F: Floats) -> Floats:
         """With all frames asked so far, (n, frames)."""
@@ -163,39 +181,16 @@ def _kernel(x: Floats, ln_F: Floats, x2: Floats, ln_F2: Floats) -> tuple[Floats,
     return along * force, slope * force, -along * force * off / _LN_F
 
 
-class _Smooth(NamedTuple):
-    """A Gaussian process through values (m, q).
-
-    Attributes
-    ----------
-    weights : ndarray (m, q)
-        Of the covariances with its frames.
-    times, spread : float
-        So much larger corrections are along the frames, and all variances.
-    root : ndarray (m, m)
-        Of the values' covariances, by Cholesky.
-    """
-
-    weights: Floats
-    times: float
-    spread: float
-    root: Floats
-
-    def left(self, K: Floats) -> Floats:
-        """Variances (n,) of other frames, of covariances (m, n) with these."""
-        own = self.times**2 * _SQUARE + _OF_THE_MESH**2
-        out: Floats = self.spread * (own - (np.linalg.solve(self.root, self.times**2 * K) ** 2).sum(0))
-        return out
-
-
-def _smoothed(K: Floats, values: Floats) -> _Smooth:
-    """Through values (m, q) of covariances (m, m), as smooth as is likeliest."""
-    best = np.inf, _Smooth(values, 1.0, 1.0, K)
+def _smoothed(places_mm: Floats, ln_F: Floats, values: Floats) -> Smooth:
+    """Through values (m, q) of frames (m,), as smooth as is likeliest."""
+    here = places_mm, ln_F
+    K = _kernel(*here, *here)[0]
+    best = np.inf, Smooth(*here, values, 1.0, 1.0, K)
     for times in _LARGER:
         L = np.asarray(np.linalg.cholesky(times**2 * K + _OF_THE_MESH**2 * np.eye(len(K))), float)
         weights = np.linalg.solve(L.T, np.linalg.solve(L, values))
         spread = float((values * weights).mean()) + 1e-30
         unlikely = len(K) * float(np.log(spread)) + 2 * float(np.log(np.diag(L)).sum())
         if unlikely < best[0]:
-            best = unlikely, _Smooth(times**2 * weights, times, spread, L)
+            best = unlikely, Smooth(*here, times**2 * weights, times, spread, L)
     return best[1]

@@ -125,9 +125,9 @@ class EmulatedForward(SaysSlopes):
             self._behind = _other_side(self.of.case(theta), solved, float(places_mm.max()))
         wrong = _values(solved) - self._frames(self._inputs(theta)[0], places, asked_F)[0]
         turned = self._turned_by(theta, solved) if steep else None
-        self._corrections.add(theta, places, asked_F, wrong, turned)
+        smooth = self._corrections.add(theta, places, asked_F, wrong, turned)
         if not self.unsure:
-            self.unsure = self._corrections.unsure(before[~self._press], ln_F[~self._press])
+            self.unsure = smooth.off(before[~self._press], ln_F[~self._press])
 
     def away(self, theta: Floats) -> float:
         """As `Emulates.away`."""

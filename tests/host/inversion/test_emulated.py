@@ -153,9 +153,11 @@ def test_guesses_are_all_right_whichever_was_asked_last_and_between_them_it_is_s
     second = first + 0.3 * ANYWHERE.column("sd")
     strokes = [(len(places), posterior.stroke.press)]
     forward, other = EmulatedForward(ANYWHERE, strokes), EmulatedForward(ANYWHERE, strokes)
+    assert forward.unsure == 0.0
     forward.set_right(first, places, forces)
-    right = forward(first, places, forces).images
+    right, unsure = forward(first, places, forces).images, forward.unsure
     forward.set_right(second, places, forces)
+    assert 0.0 < unsure == forward.unsure, "it is of the frames that were asked first"
     other.set_right(second, places, forces)
     alone = other(second, places, forces).images
     assert np.allclose(forward(first, places, forces).images, right, rtol=1e-6)

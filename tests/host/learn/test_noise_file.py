@@ -28,7 +28,13 @@ def sensor(tmp_path_factory):
 @pytest.fixture(scope="module")
 def lumps(strokes):
     """Some of them: the others take their noise from the same place."""
-    return replace(strokes, lumps=strokes.lumps[:48], rim=strokes.rim[:4], plain=strokes.plain[:2])
+    return replace(
+        strokes,
+        lumps=strokes.lumps[:16],
+        rim=strokes.rim[:4],
+        plain=strokes.plain[:2],
+        others=strokes.others[:6],
+    )
 
 
 def the_same_as_good_and_not_as_typical(sensor, made):
