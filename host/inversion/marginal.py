@@ -6,15 +6,19 @@ they are known there weighs it (L. Tierney, J. Kadane, JASA 81, 1986).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from palpate.inversion.forward import Emulates
+from palpate.inversion.forward import Emulates, Predicts
 from palpate.inversion.found import Found
-from palpate.inversion.search import Sides, search
+from palpate.inversion.joint import Together
+from palpate.inversion.search import Mode, Sides, search
+from palpate.inversion.valley import Valley
 from palpate.inversion.widening import NORMAL
 from palpate.sim.tissue import CaseError, StrokeError
 
@@ -53,37 +57,68 @@ def _sides(found: Found, at: int) -> Sides:
     return Sides(max((mode - float(low)) / NORMAL, least), max((float(high) - mode) / NORMAL, least))
 
 
+def valley_along(posterior: Together, forward: Predicts, mode: Mode, at: int) -> Valley:
+    """The posterior cut into slices where the unknown number `at` is held."""
+    slices = slices_through(posterior, forward, mode, at)
+    return Valley(
+        np.array([one.mode.z[at] for one in slices]),
+        np.array([one.log for one in slices]),
+        np.array([one.mode.z for one in slices]),
+        np.array([one.mode.covariance for one in slices]),
+    )
+
+
 def _profile(found: Found, at: int) -> tuple[Floats, Floats]:
     """Values (n,) of an unknown, ascending, and the logarithms of its density there."""
-    mode = found.mode
-    _, log = _held(found, at, mode.z)
-    points = {float(mode.z[at]): log}
+    forward = found.forward
+    assert isinstance(forward, Emulates)
+    away_of = forward.away
+
+    def told_less(mode: Mode) -> float:
+        away = away_of(mode.z[found.posterior.at["tissue"]])
+        return mode.log_evidence + _ERRS * min(away / _AFAR, 1.0)
+
+    slices = slices_through(found.posterior, forward, found.mode, at, told_less)
+    return np.array([one.mode.z[at] for one in slices]), np.array([one.log for one in slices])
+
+
+class Slice(NamedTuple):
+    """The likeliest guess with one unknown as it is, and the logarithm of its density."""
+
+    mode: Mode
+    log: float
+
+
+def slices_through(
+    posterior: Together,
+    forward: Predicts,
+    mode: Mode,
+    at: int,
+    log: Callable[[Mode], float] = lambda mode: mode.log_evidence,
+) -> list[Slice]:
+    """Slices at values of the unknown number `at`, ascending: the mode's, and on either side of it."""
+
+    def held(z: Floats) -> Slice:
+        one = search(posterior, forward, z, _STEPS, enough=_ENOUGH, damping=_DAMPING, held=at)
+        return Slice(one, log(one))
+
+    out = [held(mode.z)]
     sd = float(np.sqrt(mode.covariance[at, at]))
     for side in (sd, -sd):
-        z, last, step = mode.z, log, _STEP
+        z, last, step = mode.z, out[0].log, _STEP
         way = side * mode.covariance[:, at] / mode.covariance[at, at]
         for _ in range(_MOST):
-            guess = found.posterior.within(z + step * way)
+            guess = posterior.within(z + step * way)
             if guess[at] == z[at]:
                 break
             try:
-                there, its = _held(found, at, guess)
+                one = held(guess)
             except (CaseError, StrokeError):
                 break
-            points[float(there[at])] = its
-            if its < max(points.values()) - _GONE:
+            out.append(one)
+            if one.log < max(each.log for each in out) - _GONE:
                 break
-            way, z = (there - z) / step, there
-            step *= _LONGER if its > last - _FLAT else 1.0
-            last = its
-    values = np.array(sorted(points))
-    return values, np.array([points[value] for value in values.tolist()])
-
-
-def _held(found: Found, at: int, z: Floats) -> tuple[Floats, float]:
-    """The likeliest guess with one unknown as it is, and the logarithm of its density."""
-    forward = found.forward
-    assert isinstance(forward, Emulates)
-    mode = search(found.posterior, forward, z, _STEPS, enough=_ENOUGH, damping=_DAMPING, held=at)
-    away = forward.away(mode.z[found.posterior.at["tissue"]])
-    return mode.z, mode.log_evidence + _ERRS * min(away / _AFAR, 1.0)
+            way, z = (one.mode.z - z) / step, one.mode.z
+            step *= _LONGER if one.log > last - _FLAT else 1.0
+            last = one.log
+    return sorted(out, key=lambda one: float(one.mode.z[at]))

@@ -9,7 +9,7 @@ all others they are computed anew.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from palpate.inversion.forward import Predicted, Predicts, Slopes
 from palpate.inversion.joint import Together
 from palpate.inversion.posterior import Misfit, Posterior
 from palpate.inversion.steps import Steps
+from palpate.inversion.valley import Spread, Valley
 from palpate.sim.tissue import CaseError, StrokeError
 
 Floats = NDArray[np.float64]
@@ -65,6 +66,8 @@ class Mode:
         Of the weighted residuals of the data.
     sides : mapping of Sides
         Of unknowns whose marginals were worked out, by name (`marginal.with_sides`).
+    valley : Valley, optional
+        Where the posterior was cut into slices.
     """
 
     z: Floats
@@ -78,6 +81,24 @@ class Mode:
     slopes: Slopes
     jacobian: Floats
     sides: Mapping[str, Sides] = field(default_factory=dict)
+    valley: Valley | None = None
+
+    def own(self, T: Floats) -> Mode:
+        """Of other unknowns (m,), T (m, size) times these."""
+        valley = self.valley and self.valley.turned(T)
+        return replace(self, z=T @ self.z, covariance=T @ self.covariance @ T.T, valley=valley)
+
+    @property
+    def whole_evidence(self) -> float:
+        """Of the whole valley, where the posterior was cut along one."""
+        return self.log_evidence if self.valley is None else self.valley.log_evidence
+
+    def spread(self, weights: Floats) -> Spread:
+        """Of the sum of the unknowns by weights (size,); without a valley the mode is its middle."""
+        if self.valley is not None:
+            return self.valley.spread(weights)
+        sd = float(np.sqrt(weights @ self.covariance @ weights))
+        return Spread(float(weights @ self.z), sd, sd)
 
     @property
     def chi2(self) -> float:

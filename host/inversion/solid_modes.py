@@ -18,6 +18,7 @@ from palpate.inversion.classes import Class
 from palpate.inversion.felt import FeltStroke
 from palpate.inversion.joint import Together
 from palpate.inversion.kept import Felt
+from palpate.inversion.marginal import valley_along
 from palpate.inversion.mirror import mirrored_about
 from palpate.inversion.search import Mode, search
 from palpate.inversion.solid_classes import HEIGHT, OFFSET, RATIO, WIDTH, learnt, moved, moving
@@ -61,8 +62,8 @@ _PLAINLY = 0.5
 _THICK = 0.6, 1.0, 1.6
 """First guesses of the fat's thickness in tissue without a lump, over the estimate's."""
 _AS_WELL, _SAME = 10.0, 0.5
-"""An interval holds those of every mode of a class with greater odds whose misfit is within so much of its
-best one's: the valley is long, and curved. Modes nearer than so many standard deviations are one."""
+"""Modes whose misfit is within so much of the best one's may be right, too. Those nearer than so many standard
+deviations are one."""
 _BESIDE_MM = 0.0, 2.0, 4.0, 6.0, 8.0
 """How far beside the line first guesses lie."""
 _ROUGH = 0.1
@@ -147,7 +148,7 @@ class Searches:
         """The modes of classes with a lump, set right; the later classes begin at the first's."""
         learnt = [self._learnt(moving(of, len(self.strokes))) for of in classes]
         modes = self._first(learnt)
-        return [_widened(one) for one in near(self._set_right(modes, learnt))] if modes else []
+        return [_widened(one) for one in self._set_right(modes, learnt)] if modes else []
 
     def plain(self, of: Class, misfit: float) -> list[Found]:
         """The modes of tissue without a lump, set right, where it may explain the strokes about as well."""
@@ -191,7 +192,14 @@ class Searches:
             )
         stays = _answered(_best(modes), asked)
         settled = [replace(one.mode, settled=one.mode.settled and stays) for one in modes]
-        return [replace(one, mode=mode) for one, mode in zip(modes, settled)]
+        out = [replace(one, mode=mode) for one, mode in zip(modes, settled)]
+        return [self._with_valley(one, asked) for one in near(out)] if classes else out
+
+    def _with_valley(self, one: Found, asked: Sequence[_Asked]) -> Found:
+        """The mode with what is as likely along the lump's stiffness."""
+        forward = OverOneLump(one.each, self.strokes, _nearest(one, asked) if asked else ())
+        valley = valley_along(one.posterior, forward, one.mode, _STIFFNESS)
+        return replace(one, mode=replace(one.mode, valley=valley))
 
     def _asked_about(self, modes: list[Found], asked: list[_Asked], rounds: int) -> list[Found]:
         """The modes, after the solver has been asked about the likeliest so many times at most."""
@@ -325,11 +333,13 @@ def _widened(one: Found) -> Found:
     """With what emulator and mesh get wrong."""
     at = {unknown.name: k for k, unknown in enumerate(one.of.unknowns)}
     at["ln_E"] = one.posterior.at["ln_E"].start
-    C = one.mode.covariance.copy()
+    more = np.zeros(one.posterior.size)
     for name, sd in _MODEL.items():
         if name in at:
-            C[at[name], at[name]] += sd**2
-    return replace(one, mode=replace(one.mode, covariance=C))
+            more[at[name]] = sd**2
+    mode, wrong = one.mode, np.diag(more)
+    valley = mode.valley and replace(mode.valley, covariances=mode.valley.covariances + wrong)
+    return replace(one, mode=replace(mode, covariance=mode.covariance + wrong, valley=valley))
 
 
 def _take(modes: list[Found], found: Found | None) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from palpate.answer.fitted import Inverted
 from palpate.inversion.kept import Felt
-from palpate.inversion.result import told_of_modes
+from palpate.inversion.result import told_of_classes, told_of_modes
 from palpate.inversion.solid_classes import BALL, ELLIPSOID, NONE
 from palpate.inversion.solid_modes import Searches
 from palpate.inversion.start import agreed
@@ -44,5 +44,6 @@ def invert_solid(strokes: Sequence[Felt], noise: Noise) -> Inverted:
     modes.sort(key=lambda one: -one.mode.log_evidence)
     first, *others = (one for one in modes if one.of.lump == is_lump)
     likely = [first, *(one for one in others if odds[one.of.name] > _RARE)]
-    said = told_of_modes(likely, odds, WIDER_SOLID if is_lump else WIDER_PLAIN)
+    each = list({one.of.name: one for one in reversed(likely)}.values())[::-1]
+    said = told_of_classes(each, odds, WIDER_SOLID) if is_lump else told_of_modes(likely, odds, WIDER_PLAIN)
     return replace(said, laid=first.posterior.laid(first.mode.z, first.mode.found))

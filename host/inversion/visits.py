@@ -220,14 +220,13 @@ def _with_change(slopes: Floats, k: int, later: int) -> Floats:
 
 def _visit(found: Ends, part: int, odds: dict[str, float], wider: Mapping[str, Widening]) -> Inverted:
     """What one visit's lump is, by one of its strokes; the first one's is part 0."""
-    posterior, index = found.posterior, found.posterior.index[part]
-    z, C = found.mode.z[index], found.mode.covariance[np.ix_(index, index)]
+    posterior, z = found.posterior, found.mode.z
+    own = np.eye(len(z))[posterior.index[part]]
     if part:
-        T, at = np.eye(len(z)), posterior.at["tissue"]
+        T, at = np.eye(len(own)), posterior.at["tissue"]
         T[at, at] = added(posterior.of, [*LATER, moved(part)])
-        z, C = T @ z, T @ C @ T.T
-    own = replace(found.mode, z=z, covariance=C)
-    return told(posterior.parts[part], own, odds, posterior.places(found.mode.z), wider)
+        own = T @ own
+    return told(posterior.parts[part], found.mode.own(own), odds, posterior.places(z), wider)
 
 
 def _ratio(modes: Sequence[Ends], like: str, wider: Widening) -> Value:

@@ -6,7 +6,7 @@ import pytest
 from palpate.inversion.classes import Class, Unknown
 from palpate.inversion.found import Found
 from palpate.inversion.joint import Together
-from palpate.inversion.marginal import with_sides
+from palpate.inversion.marginal import valley_along, with_sides
 from palpate.inversion.posterior import Misfit
 from palpate.inversion.search import search
 from palpate.inversion.widening import NORMAL
@@ -22,10 +22,10 @@ class Curved:
     at = {"tissue": slice(0, 2), "ln_E": slice(2, 3)}  # noqa: RUF012
     measured = 3
 
-    def __init__(self, bend):
+    def __init__(self, bend, least):
         self.bend = bend
         self.sd = np.array([1.0, 3.0, 1.0])
-        unknowns = tuple(Unknown(name, 0.0, 1.0, -9.0, 9.0, 1.0) for name in NAMES[:2])
+        unknowns = tuple(Unknown(name, 0.0, 1.0, least, 9.0, 1.0) for name in NAMES[:2])
         self.of = Class("curved", unknowns, lambda theta: None, ())
 
     def places(self, z):
@@ -43,8 +43,8 @@ class Curved:
         return steep, np.diag(1 / self.sd)
 
 
-def found_over(bend, far=0.0):
-    posterior, forward = Curved(bend), Nothing(far)
+def found_over(bend, far=0.0, least=-9.0):
+    posterior, forward = Curved(bend, least), Nothing(far)
     return Found(posterior, forward, search(posterior, forward, np.zeros(3), 30, enough=1e-9), [])
 
 
@@ -75,3 +75,45 @@ def test_where_nothing_was_computed_a_worse_fit_says_less():
     for name in NAMES[:2]:
         assert min(far[name]) > 1.2 * max(near[name])
     assert far["ln_E"] == pytest.approx(near["ln_E"], rel=0.01)
+
+
+def test_along_a_bent_valley_every_sum_has_the_middle_and_the_ends_of_the_whole_posterior():
+    found = found_over(0.2)
+    valley = valley_along(found.posterior, found.forward, found.mode, 0)
+    some = np.random.default_rng(1)
+    d = np.linspace(-9, 9, 3601)
+    steep = 0.2**-2 + 3.0**-2  # given d all else is normal
+    depth_at, least = (d + 0.2 * d**2) * 0.2**-2 / steep, -0.5 * d**2
+    logs = least - 0.5 * (d + 0.2 * d**2) ** 2 / (0.2**2 + 3.0**2)
+    drawn = some.choice(len(d), 400_000, p=np.exp(logs) / np.exp(logs).sum())
+    depth = depth_at[drawn] + some.standard_normal(len(drawn)) / np.sqrt(steep)
+    for weights in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.5, 1.0, 0.0], [1.0, 0.5, 0.0]):
+        low, middle, high = np.quantile(np.column_stack([d[drawn], depth]) @ weights[:2], [0.05, 0.5, 0.95])
+        told = valley.spread(np.array(weights))
+        assert told.middle == pytest.approx(middle, abs=0.1)
+        assert NORMAL * np.array(told[1:]) == pytest.approx([middle - low, high - middle], rel=0.1)
+
+
+def test_where_the_mode_is_at_the_end_of_what_may_be_the_middle_is_told():
+    """Over balls modes lay at the hardest that is known, with as likely softer ones all to one side."""
+    found = found_over(0.0, least=0.0)
+    told = valley_along(found.posterior, found.forward, found.mode, 0).spread(np.array([1.0, 0.0, 0.0]))
+    assert found.mode.z[0] == pytest.approx(0.0, abs=1e-6)
+    sd = np.sqrt(found.mode.covariance[0, 0])
+    assert told.middle == pytest.approx(0.674 * sd, rel=0.05)
+    assert told.middle - NORMAL * told.below == pytest.approx(0.063 * sd, abs=0.05)
+    assert told.middle + NORMAL * told.above == pytest.approx(1.960 * sd, rel=0.1)
+
+
+def test_a_valley_that_is_straight_is_laplace_s_and_turns_with_its_unknowns():
+    found = found_over(0.0)
+    valley = valley_along(found.posterior, found.forward, found.mode, 0)
+    T = np.array([[1.0, 2.0, 0.0], [0.0, 1.0, -1.0]])
+    for weights in np.eye(2):
+        told, sd = (
+            valley.turned(T).spread(weights),
+            np.sqrt(weights @ T @ found.mode.covariance @ T.T @ weights),
+        )
+        assert told.middle == pytest.approx(0.0, abs=0.02) and told[1:] == pytest.approx([sd, sd], rel=0.05)
+    told = found.mode.own(T).spread(np.array([1.0, 0.0]))
+    assert told.middle == pytest.approx(0.0, abs=1e-6) and told.below == told.above
