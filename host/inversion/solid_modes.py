@@ -62,8 +62,8 @@ _PLAINLY = 0.5
 _THICK = 0.6, 1.0, 1.6
 """First guesses of the fat's thickness in tissue without a lump, over the estimate's."""
 _AS_WELL, _SAME = 10.0, 0.5
-"""Modes whose misfit is within so much of the best one's may be right, too. Those nearer than so many standard
-deviations are one."""
+"""Modes whose misfit is within so much of the best one's may be right, too. Those nearer than so many
+standard deviations are one."""
 _BESIDE_MM = 0.0, 2.0, 4.0, 6.0, 8.0
 """How far beside the line first guesses lie."""
 _ROUGH = 0.1
