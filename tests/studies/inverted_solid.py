@@ -69,7 +69,7 @@ def inverted(case: Case, asked: Asked, k: int) -> dict[str, Any]:
         )
         apart = middle - true
         half = middle - low if apart > 0 else high - middle
-        used = WIDER_SOLID[WORDS[name]].settled
+        used = _used(name, found.settled)
         row[name] = {"apart": apart, "half": half / used, "first": before - true, "truth": truth[name]}
     likely = (found.values["E_inv23"].value < HARD) == (case.E_inv23 < HARD)
     return row | {
@@ -78,21 +78,28 @@ def inverted(case: Case, asked: Asked, k: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _used(name: str, settled: bool) -> float:
+    """What half an interval was widened by."""
+    factors = WIDER_SOLID[WORDS[name]]
+    return factors.settled if settled else factors.restless
+
+
 def judged(rows: list[dict[str, Any]]) -> list[StudyTable]:
     """Errors and intervals of the rows, and what their intervals ask for; held out by halves."""
     whole = [row for row in rows if not row["problem"]]
     fits = np.array([row["chi2"] < FITS for row in whole])
     settled = np.array([row["settled"] for row in whole], bool)
     out = []
-    for name, word in WORDS.items():
+    for name in WORDS:
         apart, half, first = (
             np.array([row[name][key] for row in whole]) for key in ("apart", "half", "first")
         )
-        used, asked = WIDER_SOLID[word].settled, np.abs(apart) / half
+        used, asked = np.array([_used(name, of) for of in settled]), np.abs(apart) / half
         out.append([
             name, *(f"{100 * np.median(np.abs(e)):.1f}" for e in (first, apart, apart[fits])),
             f"{100 * np.median(used * half):.1f}", f"{100 * np.mean(asked <= used):.0f}",
-            f"{used:.2f}", f"{np.quantile(asked, LEVEL):.2f}", f"{100 * halves_crossed(asked):.0f}",
+            f"{_used(name, True):.2f}", f"{np.quantile(asked, LEVEL):.2f}",
+            f"{100 * halves_crossed(asked):.0f}",
         ])  # fmt: skip
     likely = np.array([row["likely"] for row in whole])
     title = (
