@@ -110,14 +110,15 @@ class Corrections:
         """
         known, _, turns = self._between(theta)
         here = places_mm, ln_F
-        smooth = _smoothed(*here, wrong - self._covariance(*here) @ known)
+        smooth = _smoothed(here, _kernel(*here, *here)[0], wrong - self._covariance(*here) @ known)
         more = smooth.weights
         if turned is None:
             by = more[..., None] * self._way(theta)
         else:
             there = turned.places_mm, turned.ln_F
             apart = np.moveaxis(turned.by - np.tensordot(self._covariance(*there), turns, 1), -1, 0)
-            steep = np.stack([_smoothed(*there, part).weights for part in apart], -1)
+            K = _kernel(*there, *there)[0]
+            steep = np.stack([_smoothed(there, K, part).weights for part in apart], -1)
             by = np.concatenate([np.zeros((*more.shape, len(theta))), steep])
             more = np.concatenate([more, np.zeros(steep.shape[:2])])
             places_mm, ln_F = (np.append(*pair) for pair in zip(here, there))
@@ -181,10 +182,8 @@ def _kernel(x: Floats, ln_F: Floats, x2: Floats, ln_F2: Floats) -> tuple[Floats,
     return along * force, slope * force, -along * force * off / _LN_F
 
 
-def _smoothed(places_mm: Floats, ln_F: Floats, values: Floats) -> Smooth:
-    """Through values (m, q) of frames (m,), as smooth as is likeliest."""
-    here = places_mm, ln_F
-    K = _kernel(*here, *here)[0]
+def _smoothed(here: tuple[Floats, Floats], K: Floats, values: Floats) -> Smooth:
+    """Through values (m, q) of frames (m,), whose covariances are K (m, m), as smooth as is likeliest."""
     best = np.inf, Smooth(*here, values, 1.0, 1.0, K)
     for times in _LARGER:
         L = np.asarray(np.linalg.cholesky(times**2 * K + _OF_THE_MESH**2 * np.eye(len(K))), float)

@@ -18,7 +18,7 @@ from palpate.inversion.forward import Emulates, Predicts
 from palpate.inversion.found import Found
 from palpate.inversion.joint import Together
 from palpate.inversion.search import Mode, Sides, search
-from palpate.inversion.valley import Valley
+from palpate.inversion.valley import TAILS, Valley
 from palpate.inversion.widening import NORMAL
 from palpate.sim.tissue import CaseError, StrokeError
 
@@ -33,7 +33,6 @@ _STEPS, _ENOUGH, _DAMPING = 4, 0.2, 1e-3
 _ERRS, _AFAR = 4.0, 1.5
 """So much of the logarithm an emulator's errors take, from so far on of the guesses that were computed."""
 _FINE = 801
-_TAIL = 0.05
 _LEAST = 0.5
 """Of Laplace's: a profile is ragged where a search ends beside another mode."""
 
@@ -52,7 +51,7 @@ def _sides(found: Found, at: int) -> Sides:
     x = np.linspace(values[0], values[-1], _FINE)
     density = np.exp(PchipInterpolator(values, logs - logs.max())(x))
     below = np.append(0.0, np.cumsum(density[1:] + density[:-1]))
-    low, high = np.interp([_TAIL, 1 - _TAIL], below / below[-1], x)
+    low, _, high = np.interp(TAILS, below / below[-1], x)
     mode, least = float(found.mode.z[at]), _LEAST * float(np.sqrt(found.mode.covariance[at, at]))
     return Sides(max((mode - float(low)) / NORMAL, least), max((float(high) - mode) / NORMAL, least))
 

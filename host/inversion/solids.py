@@ -44,6 +44,10 @@ def invert_solid(strokes: Sequence[Felt], noise: Noise) -> Inverted:
     modes.sort(key=lambda one: -one.mode.log_evidence)
     first, *others = (one for one in modes if one.of.lump == is_lump)
     likely = [first, *(one for one in others if odds[one.of.name] > _RARE)]
-    each = list({one.of.name: one for one in reversed(likely)}.values())[::-1]
-    said = told_of_classes(each, odds, WIDER_SOLID) if is_lump else told_of_modes(likely, odds, WIDER_PLAIN)
+    if is_lump:
+        names = [one.of.name for one in likely]
+        best_of_each = [likely[names.index(name)] for name in dict.fromkeys(names)]
+        said = told_of_classes(best_of_each, odds, WIDER_SOLID)
+    else:
+        said = told_of_modes(likely, odds, WIDER_PLAIN)
     return replace(said, laid=first.posterior.laid(first.mode.z, first.mode.found))

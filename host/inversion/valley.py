@@ -19,7 +19,6 @@ from scipy.stats import norm
 from palpate.inversion.widening import NORMAL
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 TAILS = 0.05, 0.5, 0.95
 """What lies below the ends of an interval, and below its middle."""

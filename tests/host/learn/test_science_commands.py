@@ -18,15 +18,15 @@ from tests.host.learn.conftest import STROKES
 def test_one_command_goes_from_strokes_to_a_model_and_its_held_out_table(tmp_path):
     """On few lumps; nothing is simulated, since all parts are there."""
     out = tmp_path / "m.json"
-    words = ["--kind", "field", "--tissue", "thesis", "--noise", "real", "--workers", "1", "--json"]
+    words = ["--kind", "field", "--tissue", "thesis", "--noise", "good", "--workers", "1", "--json"]
     result = CliRunner().invoke(fit.command, [str(STROKES), "--out", str(out), *words])
     assert result.exception is None, result.output
     said = json.loads(result.stdout)
-    assert [row["setting"] for row in said["held_out"]] == ["real, one stroke"]
+    assert [row["setting"] for row in said["held_out"]] == ["good, one stroke", "real, one stroke"]
     assert 0 <= said["flagged_inside"] < said["flagged_or_not_found_outside"] <= 1
     assert said["outside_strokes"] > 0 and said["training"]["rim_lumps"] > 0
     assert said["excluded"] and said["detectability"] and said["coverage"]
-    assert ModelSpec.load(out).training["noise"] == "real"
+    assert ModelSpec.load(out).training["noise"] == "good"
     assert set(said) == fields_in_the_page("fit-field")
     assert said["measured"] == {"map": None, "force_curves": []}
 
