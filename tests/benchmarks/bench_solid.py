@@ -1,10 +1,8 @@
-"""How long a stroke over a solid lump takes, beside its floor: python -m tests.benchmarks.bench_solid
-[--peer]
+"""How long a stroke over a solid lump takes: python -m tests.benchmarks.bench_solid [--peer]
 
 One process, one thread, CPU seconds, set-up of a fresh geometry included; medians of rounds taken by turns
-with the floor: as many partial factorisations (the elements near the probe at each position) as there are
-positions. What the system takes is for memory that it clears. With --peer the ball on the line in felupe
-(PyPI) instead, between two strokes of ours.
+with ten partial factorisations: the elements near the probe at each position. What the system takes is for
+memory that it clears. With --peer the ball on the line in felupe (PyPI) instead, between two strokes of ours.
 """
 
 from __future__ import annotations
@@ -32,8 +30,8 @@ CASES = (("on the line", "d10h08e10f07_ball"), ("5 mm beside it", "d10h08e10f07_
 ROUNDS = 5
 
 
-class Floor:
-    """The factorisations that a stroke cannot do without."""
+class Factorisations:
+    """One at each position of a stroke, of the elements near the probe."""
 
     def __init__(self, case: Case, settings: Settings) -> None:
         self.positions = settings.solid_positions_mm()
@@ -99,9 +97,9 @@ def main() -> None:
         "a stroke",
         "of it the system's",
         "each of two forces, with a press-in ramp",
-        "floor: ten partial factorisations",
+        "ten partial factorisations",
     )
-    print("| " + " | ".join((*heads, "stroke / floor", "nodes", "factorisations", "iterations")) + " |")
+    print("| " + " | ".join((*heads, "stroke / these", "nodes", "factorisations", "iterations")) + " |")
     print("|---" * (len(heads) + 4) + "|", flush=True)
     # first, since a process begins with the most that its parent has had
     fresh = ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1)
@@ -109,7 +107,7 @@ def main() -> None:
     for words, code in CASES:
         case, settings = Case.from_code(code), Settings()
         simulate(case, settings)
-        floor = Floor(case, settings)
+        apart = Factorisations(case, settings)
         alone, cleared, together, bare = [], [], [], []
         for _ in range(ROUNDS):
             forget_geometry()
@@ -120,7 +118,7 @@ def main() -> None:
             forget_geometry()
             two = simulate_forces(case, [case.F_rel / 1.4, case.F_rel], settings, ramp=True)
             together.append(two[0].cpu_s)
-            bare.append(floor.cpu_s())
+            bare.append(apart.cpu_s())
         a, of_it, b, c = map(statistics.median, (alone, cleared, together, bare))
         cells = (f"{a:.1f}", f"{of_it:.1f}", f"{b:.1f}", f"{c:.1f}", f"{a / c:.1f}", f"{stroke.nodes:,}")
         counts = (str(stroke.factorisations), str(stroke.iterations.sum()))

@@ -8,6 +8,8 @@ kept. Of the elements' stiffnesses only those of the fronts in work are ever hel
 
 from __future__ import annotations
 
+import threading
+import weakref
 from collections.abc import Callable, Sequence
 from functools import cache
 
@@ -16,7 +18,7 @@ from numba.extending import get_cython_function_address
 from numpy.typing import NDArray
 
 from palpate.sim.tissue.solid.front_factor import factor_fronts, spread
-from palpate.sim.tissue.solid.front_solve import solve_fronts
+from palpate.sim.tissue.solid.front_solve import substitute
 from palpate.sim.tissue.solid.fronts import Fronts, starts
 from palpate.sim.tissue.solver.linear import NotPositiveDefinite
 
@@ -24,11 +26,28 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Singles = NDArray[np.float32]
 
-MOST_SIDES = 64
+MOST_SIDES = 128
 """Right-hand sides that are solved for together."""
 
 _BATCH = 64
 """Elements whose stiffnesses are held at a time."""
+
+
+class _Spare(threading.local):
+    """Memory of the thread's last factor, for its next: new memory is cleared first, a tenth of a stroke."""
+
+    def __init__(self) -> None:
+        self.arrays: dict[str, Singles] = {}
+
+    def take(self, name: str, size: int) -> Singles:
+        """An array of at least `size` numbers."""
+        array = self.arrays.pop(name, None)
+        if array is None or len(array) < size:
+            array = np.empty(size + size // 4, np.float32)  # what is never written to takes no memory
+        return array
+
+
+_spare = _Spare()
 
 
 class Multifrontal:
@@ -51,11 +70,11 @@ class Multifrontal:
         self.contact = np.zeros((len(fronts.contact_rows), 3, 3), np.float32)
         self.flops = 0.0
         self._K = np.empty((max(_BATCH, int(np.diff(fronts.element_start).max())), 81, 81), np.float32)
-        self._panels = np.empty(fronts.panel_start[-1], np.float32)
-        self._corners = np.empty(fronts.corners, np.float32)
-        self._rests = np.empty(self._rest_start[-1], np.float32)
+        self._panels = self._corners = self._rests = np.empty(0, np.float32)
         self._sides = np.empty(int(fronts.size.max()) * MOST_SIDES, np.float32)
         self._dirty = np.ones(len(rest), np.bool_)
+        self._every = np.arange(len(rest))
+        self._same = np.arange(fronts.dofs.max() + 1)
 
     def _needed(self, renewals: Sequence[Ints]) -> NDArray[np.bool_]:
         """Fronts that stay in one of the renewals while their parent changes."""
@@ -93,6 +112,8 @@ class Multifrontal:
             It has no Cholesky factor; everything is to be factored anew.
         """
         f = self.fronts
+        if not len(self._panels):
+            self._take_memory()
         spread(self._dirty, f.parent, self._kept)
         self.flops = float(f.work[self._dirty].sum())
         asked = starts(np.where(self._dirty, np.diff(f.element_start), 0))
@@ -114,16 +135,72 @@ class Multifrontal:
             first = last
         self._dirty[:] = False
 
+    def _take_memory(self) -> None:
+        sizes = (self.fronts.panel_start[-1], self.fronts.corners, self._rest_start[-1])
+        names = ("panels", "corners", "rests")
+        arrays = [_spare.take(name, int(size)) for name, size in zip(names, sizes)]
+        self._panels, self._corners, self._rests = arrays
+        weakref.finalize(self, _spare.arrays.update, zip(names, arrays))
+
     def solve(self, sides: Floats | Singles) -> Floats:
         """Solutions (n, 3N) for right-hand sides (n, 3N); what is held stays as it is."""
-        f = self.fronts
-        out = np.array(sides, np.float32)
+        out = np.empty(sides.shape)
         for first in range(0, len(out), MOST_SIDES):
-            solve_fronts(
-                f.size, f.pivots, f.panel_start, f.dofs_start, f.dofs, self._panels,
-                out[first : first + MOST_SIDES], self._sides, *_constants(),
-            )  # fmt: skip
-        return out.astype(np.float64)
+            out[first : first + MOST_SIDES] = self.back(self.forwards(sides[first : first + MOST_SIDES]))
+        return out
+
+    def forwards(self, sides: Floats | Singles) -> Singles:
+        """The first half of `solve`, for at most `MOST_SIDES`: (3N, n), a column for each side."""
+        columns = np.array(sides.T, np.float32, order="C")
+        self._substitute(False, self._every, self._same, columns)
+        return columns
+
+    def back(self, columns: Singles) -> Floats:
+        """The second half of `solve`: solutions (n, 3N) from `columns` (3N, n), which are lost."""
+        self._substitute(True, self._every, self._same, columns)
+        return columns.T.astype(np.float64)
+
+    def reach(self, surface: Ints, forces: Floats) -> tuple[Ints, Singles]:
+        """What forces on single nodes of the surface come to in `forwards`, each by itself.
+
+        Parameters
+        ----------
+        surface, forces : ndarray (n,), (n, 3)
+            The nodes, by their numbers among those of the surface, and the forces.
+
+        Returns
+        -------
+        unknowns : ndarray (m,)
+            Those that the forces reach: of the fronts over the nodes, and no others.
+        columns : ndarray (m, n)
+        """
+        f = self.fronts
+        own = f.front_of_contact[surface]
+        on_way = np.zeros(len(f.parent), np.bool_)
+        on_way[own] = True
+        for front in range(len(on_way) - 1):
+            on_way[f.parent[front]] |= on_way[front]
+        which = np.nonzero(on_way)[0]
+        parts = [f.dofs[f.dofs_start[k] : f.dofs_start[k] + f.pivots[k]] for k in which]
+        unknowns = np.sort(np.concatenate(parts)) if parts else np.empty(0, np.int64)
+        row = np.full(len(self._same), -1)
+        row[unknowns] = np.arange(len(unknowns))
+        columns = np.zeros((len(unknowns), len(surface)), np.float32)
+        node, axis = np.nonzero(f.contact_rows[surface] >= 0)
+        at = f.dofs[f.dofs_start[own[node]] + f.contact_rows[surface[node], axis]]
+        columns[row[at], node] = forces[node, axis]
+        for first in range(0, len(surface), MOST_SIDES):
+            some = np.ascontiguousarray(columns[:, first : first + MOST_SIDES])
+            self._substitute(False, which, row, some)
+            columns[:, first : first + MOST_SIDES] = some
+        return unknowns, columns
+
+    def _substitute(self, back: bool, which: Ints, row: Ints, columns: Singles) -> None:
+        f = self.fronts
+        substitute(
+            back, which, f.size, f.pivots, f.panel_start, f.dofs_start, f.dofs, self._panels, row, columns,
+            self._sides, *_constants(),
+        )  # fmt: skip
 
 
 _LETTERS = np.frombuffer(b"LRTN", np.uint8).copy()

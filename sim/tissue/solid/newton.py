@@ -2,12 +2,14 @@
 
 As in the plane (`palpate.sim.tissue.newton`): multipliers eliminated with a large stiffness, the probe's
 height one bordered unknown, the mixed right-hand side. A factorisation is what costs here. One serves for a
-position: nodes that come into contact or leave it meanwhile are corrected for (Woodbury) up to a few.
+position, and for the next ones if they are near: nodes that come into contact or leave it meanwhile are
+corrected for (Woodbury), and the rim is factored so that it may be let go (`rim.py`).
 Units: mm, kPa, mN.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,13 +20,13 @@ from palpate.sim.tissue.solid.body import Body
 from palpate.sim.tissue.solid.face import FaceContact, Touching
 from palpate.sim.tissue.solid.mesh import SolidMesh
 from palpate.sim.tissue.solid.multifrontal import Multifrontal
+from palpate.sim.tissue.solid.rim import Rim
 from palpate.sim.tissue.solid.woodbury import ContactUpdate
 from palpate.sim.tissue.solver.linear import NotPositiveDefinite
 from palpate.sim.tissue.state import State
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Singles = NDArray[np.float32]
 
 _GAP_TOLERANCE_MM = 2e-4
 _FORCE_TOLERANCE = 1e-7
@@ -34,14 +36,23 @@ _NODE_SHARE = 2.0
 _ROUGH = 1e-3
 
 _LARGEST_RISE_MM = 1.5
-WINDOW_MM = 17.0
+WINDOW_MM = 15.0
 """The tangent of elements farther from the probe is renewed only if the iteration goes badly."""
 
 _GOOD_PROGRESS = 0.6
 """While each step leaves less of the error than this, the tangent may stay."""
 
-_MOST_CHANGES = 40
-"""Changes of the active set that are corrected for, rather than factored anew."""
+REACH_MM = 4.1
+"""A factor serves positions so near its own."""
+
+_STRICTER = 0.25
+"""Of the tolerance, with another position's factor: its last steps gain less."""
+
+_RIM_MM = 6.0
+"""The rim's half width: what a face that moves on by the reach leaves, and some of what it pulls along."""
+
+MOST_CHANGES = 300
+"""Changes of the active set that are corrected for: more cost as much as a factorisation."""
 
 
 @dataclass
@@ -52,6 +63,18 @@ class SolidWork:
     factorisations: int = 0
     flops: float = 0.0
     solves: int = 0
+
+
+def factored(positions: Iterable[float]) -> list[float]:
+    """Those of a stroke's positions where it is likely to factor: the others are within reach of them.
+
+    The first position's factor, of a press, serves no other.
+    """
+    out: list[float] = []
+    for position in positions:
+        if len(out) < 2 or position - out[-1] > REACH_MM:
+            out.append(position)
+    return out
 
 
 def near_probe(mesh: SolidMesh, position: float) -> Ints:
@@ -81,8 +104,11 @@ class SolidNewton:
         self._started = False
         self._slow = 0
         self._factored: Touching | None = None
+        self._factored_at_mm = np.inf
+        self._reach_mm = 0.0
+        self._rim = Rim(mesh, _RIM_MM)
         self._normals: Floats = np.zeros((len(contact.nodes), 3))
-        self._correction: ContactUpdate | None = None
+        self._correction = ContactUpdate(solver)
 
     def solve(
         self,
@@ -92,7 +118,7 @@ class SolidNewton:
         limit: int = 30,
         careful: bool = False,
         rough: bool = False,
-        again: bool = False,
+        onwards: bool = False,
     ) -> State:
         """Equilibrium at `position` under `force`, from the guess `start`, which is left as it is.
 
@@ -104,8 +130,8 @@ class SolidNewton:
             Renew the whole tangent in every iteration.
         rough : bool
             Three digits will do, for a state that is only a start.
-        again : bool
-            The last factor is of this position: go on with it.
+        onwards : bool
+            What is factored here is to serve the next positions, too.
 
         Raises
         ------
@@ -113,9 +139,11 @@ class SolidNewton:
             It did not settle within `limit` iterations, or diverged.
         """
         state = start.copy()
-        if not again:
+        if abs(position - self._factored_at_mm) > self._reach_mm:
             self._factored = None
         tolerance = _ROUGH if rough else self.tolerance
+        if self._factored is not None and position != self._factored_at_mm:
+            tolerance *= _STRICTER
         self._slow = 0
         before: Touching | None = None
         error = np.inf
@@ -137,7 +165,8 @@ class SolidNewton:
                 raise NoConvergence("the iteration diverged")
             renew = self._to_renew(seen, error, error_before, position, careful)
             if renew is not None:
-                self._factor(state, seen, renew)
+                reach_mm = REACH_MM if onwards and position != self._factored_at_mm else 0.0
+                self._factor(state, seen, renew, position, reach_mm)
                 residual, theta = self.body.residual(state.u, state.pressure, self._frozen)
                 self._balance(residual, seen)
             else:
@@ -160,7 +189,7 @@ class SolidNewton:
         seen = self.contact.evaluate(state.u, state.multiplier.copy(), state.height, position)
         _, theta = self.body.residual(state.u, state.pressure, self._frozen)
         own = replace(state, pressure=self.body.constants.bulk[:, None] * theta)
-        self._factor(own, seen, self._all)
+        self._factor(own, seen, self._all, position)
         return seen
 
     def _balance(self, residual: Floats, seen: Touching) -> None:
@@ -178,14 +207,21 @@ class SolidNewton:
             return near
         self._slow = self._slow + 1 if error > _GOOD_PROGRESS * error_before else 0
         if self._slow > 1 or error > 3 * error_before:
-            return self._all  # renewing only the window could go on for ever
+            # renewing only the window could go on for ever
+            return near if position != self._factored_at_mm else self._all
         changes = len(np.setxor1d(seen.active, self._factored.active, assume_unique=True))
-        return near if changes > _MOST_CHANGES else None
+        return near if changes > MOST_CHANGES else None
 
-    def _factor(self, state: State, seen: Touching, which: Ints) -> None:
+    def _factor(
+        self, state: State, seen: Touching, which: Ints, position: float, reach_mm: float = 0.0
+    ) -> None:
+        """Factor the tangent, so that it serves positions within `reach_mm`, too."""
         solver = self.solver
+        pressure = state.pressure.copy()
+        if reach_mm > 0.0:
+            pressure[self._rim.elements(seen.active)] = 0.0
         try:
-            self._renew(state.u, state.pressure, seen, which, curved=True)
+            self._renew(state.u, pressure, seen, which, curved=True)
         except NotPositiveDefinite:
             # Far from equilibrium the pressure's geometric term can make the tangent indefinite: omit it.
             try:
@@ -194,7 +230,9 @@ class SolidNewton:
                 self._started = False
                 raise NoConvergence("the tissue has buckled") from None
         self._started = True
-        self._factored, self._correction = seen, None
+        self._factored = seen
+        self._correction = ContactUpdate(solver)
+        self._factored_at_mm, self._reach_mm = position, reach_mm
         self._normals[seen.active] = seen.normal
         self.counts.flops += solver.flops
 
@@ -208,24 +246,21 @@ class SolidNewton:
         """Prepare the correction for what has come into contact or left it since the factorisation."""
         assert self._factored is not None
         changed = np.setxor1d(seen.active, self._factored.active, assume_unique=True)
-        if not len(changed):
-            self._correction = None
-            return
-        if self._correction is not None and np.array_equal(self._correction.changed, changed):
+        if np.array_equal(self._correction.changed, changed):
             return
         contact = self.contact
-        left = np.isin(changed, self._factored.active)
-        came = changed[~left]
-        self._normals[came] = seen.normal[np.searchsorted(seen.active, came)]
-        stiffness = np.where(left, -1.0, 1.0) * contact.augmentation * contact.weight[changed]
-        normals = self._normals[changed] * contact.free[changed]
-        self._correction = ContactUpdate.of(
-            changed, contact.dofs[changed], normals, stiffness, self.body.mesh.fixed.size, self._solved
-        )
+        came = np.setdiff1d(changed, self._factored.active, assume_unique=True)
+        new = self._correction.unknown(came)
+        self._normals[new] = seen.normal[np.searchsorted(seen.active, new)]
+        stiffness = contact.augmentation * contact.weight[changed]
+        stiffness[np.isin(changed, self._factored.active)] *= -1.0
+        self._correction.correct(changed, self._normals[changed], stiffness)
+        self.counts.solves += len(changed)
 
-    def _solved(self, sides: Floats | Singles) -> Floats:
+    def _solved(self, sides: Floats) -> Floats:
         self.counts.solves += len(sides)
-        return self.solver.solve(sides)
+        halves = self.solver.forwards(sides)
+        return self.solver.back(self._correction.apply(halves) if len(self._correction.changed) else halves)
 
     def _step(
         self, state: State, seen: Touching, residual: Floats, theta: Floats, force_deficit: float, fresh: bool
@@ -244,8 +279,6 @@ class SolidNewton:
             self._border = border
             sides = np.stack([right, border])
         solutions = self._solved(sides)
-        if self._correction is not None:
-            solutions = self._correction.apply(solutions)
         if fresh:
             self._border_change = solutions[1]
             self._pivot = weight.sum() - self._border @ solutions[1]

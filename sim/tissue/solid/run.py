@@ -26,7 +26,7 @@ from palpate.sim.tissue.solid.fronts import Fronts, lay_fronts
 from palpate.sim.tissue.solid.grid import SolidGrid
 from palpate.sim.tissue.solid.mesh import SolidMesh, build_mesh
 from palpate.sim.tissue.solid.multifrontal import Multifrontal
-from palpate.sim.tissue.solid.newton import SolidNewton, near_probe
+from palpate.sim.tissue.solid.newton import SolidNewton, factored, near_probe
 from palpate.sim.tissue.solid.predictor import SolidPredictor
 from palpate.sim.tissue.state import State
 
@@ -83,7 +83,7 @@ class SolidRun:
             ProbeShape(case.across_radius_mm, case.across_half_mm, case.across_fillet_per_mm2),
         )
         self.contact = FaceContact(geometry.mesh, shape)
-        solver = Multifrontal(geometry.fronts, [near_probe(geometry.mesh, x) for x in positions])
+        solver = Multifrontal(geometry.fronts, [near_probe(geometry.mesh, x) for x in factored(positions)])
         self.newton = SolidNewton(body, self.contact, solver, settings.tolerance)
         self.predictor = SolidPredictor(geometry.mesh, geometry.integrals.volume)
 
@@ -99,11 +99,11 @@ class SolidRun:
             return self.load(None, position, force)
 
     def load(self, state: State | None, position: float, force: float, rough: bool = False) -> State:
-        """Raise the force from `state`'s, or from nothing, in steps that grow as long as they converge."""
+        """Raise the force from `state`'s, or from nothing: at once or, failing that, in growing steps."""
         if state is None:
             state = self._unloaded(0.1)
         done = float(self.contact.weight @ np.maximum(state.multiplier, 0.0))
-        step = max(0.3 * force, 0.5 * done)
+        step = force - done
         while done < force * (1 - 1e-9):
             target = min(done + step, force)
             try:
@@ -138,7 +138,7 @@ class SolidRun:
             start.pressure += found.pressure - guess.pressure
             start.height += found.height - guess.height
             try:
-                state = self._upright(self.newton.solve(start, new, track.force, again=True))
+                state = self._upright(self.newton.solve(start, new, track.force))
                 track.add(new, state)
             except NoConvergence:
                 self._slide(track, new, start)
@@ -148,7 +148,7 @@ class SolidRun:
         reason = NoConvergence()
         for careful in (False, True):
             try:
-                state = self.newton.solve(start, new, track.force, careful=careful)
+                state = self.newton.solve(start, new, track.force, careful=careful, onwards=not careful)
                 track.add(new, self._upright(state))
                 return
             except NoConvergence as error:

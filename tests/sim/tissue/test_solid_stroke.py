@@ -95,6 +95,13 @@ def test_two_forces_together_are_the_two_strokes():
     assert (high.displacement_mm > low.displacement_mm).all()
 
 
+def test_one_factor_serves_neighbouring_positions_and_costs_no_accuracy():
+    sparing = simulate(BALL, None, [-8.0, -6.0, -4.0, -2.0, 0.0])
+    alone = simulate(BALL, Settings(tolerance=2e-7), [0.0])
+    assert sparing.factorisations < len(sparing.positions_mm)
+    np.testing.assert_allclose(sparing.images_kPa[-1], alone.images_kPa[0], atol=2e-3)
+
+
 def test_the_emulated_sensors_see_the_images():
     stroke = ball()
     field = StrokeField(stroke)
