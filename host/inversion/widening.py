@@ -56,12 +56,12 @@ WIDER_PRESS = {
 """The same of a press alone."""
 
 WIDER_SOLID = {
-    "ln d": Widening(1.35, 2.5, 0.0),
-    "ln width": Widening(1.1, 1.5, 0.0),
-    "ln depth": Widening(1.0, 2.0, 0.0),
-    "ln t": Widening(1.5, 3.0, 0.0),
-    "E^-2/3": Widening(1.0, 1.3, 0.0),
-    "ln_E": Widening(1.0, 1.0, 0.0),
+    "ln d": Widening(1.45, 2.5, 0.0),
+    "ln width": Widening(1.15, 1.5, 0.0),
+    "ln depth": Widening(1.3, 2.0, 0.0),
+    "ln t": Widening(2.1, 3.0, 0.0),
+    "E^-2/3": Widening(1.25, 1.5, 0.0),
+    "ln_E": Widening(1.15, 1.15, 0.0),
 }
 """The same over solid lumps, where `solid_modes` has widened the spread already."""
 

@@ -157,7 +157,7 @@ def main() -> None:
         SOLID,
         "CHOLMOD",
         lambda: solid(Multifrontal),
-        lambda: solid(SolidCholmod, reach_mm=0.0, most_changes=40),
+        lambda: solid(SolidCholmod, reach_mm=1.0, most_changes=40),
     )
 
 

@@ -88,7 +88,6 @@ class FaceContact:
         self.shape, self.augmentation = shape, augmentation
         self.nodes = mesh.surface.ravel()
         self.dofs = 3 * self.nodes[:, None] + np.arange(3)
-        self.free = ~mesh.fixed[self.nodes]
         self.x0, self.y0, self.z0 = mesh.nodes_mm[self.nodes].T.copy()
         self._lattice = mesh.surface.shape
         self._lattice_x = self.x0.reshape(self._lattice)[:, 0].copy()
