@@ -2,7 +2,7 @@
 
 A tangent goes on being used at the next position, where some of the skin is free. With the pressure that it
 bore, whose geometric term softens it, free skin would be unstable: errors grow tenfold a step. So that
-pressure is left out there, which costs no iterations at the tangent's own position. Units: mm.
+pressure is left out there: at the tangent's own position that costs few iterations or none. Units: mm.
 """
 
 from __future__ import annotations
