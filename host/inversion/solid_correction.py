@@ -18,7 +18,7 @@ from palpate.inversion.classes import FAT_KPA, STEP, differences
 from palpate.inversion.forward import Slopes
 from palpate.inversion.solid_emulator import binned_cells, emulated, inputs, positions
 from palpate.learn.emulator import ON_LINE_MM, StrokeEmulator
-from palpate.sim.tissue import Case
+from palpate.sim.tissue import Case, Settings
 from palpate.sim.tissue.any_tissue import FORCE_PARTS
 from palpate.sim.tissue.solid.derivatives import SolidDerivatives, differentiable, strokes_with_derivatives
 from palpate.sim.tissue.solid.result import SolidStroke
@@ -31,6 +31,8 @@ NODES = np.log(FORCE_PARTS)
 RAMP_NODES = np.log(RAMP) + NODES[0]
 """... and of a ramp's."""
 _MIDDLE = len(FORCE_PARTS) // 2
+_MESH = Settings(all_rows=True)
+"""With a row more or less what a lump feels like jumps against its neighbours."""
 
 _FIELDS = (
     "d_mm", "h", "half_across_mm", "half_down_mm", "gland_ratio", "gland_mm", "probe_radius_mm", "E_ratio",
@@ -159,10 +161,10 @@ def _computed(case: Case, places: Floats) -> tuple[list[SolidStroke], SolidDeriv
     """Strokes at three forces and, over a lump, the middle one's derivatives."""
     forces = [case.F_rel * part for part in FORCE_PARTS]
     if not case.has_lump:
-        return simulate_forces(case, forces, positions_mm=places.tolist(), ramp=True), None
+        return simulate_forces(case, forces, _MESH, places.tolist(), ramp=True), None
     by = [name for name in differentiable(case) if name in _FIELDS]
     return strokes_with_derivatives(
-        case, forces, positions_mm=places.tolist(), by=by, ramp=True, at=_MIDDLE, only=_differentiated(places)
+        case, forces, _MESH, places.tolist(), by, True, _MIDDLE, _differentiated(places)
     )
 
 

@@ -138,6 +138,7 @@ class Searches:
     ) -> None:
         self.start, self.noise, self.shared = start, noise, shared
         self.visit = len(strokes) if visit is None else visit
+        self._alike = len(strokes) if visit is None else 1  # between two visits it cancels
         places = [mirrored_about(stroke) for stroke, _ in strokes]
         self.lumps_mm = [own.lump_mm if place is None else place for place, (_, own) in zip(places, strokes)]
         self.strokes = [binned(_thinned(stroke, at)) for (stroke, _), at in zip(strokes, self.lumps_mm)]
@@ -281,7 +282,9 @@ class Searches:
         return modes
 
     def _posterior(self, of: Class) -> Together:
-        return Together([SolidPosterior(of, stroke, self.noise) for stroke in self.strokes], self.shared)
+        return Together(
+            [SolidPosterior(of, one, self.noise, self._alike) for one in self.strokes], self.shared
+        )
 
     def _searched(
         self,

@@ -48,11 +48,19 @@ def binned(stroke: FeltStroke) -> FeltStroke:
 
 
 class SolidPosterior(Posterior):
-    """One stroke, `binned`, under one class of solid lumps; a guess is a vector z of all unknowns."""
+    """One stroke, `binned`, under one class of solid lumps; a guess is a vector z of all unknowns.
+
+    Parameters
+    ----------
+    alike : int
+        So many strokes are over that lump: what the mesh gets wrong is alike in all, and no stroke more
+        makes up for it.
+    """
 
     own_zeros = False
 
-    def __init__(self, of: Class, stroke: FeltStroke, noise: Noise) -> None:
+    def __init__(self, of: Class, stroke: FeltStroke, noise: Noise, alike: int = 1) -> None:
+        self._alike = alike
         super().__init__(of, stroke, noise, EMULATED)
         self._whiten = self._whitening()
 
@@ -76,7 +84,7 @@ class SolidPosterior(Posterior):
         share[:, [0, -1]] = np.hypot(share[:, [0, -1]], _COLUMN_ERROR)
         for k, of_row in enumerate(_ROW_ERRORS):
             share[[k, -1 - k]] = np.hypot(share[[k, -1 - k]], of_row)
-        mesh = np.hypot(_STEP_ERROR * steps, share * p).reshape(len(p), -1)
+        mesh = np.sqrt(self._alike) * np.hypot(_STEP_ERROR * steps, share * p).reshape(len(p), -1)
         mesh[: s.press] *= _SHARED
         rows = np.maximum(np.sqrt(white**2 + mesh**2 + s.curve_kPa**2), 1e-3)
         weight = 1.0 / np.column_stack([rows, depth])

@@ -286,7 +286,10 @@ def _read(run: SolidRun, state: State, x: float, touching: Touching, du: Floats,
         far = max(float(np.abs(moved[run.contact.dofs]).max()), float(np.abs(pressed).max()))
         step = _READ_MM / max(far, float(j == len(du) - 2), 1e-12)
         multiplier = state.multiplier.copy()
-        multiplier[touching.active] += step * pressed
+        # a node on the point of touching would move the contact's border by a node
+        multiplier[touching.active] += np.where(
+            multiplier[touching.active] > step * np.abs(pressed), step * pressed, 0.0
+        )
         skin = run.contact.pressure(state.u + step * moved, multiplier)
         place = x + step * (j == len(du) - 2)
         out[..., j] = (skin.read(place, SENSORS_MM, across, half) - before) / step

@@ -112,7 +112,7 @@ def lay_grid(
     fine = np.arange(-round(fine_left / hx), round(fine_right / hx) + 1) * hx
     left, right = _far(fine[0], _SIDES_MM[0], 3.0 * hx), _far(fine[-1], _SIDES_MM[1], 3.0 * hx)
     x = np.concatenate([left[:0:-1], fine, right[1:]])
-    y, box_y, split = _rows(case, follow_border)
+    y, box_y, split = _rows(case, follow_border, settings.all_rows)
     z, box_z = _layers(case.offset_mm, 0.0 if through else across, half, settings.layer_mm)
     if through:
         box_z = (0, len(z) - 1)
@@ -148,7 +148,7 @@ def _margin(radius: float) -> float:
     return max(min(0.5 * radius, 3.0), 1.2)
 
 
-def _rows(case: Case, follow_border: bool) -> tuple[Floats, tuple[int, int], float]:
+def _rows(case: Case, follow_border: bool, every: bool) -> tuple[Floats, tuple[int, int], float]:
     """Rows from the chest wall to the skin, the box among them, and the height of the line inside it."""
     radius, surface, depth = case.half_down, case.centre_mm, case.depth_mm
     border, floor = case.borders_mm[:2]
@@ -162,7 +162,7 @@ def _rows(case: Case, follow_border: bool) -> tuple[Floats, tuple[int, int], flo
     if floor < border < -radius and border > bottom - 1.0:
         bottom = min(border, -radius - 0.5 * (-radius - bottom))
     split = border if follow_border and abs(border) <= _HIGHEST_SPLIT * radius else 0.0
-    over = with_line(_rows_over(top, surface - skin, skin), border, _LEAST_ROW_MM)
+    over = with_line(_rows_over(top, surface - skin, skin, every), border, _LEAST_ROW_MM)
     rows = np.linspace(floor, bottom, max(1, math.ceil((bottom - floor) / _GLAND_ROW_MM)) + 1)
     under = with_line(rows, border, _LEAST_ROW_MM)
     under = np.concatenate([rows_through(case.borders_mm[2:], _GLAND_ROW_MM, floor), under])
@@ -171,13 +171,13 @@ def _rows(case: Case, follow_border: bool) -> tuple[Floats, tuple[int, int], flo
     return y, (first, first + 2), split
 
 
-def _rows_over(bottom: float, top: float, first: float) -> Floats:
+def _rows_over(bottom: float, top: float, first: float, every: bool) -> Floats:
     """Ascending borders of rows that grow from `first` at `top` down to `bottom`."""
     depth, height, length = [0.0], first, top - bottom
     while depth[-1] < length - 1e-9:
         height = min(_ROW_GROWTH * height, _ROW_MM)
         depth.append(depth[-1] + height)
-    if len(depth) > 2 and depth[-1] - length > 0.5 * height:
+    if not every and len(depth) > 2 and depth[-1] - length > 0.5 * height:
         depth.pop()
     return top - np.array(depth)[::-1] * (length / depth[-1])
 

@@ -25,7 +25,7 @@ from palpate.sim.tissue.solid.press import felt
 from palpate.sim.tissue.solid.stroke import simulate_forces
 from tests.host.inversion.world import of_probe, of_stream
 
-WORLD = Settings(hx_mm=1.4, layer_mm=2.2)
+WORLD = Settings(hx_mm=1.4, layer_mm=2.2, all_rows=True)
 PLACES_MM = (-34.0, -28.0, -23.0, -18.0, -14.0, -11.0, -8.0, -6.0, -4.0, -2.0, 0.0)
 PRESS_PARTS = (0.17, 0.26, 0.38, 0.55, 0.8, 1.15)
 """Of the middle force, at which the press before the stroke is computed."""

@@ -167,7 +167,7 @@ def as_if_larger(case, forces):
     return images[:low], depths[:low], *bundled()[0].stroked(x[low:], images[low:], depths[low:])
 
 
-def with_derivatives(case, forces, positions_mm, by, ramp, at, only):
+def with_derivatives(case, forces, settings, positions_mm, by, ramp, at, only):
     """As `strokes_with_derivatives` by such a solver."""
     found = as_if_larger(case, forces)
     strokes = [

@@ -143,3 +143,28 @@ def test_a_flat_face_has_derivatives_too():
     _, found = strokes_with_derivatives(flat, [0.4], Settings(hx_mm=4.0), PLACES[1:], ["probe_radius_mm"])
     assert not found.images[..., 0].any()
     assert np.isfinite(found.images).all()
+
+
+@pytest.mark.long
+def test_a_node_on_the_point_of_touching_has_no_derivative_of_its_own():
+    """One in sixteen corrections of inverted balls had slopes a thousand times too large: of one node."""
+    settings, place = Settings(hx_mm=3.0, layer_mm=4.0), [-28.0]
+
+    def touching(F):
+        seen = []
+        simulate_forces(
+            replace(BALL, F_rel=F), [F], settings, place, visit=lambda *what: seen.append(what[2])
+        )
+        return np.count_nonzero(seen[0][-1].multiplier > 0)
+
+    def largest(F):
+        _, found = strokes_with_derivatives(replace(BALL, F_rel=F), [F], settings, place, ["fat_stiffening"])
+        return np.abs(found.images).max((0, 1, 2))
+
+    low, high = 0.43, 0.438
+    before = touching(low)
+    assert touching(high) > before
+    for _ in range(16):
+        middle = (low + high) / 2
+        low, high = (middle, high) if touching(middle) == before else (low, middle)
+    assert largest(low) == pytest.approx(largest(low - 1e-4), rel=0.02)

@@ -148,6 +148,20 @@ def test_a_sweep_keeps_balls_with_their_ramp_and_goes_on(tmp_path):
         read_kept(kept)
 
 
+def test_with_all_rows_a_deeper_lump_is_felt_steadily_less():
+    """Between these depths a row of elements used to go, and the bump fell by a third of what it should."""
+
+    def bump(depth_mm):
+        case = Case(6.0, depth_mm / 6.0, 8.0, 0.8, shape="ball", gland_ratio=1.0, gland_mm=22.0)
+        settings = Settings(hx_mm=3.0, layer_mm=4.0, all_rows=True)
+        (stroke,) = simulate_forces(case, [0.8], settings, [-28.0, 0.0])
+        before, over = stroke.images_kPa
+        return (over - before)[4:12, 6:20].mean()
+
+    first, second, third = map(bump, (10.1, 10.2, 10.3))
+    assert second - third == pytest.approx(first - second, rel=0.1)
+
+
 def test_a_lump_that_does_not_fit_is_refused():
     with pytest.raises(CaseError, match="wide"):
         simulate(Case.from_code("d10h08e10f10_ellipsoid48x4"))
