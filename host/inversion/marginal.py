@@ -29,6 +29,8 @@ _STEP, _LONGER, _FLAT = 1.0, 1.5, 0.6
 """Of Laplace's standard deviations; so much longer where the logarithm has fallen by less than the last."""
 _MOST, _GONE = 8, 3.5
 """So many steps to a side, at most: until the logarithm has fallen so far."""
+_LEAST_STEP = 1e-6
+"""Of Laplace's: two slices nearer each other than this are one, where a range ends."""
 _STEPS, _ENOUGH, _DAMPING = 4, 0.2, 1e-3
 _ERRS, _AFAR = 4.0, 1.5
 """So much of the logarithm an emulator's errors take, from so far on of the guesses that were computed."""
@@ -108,7 +110,7 @@ def slices_through(
         way = side * mode.covariance[:, at] / mode.covariance[at, at]
         for _ in range(_MOST):
             guess = posterior.within(z + step * way)
-            if guess[at] == z[at]:
+            if abs(guess[at] - z[at]) < _LEAST_STEP * sd:
                 break
             try:
                 one = held(guess)

@@ -1,5 +1,7 @@
 """Intervals know that a posterior is curved: how an unknown falls off on either side of the mode."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -103,6 +105,17 @@ def test_where_the_mode_is_at_the_end_of_what_may_be_the_middle_is_told():
     assert told.middle == pytest.approx(0.674 * sd, rel=0.05)
     assert told.middle - NORMAL * told.below == pytest.approx(0.063 * sd, abs=0.05)
     assert told.middle + NORMAL * told.above == pytest.approx(1.960 * sd, rel=0.1)
+
+
+def test_a_mode_rounded_to_beyond_the_end_of_its_range_is_cut_once_there():
+    """One phantom's mode lay a last bit beyond its range: two slices at one value ended `refine`."""
+    found = found_over(0.0, least=0.0)
+    beyond = replace(found.mode, z=found.mode.z - [1e-16, 0.0, 0.0])
+    valley = valley_along(found.posterior, found.forward, beyond, 0)
+    assert np.diff(valley.at).min() > 1e-3
+    inside = valley_along(found.posterior, found.forward, found.mode, 0)
+    first = np.array([1.0, 0.0, 0.0])
+    assert valley.spread(first)[:] == pytest.approx(inside.spread(first)[:])
 
 
 def test_a_valley_that_is_straight_is_laplace_s_and_turns_with_its_unknowns():
