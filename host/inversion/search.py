@@ -19,7 +19,7 @@ from palpate.inversion.forward import Predicted, Predicts, Slopes
 from palpate.inversion.joint import Together
 from palpate.inversion.posterior import Misfit, Posterior
 from palpate.inversion.steps import Steps
-from palpate.inversion.valley import Spread, Valley
+from palpate.inversion.valley import Quantity, Spread, Valley
 from palpate.sim.tissue import CaseError, StrokeError
 
 Floats = NDArray[np.float64]
@@ -93,12 +93,13 @@ class Mode:
         """Of the whole valley, where the posterior was cut along one."""
         return self.log_evidence if self.valley is None else self.valley.log_evidence
 
-    def spread(self, weights: Floats) -> Spread:
-        """Of the sum of the unknowns by weights (size,); without a valley the mode is its middle."""
+    def spread(self, of: Quantity) -> Spread:
+        """Of what follows from the unknowns; without a valley the mode is its middle."""
         if self.valley is not None:
-            return self.valley.spread(weights)
+            return self.valley.spread(of)
+        value, weights = of(self.z)
         sd = float(np.sqrt(weights @ self.covariance @ weights))
-        return Spread(float(weights @ self.z), sd, sd)
+        return Spread(value, sd, sd)
 
     @property
     def chi2(self) -> float:

@@ -8,6 +8,7 @@ Stat. Soc. B 71, 2009).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,6 +20,9 @@ from scipy.stats import norm
 from palpate.inversion.widening import NORMAL
 
 Floats = NDArray[np.float64]
+
+Quantity = Callable[[Floats], tuple[float, Floats]]
+"""A number that follows from all unknowns (size,), and its derivatives by them (size,)."""
 
 TAILS = 0.05, 0.5, 0.95
 """What lies below the ends of an interval, and below its middle."""
@@ -33,6 +37,11 @@ class Spread(NamedTuple):
     middle: float
     below: float
     above: float
+
+
+def sum_of(weights: Floats) -> Quantity:
+    """The sum of the unknowns by weights (size,)."""
+    return lambda z: (float(weights @ z), weights)
 
 
 @dataclass(frozen=True)
@@ -68,10 +77,11 @@ class Valley:
         fine, logs = self._along(self.logs)
         return float(np.logaddexp.reduce(logs) + np.log(fine[1] - fine[0]))
 
-    def spread(self, weights: Floats) -> Spread:
-        """Of the sum of the unknowns by weights (size,)."""
-        middles = self.z @ weights
-        sds = np.sqrt(np.einsum("i,nij,j->n", weights, self.covariances, weights))
+    def spread(self, of: Quantity) -> Spread:
+        """Of what follows from the unknowns, linear about each slice's likeliest guess."""
+        each = [of(z) for z in self.z]
+        middles, weights = np.array([value for value, _ in each]), np.array([steep for _, steep in each])
+        sds = np.sqrt(np.einsum("ni,nij,nj->n", weights, self.covariances, weights))
         share = np.ones(1)
         if len(self.at) > 1:
             _, logs, middles, sds = self._along(self.logs, middles, sds)

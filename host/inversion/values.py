@@ -17,7 +17,7 @@ from palpate.inversion.classes import APART, DEEPER, LARGER
 from palpate.inversion.posterior import Posterior
 from palpate.inversion.search import Mode
 from palpate.inversion.solid_classes import HEIGHT, WIDTH
-from palpate.inversion.valley import TAILS, Spread
+from palpate.inversion.valley import TAILS, Spread, sum_of
 from palpate.inversion.widening import NORMAL, WIDER, Widening
 
 Floats = NDArray[np.float64]
@@ -36,31 +36,45 @@ def spreads_of(posterior: Posterior, mode: Mode, wider: Mapping[str, Widening] =
     fat, force = posterior.at["ln_E"].start, posterior.force_at(z)
     common = posterior.noise.common_gain
 
-    def spread(at: float, weights: dict[str | int, float], like: str, more: float = 0.0) -> Spread:
-        """Of a sum of unknowns, by name or number, which is `at` at the mode; widened as one of them is."""
+    def weighted(weights: Mapping[str | int, float]) -> Floats:
+        """By name or number of the unknown."""
         w = np.zeros(len(z))
         for key, weight in weights.items():
             w[names.index(key) if isinstance(key, str) else key] += weight
-        of, sds = mode.spread(w), mode.sides.get(like)
+        return w
+
+    def widened(of: Spread, like: str, more: float = 0.0) -> Spread:
+        """As one of the unknowns is."""
+        halves = (wider[like].half(float(np.hypot(sd, more)), mode.settled) for sd in (of.below, of.above))
+        return Spread(of.middle, *halves)
+
+    def spread(at: float, weights: dict[str | int, float], like: str, more: float = 0.0) -> Spread:
+        """Of a sum of unknowns which is `at` at the mode."""
+        w = weighted(weights)
+        of, sds = mode.spread(sum_of(w)), mode.sides.get(like)
         if sds is not None and set(weights) == alone.get(like):
             of = of._replace(below=sds.below, above=sds.above)
-        halves = (wider[like].half(float(np.hypot(sd, more)), mode.settled) for sd in (of.below, of.above))
-        return Spread(at + of.middle - float(w @ z), *halves)
+        return widened(of._replace(middle=at + of.middle - float(w @ z)), like, more)
 
     def log(value: float, weights: dict[str | int, float], like: str, more: float = 0.0) -> Spread:
         return spread(float(np.log(value)), weights, like, more)
 
     E = float(np.exp(z[fat]))
     alone: dict[str, set[str | int]] = {"ln_E": {fat}, **{name: {name} for name in names}}
-    thick: dict[str | int, float] = {"ln t": 1.0}
-    if "ln t" not in names:  # on the border it is depth + d/2
-        down = case.half_down / case.t_mm
-        thick = {"ln depth": case.depth_mm / case.t_mm, "ln d": down}
-        if HEIGHT in names:
-            thick[HEIGHT] = down
+    height: dict[str | int, float] = {"ln d": 1.0, **({HEIGHT: 1.0} if HEIGHT in names else {})}
+
+    def thick(z: Floats) -> tuple[float, Floats]:
+        """ln t where the lump is on the border: depth and half the height."""
+        over, down = weighted({"ln depth": 1.0}), weighted(height)
+        depth, half = np.exp(over @ z), np.exp(down @ z) / 2
+        t = depth + half
+        return float(np.log(t)), (depth * over + half * down) / t
+
     out = {
         "F_N_per_m": log(E * float(np.exp(z[force])), {fat: 1.0, force: 1.0}, "ln_E", common),
-        "t_mm": log(case.t_mm, thick, "ln t"),
+        "t_mm": log(case.t_mm, {"ln t": 1.0}, "ln t")
+        if "ln t" in names
+        else widened(mode.spread(thick), "ln t"),
         "E_fat_kPa": log(E, {fat: 1.0}, "ln_E", common),
         "gland_mm": log(case.gland_mm, {"ln gland": 1.0}, "ln t"),
         "gland_ratio": log(case.gland_ratio, {"ln gland ratio": 1.0}, "ln t"),

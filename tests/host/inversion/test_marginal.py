@@ -11,6 +11,7 @@ from palpate.inversion.joint import Together
 from palpate.inversion.marginal import valley_along, with_sides
 from palpate.inversion.posterior import Misfit
 from palpate.inversion.search import search
+from palpate.inversion.valley import sum_of
 from palpate.inversion.widening import NORMAL
 from tests.host.inversion.toys import Nothing
 
@@ -91,15 +92,35 @@ def test_along_a_bent_valley_every_sum_has_the_middle_and_the_ends_of_the_whole_
     depth = depth_at[drawn] + some.standard_normal(len(drawn)) / np.sqrt(steep)
     for weights in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.5, 1.0, 0.0], [1.0, 0.5, 0.0]):
         low, middle, high = np.quantile(np.column_stack([d[drawn], depth]) @ weights[:2], [0.05, 0.5, 0.95])
-        told = valley.spread(np.array(weights))
+        told = valley.spread(sum_of(np.array(weights)))
         assert told.middle == pytest.approx(middle, abs=0.1)
         assert NORMAL * np.array(told[1:]) == pytest.approx([middle - low, high - middle], rel=0.1)
+
+
+def test_what_follows_from_several_unknowns_is_worked_out_slice_by_slice():
+    """The fat's thickness, of depth and height, had errors of twice what was told: linear about the mode."""
+    found = found_over(0.0)
+    valley = valley_along(found.posterior, found.forward, found.mode, 0)
+
+    def thickness(z):
+        half, depth = np.exp(z[0]) / 2, np.exp(z[1])
+        return np.log(half + depth), np.array([half, depth, 0.0]) / (half + depth)
+
+    drawn = np.random.default_rng(1).multivariate_normal(np.zeros(3), found.mode.covariance, 400_000)
+    drawn[:, 1] *= -1  # a deeper lump is a smaller one
+    T = np.diag([1.0, -1.0, 1.0])
+    low, middle, high = np.quantile(np.log(np.exp(drawn[:, 0]) / 2 + np.exp(drawn[:, 1])), [0.05, 0.5, 0.95])
+    told = valley.turned(T).spread(thickness)
+    assert told.middle == pytest.approx(middle, abs=0.03)
+    assert NORMAL * np.array(told[1:]) == pytest.approx([middle - low, high - middle], abs=0.05)
 
 
 def test_where_the_mode_is_at_the_end_of_what_may_be_the_middle_is_told():
     """Over balls modes lay at the hardest that is known, with as likely softer ones all to one side."""
     found = found_over(0.0, least=0.0)
-    told = valley_along(found.posterior, found.forward, found.mode, 0).spread(np.array([1.0, 0.0, 0.0]))
+    told = valley_along(found.posterior, found.forward, found.mode, 0).spread(
+        sum_of(np.array([1.0, 0.0, 0.0]))
+    )
     assert found.mode.z[0] == pytest.approx(0.0, abs=1e-6)
     sd = np.sqrt(found.mode.covariance[0, 0])
     assert told.middle == pytest.approx(0.674 * sd, rel=0.05)
@@ -114,7 +135,7 @@ def test_a_mode_rounded_to_beyond_the_end_of_its_range_is_cut_once_there():
     valley = valley_along(found.posterior, found.forward, beyond, 0)
     assert np.diff(valley.at).min() > 1e-3
     inside = valley_along(found.posterior, found.forward, found.mode, 0)
-    first = np.array([1.0, 0.0, 0.0])
+    first = sum_of(np.array([1.0, 0.0, 0.0]))
     assert valley.spread(first)[:] == pytest.approx(inside.spread(first)[:])
 
 
@@ -124,9 +145,9 @@ def test_a_valley_that_is_straight_is_laplace_s_and_turns_with_its_unknowns():
     T = np.array([[1.0, 2.0, 0.0], [0.0, 1.0, -1.0]])
     for weights in np.eye(2):
         told, sd = (
-            valley.turned(T).spread(weights),
+            valley.turned(T).spread(sum_of(weights)),
             np.sqrt(weights @ T @ found.mode.covariance @ T.T @ weights),
         )
         assert told.middle == pytest.approx(0.0, abs=0.02) and told[1:] == pytest.approx([sd, sd], rel=0.05)
-    told = found.mode.own(T).spread(np.array([1.0, 0.0]))
+    told = found.mode.own(T).spread(sum_of(np.array([1.0, 0.0])))
     assert told.middle == pytest.approx(0.0, abs=1e-6) and told.below == told.above
